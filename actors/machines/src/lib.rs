@@ -1,0 +1,1 @@
+//! What each actor of a drone decides, as pure state machines.

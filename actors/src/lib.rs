@@ -1,0 +1,1 @@
+//! One drone as a supervision tree of actors.

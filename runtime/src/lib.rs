@@ -1,0 +1,1 @@
+//! A drone on a machine: its configuration and the files it is given.

@@ -1,0 +1,1 @@
+//! Worlds for drones: scenario files and the engines that run them.

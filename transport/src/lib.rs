@@ -1,0 +1,1 @@
+//! How a drone's datagrams move.
