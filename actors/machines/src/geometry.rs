@@ -1,0 +1,89 @@
+//! Places and displacements, each in a frame that its type names.
+
+use std::ops::{Add, Sub};
+
+use nalgebra::Vector3;
+
+/// A place or a displacement in the swarm's local frame: metres north, east and down of the mission's home.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ned(pub Vector3<f64>);
+
+impl Ned {
+    /// The home of the mission, on the ground.
+    pub const HOME: Self = Self(Vector3::new(0.0, 0.0, 0.0));
+
+    /// Metres north, east and down of home.
+    #[must_use]
+    pub const fn new(north_m: f64, east_m: f64, down_m: f64) -> Self {
+        Self(Vector3::new(north_m, east_m, down_m))
+    }
+
+    /// Metres north of home.
+    #[must_use]
+    pub fn north_m(self) -> f64 {
+        self.0.x
+    }
+
+    /// Metres east of home.
+    #[must_use]
+    pub fn east_m(self) -> f64 {
+        self.0.y
+    }
+
+    /// Metres above home.
+    #[must_use]
+    pub fn altitude_m(self) -> f64 {
+        -self.0.z
+    }
+
+    /// The same place at another height above home.
+    #[must_use]
+    pub fn at_altitude(self, altitude_m: f64) -> Self {
+        Self::new(self.0.x, self.0.y, -altitude_m)
+    }
+
+    /// The distance over ground, in metres.
+    #[must_use]
+    pub fn horizontal_distance_m(self, other: Self) -> f64 {
+        (self.0.xy() - other.0.xy()).norm()
+    }
+
+    /// The difference in height, in metres, never negative.
+    #[must_use]
+    pub fn vertical_distance_m(self, other: Self) -> f64 {
+        (self.0.z - other.0.z).abs()
+    }
+
+    /// The straight distance, in metres.
+    #[must_use]
+    pub fn distance_m(self, other: Self) -> f64 {
+        (self.0 - other.0).norm()
+    }
+
+    /// Turned clockwise, as seen from above, about the vertical through home.
+    #[must_use]
+    pub fn turned(self, heading_rad: f64) -> Self {
+        let (sin, cos) = (libm::sin(heading_rad), libm::cos(heading_rad));
+        Self::new(
+            self.0.x * cos - self.0.y * sin,
+            self.0.x * sin + self.0.y * cos,
+            self.0.z,
+        )
+    }
+}
+
+impl Add for Ned {
+    type Output = Self;
+
+    fn add(self, displacement: Self) -> Self {
+        Self(self.0 + displacement.0)
+    }
+}
+
+impl Sub for Ned {
+    type Output = Self;
+
+    fn sub(self, origin: Self) -> Self {
+        Self(self.0 - origin.0)
+    }
+}
