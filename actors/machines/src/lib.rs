@@ -1,6 +1,16 @@
 //! What each actor of a drone decides, as pure state machines: no socket, no clock, no task, no random source of
 //! the machine it runs on.
 
+pub mod cell;
+pub mod formation;
 pub mod geometry;
 pub mod identity;
+pub mod machine;
+pub mod mission;
+pub mod msp;
+pub mod navigation;
+pub mod radio;
+pub mod routing;
+pub mod supervision;
 pub mod time;
+pub mod wire;

@@ -1,0 +1,435 @@
+//! The five machines of a drone as whoever runs them sees them: one kind of input, one kind of effect.
+
+use std::fmt;
+use std::sync::Arc;
+
+use bytes::Bytes;
+
+use crate::identity::NodeId;
+use crate::machine::{Machine, Said, Stimulus, step};
+use crate::radio::{IdealAuthenticator, Radio};
+use crate::time::Timestamp;
+use crate::{mission, msp, navigation, radio, routing};
+
+/// One of a drone's five actors, in the order of the data's way through it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Address {
+    /// Admits and sends frames.
+    Radio,
+    /// Knows the way to the master.
+    Routing,
+    /// Knows what the swarm does.
+    Mission,
+    /// Knows how to get there.
+    Navigation,
+    /// Speaks to the flight controller.
+    Msp,
+}
+
+impl Address {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Radio,
+        Self::Routing,
+        Self::Mission,
+        Self::Navigation,
+        Self::Msp,
+    ];
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Radio => "radio",
+            Self::Routing => "routing",
+            Self::Mission => "mission",
+            Self::Navigation => "navigation",
+            Self::Msp => "msp",
+        })
+    }
+}
+
+/// An input on its way to one of the five.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Envelope {
+    /// For the radio.
+    Radio(radio::Input),
+    /// For the routing.
+    Routing(routing::Input),
+    /// For the mission.
+    Mission(mission::Input),
+    /// For the navigation.
+    Navigation(navigation::Input),
+    /// For the flight controller's link.
+    Msp(msp::Input),
+}
+
+impl Envelope {
+    /// Whom it is for.
+    #[must_use]
+    pub const fn address(&self) -> Address {
+        match self {
+            Self::Radio(_) => Address::Radio,
+            Self::Routing(_) => Address::Routing,
+            Self::Mission(_) => Address::Mission,
+            Self::Navigation(_) => Address::Navigation,
+            Self::Msp(_) => Address::Msp,
+        }
+    }
+}
+
+/// What a step of a machine asks of its surroundings.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Effect {
+    /// Hand this to the machine beside it.
+    Post(Envelope),
+    /// Put this frame on the air.
+    Broadcast(Bytes),
+    /// Give this to the vehicle.
+    Command(msp::Demand),
+    /// Keep this, so that the machine can be built anew.
+    Keep(Checkpoint),
+    /// Let this be seen.
+    Observe(Observation),
+}
+
+/// What can be seen of a drone from outside.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Observation {
+    /// Of its radio.
+    Radio(radio::Event),
+    /// Of its routing.
+    Routing(routing::Event),
+    /// Of its mission.
+    Mission(mission::Event),
+}
+
+/// What one of the five machines is rebuilt from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Checkpoint {
+    /// The radio.
+    Radio(radio::Checkpoint),
+    /// The routing.
+    Routing(Box<routing::Checkpoint>),
+    /// The mission.
+    Mission(Box<mission::Checkpoint>),
+    /// The navigation.
+    Navigation(Box<navigation::Checkpoint>),
+    /// The link.
+    Msp(msp::Checkpoint),
+}
+
+/// The newest checkpoint of each machine of a drone.
+#[derive(Debug, Clone, Default)]
+pub struct Checkpoints {
+    radio: radio::Checkpoint,
+    routing: Option<Box<routing::Checkpoint>>,
+    mission: Option<Box<mission::Checkpoint>>,
+    navigation: Option<Box<navigation::Checkpoint>>,
+    msp: Option<msp::Checkpoint>,
+}
+
+impl Checkpoints {
+    /// Keeps a checkpoint in the place of the one before.
+    pub fn keep(&mut self, checkpoint: Checkpoint) {
+        match checkpoint {
+            Checkpoint::Radio(checkpoint) => self.radio = checkpoint,
+            Checkpoint::Routing(checkpoint) => self.routing = Some(checkpoint),
+            Checkpoint::Mission(checkpoint) => self.mission = Some(checkpoint),
+            Checkpoint::Navigation(checkpoint) => self.navigation = Some(checkpoint),
+            Checkpoint::Msp(checkpoint) => self.msp = Some(checkpoint),
+        }
+    }
+}
+
+/// What a drone is: all that its machines are built with.
+#[derive(Clone)]
+pub struct Blueprint {
+    /// Who it is.
+    pub id: NodeId,
+    /// How its radio is built.
+    pub radio: radio::Config,
+    /// How its routing is built.
+    pub routing: routing::Config,
+    /// How its mission is built.
+    pub mission: mission::Config,
+    /// How its navigation is built.
+    pub navigation: navigation::Config,
+    /// Builds its link to the flight controller from what outlived the one before.
+    pub link: Arc<dyn Fn(Option<msp::Checkpoint>) -> Box<dyn msp::Link> + Send + Sync>,
+}
+
+impl fmt::Debug for Blueprint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Blueprint").field("id", &self.id).finish_non_exhaustive()
+    }
+}
+
+impl Blueprint {
+    /// Builds one of the five from its checkpoint; `seed` is what a machine that draws lots starts from.
+    #[must_use]
+    pub fn build(
+        &self,
+        address: Address,
+        seed: u64,
+        now: Timestamp,
+        checkpoints: &Checkpoints,
+    ) -> Cell {
+        match address {
+            Address::Radio => Cell::Radio(Radio::new(
+                self.radio.clone(),
+                IdealAuthenticator,
+                checkpoints.radio,
+            )),
+            Address::Routing => Cell::Routing(routing::Routing::new(
+                self.routing.clone(),
+                seed,
+                now,
+                checkpoints.routing.as_deref().cloned(),
+            )),
+            Address::Mission => Cell::Mission(mission::Mission::new(
+                self.mission.clone(),
+                checkpoints.mission.as_deref().cloned(),
+            )),
+            Address::Navigation => Cell::Navigation(navigation::Navigation::new(
+                self.navigation,
+                checkpoints.navigation.as_deref().cloned(),
+            )),
+            Address::Msp => Cell::Msp((self.link)(checkpoints.msp)),
+        }
+    }
+}
+
+/// One of the five machines, in the seat of an actor.
+#[expect(clippy::large_enum_variant, reason = "a cell stays in the seat that it was built in")]
+pub enum Cell {
+    /// The radio.
+    Radio(Radio<IdealAuthenticator>),
+    /// The routing.
+    Routing(routing::Routing),
+    /// The mission.
+    Mission(mission::Mission),
+    /// The navigation.
+    Navigation(navigation::Navigation),
+    /// The link to the flight controller.
+    Msp(Box<dyn msp::Link>),
+}
+
+impl fmt::Debug for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Cell({})", self.address())
+    }
+}
+
+/// How full a machine's fullest table is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Occupancy {
+    /// Entries.
+    pub len: usize,
+    /// The most it takes.
+    pub max: usize,
+}
+
+/// All that comes of one step.
+#[derive(Debug, Default)]
+pub struct Reaction {
+    /// What is to be done, in order.
+    pub effects: Vec<Effect>,
+    /// When the machine next wants to act by itself.
+    pub deadline: Option<Timestamp>,
+    /// How full its fullest table is.
+    pub occupancy: Occupancy,
+}
+
+impl Cell {
+    /// Which of the five this is.
+    #[must_use]
+    pub const fn address(&self) -> Address {
+        match self {
+            Self::Radio(_) => Address::Radio,
+            Self::Routing(_) => Address::Routing,
+            Self::Mission(_) => Address::Mission,
+            Self::Navigation(_) => Address::Navigation,
+            Self::Msp(_) => Address::Msp,
+        }
+    }
+
+    /// One step; `reaction` is overwritten, its memory used again.
+    ///
+    /// # Panics
+    /// When the envelope is for another machine: whoever runs cells delivers by [`Envelope::address`].
+    pub fn react(&mut self, now: Timestamp, stimulus: Stimulus<Envelope>, reaction: &mut Reaction) {
+        reaction.effects.clear();
+        let effects = &mut reaction.effects;
+        reaction.deadline = match (&mut *self, stimulus) {
+            (Self::Radio(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
+            (Self::Routing(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
+            (Self::Mission(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
+            (Self::Navigation(machine), Stimulus::Timeout) => {
+                run(machine, now, Stimulus::Timeout, effects)
+            }
+            (Self::Msp(machine), Stimulus::Timeout) => {
+                run(machine.as_mut(), now, Stimulus::Timeout, effects)
+            }
+            (Self::Radio(machine), Stimulus::Input(Envelope::Radio(input))) => {
+                run(machine, now, Stimulus::Input(input), effects)
+            }
+            (Self::Routing(machine), Stimulus::Input(Envelope::Routing(input))) => {
+                run(machine, now, Stimulus::Input(input), effects)
+            }
+            (Self::Mission(machine), Stimulus::Input(Envelope::Mission(input))) => {
+                run(machine, now, Stimulus::Input(input), effects)
+            }
+            (Self::Navigation(machine), Stimulus::Input(Envelope::Navigation(input))) => {
+                run(machine, now, Stimulus::Input(input), effects)
+            }
+            (Self::Msp(machine), Stimulus::Input(Envelope::Msp(input))) => {
+                run(machine.as_mut(), now, Stimulus::Input(input), effects)
+            }
+            (cell, Stimulus::Input(envelope)) => {
+                unreachable!("{envelope:?} was delivered to {}", cell.address())
+            }
+        };
+        reaction.occupancy = self.occupancy();
+    }
+
+    fn occupancy(&self) -> Occupancy {
+        let (len, max) = match self {
+            Self::Radio(machine) => machine.occupancy(),
+            Self::Routing(machine) => machine.occupancy(),
+            Self::Mission(machine) => machine.occupancy(),
+            Self::Navigation(_) | Self::Msp(_) => (0, 0),
+        };
+        Occupancy { len, max }
+    }
+}
+
+fn run<M>(
+    machine: &mut M,
+    now: Timestamp,
+    stimulus: Stimulus<M::Input>,
+    effects: &mut Vec<Effect>,
+) -> Option<Timestamp>
+where
+    M: Machine<Rejection = std::convert::Infallible> + ?Sized,
+    M::Transmit: Into<Effect>,
+    M::Event: Into<Effect>,
+{
+    let Ok(deadline) = step(machine, now, stimulus, |said: Said<M>| {
+        effects.push(match said {
+            Said::Transmit(transmit) => transmit.into(),
+            Said::Event(event) => event.into(),
+        });
+    });
+    deadline
+}
+
+impl From<radio::Transmit> for Effect {
+    fn from(transmit: radio::Transmit) -> Self {
+        match transmit {
+            radio::Transmit::Broadcast(frame) => Self::Broadcast(frame),
+            radio::Transmit::Heard {
+                sender,
+                ballot,
+                payload,
+            } => Self::Post(Envelope::Routing(routing::Input::Heard {
+                sender,
+                ballot,
+                payload,
+            })),
+        }
+    }
+}
+
+impl From<routing::Transmit> for Effect {
+    fn from(transmit: routing::Transmit) -> Self {
+        Self::Post(match transmit {
+            routing::Transmit::Send { ballot, payload } => {
+                Envelope::Radio(radio::Input::Send { ballot, payload })
+            }
+            routing::Transmit::Inform(notice) => Envelope::Mission(mission::Input::Routing(notice)),
+        })
+    }
+}
+
+impl From<mission::Transmit> for Effect {
+    fn from(transmit: mission::Transmit) -> Self {
+        use mission::Transmit;
+        let input = match transmit {
+            Transmit::Lead(ballot) => routing::Input::Lead(ballot),
+            Transmit::Publish { sequence, order } => routing::Input::Publish { sequence, order },
+            Transmit::Acknowledge { sequence } => routing::Input::Acknowledge { sequence },
+            Transmit::Discover => routing::Input::Discover,
+            Transmit::Land => routing::Input::Land,
+            Transmit::Stop => routing::Input::Stop,
+            Transmit::Resync => routing::Input::Resync,
+            Transmit::Goal(goal) => {
+                return Self::Post(Envelope::Navigation(navigation::Input::Goal(goal)));
+            }
+        };
+        Self::Post(Envelope::Routing(input))
+    }
+}
+
+impl From<navigation::Transmit> for Effect {
+    fn from(transmit: navigation::Transmit) -> Self {
+        Self::Post(match transmit {
+            navigation::Transmit::Demand(demand) => Envelope::Msp(msp::Input::Demand(demand)),
+            navigation::Transmit::Inform(notice) => {
+                Envelope::Mission(mission::Input::Navigation(notice))
+            }
+        })
+    }
+}
+
+impl From<msp::Transmit> for Effect {
+    fn from(transmit: msp::Transmit) -> Self {
+        let input = match transmit {
+            msp::Transmit::Command(command) => return Self::Command(command),
+            msp::Transmit::Telemetry(telemetry) => navigation::Input::Telemetry(telemetry),
+            msp::Transmit::Resync => navigation::Input::Resync,
+        };
+        Self::Post(Envelope::Navigation(input))
+    }
+}
+
+impl From<radio::Event> for Effect {
+    fn from(event: radio::Event) -> Self {
+        match event {
+            radio::Event::Checkpoint(checkpoint) => Self::Keep(Checkpoint::Radio(checkpoint)),
+            event => Self::Observe(Observation::Radio(event)),
+        }
+    }
+}
+
+impl From<routing::Event> for Effect {
+    fn from(event: routing::Event) -> Self {
+        match event {
+            routing::Event::Checkpoint(checkpoint) => Self::Keep(Checkpoint::Routing(checkpoint)),
+            event => Self::Observe(Observation::Routing(event)),
+        }
+    }
+}
+
+impl From<mission::Event> for Effect {
+    fn from(event: mission::Event) -> Self {
+        match event {
+            mission::Event::Checkpoint(checkpoint) => Self::Keep(Checkpoint::Mission(checkpoint)),
+            event => Self::Observe(Observation::Mission(event)),
+        }
+    }
+}
+
+impl From<navigation::Event> for Effect {
+    fn from(event: navigation::Event) -> Self {
+        let navigation::Event::Checkpoint(checkpoint) = event;
+        Self::Keep(Checkpoint::Navigation(checkpoint))
+    }
+}
+
+impl From<msp::Event> for Effect {
+    fn from(event: msp::Event) -> Self {
+        let msp::Event::Checkpoint(checkpoint) = event;
+        Self::Keep(Checkpoint::Msp(checkpoint))
+    }
+}

@@ -1,0 +1,154 @@
+use std::collections::BTreeMap;
+use std::fmt;
+
+use bytes::Bytes;
+
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+
+/// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum State {
+    /// On the ground, told nothing yet.
+    #[default]
+    Start,
+    /// On the ground, sharing the mission.
+    SetUp,
+    /// On the way to its slot.
+    TakingOff,
+    /// In its slot, learning who is near.
+    NeighbourDiscovery,
+    /// In its slot, learning the way to the master.
+    HopUpdate,
+    /// At a waypoint, waiting for the swarm.
+    WaypointReached {
+        /// Which one.
+        waypoint: u16,
+    },
+    /// On the way to a waypoint.
+    MovingToWaypoint {
+        /// Which one.
+        waypoint: u16,
+    },
+    /// On the way to its landing place.
+    MovingToLand,
+    /// Descending.
+    Landing,
+    /// On the ground, disarmed.
+    Finished,
+}
+
+impl State {
+    /// Whether the drone is in the air and still takes part in the mission.
+    #[must_use]
+    pub const fn is_following(self) -> bool {
+        match self {
+            Self::TakingOff
+            | Self::NeighbourDiscovery
+            | Self::HopUpdate
+            | Self::WaypointReached { .. }
+            | Self::MovingToWaypoint { .. } => true,
+            Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => false,
+        }
+    }
+
+    /// Whether the drone is in the air with nothing to do until somebody tells it more, once it is in its slot.
+    #[must_use]
+    pub const fn is_waiting(self) -> bool {
+        matches!(
+            self,
+            Self::TakingOff
+                | Self::NeighbourDiscovery
+                | Self::HopUpdate
+                | Self::WaypointReached { .. }
+        )
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Start => f.write_str("start"),
+            Self::SetUp => f.write_str("set-up"),
+            Self::TakingOff => f.write_str("taking off"),
+            Self::NeighbourDiscovery => f.write_str("neighbour discovery"),
+            Self::HopUpdate => f.write_str("hop update"),
+            Self::WaypointReached { waypoint } => write!(f, "waypoint {waypoint} reached"),
+            Self::MovingToWaypoint { waypoint } => write!(f, "moving to waypoint {waypoint}"),
+            Self::MovingToLand => f.write_str("moving to land"),
+            Self::Landing => f.write_str("landing"),
+            Self::Finished => f.write_str("finished"),
+        }
+    }
+}
+
+/// What outlives a mission.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Checkpoint {
+    /// What the drone is doing.
+    pub state: State,
+    /// The mission, as far as it is known.
+    pub plan: Vec<Ned>,
+    /// Whether all of it is.
+    pub plan_complete: bool,
+    /// How far the routing has got.
+    pub routes: RoutesPhase,
+    /// The highest waypoint that was opened.
+    pub opened: Option<u16>,
+    /// The order that is being carried out; acknowledged once it is.
+    pub pending: Option<u32>,
+    /// The newest order that is carried out; 0 before the first.
+    pub acknowledged: u32,
+    /// Where the centre of the formation lands.
+    pub land_at: Ned,
+    /// By when what the drone waits for must have happened.
+    pub limit: Option<Timestamp>,
+    /// What only a master has.
+    pub lead: Option<Lead>,
+}
+
+/// How far the routing has got.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+pub enum RoutesPhase {
+    /// Not begun.
+    #[default]
+    None,
+    /// Neighbour discovery.
+    Discovery,
+    /// Hop update.
+    HopUpdate,
+    /// Routes are up.
+    Ready,
+}
+
+/// A master's own state.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Lead {
+    /// The number of its newest order.
+    pub sequence: u32,
+    /// That order, encoded.
+    pub order: Bytes,
+    /// The other drones of the swarm.
+    pub members: BTreeMap<NodeId, Awaited>,
+}
+
+/// Whether a master waits for a member.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Awaited {
+    /// The newest order that the member has carried out.
+    pub acknowledged: u32,
+    /// It has not been heard of for its time to live.
+    pub silent: bool,
+    /// It is on its way to the ground, or there already.
+    pub landing: bool,
+    /// It did not get ready in time: the swarm flies without it.
+    pub left_out: bool,
+}
+
+impl Awaited {
+    /// Whether the swarm waits for this member to carry out order `sequence`.
+    pub(super) const fn holds_up(&self, sequence: u32) -> bool {
+        !self.silent && !self.landing && !self.left_out && self.acknowledged < sequence
+    }
+}

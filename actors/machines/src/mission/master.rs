@@ -1,0 +1,188 @@
+//! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
+//! one before.
+
+use super::{
+    Awaited, Event, LandingReason, Lead, Mission, Order, State, Transmit,
+};
+use crate::geometry::Ned;
+use crate::identity::{Ballot, NodeId};
+use crate::time::Timestamp;
+use crate::wire::{self, PLAN_PART_MAX};
+
+/// The term of the reign that the operator starts.
+const FIRST_TERM: u32 = 1;
+
+impl Mission {
+    pub(super) fn fly(&mut self, now: Timestamp) {
+        let formation = self.config.layout.formation();
+        let may_lead = formation.centre() == self.config.id
+            && self.durable.state == State::Start
+            && !self.config.mission.is_empty();
+        if !may_lead {
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        let members = (0..formation.drones())
+            .map(NodeId)
+            .filter(|id| *id != self.config.id)
+            .map(|id| (id, Awaited::default()))
+            .collect();
+        self.durable.lead = Some(Lead {
+            members,
+            ..Lead::default()
+        });
+        self.durable.plan = self.config.mission.to_vec();
+        self.durable.plan_complete = true;
+        self.durable.limit = Some(now + self.config.set_up_limit);
+        self.enter(State::SetUp);
+        self.outbox.transmit(Transmit::Lead(self.ballot()));
+        self.order_plan_part(0);
+        self.carried_out();
+        self.lead(now);
+    }
+
+    fn ballot(&self) -> Ballot {
+        Ballot {
+            term: FIRST_TERM,
+            rank: 0,
+            master: self.config.id,
+        }
+    }
+
+    fn give_order(&mut self, order: &Order) {
+        if let Some(lead) = &mut self.durable.lead {
+            lead.sequence += 1;
+            lead.order = wire::encode_order(order).into();
+            self.durable.pending = Some(lead.sequence);
+            self.outbox.transmit(Transmit::Publish {
+                sequence: lead.sequence,
+                order: lead.order.clone(),
+            });
+        }
+    }
+
+    fn order_plan_part(&mut self, index: usize) {
+        let parts = self.durable.plan.chunks(PLAN_PART_MAX);
+        let count = parts.len();
+        if let Some(part) = self.durable.plan.chunks(PLAN_PART_MAX).nth(index) {
+            let fits = "a mission of at most `waypoints_max` waypoints has fewer parts";
+            let order = Order::Plan {
+                index: u16::try_from(index).expect(fits),
+                count: u16::try_from(count).expect(fits),
+                waypoints: part.to_vec(),
+            };
+            self.give_order(&order);
+        }
+    }
+
+    /// Tells a restarted routing the reign and the newest order once more.
+    pub(super) fn repeat_lead(&mut self) {
+        let ballot = self.ballot();
+        if let Some(lead) = &self.durable.lead {
+            self.outbox.transmit(Transmit::Lead(ballot));
+            self.outbox.transmit(Transmit::Publish {
+                sequence: lead.sequence,
+                order: lead.order.clone(),
+            });
+        }
+    }
+
+    pub(super) fn hear_member(&mut self, member: NodeId, change: impl FnOnce(&mut Awaited)) {
+        if let Some(lead) = &mut self.durable.lead
+            && let Some(awaited) = lead.members.get_mut(&member)
+        {
+            change(awaited);
+        }
+    }
+
+    /// Whether all that the master waits for have carried out its newest order.
+    fn all_carried_out(&self) -> bool {
+        self.durable.lead.as_ref().is_some_and(|lead| {
+            self.durable.pending.is_none()
+                && !lead
+                    .members
+                    .values()
+                    .any(|awaited| awaited.holds_up(lead.sequence))
+        })
+    }
+
+    /// Gives the next order once the last one is carried out.
+    pub(super) fn lead(&mut self, now: Timestamp) {
+        if let State::WaypointReached { .. } = self.durable.state {
+            if self.durable.opened.is_none() {
+                self.durable.opened = Some(0);
+                self.give_order(&Order::Move { waypoint: 0 });
+                self.outbox.event(Event::Opened { waypoint: 0 });
+            }
+            self.carried_out();
+        }
+        if !self.all_carried_out() {
+            return;
+        }
+        match self.durable.state {
+            State::SetUp => self.go_on_setting_up(now),
+            State::TakingOff => {
+                self.durable.limit = None;
+                self.outbox.transmit(Transmit::Discover);
+            }
+            State::WaypointReached { waypoint } => self.go_on_from(now, waypoint),
+            _ => {}
+        }
+    }
+
+    fn go_on_setting_up(&mut self, now: Timestamp) {
+        let parts_given = self.durable.lead.as_ref().map_or(0, |lead| lead.sequence as usize);
+        if parts_given < self.durable.plan.len().div_ceil(PLAN_PART_MAX) {
+            self.order_plan_part(parts_given);
+            self.carried_out();
+            return self.lead(now);
+        }
+        self.give_order(&Order::TakeOff);
+        self.durable.limit = Some(now + self.config.take_off_limit);
+        self.enter(State::TakingOff);
+        self.pursue_goal();
+    }
+
+    fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
+        let next = waypoint + 1;
+        if usize::from(next) < self.durable.plan.len() {
+            self.durable.opened = Some(next);
+            self.give_order(&Order::Move { waypoint: next });
+            self.outbox.event(Event::Opened { waypoint: next });
+            self.leave_for(now, next);
+        } else if let Some(last) = self.durable.plan.last().copied() {
+            self.gather_at(last);
+            self.land(LandingReason::MissionOver);
+        }
+    }
+
+    fn gather_at(&mut self, centre: Ned) {
+        self.give_order(&Order::Land { at: centre });
+    }
+
+    /// Flies without the members that did not get ready in time.
+    pub(super) fn leave_out_the_late(&mut self) {
+        if let Some(lead) = &mut self.durable.lead {
+            for (id, awaited) in &mut lead.members {
+                if awaited.holds_up(lead.sequence) {
+                    awaited.left_out = true;
+                    self.outbox.event(Event::LeftOut(*id));
+                }
+            }
+        }
+    }
+
+    /// A master that must land takes its swarm down with it, where the swarm is bound for.
+    pub(super) fn abandon_swarm(&mut self) {
+        if self.durable.lead.is_none() || !self.durable.state.is_following() {
+            return;
+        }
+        let bound_for = match self.durable.state {
+            State::MovingToWaypoint { waypoint } | State::WaypointReached { waypoint } => waypoint,
+            _ => 0,
+        };
+        if let Some(centre) = self.durable.plan.get(usize::from(bound_for)).copied() {
+            self.gather_at(centre);
+        }
+    }
+}

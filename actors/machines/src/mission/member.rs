@@ -1,0 +1,93 @@
+//! What a drone does that is led.
+
+use super::{Event, LandingReason, Liveness, Mission, Order, State, Transmit};
+use crate::geometry::Ned;
+use crate::time::Timestamp;
+use crate::wire::PLAN_PART_MAX;
+
+impl Mission {
+    pub(super) fn obey(&mut self, now: Timestamp, sequence: u32, order: Order) {
+        match order {
+            Order::Plan {
+                index,
+                count,
+                waypoints,
+            } => self.store_plan(sequence, index, count, &waypoints),
+            Order::TakeOff => self.take_off(now, sequence),
+            Order::Move { waypoint } => self.open(sequence, waypoint),
+            Order::Land { at } => self.go_to_land(now, sequence, at),
+        }
+    }
+
+    fn store_plan(&mut self, sequence: u32, index: u16, count: u16, waypoints: &[Ned]) {
+        let on_the_ground = matches!(self.durable.state, State::Start | State::SetUp);
+        let fits = self.durable.plan.len() == usize::from(index) * PLAN_PART_MAX
+            && self.durable.plan.len() + waypoints.len() <= self.config.waypoints_max;
+        if !on_the_ground || !fits || waypoints.len() > PLAN_PART_MAX {
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        self.enter(State::SetUp);
+        self.durable.plan.extend_from_slice(waypoints);
+        self.durable.plan_complete = index + 1 >= count;
+        self.durable.pending = Some(sequence);
+        self.carried_out();
+    }
+
+    fn take_off(&mut self, now: Timestamp, sequence: u32) {
+        if self.durable.state != State::SetUp || !self.durable.plan_complete {
+            // Without the whole mission a drone stays on the ground.
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        self.durable.pending = Some(sequence);
+        self.durable.limit = Some(now + self.config.take_off_limit);
+        self.enter(State::TakingOff);
+        self.pursue_goal();
+    }
+
+    fn open(&mut self, sequence: u32, waypoint: u16) {
+        if !self.durable.state.is_following() || usize::from(waypoint) >= self.durable.plan.len() {
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        if self.durable.state == State::TakingOff && self.durable.pending.is_some() {
+            self.land(LandingReason::Late);
+            return;
+        }
+        self.durable.opened = self.durable.opened.max(Some(waypoint));
+        self.durable.pending = Some(sequence);
+    }
+
+    fn go_to_land(&mut self, now: Timestamp, sequence: u32, at: Ned) {
+        if !self.durable.state.is_following() {
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        self.durable.pending = Some(sequence);
+        self.durable.land_at = at;
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.enter(State::MovingToLand);
+        self.outbox.event(Event::Landing(LandingReason::MissionOver));
+        self.outbox.transmit(Transmit::Land);
+        self.pursue_goal();
+    }
+
+    /// Goes on to what has been opened, acknowledges what has been reached, lands if there is nobody to follow.
+    pub(super) fn follow(&mut self, now: Timestamp) {
+        if let State::WaypointReached { waypoint } = self.durable.state {
+            if Some(waypoint) < self.durable.opened {
+                self.leave_for(now, waypoint + 1);
+            } else {
+                self.carried_out();
+            }
+        }
+        let looks = match self.config.liveness {
+            Liveness::Pulse => self.durable.state.is_following(),
+            Liveness::Thesis => self.durable.state.is_waiting(),
+        };
+        if self.master_silent && looks {
+            self.land(LandingReason::MasterSilent);
+        }
+    }
+}

@@ -1,0 +1,400 @@
+//! The swarm protocol: who leads, what the swarm does next, and when a drone comes down.
+
+mod durable;
+mod master;
+mod member;
+mod order;
+
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::Bytes;
+
+pub use durable::{Awaited, Checkpoint, Lead, RoutesPhase, State};
+pub use order::Order;
+
+use crate::formation::Layout;
+use crate::geometry::Ned;
+use crate::identity::{Ballot, NodeId};
+use crate::machine::{Machine, Outbox, Output};
+use crate::navigation::{Goal, Notice as NavigationNotice};
+use crate::routing::Notice as RoutingNotice;
+use crate::time::Timestamp;
+use crate::wire;
+
+/// What a mission is built with.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Whose mission this is.
+    pub id: NodeId,
+    /// Its slot, its landing place, its layer.
+    pub layout: Arc<Layout>,
+    /// The waypoints to lead the swarm along; none for a drone that was given no mission.
+    pub mission: Arc<[Ned]>,
+    /// When a silent master or member counts as lost.
+    pub liveness: Liveness,
+    /// How long the master waits for members that do not get ready on the ground.
+    pub set_up_limit: Duration,
+    /// How long the master waits for members that do not get to their slots.
+    pub take_off_limit: Duration,
+    /// The longest that a leg may take; a drone that takes longer lands.
+    pub leg_limit: Duration,
+    /// The most waypoints that a mission may have.
+    pub waypoints_max: usize,
+}
+
+/// When a silent master or member counts as lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Liveness {
+    /// Once the master's own number, or the member's own, has not risen for the time to live, wherever the drone is.
+    Pulse,
+    /// Likewise, but looked at only while waiting at a waypoint, as the thesis does.
+    Thesis,
+}
+
+/// What a mission is told.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// By the operator, to the drone at the centre slot: lead the swarm along its mission.
+    Fly,
+    /// By the routing.
+    Routing(RoutingNotice),
+    /// By the navigation.
+    Navigation(NavigationNotice),
+    /// By the supervisor: an actor can't be kept alive and the drone is being landed.
+    GiveUp,
+}
+
+/// What a mission sends.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Transmit {
+    /// To the routing: this drone is the master.
+    Lead(Ballot),
+    /// To the routing, as master: a new order.
+    Publish {
+        /// Its number.
+        sequence: u32,
+        /// The order, encoded.
+        order: Bytes,
+    },
+    /// To the routing: this order and all before it are carried out.
+    Acknowledge {
+        /// The order's number.
+        sequence: u32,
+    },
+    /// To the routing, as master: start neighbour discovery.
+    Discover,
+    /// To the routing: this drone is going to land.
+    Land,
+    /// To the routing: this drone is done.
+    Stop,
+    /// To the routing: tell me again what I should know.
+    Resync,
+    /// To the navigation.
+    Goal(Goal),
+}
+
+/// Why a drone comes down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LandingReason {
+    /// The mission is over.
+    MissionOver,
+    /// The master is silent.
+    MasterSilent,
+    /// The drone was not in its slot when the swarm moved on.
+    Late,
+    /// A leg took longer than it may.
+    Overdue,
+    /// An actor of the drone can't be kept alive.
+    ActorGivenUp,
+}
+
+/// What can be seen of a mission.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// The drone is doing something else.
+    State(State),
+    /// As master: a waypoint was opened.
+    Opened {
+        /// Which one.
+        waypoint: u16,
+    },
+    /// As master: the swarm flies without this member.
+    LeftOut(NodeId),
+    /// The drone is coming down.
+    Landing(LandingReason),
+    /// An order could not be read, or not be obeyed in this state.
+    Refused,
+    /// What a restarted mission is built from.
+    Checkpoint(Box<Checkpoint>),
+}
+
+/// The mission of one drone.
+#[derive(Debug)]
+pub struct Mission {
+    config: Config,
+    durable: Checkpoint,
+    master_silent: bool,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl Mission {
+    /// A mission as `checkpoint` left it; one without has been told nothing and does nothing.
+    #[must_use]
+    pub fn new(config: Config, checkpoint: Option<Checkpoint>) -> Self {
+        let mut mission = Self {
+            config,
+            durable: Checkpoint::default(),
+            master_silent: false,
+            outbox: Outbox::new(),
+        };
+        if let Some(checkpoint) = checkpoint {
+            mission.durable = checkpoint;
+            mission.outbox.transmit(Transmit::Resync);
+            if let Some(goal) = mission.goal() {
+                mission.outbox.transmit(Transmit::Goal(goal));
+            }
+        }
+        mission
+    }
+
+    /// Entries in the larger of its tables, and the most either takes.
+    #[must_use]
+    pub fn occupancy(&self) -> (usize, usize) {
+        (self.durable.plan.len(), self.config.waypoints_max)
+    }
+
+    fn checkpoint(&mut self) {
+        let checkpoint = Box::new(self.durable.clone());
+        self.outbox.event(Event::Checkpoint(checkpoint));
+    }
+
+    fn enter(&mut self, state: State) {
+        if self.durable.state != state {
+            self.durable.state = state;
+            self.outbox.event(Event::State(state));
+        }
+    }
+
+    /// Where the drone's state wants it to be.
+    fn goal(&self) -> Option<Goal> {
+        let id = self.config.id;
+        let layout = &self.config.layout;
+        let at_waypoint = |waypoint: u16| {
+            let waypoint = *self.durable.plan.get(usize::from(waypoint))?;
+            Some(layout.slot(id, waypoint))
+        };
+        match self.durable.state {
+            State::Start | State::SetUp => None,
+            State::TakingOff => {
+                let to = at_waypoint(0)?;
+                Some(Goal::TakeOff {
+                    to,
+                    transit_altitude_m: to.altitude_m() + self.layer_m(),
+                })
+            }
+            State::NeighbourDiscovery | State::HopUpdate => None,
+            State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
+                at_waypoint(waypoint).map(|to| Goal::FlyTo { to })
+            }
+            State::MovingToLand => {
+                let at = self.durable.land_at;
+                let altitude_m = at.altitude_m() + self.layer_m();
+                let to = layout.place(id, at).at_altitude(altitude_m);
+                Some(Goal::TransitTo { to })
+            }
+            State::Landing | State::Finished => Some(Goal::Land),
+        }
+    }
+
+    fn pursue_goal(&mut self) {
+        if let Some(goal) = self.goal() {
+            self.outbox.transmit(Transmit::Goal(goal));
+        }
+    }
+
+    fn layer_m(&self) -> f64 {
+        self.config.layout.layers_m(&self.durable.plan)[self.config.id.0 as usize]
+    }
+
+    fn land(&mut self, reason: LandingReason) {
+        self.enter(State::Landing);
+        self.outbox.event(Event::Landing(reason));
+        self.outbox.transmit(Transmit::Land);
+        self.durable.limit = None;
+        self.pursue_goal();
+    }
+
+    fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
+        self.enter(State::MovingToWaypoint { waypoint });
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.pursue_goal();
+    }
+
+    fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
+        match notice {
+            RoutingNotice::Order {
+                sequence, order, ..
+            } => {
+                if self.durable.lead.is_some() {
+                    return;
+                }
+                match wire::decode_order(&order) {
+                    Ok(order) => self.obey(now, sequence, order),
+                    Err(_) => self.outbox.event(Event::Refused),
+                }
+            }
+            RoutingNotice::Progress {
+                member,
+                acknowledged,
+                landing,
+            } => self.hear_member(member, |awaited| {
+                awaited.acknowledged = awaited.acknowledged.max(acknowledged);
+                awaited.landing |= landing;
+            }),
+            RoutingNotice::Silent(member) => self.hear_member(member, |awaited| awaited.silent = true),
+            RoutingNotice::Returned(member) => {
+                self.hear_member(member, |awaited| awaited.silent = false);
+            }
+            RoutingNotice::MasterSilent => self.master_silent = true,
+            RoutingNotice::MasterReturned => self.master_silent = false,
+            RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
+            RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
+            RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
+            RoutingNotice::Resync => self.repeat_to_routing(),
+        }
+    }
+
+    fn routes_are(&mut self, phase: RoutesPhase) {
+        self.durable.routes = self.durable.routes.max(phase);
+        let in_its_slot = match self.durable.state {
+            State::TakingOff => self.durable.pending.is_none(),
+            State::NeighbourDiscovery | State::HopUpdate => true,
+            _ => false,
+        };
+        if in_its_slot {
+            self.enter_routes_state();
+        }
+    }
+
+    /// Does what the routing's progress asks of a drone in its slot.
+    fn enter_routes_state(&mut self) {
+        match self.durable.routes {
+            RoutesPhase::None => {}
+            RoutesPhase::Discovery => self.enter(State::NeighbourDiscovery),
+            RoutesPhase::HopUpdate => self.enter(State::HopUpdate),
+            RoutesPhase::Ready => self.enter(State::WaypointReached { waypoint: 0 }),
+        }
+    }
+
+    fn arrived(&mut self, now: Timestamp) {
+        match self.durable.state {
+            State::TakingOff => {
+                self.durable.limit = None;
+                self.carried_out();
+                self.enter_routes_state();
+            }
+            State::MovingToWaypoint { waypoint } => {
+                self.durable.limit = None;
+                self.enter(State::WaypointReached { waypoint });
+            }
+            State::MovingToLand => {
+                self.durable.limit = None;
+                self.enter(State::Landing);
+                self.pursue_goal();
+            }
+            _ => return,
+        }
+        self.react(now);
+    }
+
+    /// Acknowledges the order that was being carried out.
+    fn carried_out(&mut self) {
+        if let Some(sequence) = self.durable.pending.take() {
+            self.durable.acknowledged = sequence;
+            self.outbox.transmit(Transmit::Acknowledge { sequence });
+        }
+    }
+
+    fn landed(&mut self) {
+        if self.durable.state == State::Landing {
+            self.enter(State::Finished);
+            self.carried_out();
+            self.outbox.transmit(Transmit::Stop);
+        }
+    }
+
+    /// Goes on as far as what is known allows.
+    fn react(&mut self, now: Timestamp) {
+        if self.durable.lead.is_some() {
+            self.lead(now);
+        } else {
+            self.follow(now);
+        }
+    }
+
+    fn repeat_to_routing(&mut self) {
+        self.repeat_lead();
+        let sequence = self.durable.acknowledged;
+        self.outbox.transmit(Transmit::Acknowledge { sequence });
+        match self.durable.state {
+            State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
+            State::Finished => self.outbox.transmit(Transmit::Stop),
+            _ => {}
+        }
+    }
+
+    fn give_up(&mut self) {
+        self.abandon_swarm();
+        if !matches!(
+            self.durable.state,
+            State::Start | State::SetUp | State::Landing | State::Finished
+        ) {
+            self.land(LandingReason::ActorGivenUp);
+        }
+    }
+}
+
+impl Machine for Mission {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Fly => self.fly(now),
+            Input::Routing(notice) => {
+                self.hear_routing(now, notice);
+                self.react(now);
+            }
+            Input::Navigation(NavigationNotice::Arrived) => self.arrived(now),
+            Input::Navigation(NavigationNotice::Landed) => self.landed(),
+            Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
+            Input::GiveUp => self.give_up(),
+        }
+        self.checkpoint();
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if self.durable.limit.is_some_and(|limit| limit <= now) {
+            self.durable.limit = None;
+            if self.durable.pending.is_some() {
+                // It is this drone that is late.
+                self.abandon_swarm();
+                self.land(LandingReason::Overdue);
+            } else {
+                self.leave_out_the_late();
+                self.react(now);
+            }
+            self.checkpoint();
+        }
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.poll(self.durable.limit)
+    }
+}
+

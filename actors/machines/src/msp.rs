@@ -1,0 +1,103 @@
+//! The flight controller's link, as the drone sees it: what it is asked for and what it tells.
+//!
+//! The machine behind it is either the link to a real flight controller or a simulated one, which only the scenario
+//! runner has.
+
+use crate::geometry::Ned;
+use crate::machine::Machine;
+
+/// What a link is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Demand {
+    /// Tell how the vehicle is.
+    Report,
+    /// Arm, on the ground.
+    Arm,
+    /// Fly so.
+    Fly(Setpoint),
+    /// Come down on the spot and disarm there.
+    Land,
+}
+
+/// How a vehicle is to fly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Setpoint {
+    /// For vehicles that fly legs: straight there, from rest to rest.
+    Leg {
+        /// The end of the leg.
+        to: Ned,
+        /// The highest speed along it, in m/s.
+        speed_mps: f64,
+        /// Along the leg, in m/s².
+        acceleration_mps2: f64,
+    },
+}
+
+/// How a vehicle is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Telemetry {
+    /// Where it is.
+    pub position: Ned,
+    /// Where it would be at rest if it braked now; its position when it is at rest.
+    pub stop: Ned,
+    /// Whether it stands still.
+    pub at_rest: bool,
+    /// Whether its motors are armed.
+    pub armed: bool,
+    /// Whether it is coming down to land.
+    pub landing: bool,
+    /// The end of the leg that it flies.
+    pub target: Option<Ned>,
+}
+
+/// What a link is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Input {
+    /// By the navigation.
+    Demand(Demand),
+    /// By the vehicle.
+    Telemetry(Telemetry),
+    /// By the supervisor: an actor can't be kept alive, so land and obey nobody any more.
+    GiveUp,
+}
+
+/// What a link sends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Transmit {
+    /// To the vehicle.
+    Command(Demand),
+    /// To the navigation.
+    Telemetry(Telemetry),
+    /// To the navigation: this link restarted, tell it again what it should do.
+    Resync,
+}
+
+/// What can be seen of a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// What a restarted link is built from.
+    Checkpoint(Checkpoint),
+}
+
+/// What outlives a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Checkpoint {
+    /// Whether the supervisor has told it to land and to obey nobody.
+    pub gave_up: bool,
+}
+
+/// Any machine that can hold a drone's link.
+pub trait Link:
+    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = std::convert::Infallible> + Send
+{
+}
+
+impl<T> Link for T where
+    T: Machine<
+            Input = Input,
+            Transmit = Transmit,
+            Event = Event,
+            Rejection = std::convert::Infallible,
+        > + Send
+{
+}

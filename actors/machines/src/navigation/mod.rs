@@ -1,0 +1,281 @@
+//! How a drone gets where its mission wants it: guidance in the open, by straight legs.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+
+use crate::geometry::Ned;
+use crate::machine::{Machine, Outbox, Output};
+use crate::msp::{Demand, Setpoint, Telemetry};
+use crate::time::Timestamp;
+
+/// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
+const ARRIVAL_RADIUS_M: f64 = 1.0;
+
+/// How fast the vehicle may fly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// Over ground, in m/s.
+    pub speed_mps: f64,
+    /// Upwards, in m/s.
+    pub climb_mps: f64,
+    /// Downwards, in m/s.
+    pub descent_mps: f64,
+    /// Along any leg, in m/s².
+    pub acceleration_mps2: f64,
+}
+
+/// Where a mission wants its drone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// Arm, climb straight up to a height, fly level to above `to`, go there.
+    TakeOff {
+        /// The slot.
+        to: Ned,
+        /// The height at which the way is flown, in metres above home.
+        transit_altitude_m: f64,
+    },
+    /// Fly straight there.
+    FlyTo {
+        /// Where.
+        to: Ned,
+    },
+    /// Climb or descend to the height of `to` first, then fly level.
+    TransitTo {
+        /// Where.
+        to: Ned,
+    },
+    /// Come down on the spot and disarm.
+    Land,
+}
+
+/// What a navigation is told.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// By the mission: go there; the same goal again only asks whether it is reached.
+    Goal(Goal),
+    /// By the flight controller's link.
+    Telemetry(Telemetry),
+    /// By the link, restarted: tell me again what I should do.
+    Resync,
+}
+
+/// What a navigation sends.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Transmit {
+    /// To the flight controller's link.
+    Demand(Demand),
+    /// To the mission.
+    Inform(Notice),
+}
+
+/// What a navigation lets its mission know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Notice {
+    /// The goal is reached and the drone is at rest.
+    Arrived,
+    /// The drone is on the ground and disarmed.
+    Landed,
+    /// This navigation restarted: tell me again where to go.
+    Resync,
+}
+
+/// What can be seen of a navigation.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// What a restarted navigation is built from.
+    Checkpoint(Box<Checkpoint>),
+}
+
+/// What outlives a navigation.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Checkpoint {
+    /// Where the mission wants the drone.
+    pub goal: Option<Goal>,
+    /// What has become of it.
+    pub progress: Progress,
+}
+
+/// What has become of a goal.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Progress {
+    /// The vehicle's state is needed before legs can be laid.
+    #[default]
+    Planning,
+    /// The corners still to be flown to, the next one first; none while landing.
+    Flying(VecDeque<Ned>),
+    /// It is reached.
+    Done,
+}
+
+/// The navigation of one drone.
+#[derive(Debug)]
+pub struct Navigation {
+    config: Config,
+    durable: Checkpoint,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl Navigation {
+    /// A navigation as `checkpoint` left it.
+    #[must_use]
+    pub fn new(config: Config, checkpoint: Option<Checkpoint>) -> Self {
+        let mut navigation = Self {
+            config,
+            durable: Checkpoint::default(),
+            outbox: Outbox::new(),
+        };
+        if let Some(checkpoint) = checkpoint {
+            navigation.durable = checkpoint;
+            navigation.inform(Notice::Resync);
+            navigation.demand(Demand::Report);
+        }
+        navigation
+    }
+
+    fn inform(&mut self, notice: Notice) {
+        self.outbox.transmit(Transmit::Inform(notice));
+    }
+
+    fn demand(&mut self, demand: Demand) {
+        self.outbox.transmit(Transmit::Demand(demand));
+    }
+
+    fn progress(&mut self, progress: Progress) {
+        self.durable.progress = progress;
+        let checkpoint = Box::new(self.durable.clone());
+        self.outbox.event(Event::Checkpoint(checkpoint));
+    }
+
+    fn take_goal(&mut self, goal: Goal) {
+        if self.durable.goal != Some(goal) {
+            self.durable.goal = Some(goal);
+            self.progress(Progress::Planning);
+        }
+        if self.durable.progress == Progress::Done {
+            self.inform_done(goal);
+        } else {
+            self.demand(Demand::Report);
+        }
+    }
+
+    fn inform_done(&mut self, goal: Goal) {
+        self.inform(if goal == Goal::Land {
+            Notice::Landed
+        } else {
+            Notice::Arrived
+        });
+    }
+
+    fn hear(&mut self, telemetry: &Telemetry) {
+        let Some(goal) = self.durable.goal else {
+            return;
+        };
+        match self.durable.progress.clone() {
+            Progress::Done => {}
+            Progress::Planning => self.plan(goal, telemetry),
+            Progress::Flying(_) if goal == Goal::Land => self.watch_landing(telemetry),
+            Progress::Flying(corners) => self.watch_legs(goal, corners, telemetry),
+        }
+    }
+
+    /// Lays the legs to a goal from where the vehicle would come to rest.
+    fn plan(&mut self, goal: Goal, telemetry: &Telemetry) {
+        let start = telemetry.stop;
+        let corners: Vec<Ned> = match goal {
+            Goal::TakeOff { .. } if !telemetry.armed => {
+                self.demand(Demand::Arm);
+                return;
+            }
+            Goal::TakeOff {
+                to,
+                transit_altitude_m,
+            } => vec![
+                start.at_altitude(transit_altitude_m),
+                to.at_altitude(transit_altitude_m),
+                to,
+            ],
+            Goal::FlyTo { to } => vec![to],
+            Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
+            Goal::Land => Vec::new(),
+        };
+        self.progress(Progress::Flying(corners.into()));
+        self.hear(telemetry);
+    }
+
+    fn watch_landing(&mut self, telemetry: &Telemetry) {
+        if !telemetry.armed {
+            self.progress(Progress::Done);
+            self.inform(Notice::Landed);
+        } else if !telemetry.landing {
+            self.demand(Demand::Land);
+        }
+    }
+
+    fn watch_legs(&mut self, goal: Goal, mut corners: VecDeque<Ned>, telemetry: &Telemetry) {
+        let before = corners.len();
+        while let Some(corner) = corners.front()
+            && telemetry.at_rest
+            && telemetry.position.distance_m(*corner) < ARRIVAL_RADIUS_M
+        {
+            corners.pop_front();
+        }
+        match corners.front().copied() {
+            None => {
+                self.progress(Progress::Done);
+                self.inform_done(goal);
+            }
+            Some(corner) => {
+                if corners.len() < before {
+                    self.progress(Progress::Flying(corners));
+                }
+                if telemetry.target != Some(corner) {
+                    let leg = self.leg(telemetry.stop, corner);
+                    self.demand(Demand::Fly(leg));
+                }
+            }
+        }
+    }
+
+    /// A leg as fast as the vehicle may fly in that direction.
+    fn leg(&self, from: Ned, to: Ned) -> Setpoint {
+        let way = to - from;
+        let length_m = way.0.norm();
+        let over_ground = from.horizontal_distance_m(to) / length_m;
+        let climbing = way.altitude_m() / length_m;
+        let vertical_mps = if climbing > 0.0 {
+            self.config.climb_mps
+        } else {
+            self.config.descent_mps
+        };
+        // A share of zero divides to infinity, which no minimum takes.
+        let speed_mps = (self.config.speed_mps / over_ground).min(vertical_mps / climbing.abs());
+        Setpoint::Leg {
+            to,
+            speed_mps,
+            acceleration_mps2: self.config.acceleration_mps2,
+        }
+    }
+}
+
+impl Machine for Navigation {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Goal(goal) => self.take_goal(goal),
+            Input::Telemetry(telemetry) => self.hear(&telemetry),
+            Input::Resync => self.demand(Demand::Report),
+        }
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, _now: Timestamp) {}
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.poll(None)
+    }
+}
+

@@ -1,0 +1,170 @@
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+use crate::wire::{FrameError, Header};
+
+/// How far behind the newest counter of a sender a frame may be, in frames.
+const WINDOW: u64 = 64;
+
+/// How many frames of one sender are let in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Budget {
+    /// How long it takes to earn one frame.
+    pub interval: Duration,
+    /// How many frames may come at once.
+    pub burst: u32,
+}
+
+/// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error)]
+pub enum DropReason {
+    /// Longer than any frame.
+    #[error("too long")]
+    TooLong,
+    /// Ends before its authenticator.
+    #[error("too short")]
+    TooShort,
+    /// Of another version of the frame.
+    #[error("other version")]
+    Version,
+    /// For another swarm.
+    #[error("other swarm")]
+    OtherSwarm,
+    /// A frame of our own that came back.
+    #[error("own echo")]
+    OwnEcho,
+    /// More senders than the table takes.
+    #[error("too many senders")]
+    TooManySenders,
+    /// More frames than the sender's budget.
+    #[error("over budget")]
+    OverBudget,
+    /// Of an earlier life of the sender, seen before, or too old to tell.
+    #[error("replayed")]
+    Replayed,
+    /// Not signed by the sender that it names.
+    #[error("forged")]
+    Forged,
+}
+
+impl From<FrameError> for DropReason {
+    fn from(error: FrameError) -> Self {
+        match error {
+            FrameError::TooLong => Self::TooLong,
+            FrameError::TooShort => Self::TooShort,
+            FrameError::Version => Self::Version,
+        }
+    }
+}
+
+/// Budgets and replay windows, an entry a sender.
+#[derive(Debug)]
+pub struct Admission {
+    budget: Budget,
+    senders_max: usize,
+    senders: BTreeMap<NodeId, Sender>,
+}
+
+#[derive(Debug)]
+struct Sender {
+    /// When the whole burst will have been earned back.
+    full_at: Timestamp,
+    /// Nothing yet, or the newest life and counter with a bit for each counter below.
+    newest: Option<Newest>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Newest {
+    boot: u32,
+    counter: u64,
+    seen: u64,
+}
+
+impl Admission {
+    /// An empty table of at most `senders_max` senders.
+    #[must_use]
+    pub const fn new(budget: Budget, senders_max: usize) -> Self {
+        Self {
+            budget,
+            senders_max,
+            senders: BTreeMap::new(),
+        }
+    }
+
+    /// How many senders the table holds.
+    #[must_use]
+    pub fn senders(&self) -> usize {
+        self.senders.len()
+    }
+
+    /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.
+    ///
+    /// # Errors
+    /// With the reason for which the frame is to be dropped.
+    pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<(), DropReason> {
+        let known = self.senders.len();
+        let sender = match self.senders.entry(header.sender) {
+            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
+            std::collections::btree_map::Entry::Vacant(_) if known >= self.senders_max => {
+                return Err(DropReason::TooManySenders);
+            }
+            std::collections::btree_map::Entry::Vacant(entry) => entry.insert(Sender {
+                full_at: now,
+                newest: None,
+            }),
+        };
+        let full_at = sender.full_at.max(now) + self.budget.interval;
+        if full_at.since(now) > self.budget.interval * self.budget.burst {
+            return Err(DropReason::OverBudget);
+        }
+        sender.full_at = full_at;
+        match sender.newest {
+            Some(newest) if newest.has_seen(header) => Err(DropReason::Replayed),
+            _ => Ok(()),
+        }
+    }
+
+    /// Marks a frame, whose signature was right, as seen.
+    pub fn admit(&mut self, header: &Header) {
+        let Some(sender) = self.senders.get_mut(&header.sender) else {
+            return;
+        };
+        match &mut sender.newest {
+            Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
+            newest => {
+                *newest = Some(Newest {
+                    boot: header.boot,
+                    counter: header.counter,
+                    seen: 1,
+                });
+            }
+        }
+    }
+}
+
+impl Newest {
+    fn has_seen(&self, header: &Header) -> bool {
+        if header.boot != self.boot {
+            return header.boot < self.boot;
+        }
+        match self.counter.checked_sub(header.counter) {
+            None => false,
+            Some(behind) => behind >= WINDOW || self.seen & (1 << behind) != 0,
+        }
+    }
+
+    fn mark(&mut self, counter: u64) {
+        match self.counter.checked_sub(counter) {
+            Some(behind) => self.seen |= 1 << behind.min(WINDOW - 1),
+            None => {
+                let ahead = counter - self.counter;
+                self.seen = if ahead < WINDOW { self.seen << ahead | 1 } else { 1 };
+                self.counter = counter;
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! What is let in from the air and what goes out: admission, counters, signatures.
+
+mod admission;
+mod authenticator;
+
+use std::convert::Infallible;
+
+use bytes::Bytes;
+
+pub use admission::{Admission, Budget, DropReason};
+pub use authenticator::{Authenticator, IdealAuthenticator};
+
+use crate::identity::{Ballot, NodeId, SwarmId};
+use crate::machine::{Machine, Outbox, Output};
+use crate::time::Timestamp;
+use crate::wire::{self, AUTHENTICATOR_LEN, HEADER_MAX, Header, PAYLOAD_MAX};
+
+/// How many counters are reserved at once, so that a restart never uses one twice and a journal is not worn.
+const COUNTER_BLOCK: u64 = 1_024;
+
+/// What a radio is built with.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Whose radio this is.
+    pub id: NodeId,
+    /// The swarm it belongs to.
+    pub swarm: SwarmId,
+    /// Which life of the drone's process this is.
+    pub boot: u32,
+    /// How much of each sender is let in.
+    pub budget: Budget,
+    /// The most senders that are told apart; frames of further ones are dropped.
+    pub senders_max: usize,
+}
+
+/// What a radio is told.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// By the routing: send this to all in range.
+    Send {
+        /// Whom this drone obeys.
+        ballot: Ballot,
+        /// What is to be said; at most [`PAYLOAD_MAX`] bytes.
+        payload: Vec<u8>,
+    },
+    /// By the transport: these bytes came in.
+    Received(Bytes),
+}
+
+/// What a radio sends.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Transmit {
+    /// To the transport: a frame for all in range.
+    Broadcast(Bytes),
+    /// To the routing: a frame that was let in.
+    Heard {
+        /// Who said it.
+        sender: NodeId,
+        /// Whom the sender obeys.
+        ballot: Ballot,
+        /// What was said.
+        payload: Bytes,
+    },
+}
+
+/// What can be seen of a radio.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// A frame was not let in.
+    Dropped(DropReason),
+    /// A payload of our own was too long to send.
+    Oversized {
+        /// Its length in bytes.
+        len: usize,
+    },
+    /// What a restarted radio is built from.
+    Checkpoint(Checkpoint),
+}
+
+/// What outlives a radio: the counters it may already have used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Checkpoint {
+    /// The first counter that no frame has used.
+    pub counter: u64,
+}
+
+/// The radio of one drone.
+#[derive(Debug)]
+pub struct Radio<A> {
+    config: Config,
+    authenticator: A,
+    admission: Admission,
+    counter: u64,
+    reserved: u64,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl<A: Authenticator> Radio<A> {
+    /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window.
+    #[must_use]
+    pub fn new(config: Config, authenticator: A, checkpoint: Checkpoint) -> Self {
+        let admission = Admission::new(config.budget, config.senders_max);
+        Self {
+            admission,
+            authenticator,
+            counter: checkpoint.counter,
+            reserved: checkpoint.counter,
+            outbox: Outbox::new(),
+            config,
+        }
+    }
+
+    /// Entries in the table of senders, and the most it takes.
+    #[must_use]
+    pub fn occupancy(&self) -> (usize, usize) {
+        (self.admission.senders(), self.config.senders_max)
+    }
+
+    fn send(&mut self, ballot: Ballot, payload: &[u8]) {
+        if payload.len() > PAYLOAD_MAX {
+            let len = payload.len();
+            self.outbox.event(Event::Oversized { len });
+            return;
+        }
+        if self.counter == self.reserved {
+            self.reserved += COUNTER_BLOCK;
+            let counter = self.reserved;
+            self.outbox.event(Event::Checkpoint(Checkpoint { counter }));
+        }
+        let header = Header {
+            swarm: self.config.swarm,
+            sender: self.config.id,
+            boot: self.config.boot,
+            counter: self.counter,
+            ballot,
+        };
+        self.counter += 1;
+        let capacity = HEADER_MAX + payload.len() + AUTHENTICATOR_LEN;
+        let mut frame = wire::encode_covered(&header, payload, Vec::with_capacity(capacity));
+        let authenticator = self.authenticator.sign(&frame);
+        frame.extend_from_slice(&authenticator);
+        self.outbox.transmit(Transmit::Broadcast(frame.into()));
+    }
+
+    fn receive(&mut self, now: Timestamp, datagram: &Bytes) -> Result<(), DropReason> {
+        let frame = wire::decode_frame(datagram)?;
+        let header = frame.header;
+        if header.swarm != self.config.swarm {
+            return Err(DropReason::OtherSwarm);
+        }
+        if header.sender == self.config.id {
+            return Err(DropReason::OwnEcho);
+        }
+        self.admission.check(now, &header)?;
+        if !self
+            .authenticator
+            .verify(header.sender, frame.covered, frame.authenticator)
+        {
+            return Err(DropReason::Forged);
+        }
+        self.admission.admit(&header);
+        self.outbox.transmit(Transmit::Heard {
+            sender: header.sender,
+            ballot: header.ballot,
+            payload: datagram.slice_ref(frame.payload),
+        });
+        Ok(())
+    }
+}
+
+impl<A: Authenticator> Machine for Radio<A> {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Send { ballot, payload } => self.send(ballot, &payload),
+            Input::Received(datagram) => {
+                if let Err(reason) = self.receive(now, &datagram) {
+                    self.outbox.event(Event::Dropped(reason));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, _now: Timestamp) {}
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.poll(None)
+    }
+}
+

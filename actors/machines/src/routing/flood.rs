@@ -1,0 +1,311 @@
+//! The policy `flood`: what is said each period, and what is made of what others say.
+
+use std::time::Duration;
+
+use super::{Event, Flood, Member, Notice, Packet, Phase, Routes, Routing, Transmit};
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+use crate::wire;
+
+/// The longest that a first hello waits, so that neighbours do not all answer one at the same instant.
+const FIRST_HELLO_MAX: Duration = Duration::from_millis(20);
+
+impl Routing {
+    /// Says what is due at `due`; when to speak next.
+    pub(super) fn speak(&mut self, now: Timestamp, due: Timestamp) -> Option<Timestamp> {
+        let pause = match self.durable.phase {
+            Phase::Stopped => return None,
+            Phase::Discovery { until } if now >= until => {
+                self.start_hop_update(now);
+                return Some(due + self.phase_in(self.config.period));
+            }
+            Phase::Discovery { until } => {
+                let remaining = until.since(now);
+                self.send(&Packet::Hello { remaining });
+                return Some(until.min(due + self.config.hello_period));
+            }
+            Phase::HopUpdate { since } => {
+                if now.since(since) >= self.config.time_to_live {
+                    self.finish_hop_update(now);
+                } else if let Some(hops) = self.durable.routes.hops {
+                    let routing_list = self.durable.routes.routing_list.clone();
+                    self.send(&Packet::HopUpdate { hops, routing_list });
+                }
+                self.config.period
+            }
+            Phase::Gossip | Phase::Following => {
+                self.watch(now);
+                self.send_flood();
+                match self.durable.landing {
+                    Some(since) if now.since(since) > self.config.time_to_live => {
+                        self.config.keep_alive
+                    }
+                    _ => self.config.period,
+                }
+            }
+        };
+        Some(due + pause)
+    }
+
+    /// Says for the last time how far this drone has got.
+    pub(super) fn stop(&mut self) {
+        if self.durable.phase != Phase::Stopped {
+            if self.durable.ballot.is_some() {
+                self.send_flood();
+            }
+            self.durable.phase = Phase::Stopped;
+            self.next_send = None;
+            self.checkpoint();
+        }
+    }
+
+    fn send(&mut self, packet: &Packet) {
+        if let Some(ballot) = self.durable.ballot {
+            let payload = wire::encode_packet(packet);
+            self.outbox.transmit(Transmit::Send { ballot, payload });
+        }
+    }
+
+    fn send_flood(&mut self) {
+        let is_master = self.is_master();
+        if self.durable.next_beat(is_master) {
+            self.checkpoint();
+        }
+        let members = if is_master {
+            Vec::new()
+        } else {
+            let own = Member {
+                id: self.config.id,
+                beat: self.durable.beat,
+                acknowledged: self.durable.acknowledged,
+                out_of_range: self.durable.routes.out_of_range,
+                landing: self.durable.landing.is_some(),
+            };
+            std::iter::once(own).chain(self.members.iter()).collect()
+        };
+        let repeats_orders =
+            is_master || self.durable.phase == Phase::Gossip || self.durable.routes.relay;
+        let order = self.durable.order.clone().filter(|_| repeats_orders);
+        self.send(&Packet::Flood(Flood {
+            hops: self.durable.routes.hops,
+            parent: self.durable.routes.parent,
+            pulse: self.durable.pulse,
+            sequence: self.durable.sequence,
+            members,
+            order,
+        }));
+    }
+
+    /// Notices who has fallen silent.
+    fn watch(&mut self, now: Timestamp) {
+        let time_to_live = self.config.time_to_live;
+        if !self.is_master() {
+            self.members.forget_silent(now, time_to_live);
+            if !self.master_silent && now.since(self.pulse_rose_at) > time_to_live {
+                self.master_silent = true;
+                self.inform(Notice::MasterSilent);
+            }
+        } else if self.durable.phase == Phase::Following {
+            for id in self.members.fall_silent(now, time_to_live) {
+                self.inform(Notice::Silent(id));
+            }
+        }
+    }
+
+    pub(super) fn start_discovery(&mut self, now: Timestamp, remaining: Duration) {
+        if self.durable.phase == Phase::Gossip {
+            let until = now + remaining.min(self.config.discovery);
+            self.durable.phase = Phase::Discovery { until };
+            self.next_send = Some(now + self.phase_in(FIRST_HELLO_MAX));
+            self.inform(Notice::DiscoveryStarted);
+            self.checkpoint();
+        }
+    }
+
+    pub(super) fn heard_hello(&mut self, now: Timestamp, sender: NodeId, remaining: Duration) {
+        self.start_discovery(now, remaining);
+        if matches!(self.durable.phase, Phase::Discovery { .. }) && self.neighbours.hear(sender, now)
+        {
+            self.outbox.event(Event::NeighbourStable(sender));
+            self.checkpoint();
+        }
+    }
+
+    fn start_hop_update(&mut self, now: Timestamp) {
+        self.durable.phase = Phase::HopUpdate { since: now };
+        self.durable.routes = Routes::default();
+        self.heard_again.clear();
+        self.inform(Notice::HopUpdateStarted);
+        if self.is_master() {
+            self.durable.routes.hops = Some(0);
+            self.durable.routes.routing_list = self.neighbours.stable().collect();
+            self.durable.routes.relay = true;
+            self.finish_once_all_heard(now);
+        } else {
+            let master = self.durable.ballot.map(|ballot| ballot.master);
+            self.durable.routes.out_of_range =
+                !master.is_some_and(|master| self.neighbours.is_stable(master));
+        }
+        self.checkpoint();
+    }
+
+    pub(super) fn heard_hop_update(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        hops: u16,
+        routing_list: &[NodeId],
+    ) {
+        let is_updating = matches!(self.durable.phase, Phase::HopUpdate { .. });
+        if !is_updating || !self.neighbours.is_stable(sender) {
+            return;
+        }
+        if self.durable.routes.hops.is_none() {
+            self.take_parent(sender, hops, routing_list);
+        }
+        self.heard_again.insert(sender);
+        self.finish_once_all_heard(now);
+    }
+
+    /// Takes the first stable neighbour that is heard as parent (thesis, section 4.2, step 3).
+    fn take_parent(&mut self, parent: NodeId, hops: u16, routing_list: &[NodeId]) {
+        let master = self.durable.ballot.map(|ballot| ballot.master);
+        let routes = &mut self.durable.routes;
+        routes.hops = Some(hops.saturating_add(1));
+        routes.parent = Some(parent);
+        routes.routing_list.clear();
+        for id in routing_list {
+            if id.0 < self.config.drones && !routes.routing_list.contains(id) {
+                routes.routing_list.push(*id);
+            }
+        }
+        let is_listed = routes.routing_list.contains(&self.config.id);
+        let listed_by_others = routes.routing_list.len();
+        for id in self.neighbours.stable() {
+            if Some(id) != master && !routes.routing_list.contains(&id) {
+                routes.routing_list.push(id);
+            }
+        }
+        routes.relay = is_listed && routes.routing_list.len() > listed_by_others;
+        self.checkpoint();
+    }
+
+    fn finish_once_all_heard(&mut self, now: Timestamp) {
+        let all_heard = self
+            .neighbours
+            .stable()
+            .all(|id| self.heard_again.contains(&id));
+        if self.durable.routes.hops.is_some() && all_heard {
+            self.finish_hop_update(now);
+        }
+    }
+
+    fn finish_hop_update(&mut self, now: Timestamp) {
+        self.durable.phase = Phase::Following;
+        if self.is_master() {
+            self.members.be_patient(now);
+        } else {
+            self.members.forget_all();
+        }
+        self.pulse_rose_at = now;
+        self.outbox.event(Event::Routes(self.durable.routes.clone()));
+        self.inform(Notice::RoutesReady);
+        self.checkpoint();
+    }
+
+    pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {
+        if flood.pulse > self.durable.pulse && !self.is_master() {
+            self.durable.pulse = flood.pulse;
+            self.pulse_rose_at = now;
+            if self.master_silent {
+                self.master_silent = false;
+                self.inform(Notice::MasterReturned);
+            }
+        }
+        self.heard_order(flood.sequence, flood.order);
+        match self.durable.phase {
+            Phase::Gossip => self.hear_members(now, sender, &flood.members),
+            Phase::Following => {
+                if flood.parent == Some(self.config.id) {
+                    self.become_relay();
+                    self.hear_members(now, sender, &flood.members);
+                } else if self.is_master() && flood.parent.is_none() {
+                    self.hear_members(now, sender, &flood.members);
+                }
+                self.adopt_parent_late(sender, flood.hops);
+            }
+            Phase::HopUpdate { .. } if self.neighbours.is_stable(sender) => {
+                // A neighbour that follows the mission already counts as heard again (thesis, table 7).
+                self.adopt_parent_late(sender, flood.hops);
+                self.heard_again.insert(sender);
+                self.finish_once_all_heard(now);
+            }
+            Phase::Discovery { .. } | Phase::HopUpdate { .. } | Phase::Stopped => {}
+        }
+    }
+
+    fn heard_order(&mut self, sequence: u32, order: Option<bytes::Bytes>) {
+        let (Some(ballot), Some(order)) = (self.durable.ballot, order) else {
+            return;
+        };
+        if sequence > self.durable.sequence && !self.is_master() {
+            self.durable.sequence = sequence;
+            self.durable.order = Some(order.clone());
+            self.inform(Notice::Order {
+                ballot,
+                sequence,
+                order,
+            });
+            self.checkpoint();
+        }
+    }
+
+    fn hear_members(&mut self, now: Timestamp, sender: NodeId, members: &[Member]) {
+        let is_master = self.is_master();
+        for member in members {
+            if !self.is_member(member.id) || member.id == self.config.id {
+                continue;
+            }
+            let change = self.members.hear(*member, sender, now);
+            if !is_master {
+                continue;
+            }
+            if change.returned {
+                self.inform(Notice::Returned(member.id));
+            }
+            if change.progress {
+                self.inform(Notice::Progress {
+                    member: member.id,
+                    acknowledged: member.acknowledged,
+                    landing: member.landing,
+                });
+            }
+            if change.moved && self.durable.phase == Phase::Following {
+                self.outbox.event(Event::Reached {
+                    member: member.id,
+                    via: sender,
+                    out_of_range: member.out_of_range,
+                });
+            }
+        }
+    }
+
+    /// Whoever is named as a parent must relay, whatever its routing list said.
+    fn become_relay(&mut self) {
+        if !self.durable.routes.relay {
+            self.durable.routes.relay = true;
+            self.outbox.event(Event::Routes(self.durable.routes.clone()));
+            self.checkpoint();
+        }
+    }
+
+    /// A drone that missed the hop update takes its parent from a neighbour that has routes.
+    fn adopt_parent_late(&mut self, sender: NodeId, hops: Option<u16>) {
+        if let (Some(hops), None) = (hops, self.durable.routes.hops)
+            && self.neighbours.is_stable(sender)
+        {
+            self.take_parent(sender, hops, &[]);
+            self.outbox.event(Event::Routes(self.durable.routes.clone()));
+        }
+    }
+}

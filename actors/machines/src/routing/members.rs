@@ -1,0 +1,115 @@
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::Member;
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+
+/// What is known of the members below this drone, gathered from the acknowledgements that it passes on.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Members(BTreeMap<NodeId, Known>);
+
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    member: Member,
+    /// The neighbour that spoke for it last.
+    via: NodeId,
+    /// When its own beat last rose.
+    rose_at: Timestamp,
+    silent: bool,
+}
+
+/// What a member's report changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Change {
+    /// It acknowledged more than before, or began to land.
+    pub(super) progress: bool,
+    /// It had been taken for silent.
+    pub(super) returned: bool,
+    /// Another neighbour speaks for it than before, or it was not known.
+    pub(super) moved: bool,
+}
+
+impl Members {
+    /// Takes a report in; one whose beat has not risen proves nothing and changes nothing.
+    pub(super) fn hear(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
+        let Some(known) = self.0.get_mut(&member.id) else {
+            let known = Known {
+                member,
+                via,
+                rose_at: now,
+                silent: false,
+            };
+            self.0.insert(member.id, known);
+            return Change {
+                progress: true,
+                returned: false,
+                moved: true,
+            };
+        };
+        if member.beat <= known.member.beat {
+            return Change::default();
+        }
+        let change = Change {
+            progress: member.acknowledged > known.member.acknowledged
+                || member.landing != known.member.landing,
+            returned: known.silent,
+            moved: via != known.via,
+        };
+        let acknowledged = member.acknowledged.max(known.member.acknowledged);
+        *known = Known {
+            member: Member {
+                acknowledged,
+                ..member
+            },
+            via,
+            rose_at: now,
+            silent: false,
+        };
+        change
+    }
+
+    /// Starts every member's time to live anew.
+    pub(super) fn be_patient(&mut self, now: Timestamp) {
+        for known in self.0.values_mut() {
+            known.rose_at = now;
+        }
+    }
+
+    pub(super) fn forget_all(&mut self) {
+        self.0.clear();
+    }
+
+    /// Forgets whoever's beat has not risen for `time_to_live`.
+    pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
+        self.0
+            .retain(|_, known| now.since(known.rose_at) <= time_to_live);
+    }
+
+    /// Marks and returns the members whose beat has not risen for `time_to_live`, each once.
+    pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> Vec<NodeId> {
+        let mut silent = Vec::new();
+        for (id, known) in &mut self.0 {
+            if !known.silent && now.since(known.rose_at) > time_to_live {
+                known.silent = true;
+                silent.push(*id);
+            }
+        }
+        silent
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = Member> + '_ {
+        self.0.values().map(|known| known.member)
+    }
+
+    pub(super) fn silent(&self) -> impl Iterator<Item = NodeId> + '_ {
+        self.0
+            .iter()
+            .filter(|(_, known)| known.silent)
+            .map(|(id, _)| *id)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+}

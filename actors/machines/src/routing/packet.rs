@@ -1,0 +1,56 @@
+use std::time::Duration;
+
+use bytes::Bytes;
+
+use crate::identity::NodeId;
+
+/// What routings say to each other.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Packet {
+    /// Neighbour discovery: I am here.
+    Hello {
+        /// How long discovery still lasts, so that who hears of it late ends with the others.
+        remaining: Duration,
+    },
+    /// Hop update: how far the master is from me, and who is reached on the way.
+    HopUpdate {
+        /// Hops from the sender to the master.
+        hops: u16,
+        /// Whoever the senders up to this one reach, in the order in which they were listed.
+        routing_list: Vec<NodeId>,
+    },
+    /// What each drone repeats while the swarm follows orders.
+    Flood(Flood),
+}
+
+/// A drone's state, repeated: the thesis's MOVE, WAYPOINT_REACHED and LAND in one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flood {
+    /// Hops from the sender to the master, once it knows.
+    pub hops: Option<u16>,
+    /// Whom the sender's acknowledgements are for; everyone while it knows no parent.
+    pub parent: Option<NodeId>,
+    /// The highest number of the master's own that the sender has heard of.
+    pub pulse: u32,
+    /// The newest order that the sender has heard of; 0 before the first.
+    pub sequence: u32,
+    /// The sender and those whose acknowledgements it passes on.
+    pub members: Vec<Member>,
+    /// The newest order, from the master and from whoever relays it.
+    pub order: Option<Bytes>,
+}
+
+/// What a member lets the master know, passed on by the drones between.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Member {
+    /// Who.
+    pub id: NodeId,
+    /// Rises with each frame that the member itself sends: proof that it lives.
+    pub beat: u32,
+    /// The newest order that it has carried out; all before are too.
+    pub acknowledged: u32,
+    /// It does not hear the master itself.
+    pub out_of_range: bool,
+    /// It is on its way to the ground and acknowledges nothing more: nobody waits for it.
+    pub landing: bool,
+}

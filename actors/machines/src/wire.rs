@@ -1,0 +1,347 @@
+//! The bytes on the air: the frame, and what it carries. Everything from outside is checked once, here.
+//!
+//! A frame is
+//!
+//! | part | bytes |
+//! | --- | --- |
+//! | version | 1 |
+//! | header: swarm, sender, boot, counter, ballot (term, rank, master) | 7 postcard varints |
+//! | payload | what the two fixed ends leave |
+//! | authenticator | 64, over all that stands before it |
+//!
+//! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
+//! in the tests hold them to it.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::geometry::Ned;
+use crate::identity::{Ballot, NodeId, SwarmId};
+use crate::mission::Order;
+use crate::routing::{Flood, Member, Packet};
+
+/// The version of the frame that this program speaks.
+pub const VERSION: u8 = 1;
+/// The largest datagram, in bytes: what an Ethernet frame of 1,500 leaves beside the headers of IPv4 and UDP (the
+/// ancestor's limit too).
+pub const DATAGRAM_MAX: usize = 1_472;
+/// The size of an authenticator, in bytes: that of an Ed25519 signature.
+pub const AUTHENTICATOR_LEN: usize = 64;
+/// The largest header with its version, in bytes: five varints of 32 bits, one of 64 and one of 32.
+pub const HEADER_MAX: usize = 1 + 6 * 5 + 10;
+/// The largest payload that fits any header, in bytes.
+pub const PAYLOAD_MAX: usize = DATAGRAM_MAX - HEADER_MAX - AUTHENTICATOR_LEN;
+/// The most waypoints that one [`Order::Plan`] carries, so that it fits a payload beside the lists of members.
+pub const PLAN_PART_MAX: usize = 24;
+
+/// What stands before a frame's payload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    /// The swarm that the frame is for.
+    pub swarm: SwarmId,
+    /// Who sent it.
+    pub sender: NodeId,
+    /// Which life of the sender this is: rises with each start of its process.
+    pub boot: u32,
+    /// Rises with each frame of a life.
+    pub counter: u64,
+    /// Whom the sender obeys.
+    pub ballot: Ballot,
+}
+
+/// A frame whose form is right; whether its sender is who it says is the authenticator's to tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame<'a> {
+    /// Who says it, as whom, and when in its life.
+    pub header: Header,
+    /// What it says.
+    pub payload: &'a [u8],
+    /// What the authenticator covers: all of the frame before it.
+    pub covered: &'a [u8],
+    /// The sender's word for all of that.
+    pub authenticator: &'a [u8; AUTHENTICATOR_LEN],
+}
+
+/// Why bytes are not a frame. A peer's fault each: counted, never obeyed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Error)]
+pub enum FrameError {
+    /// Longer than any frame.
+    #[error("longer than {DATAGRAM_MAX} bytes")]
+    TooLong,
+    /// Too short for a header and an authenticator, or ended within one.
+    #[error("ends before its authenticator")]
+    TooShort,
+    /// Another version.
+    #[error("of another version")]
+    Version,
+}
+
+#[derive(Serialize, Deserialize)]
+struct WireHeader {
+    swarm: u32,
+    sender: u32,
+    boot: u32,
+    counter: u64,
+    term: u32,
+    rank: u32,
+    master: u32,
+}
+
+/// Writes version, header and payload to the end of `out`: what the authenticator is to cover.
+pub fn encode_covered(header: &Header, payload: &[u8], mut out: Vec<u8>) -> Vec<u8> {
+    out.push(VERSION);
+    let wire = WireHeader {
+        swarm: header.swarm.0,
+        sender: header.sender.0,
+        boot: header.boot,
+        counter: header.counter,
+        term: header.ballot.term,
+        rank: header.ballot.rank,
+        master: header.ballot.master.0,
+    };
+    let mut out = write(&wire, out);
+    out.extend_from_slice(payload);
+    out
+}
+
+/// Reads a frame's form; nothing is copied.
+///
+/// # Errors
+/// When the bytes are not a frame of this version.
+pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
+    if datagram.len() > DATAGRAM_MAX {
+        return Err(FrameError::TooLong);
+    }
+    let (covered, authenticator) = datagram
+        .split_last_chunk::<AUTHENTICATOR_LEN>()
+        .ok_or(FrameError::TooShort)?;
+    let (version, rest) = covered.split_first().ok_or(FrameError::TooShort)?;
+    if *version != VERSION {
+        return Err(FrameError::Version);
+    }
+    let (wire, payload) =
+        postcard::take_from_bytes::<WireHeader>(rest).map_err(|_| FrameError::TooShort)?;
+    let ballot = Ballot {
+        term: wire.term,
+        rank: wire.rank,
+        master: NodeId(wire.master),
+    };
+    let header = Header {
+        swarm: SwarmId(wire.swarm),
+        sender: NodeId(wire.sender),
+        boot: wire.boot,
+        counter: wire.counter,
+        ballot,
+    };
+    Ok(Frame {
+        header,
+        payload,
+        covered,
+        authenticator,
+    })
+}
+
+/// A payload or an order that is not one: a peer's fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Error)]
+#[error("not a payload of this version")]
+pub struct PayloadError;
+
+#[derive(Serialize, Deserialize)]
+enum WirePacket<'a> {
+    Hello {
+        remaining_ms: u32,
+    },
+    HopUpdate {
+        hops: u16,
+        routing_list: Vec<u32>,
+    },
+    Flood {
+        hops: Option<u16>,
+        parent: Option<u32>,
+        pulse: u32,
+        sequence: u32,
+        members: Vec<WireMember>,
+        #[serde(borrow)]
+        order: Option<&'a [u8]>,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct WireMember {
+    id: u32,
+    beat: u32,
+    acknowledged: u32,
+    flags: u8,
+}
+
+const OUT_OF_RANGE: u8 = 1;
+const LANDING: u8 = 2;
+
+/// Writes a packet of the routing.
+#[must_use]
+pub fn encode_packet(packet: &Packet) -> Vec<u8> {
+    let wire = match packet {
+        Packet::Hello { remaining } => WirePacket::Hello {
+            remaining_ms: u32::try_from(remaining.as_millis()).unwrap_or(u32::MAX),
+        },
+        Packet::HopUpdate { hops, routing_list } => WirePacket::HopUpdate {
+            hops: *hops,
+            routing_list: routing_list.iter().map(|id| id.0).collect(),
+        },
+        Packet::Flood(flood) => WirePacket::Flood {
+            hops: flood.hops,
+            parent: flood.parent.map(|id| id.0),
+            pulse: flood.pulse,
+            sequence: flood.sequence,
+            members: flood.members.iter().map(WireMember::from).collect(),
+            order: flood.order.as_deref(),
+        },
+    };
+    write(&wire, Vec::with_capacity(64))
+}
+
+/// Reads a packet of the routing.
+///
+/// # Errors
+/// When it is not one, or holds more than a packet.
+pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
+    Ok(match read(payload)? {
+        WirePacket::Hello { remaining_ms } => Packet::Hello {
+            remaining: Duration::from_millis(remaining_ms.into()),
+        },
+        WirePacket::HopUpdate { hops, routing_list } => Packet::HopUpdate {
+            hops,
+            routing_list: routing_list.into_iter().map(NodeId).collect(),
+        },
+        WirePacket::Flood {
+            hops,
+            parent,
+            pulse,
+            sequence,
+            members,
+            order,
+        } => Packet::Flood(Flood {
+            hops,
+            parent: parent.map(NodeId),
+            pulse,
+            sequence,
+            members: members.iter().map(Member::from).collect(),
+            order: order.map(bytes::Bytes::copy_from_slice),
+        }),
+    })
+}
+
+impl From<&Member> for WireMember {
+    fn from(member: &Member) -> Self {
+        let out_of_range = if member.out_of_range { OUT_OF_RANGE } else { 0 };
+        let landing = if member.landing { LANDING } else { 0 };
+        Self {
+            id: member.id.0,
+            beat: member.beat,
+            acknowledged: member.acknowledged,
+            flags: out_of_range | landing,
+        }
+    }
+}
+
+impl From<&WireMember> for Member {
+    fn from(wire: &WireMember) -> Self {
+        Self {
+            id: NodeId(wire.id),
+            beat: wire.beat,
+            acknowledged: wire.acknowledged,
+            out_of_range: wire.flags & OUT_OF_RANGE != 0,
+            landing: wire.flags & LANDING != 0,
+        }
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+enum WireOrder {
+    Plan {
+        index: u16,
+        count: u16,
+        waypoints: Vec<[i32; 3]>,
+    },
+    TakeOff,
+    Move {
+        waypoint: u16,
+    },
+    Land {
+        at: [i32; 3],
+    },
+}
+
+/// Writes an order of the mission; places are rounded to millimetres.
+#[must_use]
+pub fn encode_order(order: &Order) -> Vec<u8> {
+    let wire = match order {
+        Order::Plan {
+            index,
+            count,
+            waypoints,
+        } => WireOrder::Plan {
+            index: *index,
+            count: *count,
+            waypoints: waypoints.iter().copied().map(to_millimetres).collect(),
+        },
+        Order::TakeOff => WireOrder::TakeOff,
+        Order::Move { waypoint } => WireOrder::Move {
+            waypoint: *waypoint,
+        },
+        Order::Land { at } => WireOrder::Land {
+            at: to_millimetres(*at),
+        },
+    };
+    write(&wire, Vec::with_capacity(32))
+}
+
+/// Reads an order of the mission.
+///
+/// # Errors
+/// When it is not one, or holds more than an order.
+pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
+    Ok(match read(bytes)? {
+        WireOrder::Plan {
+            index,
+            count,
+            waypoints,
+        } => Order::Plan {
+            index,
+            count,
+            waypoints: waypoints.into_iter().map(from_millimetres).collect(),
+        },
+        WireOrder::TakeOff => Order::TakeOff,
+        WireOrder::Move { waypoint } => Order::Move { waypoint },
+        WireOrder::Land { at } => Order::Land {
+            at: from_millimetres(at),
+        },
+    })
+}
+
+fn write<T: Serialize>(value: &T, out: Vec<u8>) -> Vec<u8> {
+    postcard::to_extend(value, out).expect("these types always serialise, and a vector takes any length")
+}
+
+fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, PayloadError> {
+    match postcard::take_from_bytes(bytes) {
+        Ok((value, [])) => Ok(value),
+        _ => Err(PayloadError),
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "saturates 2,147 km from home, beyond any mission that loads"
+)]
+fn to_millimetres(place: Ned) -> [i32; 3] {
+    [place.0.x, place.0.y, place.0.z].map(|metres| (metres * 1_000.0).round() as i32)
+}
+
+fn from_millimetres(millimetres: [i32; 3]) -> Ned {
+    let [north, east, down] = millimetres.map(|value| f64::from(value) / 1_000.0);
+    Ned::new(north, east, down)
+}
+

@@ -1,0 +1,154 @@
+//! What is kept of a run: figures for a program, pictures and tables for a person.
+
+use std::fmt;
+
+use muster_machines::geometry::Ned;
+use muster_machines::mission::State;
+use muster_machines::time::Timestamp;
+use serde::Serialize;
+
+/// The figures of a run: what `--json` prints and `report.json` holds.
+///
+/// All times are simulated seconds from the start of the run, all lengths metres.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// The scenario's file.
+    pub scenario: String,
+    /// The seed of every random draw.
+    pub seed: u64,
+    /// What ran the drones.
+    pub engine: Engine,
+    /// BLAKE3 of everything observable, in hexadecimal.
+    pub trace: String,
+    /// How long the run lasted, in simulated seconds.
+    pub simulated_s: f64,
+    /// How long it took.
+    pub wall_s: f64,
+    /// Each drone, in the order of their ids.
+    pub drones: Vec<DroneReport>,
+    /// Means over the drones.
+    pub means: Means,
+    /// Each waypoint at which the swarm waited for its members.
+    pub barriers: Vec<Barrier>,
+    /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
+    pub min_separation_m: Option<f64>,
+    /// Rules that were broken.
+    pub violations: Vec<Violation>,
+}
+
+/// What runs the drones of a simulation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Engine {
+    /// The supervision tree that flies, in virtual time.
+    Actors,
+    /// The same machines called from the event heap.
+    Events,
+}
+
+impl fmt::Display for Engine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Actors => "actors",
+            Self::Events => "events",
+        })
+    }
+}
+
+/// The figures of one drone.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DroneReport {
+    /// Which drone.
+    pub id: u32,
+    /// Whether it led.
+    pub role: Role,
+    /// Hops to the master.
+    pub hops: Option<u16>,
+    /// The neighbour through which its acknowledgements went.
+    pub parent: Option<u32>,
+    /// Whether it repeated orders for others.
+    pub relay: bool,
+    /// Whether it did not hear the master itself.
+    pub out_of_range: bool,
+    /// The thesis's routing list.
+    pub routing_list: Vec<u32>,
+    /// From the start of its neighbour discovery to the end of its landing; nothing if it has not got there.
+    pub flight_time_s: Option<f64>,
+    /// Frames that it sent in that time.
+    pub messages_sent: u64,
+    /// Frames that it let in in that time.
+    pub messages_received: u64,
+    /// From its own arrival at a waypoint to its own departure, the mean over its waypoints.
+    pub waypoint_delay_s: Option<f64>,
+    /// What it was doing at the end.
+    pub state: String,
+    /// Why it came down, if not because its mission was over.
+    pub landed_because: Option<String>,
+    /// How often an actor of it was restarted.
+    pub restarts: u32,
+}
+
+/// Whether a drone leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// It leads.
+    Master,
+    /// It is led.
+    Slave,
+}
+
+/// Means over the drones of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Means {
+    /// Of the flight times that there are.
+    pub flight_time_s: Option<f64>,
+    /// Of the frames let in.
+    pub messages_received: f64,
+}
+
+/// A waypoint at which the swarm waited for its members.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Barrier {
+    /// Which one; 0 is where the take-off ended.
+    pub waypoint: u16,
+    /// When the last live member had arrived.
+    pub arrived_s: f64,
+    /// When the last live member had begun to move on.
+    pub moving_s: f64,
+    /// Frames that were sent by anyone between the two.
+    pub transmissions: u64,
+}
+
+/// A rule that was broken.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Violation {
+    /// The number of the rule among the invariants.
+    pub rule: u8,
+    /// When.
+    pub at_s: f64,
+    /// Who was in it.
+    pub drones: Vec<u32>,
+    /// What happened.
+    pub what: String,
+}
+
+/// What is drawn of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flight {
+    /// The waypoints of the mission.
+    pub waypoints: Vec<Ned>,
+    /// How far a radio reaches, in metres.
+    pub range_m: f64,
+    /// Each drone, in the order of their ids.
+    pub drones: Vec<FlightOfDrone>,
+}
+
+/// What is drawn of one drone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightOfDrone {
+    /// Where it was, at rising instants a second apart or less.
+    pub track: Vec<(Timestamp, Ned)>,
+    /// What it began to do, and when; the first is its state at the start of the run.
+    pub states: Vec<(Timestamp, State)>,
+}

@@ -1,0 +1,68 @@
+use std::collections::BTreeMap;
+
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+
+use crate::SendError;
+
+/// Who is near whom, by square cells as wide as the range.
+#[derive(Debug)]
+pub(super) struct Grid {
+    range_m: f64,
+    places: Vec<Ned>,
+    cells: BTreeMap<(i64, i64), Vec<NodeId>>,
+}
+
+impl Grid {
+    pub(super) fn new(range_m: f64, places: &[Ned]) -> Self {
+        let mut grid = Self {
+            range_m,
+            places: places.to_vec(),
+            cells: BTreeMap::new(),
+        };
+        for (id, place) in (0..).map(NodeId).zip(places) {
+            let cell = grid.cell(*place);
+            grid.cells.entry(cell).or_default().push(id);
+        }
+        grid
+    }
+
+    pub(super) fn place(&mut self, id: NodeId, place: Ned) {
+        let known = &mut self.places[id.0 as usize];
+        let before = std::mem::replace(known, place);
+        let (from, to) = (self.cell(before), self.cell(place));
+        if from != to {
+            if let Some(cell) = self.cells.get_mut(&from) {
+                cell.retain(|other| *other != id);
+            }
+            self.cells.entry(to).or_default().push(id);
+        }
+    }
+
+    /// Overwrites `found` with the radios in range of `from`, lowest first.
+    pub(super) fn in_range(&self, from: NodeId, found: &mut Vec<NodeId>) -> Result<(), SendError> {
+        found.clear();
+        let Some(centre) = self.places.get(from.0 as usize) else {
+            return Err(SendError::UnknownSender(from));
+        };
+        let (row, column) = self.cell(*centre);
+        for row in row - 1..=row + 1 {
+            for (_, cell) in self.cells.range((row, column - 1)..=(row, column + 1)) {
+                found.extend(cell.iter().filter(|id| {
+                    **id != from && self.places[id.0 as usize].distance_m(*centre) <= self.range_m
+                }));
+            }
+        }
+        found.sort_unstable();
+        Ok(())
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "a place beyond 2^63 cells is beyond any mission that loads"
+    )]
+    fn cell(&self, place: Ned) -> (i64, i64) {
+        let index = |metres: f64| (metres / self.range_m).floor() as i64;
+        (index(place.north_m()), index(place.east_m()))
+    }
+}
