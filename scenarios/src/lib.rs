@@ -1,1 +1,9 @@
-//! Worlds for drones: scenario files and the engines that run them.
+//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers and reports.
+
+mod checkers;
+pub mod engine;
+pub mod report;
+pub mod scenario;
+mod simulated_link;
+mod vehicle;
+mod world;

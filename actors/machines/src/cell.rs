@@ -93,6 +93,23 @@ pub enum Effect {
     Observe(Observation),
 }
 
+/// What brings a drone down whose actor `failed` can't be kept alive: its vehicle comes down where it is, its mission
+/// stops counting on the drone, and without a mission the routing falls silent, so that others do not count on it.
+#[must_use]
+pub fn last_resort(failed: Address) -> Vec<Effect> {
+    let vehicle = if failed == Address::Msp {
+        Effect::Command(msp::Demand::Land)
+    } else {
+        Effect::Post(Envelope::Msp(msp::Input::GiveUp))
+    };
+    let others = if failed == Address::Mission {
+        Envelope::Routing(routing::Input::Stop)
+    } else {
+        Envelope::Mission(mission::Input::GiveUp)
+    };
+    vec![vehicle, Effect::Post(others)]
+}
+
 /// What can be seen of a drone from outside.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Observation {

@@ -1,0 +1,68 @@
+use std::convert::Infallible;
+
+use muster_machines::machine::{Machine, Output};
+use muster_machines::msp::{Checkpoint, Demand, Event, Input, Transmit};
+use muster_machines::time::Timestamp;
+use std::collections::VecDeque;
+
+/// Stands in the place of a link to a flight controller, for vehicles in closed form. Nothing outside the scenario
+/// runner can make one.
+#[derive(Debug)]
+pub(crate) struct SimulatedLink {
+    durable: Checkpoint,
+    outbox: VecDeque<Output<Transmit, Event>>,
+}
+
+impl SimulatedLink {
+    pub(crate) fn new(checkpoint: Option<Checkpoint>) -> Self {
+        let mut link = Self {
+            durable: checkpoint.unwrap_or_default(),
+            outbox: VecDeque::new(),
+        };
+        if checkpoint.is_some() {
+            link.transmit(Transmit::Resync);
+        }
+        // What a later link is built from exists from the start on.
+        link.checkpoint();
+        link
+    }
+
+    fn transmit(&mut self, transmit: Transmit) {
+        self.outbox.push_back(Output::Transmit(transmit));
+    }
+
+    fn checkpoint(&mut self) {
+        let event = Event::Checkpoint(self.durable);
+        self.outbox.push_back(Output::Event(event));
+    }
+}
+
+impl Machine for SimulatedLink {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Demand(Demand::Report) => self.transmit(Transmit::Command(Demand::Report)),
+            Input::Demand(_) if self.durable.gave_up => {}
+            Input::Demand(demand) => self.transmit(Transmit::Command(demand)),
+            Input::Telemetry(telemetry) => self.transmit(Transmit::Telemetry(telemetry)),
+            Input::GiveUp => {
+                self.durable.gave_up = true;
+                self.checkpoint();
+                self.transmit(Transmit::Command(Demand::Land));
+            }
+        }
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, _now: Timestamp) {}
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox
+            .pop_front()
+            .unwrap_or(Output::Idle { deadline: None })
+    }
+}

@@ -1,0 +1,124 @@
+//! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
+
+mod motion;
+
+use muster_machines::geometry::Ned;
+use muster_machines::msp::{Demand, Setpoint, Telemetry};
+use muster_machines::time::Timestamp;
+
+pub(crate) use motion::{Motion, Piece};
+
+/// How a vehicle comes down by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Landing {
+    /// Downwards, in m/s, as far as the final height.
+    pub descent_mps: f64,
+    /// Downwards from there to the ground, in m/s.
+    pub final_mps: f64,
+    /// The final height above home, in metres.
+    pub final_altitude_m: f64,
+    /// In m/s².
+    pub acceleration_mps2: f64,
+}
+
+/// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
+#[derive(Debug)]
+pub(crate) struct Vehicle {
+    landing: Landing,
+    motion: Motion,
+    armed: bool,
+    has_flown: bool,
+    is_landing: bool,
+    target: Option<Ned>,
+}
+
+impl Vehicle {
+    pub(crate) fn new(landing: Landing, place: Ned) -> Self {
+        Self {
+            landing,
+            motion: Motion::at_rest(place),
+            armed: false,
+            has_flown: false,
+            is_landing: false,
+            target: None,
+        }
+    }
+
+    pub(crate) const fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    pub(crate) const fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    /// Whether it has been armed at all.
+    pub(crate) const fn has_flown(&self) -> bool {
+        self.has_flown
+    }
+
+    pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
+        Telemetry {
+            position: self.motion.position(now),
+            stop: self.motion.stop(now),
+            at_rest: self.motion.is_at_rest(now),
+            armed: self.armed,
+            landing: self.is_landing,
+            target: self.target,
+        }
+    }
+
+    /// Obeys a demand; whether its motion changed.
+    pub(crate) fn obey(&mut self, now: Timestamp, demand: Demand) -> bool {
+        match demand {
+            Demand::Report => false,
+            Demand::Arm => {
+                self.armed |= !self.has_flown;
+                self.has_flown = true;
+                false
+            }
+            // A vehicle that is coming down to land is not called off it.
+            Demand::Fly(_) | Demand::Land if !self.armed || self.is_landing => false,
+            Demand::Fly(Setpoint::Leg {
+                to,
+                speed_mps,
+                acceleration_mps2,
+            }) => {
+                self.target = Some(to);
+                self.motion.brake(now);
+                self.motion.fly(to, speed_mps, acceleration_mps2);
+                true
+            }
+            Demand::Land => {
+                self.target = None;
+                self.is_landing = true;
+                self.motion.brake(now);
+                let Landing {
+                    descent_mps,
+                    final_mps,
+                    final_altitude_m,
+                    acceleration_mps2,
+                } = self.landing;
+                let from = self.motion.end();
+                if from.altitude_m() > final_altitude_m {
+                    let low = from.at_altitude(final_altitude_m);
+                    self.motion.fly(low, descent_mps, acceleration_mps2);
+                }
+                let ground = from.at_altitude(0.0);
+                self.motion.fly(ground, final_mps, acceleration_mps2);
+                true
+            }
+        }
+    }
+
+    /// Its motion has come to its end: a landing ends disarmed.
+    pub(crate) fn come_to_rest(&mut self) {
+        if self.is_landing {
+            self.is_landing = false;
+            self.armed = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,69 @@
+use std::fmt::{Debug, Write};
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+
+/// What is hashed at once, in bytes: enough for BLAKE3 to work on several blocks side by side.
+const BUFFER_MAX: usize = 64 * 1_024;
+
+/// A running BLAKE3 of everything that can be observed of a run: equal runs have equal traces.
+///
+/// What was observed is hashed in the order in which it happened, each with its time, its drone and its kind.
+/// Checkpoints, being a drone's own affair, and authenticators, so that it does not matter which is used, are not.
+#[derive(Debug)]
+pub(crate) struct Trace {
+    hasher: blake3::Hasher,
+    buffer: String,
+    bytes: Vec<u8>,
+}
+
+/// What kind of thing was observed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Kind {
+    Sent,
+    Arrived,
+    Observed,
+    Commanded,
+    CameToRest,
+    Failed,
+    Started,
+    Undeliverable,
+}
+
+impl Trace {
+    pub(crate) fn new() -> Self {
+        Self {
+            hasher: blake3::Hasher::new(),
+            buffer: String::new(),
+            bytes: Vec::with_capacity(BUFFER_MAX),
+        }
+    }
+
+    pub(crate) fn bytes(&mut self, now: Timestamp, drone: NodeId, kind: Kind, bytes: &[u8]) {
+        self.bytes.extend_from_slice(&now.as_nanos().to_le_bytes());
+        self.bytes.extend_from_slice(&drone.0.to_le_bytes());
+        self.bytes.push(kind as u8);
+        self.bytes.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(bytes);
+        if self.bytes.len() >= BUFFER_MAX {
+            self.hasher.update(&self.bytes);
+            self.bytes.clear();
+        }
+    }
+
+    /// For what is rare: as it prints.
+    pub(crate) fn value(&mut self, now: Timestamp, drone: NodeId, kind: Kind, value: &impl Debug) {
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.clear();
+        write!(buffer, "{value:?}").expect("writing to a string can't fail");
+        self.bytes(now, drone, kind, buffer.as_bytes());
+        self.buffer = buffer;
+    }
+
+    /// The hash so far, in hexadecimal.
+    pub(crate) fn finish(&mut self) -> String {
+        self.hasher.update(&self.bytes);
+        self.bytes.clear();
+        self.hasher.finalize().to_hex().to_string()
+    }
+}
