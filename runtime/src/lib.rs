@@ -1,1 +1,3 @@
 //! A drone on a machine: its configuration and the files it is given.
+
+pub mod diagnostic;
