@@ -1,3 +1,4 @@
 //! A drone on a machine: its configuration and the files it is given.
 
 pub mod diagnostic;
+pub mod geodetic;
