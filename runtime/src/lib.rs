@@ -2,3 +2,4 @@
 
 pub mod diagnostic;
 pub mod geodetic;
+pub mod mission_file;
