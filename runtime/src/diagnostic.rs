@@ -1,0 +1,223 @@
+//! What people see when a file they gave can't be used.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
+use std::ops::Range;
+use std::path::Path;
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
+
+/// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
+pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;
+
+/// The longest excerpt that an error shows, in bytes: three lines of a hundred and fifty. Of a file that a program
+/// wrote on one line nothing is shown, its line and column are told instead.
+const EXCERPT_MAX: usize = 450;
+
+/// A file that can't be used: what is wrong, in which file and where, and what would be accepted.
+///
+/// Its `Display` names the file only when there is no excerpt; the excerpt's heading names it otherwise.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", .0.message)]
+pub struct BadInput(Box<Report>);
+
+#[derive(Debug)]
+struct Report {
+    message: String,
+    help: String,
+    excerpt: Option<Excerpt>,
+}
+
+#[derive(Debug)]
+struct Excerpt {
+    source: NamedSource<String>,
+    span: SourceSpan,
+}
+
+impl BadInput {
+    /// Something wrong at `span`, in bytes, of the file's text. The file is shown under the path as given.
+    ///
+    /// Only the span's first line is underlined. A span outside of the text is moved to its end.
+    #[must_use]
+    pub fn new(
+        path: &Path,
+        text: &str,
+        span: Range<usize>,
+        message: impl fmt::Display,
+        help: impl Into<String>,
+    ) -> Self {
+        let span = shown_span(text, span);
+        if excerpt_length(text, &span) > EXCERPT_MAX {
+            let (line, column) = line_and_column(text, span.start);
+            return Self::without_excerpt(
+                path,
+                format_args!("line {line}, column {column}: {message}"),
+                help,
+            );
+        }
+        Self(Box::new(Report {
+            message: message.to_string(),
+            help: help.into(),
+            excerpt: Some(Excerpt {
+                source: NamedSource::new(path.display().to_string(), text.to_owned()),
+                span: span.into(),
+            }),
+        }))
+    }
+
+    /// Something wrong with the file as a whole, or with one that has no text to show.
+    #[must_use]
+    pub fn without_excerpt(
+        path: &Path,
+        message: impl fmt::Display,
+        help: impl Into<String>,
+    ) -> Self {
+        Self(Box::new(Report {
+            message: format!("{}: {message}", path.display()),
+            help: help.into(),
+            excerpt: None,
+        }))
+    }
+}
+
+impl Diagnostic for BadInput {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(&self.0.help))
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.0
+            .excerpt
+            .as_ref()
+            .map(|excerpt| &excerpt.source as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let excerpt = self.0.excerpt.as_ref()?;
+        let label = LabeledSpan::new_primary_with_span(Some("here".into()), excerpt.span);
+        Some(Box::new(std::iter::once(label)))
+    }
+}
+
+/// The text of a file, without the byte order mark that some editors put before it.
+///
+/// Reads at most [`FILE_SIZE_MAX`] bytes.
+///
+/// # Errors
+///
+/// When there is no such file, when it is a directory or a device, can't be read, is too large, is not UTF-8, has
+/// control characters as only binary files do, or has nothing but white space.
+pub fn read_text(path: &Path) -> Result<String, BadInput> {
+    let bytes = read_bytes(path)?;
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let place = error.utf8_error().valid_up_to();
+        not_text(path, format_args!("byte {place} is not UTF-8"))
+    })?;
+    if let Some((place, _)) = text.char_indices().find(|(_, c)| is_binary(*c)) {
+        let problem = format_args!("byte {place} is a control character");
+        return Err(not_text(path, problem));
+    }
+    if text.trim().is_empty() {
+        return Err(BadInput::without_excerpt(
+            path,
+            "the file is empty",
+            "check that it was saved, and that it is the file you meant",
+        ));
+    }
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
+    })
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
+    let unreadable = |error: io::Error| match error.kind() {
+        io::ErrorKind::NotFound => BadInput::without_excerpt(
+            path,
+            "there is no such file",
+            "check the path; a relative one starts at the directory that the program runs in",
+        ),
+        _ => BadInput::without_excerpt(
+            path,
+            format_args!("the file can't be read: {error}"),
+            "give a file that this user may read",
+        ),
+    };
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    if metadata.is_dir() {
+        return Err(BadInput::without_excerpt(
+            path,
+            "this is a directory",
+            "give the path of a file inside it",
+        ));
+    }
+    if !metadata.is_file() {
+        return Err(BadInput::without_excerpt(
+            path,
+            "this is not a regular file",
+            "give the path of a text file",
+        ));
+    }
+    let too_large = || {
+        BadInput::without_excerpt(
+            path,
+            format_args!("the file is larger than {FILE_SIZE_MAX} bytes"),
+            "check that it is the file you meant",
+        )
+    };
+    if metadata.len() > FILE_SIZE_MAX {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(FILE_SIZE_MAX + 1).read_to_end(&mut bytes))
+        .map_err(unreadable)?;
+    if bytes.len() as u64 > FILE_SIZE_MAX {
+        return Err(too_large());
+    }
+    Ok(bytes)
+}
+
+fn not_text(path: &Path, problem: impl fmt::Display) -> BadInput {
+    BadInput::without_excerpt(
+        path,
+        format_args!("this is not a text file: {problem}"),
+        "give a text file, saved as UTF-8",
+    )
+}
+
+fn is_binary(c: char) -> bool {
+    c.is_control() && !matches!(c, '\t' | '\n' | '\r')
+}
+
+/// The part of a span on its first line, inside the text and on its character boundaries.
+fn shown_span(text: &str, span: Range<usize>) -> Range<usize> {
+    let boundary_from = |place: usize| {
+        (place..text.len())
+            .find(|place| text.is_char_boundary(*place))
+            .unwrap_or(text.len())
+    };
+    let start = boundary_from(span.start);
+    let end = boundary_from(span.end).max(start);
+    let first_line = text[start..end].lines().next().unwrap_or_default();
+    start..start + first_line.len()
+}
+
+/// How many bytes the lines before, at and after a place have.
+fn excerpt_length(text: &str, span: &Range<usize>) -> usize {
+    let before: usize = text[..span.start].rsplit('\n').take(2).map(str::len).sum();
+    let after: usize = text[span.start..].split('\n').take(2).map(str::len).sum();
+    before + after
+}
+
+/// Both count from one; the column counts characters.
+fn line_and_column(text: &str, place: usize) -> (usize, usize) {
+    let before = &text[..place];
+    let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+    let line = before.matches('\n').count() + 1;
+    (line, before[line_start..].chars().count() + 1)
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,98 @@
+//! A MAVLink mission item, from whichever format.
+
+use super::document::{Document, Written};
+use crate::diagnostic::BadInput;
+use crate::geodetic::{Geodetic, GeodeticError};
+
+/// A mission as its file says it: where home is, and the items after it.
+#[derive(Debug)]
+pub(super) struct Listing<'a> {
+    pub(super) home: Position<'a>,
+    pub(super) items: Vec<Item<'a>>,
+    /// Where to point when there are too few.
+    pub(super) items_at: &'a str,
+}
+
+/// What the swarm needs to know of a mission item.
+#[derive(Debug)]
+pub(super) struct Item<'a> {
+    /// How errors and notes name it.
+    pub(super) name: String,
+    pub(super) command: Written<'a, u16>,
+    pub(super) frame: Written<'a, u16>,
+    /// The first parameter: of a waypoint, the seconds to wait there.
+    pub(super) hold_s: Written<'a, Option<f64>>,
+    pub(super) position: Position<'a>,
+    pub(super) auto_continue: bool,
+}
+
+/// The last three parameters of an item, or home. Numbers are finite, `None` where the file says `NaN` or `null`.
+#[derive(Debug)]
+pub(super) struct Position<'a> {
+    pub(super) latitude_deg: Written<'a, Option<f64>>,
+    pub(super) longitude_deg: Written<'a, Option<f64>>,
+    pub(super) altitude_m: Written<'a, Option<f64>>,
+}
+
+impl Position<'_> {
+    /// Zero latitude and longitude are how mission files say that there is none.
+    pub(super) fn has_no_coordinates(&self) -> bool {
+        self.latitude_deg.value == Some(0.0) && self.longitude_deg.value == Some(0.0)
+    }
+
+    /// Home, whose altitude is above sea level.
+    pub(super) fn home(&self, document: Document<'_>) -> Result<Geodetic, BadInput> {
+        if self.has_no_coordinates() {
+            return Err(document.refuse(
+                self.latitude_deg.text,
+                "home is not set: its latitude and longitude are zero",
+                "set the planned home position in the ground station, and save the mission again",
+            ));
+        }
+        let altitude_m = self.altitude_m(document, "home")?;
+        self.geodetic(document, "home", altitude_m)
+    }
+
+    /// The coordinates of what errors call `name`, at an altitude above sea level.
+    pub(super) fn geodetic(
+        &self,
+        document: Document<'_>,
+        name: &str,
+        altitude_m: f64,
+    ) -> Result<Geodetic, BadInput> {
+        let latitude_deg = given(document, name, "latitude", self.latitude_deg)?;
+        let longitude_deg = given(document, name, "longitude", self.longitude_deg)?;
+        Geodetic::new(latitude_deg, longitude_deg, altitude_m).map_err(|error| {
+            let part = match error {
+                GeodeticError::Latitude { .. } => self.latitude_deg,
+                GeodeticError::Longitude { .. } => self.longitude_deg,
+                GeodeticError::Altitude { .. } => self.altitude_m,
+            };
+            document.refuse(
+                part.text,
+                format_args!("{name}: {error}"),
+                "give the latitude and the longitude in degrees, in this order, and the altitude in metres",
+            )
+        })
+    }
+
+    /// The altitude as written, above whatever the frame says.
+    pub(super) fn altitude_m(&self, document: Document<'_>, name: &str) -> Result<f64, BadInput> {
+        given(document, name, "altitude", self.altitude_m)
+    }
+}
+
+fn given(
+    document: Document<'_>,
+    name: &str,
+    quantity: &str,
+    number: Written<'_, Option<f64>>,
+) -> Result<f64, BadInput> {
+    number.value.ok_or_else(|| {
+        document.refuse(
+            number.text,
+            format_args!("{name}: the {quantity} is not given"),
+            format!("the {quantity} must be a finite number"),
+        )
+    })
+}

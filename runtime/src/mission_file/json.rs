@@ -1,0 +1,165 @@
+//! JSON whose every value knows where in the file it is.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use serde::de::DeserializeOwned;
+use serde_json::value::RawValue;
+
+use super::document::{Document, Written, quoted};
+use crate::diagnostic::BadInput;
+
+const SAVE_AGAIN: &str =
+    "open the plan in QGroundControl 4 and save it again, or write the field as it does";
+
+/// A value in a JSON document, not yet read further than its end.
+#[derive(Debug)]
+pub(super) struct Node<'a> {
+    document: Document<'a>,
+    text: &'a str,
+    path: String,
+}
+
+/// The fields of a JSON object. Of two with the same name the last counts.
+#[derive(Debug)]
+pub(super) struct Object<'a> {
+    node: Node<'a>,
+    fields: BTreeMap<String, &'a RawValue>,
+}
+
+impl<'a> Node<'a> {
+    /// The whole document, checked to be JSON.
+    pub(super) fn root(document: Document<'a>) -> Result<Self, BadInput> {
+        let raw: &RawValue =
+            serde_json::from_str(document.text).map_err(|error| not_json(document, &error))?;
+        Ok(Self {
+            document,
+            text: raw.get(),
+            path: String::new(),
+        })
+    }
+
+    /// Where the value is, as in `mission.items[3].frame`. The root's is empty.
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// The part of the document to point at: all of a value, or the bracket that opens it.
+    pub(super) fn pointer(&self) -> &'a str {
+        match self.text.as_bytes() {
+            [b'{' | b'[', ..] => &self.text[..1],
+            _ => self.text,
+        }
+    }
+
+    pub(super) fn object(self) -> Result<Object<'a>, BadInput> {
+        match serde_json::from_str(self.text) {
+            Ok(fields) => Ok(Object { node: self, fields }),
+            Err(_) => Err(self.not("an object")),
+        }
+    }
+
+    /// The values of an array that has at most `max`.
+    pub(super) fn elements(&self, max: usize) -> Result<Vec<Node<'a>>, BadInput> {
+        let elements: Vec<&'a RawValue> =
+            serde_json::from_str(self.text).map_err(|_| self.not("an array"))?;
+        if elements.len() > max {
+            return Err(self.document.refuse(
+                self.pointer(),
+                format_args!("`{}` has {} values", self.path, elements.len()),
+                format!("at most {max} are read"),
+            ));
+        }
+        let element = |(index, raw): (usize, &&'a RawValue)| Node {
+            document: self.document,
+            text: raw.get(),
+            path: format!("{}[{index}]", self.path),
+        };
+        Ok(elements.iter().enumerate().map(element).collect())
+    }
+
+    /// A finite number, or nothing for `null`, which is how JSON says `NaN`.
+    pub(super) fn number_or_null(&self) -> Result<Written<'a, Option<f64>>, BadInput> {
+        self.scalar("a finite number")
+    }
+
+    /// A whole number that is not negative, as codes and versions are.
+    pub(super) fn code(&self) -> Result<Written<'a, u16>, BadInput> {
+        self.scalar("a whole number from 0 to 65535")
+    }
+
+    pub(super) fn boolean(&self) -> Result<Written<'a, bool>, BadInput> {
+        self.scalar("`true` or `false`")
+    }
+
+    pub(super) fn string(&self) -> Result<Written<'a, String>, BadInput> {
+        self.scalar("a string")
+    }
+
+    fn scalar<T: DeserializeOwned>(&self, accepted: &str) -> Result<Written<'a, T>, BadInput> {
+        let value = serde_json::from_str(self.text).map_err(|_| self.not(accepted))?;
+        Ok(Written {
+            value,
+            text: self.text,
+        })
+    }
+
+    fn not(&self, accepted: &str) -> BadInput {
+        let message = match self.text.as_bytes() {
+            [b'{', ..] => format!("`{}` is an object", self.path),
+            [b'[', ..] => format!("`{}` is an array", self.path),
+            _ => format!("`{}` is {}", self.path, quoted(self.text)),
+        };
+        let help = format!("`{}` must be {accepted}", self.path);
+        self.document.refuse(self.pointer(), message, help)
+    }
+}
+
+impl<'a> Object<'a> {
+    pub(super) fn node(&self) -> &Node<'a> {
+        &self.node
+    }
+
+    /// A field that must be there.
+    pub(super) fn field(&self, name: &str) -> Result<Node<'a>, BadInput> {
+        let path = match self.node.path.as_str() {
+            "" => name.to_owned(),
+            parent => format!("{parent}.{name}"),
+        };
+        let Some(raw) = self.fields.get(name) else {
+            let message = format_args!("`{path}` is missing");
+            let pointer = self.node.pointer();
+            return Err(self.node.document.refuse(pointer, message, SAVE_AGAIN));
+        };
+        Ok(Node {
+            document: self.node.document,
+            text: raw.get(),
+            path,
+        })
+    }
+}
+
+fn not_json(document: Document<'_>, error: &serde_json::Error) -> BadInput {
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let described = error.to_string();
+    let problem = described.strip_suffix(&place).unwrap_or(&described);
+    if error.is_eof() {
+        return document.refuse(
+            document.end(),
+            format_args!("the file ends inside its JSON: {problem}"),
+            "the file was cut short: save or copy it again",
+        );
+    }
+    document.refuse_at(
+        byte_at(document.text, error.line(), error.column()),
+        format_args!("this is not JSON: {problem}"),
+        "give a `.plan` as QGroundControl saves it",
+    )
+}
+
+/// One byte of a text, by its line and column as serde_json counts them: from one, in bytes.
+fn byte_at(text: &str, line: usize, column: usize) -> Range<usize> {
+    let lines_before = text.split_inclusive('\n').take(line.saturating_sub(1));
+    let start = lines_before.map(str::len).sum::<usize>() + column.saturating_sub(1);
+    start..start + 1
+}

@@ -1,0 +1,168 @@
+//! What a swarm is to follow, read from the mission files that people already have.
+//!
+//! Two formats are read, told apart by how they begin, whatever the file's name: QGroundControl's `.plan` (JSON), and
+//! the `QGC WPL 110` text that QGroundControl, Mission Planner and MAVProxy write. Both become the same list of MAVLink
+//! mission items, and one module makes the route of them.
+
+mod command;
+mod document;
+mod item;
+mod json;
+mod qgc_plan;
+mod route;
+mod waypoints;
+
+use std::fmt;
+use std::path::Path;
+
+use muster_machines::geometry::Ned;
+
+use crate::diagnostic::{BadInput, read_text};
+use crate::geodetic::Geodetic;
+use document::Document;
+
+/// The most points that a mission's route has, the one over home included.
+pub const WAYPOINTS_MAX: usize = 1_000;
+
+/// The most items that a mission file has, those that the swarm ignores and home included.
+pub const ITEMS_MAX: usize = 5_000;
+
+/// The fewest distinct `NAV_WAYPOINT` items that a swarm follows: one leg between two.
+pub const NAV_WAYPOINTS_MIN: usize = 2;
+
+/// The highest that a route goes above home, in metres. Most altitudes beyond it are above sea level, by mistake.
+pub const HEIGHT_MAX_M: f64 = 1_000.0;
+
+/// What a swarm follows: a home, and a route of at least three points about it.
+///
+/// The route's first point is over home, at the height that the swarm takes off to. No two consecutive points are the
+/// same; each is within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, above it, and at most
+/// [`HEIGHT_MAX_M`] above it. There are at most [`WAYPOINTS_MAX`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mission {
+    home: Geodetic,
+    waypoints: Vec<Ned>,
+    notes: Vec<Note>,
+}
+
+impl Mission {
+    /// Where the swarm's local frame has its origin.
+    #[must_use]
+    pub fn home(&self) -> Geodetic {
+        self.home
+    }
+
+    /// The route, in flying order, to the whole millimetre. The first is where the swarm takes off to, over home.
+    #[must_use]
+    pub fn waypoints(&self) -> &[Ned] {
+        &self.waypoints
+    }
+
+    /// What the file asks for and the swarm doesn't do, in the file's order.
+    #[must_use]
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+}
+
+/// Something that a mission file asks for and the swarm doesn't do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Note {
+    item: String,
+    kind: NoteKind,
+}
+
+/// What a swarm leaves out of a mission, and why.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoteKind {
+    /// A command that moves no drone: a camera's, a gimbal's, a change of speed.
+    CommandIgnored {
+        /// Its name in MAVLink, without the `MAV_CMD_`.
+        command: &'static str,
+    },
+    /// A wait at a waypoint: the swarm flies on.
+    HoldIgnored {
+        /// How long the file asks for, in seconds.
+        hold_s: f64,
+    },
+    /// An item after which the drone is to wait for its operator: the swarm flies on.
+    StopIgnored,
+    /// A waypoint where the one before it is, to the millimetre: it is left out.
+    MergedWithPrevious,
+}
+
+impl Note {
+    /// Which item, as errors name it: `mission.items[3]` in a `.plan`, `item 3` in a `QGC WPL 110` file.
+    #[must_use]
+    pub fn item(&self) -> &str {
+        &self.item
+    }
+
+    /// What is left out.
+    #[must_use]
+    pub fn kind(&self) -> NoteKind {
+        self.kind
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.item)?;
+        match self.kind {
+            NoteKind::CommandIgnored { command } => {
+                write!(f, "{command} is ignored, it moves no drone of the swarm")
+            }
+            NoteKind::HoldIgnored { hold_s } => {
+                write!(f, "the hold of {hold_s} s is ignored, the swarm flies on")
+            }
+            NoteKind::StopIgnored => {
+                f.write_str("the wait for the operator is ignored, the swarm flies on")
+            }
+            NoteKind::MergedWithPrevious => {
+                f.write_str("the waypoint is left out, it is where the one before it is")
+            }
+        }
+    }
+}
+
+/// Reads a mission file of either format.
+///
+/// # Route
+///
+/// `NAV_TAKEOFF` gives the height of the first point, which is over home whatever the item's coordinates; without one
+/// the first `NAV_WAYPOINT` gives it. Each `NAV_WAYPOINT` adds a point. The route ends with the items, or with
+/// `NAV_RETURN_TO_LAUNCH`, which adds a point over home, or `NAV_LAND`, which adds one over its coordinates if it has
+/// any; both at the height of the last point. Altitudes may be above home or above sea level.
+///
+/// Other commands that move no drone are ignored, with a [`Note`]. A waypoint that is exactly where the one before it
+/// is, as surveys have them, is left out with a note. `NaN` (in JSON, `null`) in a parameter says, as in MAVLink, that
+/// it isn't given: it is refused where the route needs it.
+///
+/// # Errors
+///
+/// When the file can't be read as text, is of neither format or breaks its rules, has an item that the swarm can't
+/// fly, has fewer than [`NAV_WAYPOINTS_MIN`] waypoints, or exceeds a limit of this module. The error names the file,
+/// the line where there is one, and what would be accepted.
+pub fn load(path: &Path) -> Result<Mission, BadInput> {
+    parse(path, &read_text(path)?)
+}
+
+fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
+    let document = Document { path, text };
+    let begins = text.trim_start();
+    if begins.starts_with('{') {
+        return route::follow(document, &qgc_plan::read(document)?);
+    }
+    if begins.starts_with("QGC WPL") {
+        return route::follow(document, &waypoints::read(document)?);
+    }
+    Err(document.refuse(
+        begins.lines().next().unwrap_or_default(),
+        "this is no mission that can be read",
+        "give a `.plan` saved by QGroundControl, a JSON object that begins with `{`, or a waypoints file, whose first \
+         line is `QGC WPL 110`",
+    ))
+}
+
+#[cfg(test)]
+mod tests;

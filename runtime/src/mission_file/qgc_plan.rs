@@ -1,0 +1,179 @@
+//! QGroundControl's `.plan`.
+//!
+//! Source: *Plan File Format*, of the QGroundControl developer guide, version 4. Only what the swarm needs is read and
+//! checked: not the geofence, the rally points, or the settings of a vehicle.
+
+use super::ITEMS_MAX;
+use super::document::{Document, Written, quoted};
+use super::item::{Item, Listing, Position};
+use super::json::{Node, Object};
+use crate::diagnostic::BadInput;
+
+const FILE_TYPE: &str = "Plan";
+const FILE_VERSION: u16 = 1;
+
+/// Since QGroundControl 3.2: items have `params`.
+const MISSION_VERSION: u16 = 2;
+
+/// The complex items whose simple items are in the file, as `complexItemType` has them.
+const EXPANDED: [&str; 2] = ["survey", "CorridorScan"];
+
+pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
+    let plan = Node::root(document)?.object()?;
+    check_type(document, &plan)?;
+    check_version(document, &plan.field("version")?, FILE_VERSION)?;
+    let mission = plan.field("mission")?.object()?;
+    check_version(document, &mission.field("version")?, MISSION_VERSION)?;
+    let home = home(document, &mission.field("plannedHomePosition")?)?;
+    let mut items = Vec::new();
+    let array = mission.field("items")?;
+    for node in array.elements(ITEMS_MAX)? {
+        add_item(document, node, &mut items)?;
+    }
+    Ok(Listing {
+        home,
+        items,
+        items_at: array.pointer(),
+    })
+}
+
+fn check_type(document: Document<'_>, plan: &Object<'_>) -> Result<(), BadInput> {
+    let file_type = plan.field("fileType")?.string()?;
+    if file_type.value == FILE_TYPE {
+        return Ok(());
+    }
+    Err(document.refuse(
+        file_type.text,
+        format_args!("`fileType` is {}", quoted(file_type.text)),
+        "give a `.plan` saved by QGroundControl, whose `fileType` is \"Plan\"",
+    ))
+}
+
+fn check_version(
+    document: Document<'_>,
+    version: &Node<'_>,
+    accepted: u16,
+) -> Result<(), BadInput> {
+    let Written { value, text } = version.code()?;
+    if value == accepted {
+        return Ok(());
+    }
+    Err(document.refuse(
+        text,
+        format_args!("`{}` is {value}", version.path()),
+        format!("only {accepted} is read: open the plan in QGroundControl 4 and save it again"),
+    ))
+}
+
+fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Position<'a>, BadInput> {
+    let [latitude, longitude, altitude] = exactly(
+        document,
+        home,
+        "latitude, longitude and altitude above sea level",
+    )?;
+    position(&latitude, &longitude, &altitude)
+}
+
+/// Adds a simple item, or those that a complex one stands for.
+fn add_item<'a>(
+    document: Document<'a>,
+    node: Node<'a>,
+    items: &mut Vec<Item<'a>>,
+) -> Result<(), BadInput> {
+    let object = node.object()?;
+    let item_type = object.field("type")?.string()?;
+    match item_type.value.as_str() {
+        "SimpleItem" => add_simple_item(document, &object, items),
+        "ComplexItem" => {
+            check_expanded(document, &object)?;
+            let transects = object.field("TransectStyleComplexItem")?.object()?;
+            for node in transects.field("Items")?.elements(ITEMS_MAX)? {
+                add_simple_item(document, &node.object()?, items)?;
+            }
+            Ok(())
+        }
+        _ => Err(document.refuse(
+            item_type.text,
+            format_args!(
+                "`{}.type` is {}",
+                object.node().path(),
+                quoted(item_type.text)
+            ),
+            "an item is a \"SimpleItem\" or a \"ComplexItem\"",
+        )),
+    }
+}
+
+fn check_expanded(document: Document<'_>, complex: &Object<'_>) -> Result<(), BadInput> {
+    let kind = complex.field("complexItemType")?.string()?;
+    if EXPANDED.contains(&kind.value.as_str()) {
+        return Ok(());
+    }
+    Err(document.refuse(
+        kind.text,
+        format_args!(
+            "`{}` is a complex item of the type {}, which the swarm can't fly",
+            complex.node().path(),
+            quoted(kind.text)
+        ),
+        "of the complex items, \"survey\" and \"CorridorScan\" are flown: replace the others by waypoints",
+    ))
+}
+
+fn add_simple_item<'a>(
+    document: Document<'a>,
+    item: &Object<'a>,
+    items: &mut Vec<Item<'a>>,
+) -> Result<(), BadInput> {
+    if items.len() == ITEMS_MAX {
+        return Err(document.refuse(
+            item.node().pointer(),
+            format_args!("the mission has more than {ITEMS_MAX} items"),
+            format!("at most {ITEMS_MAX} are read, those of its surveys included"),
+        ));
+    }
+    let parameters = item.field("params")?;
+    let [hold, second, third, fourth, latitude, longitude, altitude] =
+        exactly(document, &parameters, "the seven of a MAVLink command")?;
+    for unused in [second, third, fourth] {
+        unused.number_or_null()?;
+    }
+    items.push(Item {
+        name: item.node().path().to_owned(),
+        command: item.field("command")?.code()?,
+        frame: item.field("frame")?.code()?,
+        hold_s: hold.number_or_null()?,
+        position: position(&latitude, &longitude, &altitude)?,
+        auto_continue: item.field("autoContinue")?.boolean()?.value,
+    });
+    Ok(())
+}
+
+/// The values of an array that must have as many as its reader takes.
+fn exactly<'a, const N: usize>(
+    document: Document<'a>,
+    array: &Node<'a>,
+    meaning: &str,
+) -> Result<[Node<'a>; N], BadInput> {
+    let values = array.elements(ITEMS_MAX)?;
+    let count = values.len();
+    values.try_into().map_err(|_| {
+        document.refuse(
+            array.pointer(),
+            format_args!("`{}` has {count} values", array.path()),
+            format!("it must have {N}: {meaning}"),
+        )
+    })
+}
+
+fn position<'a>(
+    latitude: &Node<'a>,
+    longitude: &Node<'a>,
+    altitude: &Node<'a>,
+) -> Result<Position<'a>, BadInput> {
+    Ok(Position {
+        latitude_deg: latitude.number_or_null()?,
+        longitude_deg: longitude.number_or_null()?,
+        altitude_m: altitude.number_or_null()?,
+    })
+}

@@ -1,0 +1,325 @@
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::diagnostic::tests::rendered;
+
+mod refusals;
+
+const ALBUFERA: &str = include_str!("../../../scenarios/missions/albufera.plan");
+const RIVER: &str = include_str!("../../../scenarios/missions/river.waypoints");
+
+/// A mission of two waypoints after take-off, in the lines of a waypoints file.
+const SHORT: &str = "\
+QGC WPL 110
+0 1 0 16 0 0 0 0 39.333 -0.3085 2 1
+1 0 3 22 0 0 0 0 0 0 25 1
+2 0 3 16 0 0 0 0 39.336 -0.3085 25 1
+3 0 3 16 0 0 0 0 39.339 -0.3085 30 1
+";
+
+fn mission(text: &str) -> Mission {
+    parse(Path::new("given"), text).unwrap_or_else(|error| panic!("{}", rendered(&error)))
+}
+
+fn short_with(lines: &str) -> Mission {
+    mission(&format!("{SHORT}{lines}"))
+}
+
+fn heights(mission: &Mission) -> Vec<f64> {
+    mission
+        .waypoints()
+        .iter()
+        .map(|point| point.altitude_m())
+        .collect()
+}
+
+fn notes(mission: &Mission) -> Vec<String> {
+    mission.notes().iter().map(Note::to_string).collect()
+}
+
+/// The same mission in a waypoints file, by no code of this crate's but its dependencies'.
+fn as_waypoints(plan: &str) -> String {
+    let plan: serde_json::Value = serde_json::from_str(plan).unwrap();
+    let mission = &plan["mission"];
+    let home = &mission["plannedHomePosition"];
+    let mut text = format!(
+        "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t{}\t{}\t{}\t1\n",
+        home[0], home[1], home[2]
+    );
+    for (index, item) in mission["items"].as_array().unwrap().iter().enumerate() {
+        write!(
+            text,
+            "{}\t0\t{}\t{}",
+            index + 1,
+            item["frame"],
+            item["command"]
+        )
+        .unwrap();
+        for parameter in item["params"].as_array().unwrap() {
+            match parameter {
+                serde_json::Value::Null => text.push_str("\tnan"),
+                number => write!(text, "\t{number}").unwrap(),
+            }
+        }
+        text.push_str("\t1\n");
+    }
+    text
+}
+
+/// Each leg's length over ground in metres, and its heading in degrees east of north.
+fn legs(mission: &Mission) -> Vec<(f64, f64)> {
+    mission
+        .waypoints()
+        .windows(2)
+        .map(|pair| {
+            let leg = pair[1] - pair[0];
+            let heading = libm::atan2(leg.east_m(), leg.north_m()).to_degrees();
+            (pair[1].horizontal_distance_m(pair[0]), heading)
+        })
+        .collect()
+}
+
+#[test]
+fn the_shipped_missions_suit_a_line_abreast() {
+    for (text, count, length_m) in [(ALBUFERA, 8, 2_500.0), (RIVER, 7, 1_800.0)] {
+        let mission = mission(text);
+        assert_eq!(mission.waypoints().len(), count);
+        let legs = legs(&mission);
+        let total_m: f64 = legs.iter().map(|(leg_m, _)| leg_m).sum();
+        assert!((total_m - length_m).abs() < 1.0, "{total_m} m");
+        for (leg_m, heading_deg) in legs {
+            assert!(leg_m >= 250.0, "a leg of {leg_m} m");
+            assert!(heading_deg.abs() <= 35.0, "a leg towards {heading_deg}°");
+        }
+    }
+}
+
+#[test]
+fn a_shipped_mission_is_loaded_from_its_file() {
+    let missions = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../scenarios/missions");
+    let albufera = load(&missions.join("albufera.plan")).unwrap();
+    assert_eq!(albufera, mission(ALBUFERA));
+    assert!(albufera.notes().is_empty());
+    assert_eq!(heights(&albufera), [25.0; 8]);
+    let river = load(&missions.join("river.waypoints")).unwrap();
+    assert_eq!(heights(&river), [30.0, 30.0, 40.0, 40.0, 25.0, 20.0, 30.0]);
+    assert_eq!(
+        notes(&river),
+        ["item 2: DO_CHANGE_SPEED is ignored, it moves no drone of the swarm"]
+    );
+}
+
+#[test]
+fn both_formats_of_a_mission_give_the_same_waypoints() {
+    let (plan, text) = (mission(ALBUFERA), mission(&as_waypoints(ALBUFERA)));
+    assert_eq!(plan.waypoints(), text.waypoints());
+    assert_eq!(plan.home(), text.home());
+}
+
+#[test]
+fn the_format_is_told_by_the_content_and_not_by_the_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("mission.txt");
+    std::fs::write(&path, format!("\u{feff}\r\n{ALBUFERA}")).unwrap();
+    assert_eq!(load(&path).unwrap(), mission(ALBUFERA));
+}
+
+#[test]
+fn windows_line_ends_and_comments_change_nothing() {
+    let windows = RIVER.replace('\n', "\r\n");
+    let commented = RIVER.replace("\n1\t", "\n# take-off\n\n1\t");
+    assert_eq!(mission(&windows), mission(RIVER));
+    assert_eq!(mission(&commented), mission(RIVER));
+}
+
+#[test]
+fn without_take_off_the_first_waypoint_gives_the_height() {
+    let text = SHORT
+        .replace("1 0 3 22 0 0 0 0 0 0 25 1\n", "")
+        .replace("\n2 0", "\n1 0")
+        .replace("\n3 0", "\n2 0")
+        .replace("-0.3085 25 1", "-0.3085 40 1");
+    let mission = mission(&text);
+    assert_eq!(mission.waypoints()[0], Ned::HOME.at_altitude(40.0));
+    assert_eq!(heights(&mission), [40.0, 40.0, 30.0]);
+}
+
+#[test]
+fn altitudes_above_sea_level_become_heights_above_home() {
+    let text = SHORT.replace(
+        "3 0 3 16 0 0 0 0 39.339 -0.3085 30",
+        "3 0 0 16 0 0 0 0 39.339 -0.3085 47.5",
+    );
+    assert_eq!(heights(&mission(&text)), [25.0, 25.0, 45.5]);
+}
+
+#[test]
+fn both_frames_above_home_are_the_same() {
+    assert_eq!(mission(&SHORT.replace(" 3 16", " 6 16")), mission(SHORT));
+}
+
+#[test]
+fn a_return_adds_a_point_over_home_at_the_last_height() {
+    let mission = short_with("4 0 2 20 0 0 0 0 0 0 0 1\n");
+    assert_eq!(mission.waypoints().len(), 4);
+    assert_eq!(mission.waypoints()[3], Ned::HOME.at_altitude(30.0));
+}
+
+#[test]
+fn landing_somewhere_adds_a_point_over_it_at_the_last_height() {
+    let mission = short_with("4 0 3 21 0 0 0 0 39.342 -0.3085 0 1\n");
+    assert_eq!(mission.waypoints().len(), 4);
+    assert!((mission.waypoints()[3].north_m() - 999.3).abs() < 1.0);
+    assert_eq!(heights(&mission), [25.0, 25.0, 30.0, 30.0]);
+}
+
+#[test]
+fn landing_nowhere_or_at_the_last_waypoint_adds_no_point() {
+    for coordinates in ["0 0", "39.339 -0.3085"] {
+        let mission = short_with(&format!("4 0 3 21 0 0 0 0 {coordinates} 0 1\n"));
+        assert_eq!(mission.waypoints().len(), 3);
+        assert!(mission.notes().is_empty());
+    }
+}
+
+#[test]
+fn what_the_swarm_leaves_out_is_noted() {
+    let mission = short_with(
+        "4 0 3 16 5 0 0 0 39.342 -0.3085 30 0\n\
+         5 0 3 16 0 0 0 0 39.342 -0.3085 30 1\n\
+         6 0 2 206 20 0 0 0 0 0 0 1\n\
+         7 0 2 20 0 0 0 0 0 0 0 1\n\
+         8 0 2 2001 0 0 0 0 nan nan nan 1\n",
+    );
+    insta::assert_snapshot!(notes(&mission).join("\n"));
+    assert_eq!(mission.waypoints().len(), 5);
+}
+
+#[test]
+fn the_items_of_a_survey_are_flown_in_its_place() {
+    let survey = r#"{ "type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": { "Items": [
+        {"autoContinue":true,"command":16,"frame":3,"params":[0,0,0,null,39.342,-0.3085,30],"type":"SimpleItem"},
+        {"autoContinue":true,"command":206,"frame":2,"params":[25,0,1,0,0,0,0],"type":"SimpleItem"},
+        {"autoContinue":true,"command":16,"frame":3,"params":[0,0,0,null,39.342,-0.3070,30],"type":"SimpleItem"}
+        ] } },"#;
+    let plan = refusals::PLAN.replace("\"items\": [", &format!("\"items\": [{survey}"));
+    let mission = mission(&plan.replacen("\"command\":22", "\"command\":16", 1));
+    assert_eq!(mission.waypoints().len(), 7);
+    assert_eq!(
+        mission.notes()[0].item(),
+        "mission.items[0].TransectStyleComplexItem.Items[1]"
+    );
+}
+
+#[test]
+fn the_longest_route_is_read_and_one_point_more_is_not() {
+    let with_waypoints = |count: usize| {
+        let mut text = String::from("QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n");
+        for index in 1..=count {
+            let latitude = 39.334 + 0.0001 * index as f64;
+            writeln!(text, "{index} 0 3 16 0 0 0 0 {latitude:.4} -0.3085 25 1").unwrap();
+        }
+        parse(Path::new("given"), &text)
+    };
+    assert_eq!(
+        with_waypoints(WAYPOINTS_MAX - 1).unwrap().waypoints().len(),
+        WAYPOINTS_MAX
+    );
+    let refused = with_waypoints(WAYPOINTS_MAX).unwrap_err().to_string();
+    assert_eq!(refused, "item 1000: the route has more than 1000 points");
+}
+
+#[test]
+fn more_items_than_the_limit_are_refused_in_both_formats() {
+    let mut text = SHORT.to_owned();
+    for index in 4..=ITEMS_MAX {
+        writeln!(text, "{index} 0 2 178 0 0 0 0 0 0 0 1").unwrap();
+    }
+    let refused = parse(Path::new("given"), &text).unwrap_err().to_string();
+    assert_eq!(refused, "the file has more than 5000 items");
+    let items = "0,\n".repeat(ITEMS_MAX + 1);
+    let plan = refusals::PLAN.replace("\"items\": [", &format!("\"items\": [\n{items}\n"));
+    let refused = parse(Path::new("given"), &plan).unwrap_err().to_string();
+    assert_eq!(refused, "`mission.items` has 5005 values");
+}
+
+#[test]
+fn nesting_however_deep_is_refused() {
+    let text = format!("{{\"mission\":{}", "[".repeat(1_000_000));
+    let refused = parse(Path::new("given"), &text).unwrap_err().to_string();
+    assert!(
+        refused.contains("the file ends inside its JSON"),
+        "{refused}"
+    );
+    let closed = format!("{text}{}}}", "]".repeat(1_000_000));
+    let refused = parse(Path::new("given"), &closed).unwrap_err().to_string();
+    assert!(refused.contains("`fileType` is missing"), "{refused}");
+}
+
+/// What changes a mission into something near to one, as a regular expression.
+const REPLACEMENTS: &str = "[-0-9.eE\"\\[\\]{},:\tñ ]{0,4}|nan|inf|1e999|null";
+
+/// Nothing to check but that it ends: an error must be one that can be shown.
+fn is_read_or_refused(text: &str) {
+    if let Err(error) = parse(Path::new("given"), text) {
+        assert!(!rendered(&error).is_empty());
+    }
+}
+
+fn shipped() -> impl Strategy<Value = &'static str> {
+    prop_oneof![
+        Just(ALBUFERA),
+        Just(RIVER),
+        Just(refusals::PLAN),
+        Just(SHORT)
+    ]
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_make_the_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        for beginning in ["", "{", "QGC WPL 110\n"] {
+            is_read_or_refused(&format!("{beginning}{}", String::from_utf8_lossy(&bytes)));
+        }
+    }
+
+    #[test]
+    fn a_mission_cut_anywhere_is_read_or_refused(text in shipped(), cut in any::<prop::sample::Index>()) {
+        is_read_or_refused(&text[..cut.index(text.len())]);
+    }
+
+    #[test]
+    fn a_mission_with_anything_changed_is_read_or_refused(
+        text in shipped(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), REPLACEMENTS), 1..4),
+    ) {
+        let mut changed = text.to_owned();
+        for (place, replacement) in changes {
+            let place = place.index(changed.len());
+            if changed.is_char_boundary(place) && changed.is_char_boundary(place + 1) {
+                changed.replace_range(place..=place, &replacement);
+            }
+        }
+        is_read_or_refused(&changed);
+    }
+
+    #[test]
+    fn every_mission_that_is_read_keeps_its_promises(
+        places in prop::collection::vec((39.0..40.0_f64, -1.0..1.0_f64, 0.1..1_100.0_f64), 1..20),
+    ) {
+        let mut text = String::from("QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n");
+        for (index, (latitude, longitude, height)) in places.iter().enumerate() {
+            writeln!(text, "{} 0 3 16 0 0 0 0 {latitude} {longitude} {height}  1", index + 1).unwrap();
+        }
+        if let Ok(mission) = parse(Path::new("given"), &text) {
+            let points = mission.waypoints();
+            prop_assert!(points.len() > NAV_WAYPOINTS_MIN);
+            prop_assert_eq!(points[0], Ned::HOME.at_altitude(points[0].altitude_m()));
+            prop_assert!(points.windows(2).all(|pair| pair[0] != pair[1]));
+            prop_assert!(points.iter().all(|point| point.altitude_m() > 0.0 && point.altitude_m() <= HEIGHT_MAX_M));
+        }
+    }
+}

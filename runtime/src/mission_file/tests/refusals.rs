@@ -1,0 +1,263 @@
+//! What people see for each way in which a mission can be wrong.
+
+use super::*;
+
+pub(super) const PLAN: &str = r#"{
+  "fileType": "Plan",
+  "mission": {
+    "items": [
+      {"autoContinue":true,"command":22,"frame":3,"params":[0,0,0,null,39.333,-0.3085,25],"type":"SimpleItem"},
+      {"autoContinue":true,"command":16,"frame":3,"params":[0,0,0,null,39.336,-0.3085,25],"type":"SimpleItem"},
+      {"autoContinue":true,"command":16,"frame":3,"params":[0,0,0,null,39.339,-0.3085,25],"type":"SimpleItem"},
+      {"autoContinue":true,"command":20,"frame":2,"params":[0,0,0,0,0,0,0],"type":"SimpleItem"}
+    ],
+    "plannedHomePosition": [39.333, -0.3085, 2],
+    "version": 2
+  },
+  "version": 1
+}
+"#;
+
+/// Every case's name and error, as shown, after replacing the first of `from` by `to`.
+fn refusals(file: &str, text: &str, cases: &[(&str, &str, &str)]) -> String {
+    let mut shown = String::new();
+    for (claim, from, to) in cases {
+        assert!(text.contains(from), "{claim}: nothing to replace");
+        let changed = text.replacen(from, to, 1);
+        let Err(error) = parse(Path::new(file), &changed) else {
+            panic!("{claim}: accepted");
+        };
+        writeln!(shown, "# {claim}\n{}", rendered(&error)).unwrap();
+    }
+    shown
+}
+
+#[test]
+fn what_is_neither_format_is_refused() {
+    let shown = refusals(
+        "short.kml",
+        SHORT,
+        &[
+            (
+                "another format",
+                SHORT,
+                "\n<?xml version=\"1.0\"?>\n<kml>\n",
+            ),
+            ("an array", SHORT, "[1, 2]"),
+        ],
+    );
+    insta::assert_snapshot!(shown);
+}
+
+#[test]
+fn every_fault_of_a_plan_shows_its_place() {
+    let last = "[0,0,0,null,39.339,-0.3085,25]";
+    let shown = refusals(
+        "short.plan",
+        PLAN,
+        &[
+            (
+                "cut short",
+                "\"version\": 2\n  },\n  \"version\": 1\n}\n",
+                "",
+            ),
+            ("not JSON", "39.339", "NaN"),
+            ("a comma too many", "0]", "0,]"),
+            ("text after it", "1\n}\n", "1\n}\n}\n"),
+            ("another file type", "\"Plan\"", "\"Fence\""),
+            ("no file type", "fileType", "type"),
+            ("another version", "\"version\": 1\n", "\"version\": 3\n"),
+            ("an old mission", "\"version\": 2", "\"version\": 1"),
+            ("no mission", "\"mission\"", "\"plan\""),
+            (
+                "a mission that is none",
+                "\"mission\": {",
+                "\"mission\": [], \"old\": {",
+            ),
+            (
+                "items that are none",
+                "\"items\": [",
+                "\"items\": 7, \"old\": [",
+            ),
+            ("no home", "plannedHomePosition", "home"),
+            ("half a home", "-0.3085, 2]", "-0.3085]"),
+            ("home without altitude", "-0.3085, 2]", "-0.3085, null]"),
+            ("home at nowhere", "[39.333, -0.3085, 2]", "[0, 0, 0]"),
+            ("home at a pole", "[39.333, -0.3085, 2]", "[90, 0, 0]"),
+            ("home in the sky", "-0.3085, 2]", "-0.3085, 20000]"),
+            (
+                "an item that is none",
+                "{\"autoContinue\":true,\"command\":20",
+                "null, {\"command\":20",
+            ),
+            ("an unknown kind of item", "\"SimpleItem\"", "\"Item\""),
+            ("no frame", "\"frame\":3,", ""),
+            (
+                "a command that is text",
+                "\"command\":16",
+                "\"command\":\"NAV_WAYPOINT\"",
+            ),
+            ("a negative frame", "\"frame\":3", "\"frame\":-3"),
+            ("six parameters", last, "[0,0,0,39.339,-0.3085,25]"),
+            (
+                "an altitude that is text",
+                last,
+                "[0,0,0,null,39.339,-0.3085,\"25\"]",
+            ),
+            (
+                "an altitude that is null",
+                last,
+                "[0,0,0,null,39.339,-0.3085,null]",
+            ),
+            (
+                "a latitude that is null",
+                last,
+                "[0,0,0,null,null,-0.3085,25]",
+            ),
+            (
+                "an infinite altitude",
+                last,
+                "[0,0,0,null,39.339,-0.3085,1e999]",
+            ),
+            (
+                "an object for a number",
+                last,
+                "[0,0,0,{},39.339,-0.3085,25]",
+            ),
+            ("on the ground", last, "[0,0,0,null,39.339,-0.3085,0]"),
+            ("below home", last, "[0,0,0,null,39.339,-0.3085,-5]"),
+            ("too high", last, "[0,0,0,null,39.339,-0.3085,1000.5]"),
+            (
+                "a latitude off the map",
+                last,
+                "[0,0,0,null,139.339,-0.3085,25]",
+            ),
+            (
+                "a longitude off the map",
+                last,
+                "[0,0,0,null,39.339,-200,25]",
+            ),
+            (
+                "exchanged coordinates",
+                last,
+                "[0,0,0,null,-0.3085,39.339,25]",
+            ),
+            ("above the terrain", "\"frame\":3", "\"frame\":10"),
+            ("local coordinates", "\"frame\":3", "\"frame\":1"),
+            ("an unknown frame", "\"frame\":3", "\"frame\":99"),
+            ("a loiter", "\"command\":20", "\"command\":19"),
+            ("a jump", "\"command\":20", "\"command\":177"),
+            ("an unknown command", "\"command\":20", "\"command\":31000"),
+            ("a second take-off", "\"command\":16", "\"command\":22"),
+            (
+                "a waypoint after the end",
+                "\"command\":16",
+                "\"command\":20",
+            ),
+            ("one waypoint", "\"command\":16", "\"command\":178"),
+            ("no items", "\"items\": [", "\"items\": [], \"old\": ["),
+            (
+                "a structure scan",
+                "\"type\":\"SimpleItem\"",
+                "\"type\":\"ComplexItem\",\"complexItemType\":\"StructureScan\"",
+            ),
+            (
+                "a survey without items",
+                "\"type\":\"SimpleItem\"",
+                "\"type\":\"ComplexItem\",\"complexItemType\":\"survey\",\"TransectStyleComplexItem\":{}",
+            ),
+            (
+                "on one line",
+                PLAN,
+                &PLAN.replace('\n', "").replace("39.339,", "true,"),
+            ),
+        ],
+    );
+    insta::assert_snapshot!(shown);
+}
+
+#[test]
+fn every_fault_of_a_waypoints_file_shows_its_place() {
+    let waypoint = "3 0 3 16 0 0 0 0 39.339 -0.3085 30 1";
+    let shown = refusals(
+        "short.waypoints",
+        SHORT,
+        &[
+            ("another version", "WPL 110", "WPL 120"),
+            ("nothing but a header", &SHORT[11..], "\n"),
+            ("cut short", " 30 1\n", ""),
+            (
+                "a column too many",
+                waypoint,
+                "3 0 3 16 0 0 0 0 39.339 -0.3085 30 1 1",
+            ),
+            (
+                "a waypoint that is text",
+                waypoint,
+                "3 0 3 16 0 0 0 0 north -0.3085 30 1",
+            ),
+            ("a long word", "39.339", &"ñ".repeat(50)),
+            (
+                "a decimal comma",
+                waypoint,
+                "3 0 3 16 0 0 0 0 39,339 -0.3085 30 1",
+            ),
+            (
+                "a latitude that is NaN",
+                waypoint,
+                "3 0 3 16 0 0 0 0 nan -0.3085 30 1",
+            ),
+            (
+                "an infinite altitude",
+                waypoint,
+                "3 0 3 16 0 0 0 0 39.339 -0.3085 inf 1",
+            ),
+            (
+                "an unused parameter that is text",
+                waypoint,
+                "3 0 3 16 0 0 x 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a missing index",
+                waypoint,
+                "4 0 3 16 0 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a command that is text",
+                waypoint,
+                "3 0 3 WP 0 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a current that is neither",
+                waypoint,
+                "3 2 3 16 0 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "an autocontinue that is neither",
+                waypoint,
+                "3 0 3 16 0 0 0 0 39.339 -0.3085 30 yes",
+            ),
+            ("too far", waypoint, "3 0 3 16 0 0 0 0 41 -0.3085 30 1"),
+            ("no home", "0 1 0 16", "0 1 0 22"),
+            ("a home above itself", "0 1 0 16", "0 1 3 16"),
+            ("home at nowhere", "39.333 -0.3085 2", "0 0 0"),
+            ("home that is NaN", "39.333 -0.3085 2", "39.333 nan 2"),
+            (
+                "landing at no number",
+                waypoint,
+                "3 0 3 21 0 0 0 0 nan nan 0 1",
+            ),
+            (
+                "landing above the terrain",
+                waypoint,
+                "3 0 10 21 0 0 0 0 39.339 -0.3085 0 1",
+            ),
+            (
+                "one waypoint twice",
+                "39.339 -0.3085 30",
+                "39.336 -0.3085 25",
+            ),
+        ],
+    );
+    insta::assert_snapshot!(shown);
+}
