@@ -1,11 +1,15 @@
 //! What is kept of a run: figures for a program, pictures and tables for a person.
 
+mod summary;
+
 use std::fmt;
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use serde::Serialize;
+
+pub(crate) use summary::summary;
 
 /// The figures of a run: what `--json` prints and `report.json` holds.
 ///

@@ -120,5 +120,3 @@ impl Vehicle {
     }
 }
 
-#[cfg(test)]
-mod tests;

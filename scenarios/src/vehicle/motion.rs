@@ -158,11 +158,11 @@ impl Motion {
             Some(velocity) => {
                 let speed = velocity.norm();
                 let acceleration = velocity * (-self.braking_mps2 / speed);
-                self.push(at, position, velocity, acceleration, speed / self.braking_mps2);
+                self.push(at, position, velocity, acceleration, speed / self.braking_mps2)
             }
             // The next leg begins now, not when the last one ended.
             None => self.push(at, position, Vector3::zeros(), Vector3::zeros(), 0.0),
-        }
+        };
     }
 
     /// Flies straight on from the end of what is planned: speeds up, holds, slows down; a triangle where the leg is

@@ -1,0 +1,129 @@
+use muster_machines::identity::NodeId;
+use muster_machines::mission::{Event, State};
+use muster_machines::time::Timestamp;
+
+use super::Violation;
+
+/// Rule 3: waypoints open one by one, each once every live member that is not landing has reached the one before;
+/// no drone skips one.
+#[derive(Debug)]
+pub(crate) struct BarrierChecker {
+    opened: Option<u16>,
+    drones: Vec<Progress>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    state: State,
+    reached: Option<u16>,
+}
+
+impl BarrierChecker {
+    pub(crate) fn new(drones: usize) -> Self {
+        Self {
+            opened: None,
+            drones: vec![Progress::default(); drones],
+        }
+    }
+
+    pub(crate) fn observe(
+        &mut self,
+        now: Timestamp,
+        drone: NodeId,
+        event: &Event,
+    ) -> Option<Violation> {
+        match *event {
+            Event::State(state) => self.enters(now, drone, state),
+            Event::Opened { waypoint } => self.opens(now, drone, waypoint),
+            _ => None,
+        }
+    }
+
+    fn enters(&mut self, now: Timestamp, drone: NodeId, state: State) -> Option<Violation> {
+        let progress = &mut self.drones[drone.0 as usize];
+        progress.state = state;
+        let next = progress.reached.map_or(0, |reached| reached + 1);
+        match state {
+            State::WaypointReached { waypoint } => {
+                progress.reached = progress.reached.max(Some(waypoint));
+                None
+            }
+            State::MovingToWaypoint { waypoint } if waypoint > next => Some(Violation {
+                rule: 3,
+                at: now,
+                drones: vec![drone],
+                what: format!("drone {drone} makes for waypoint {waypoint} before waypoint {next}"),
+            }),
+            _ => None,
+        }
+    }
+
+    fn opens(&mut self, now: Timestamp, master: NodeId, waypoint: u16) -> Option<Violation> {
+        let next = self.opened.map_or(0, |opened| opened + 1);
+        self.opened = Some(waypoint);
+        if waypoint != next {
+            return Some(Violation {
+                rule: 3,
+                at: now,
+                drones: vec![master],
+                what: format!("waypoint {waypoint} was opened where waypoint {next} was next"),
+            });
+        }
+        let before = waypoint.checked_sub(1)?;
+        let behind: Vec<NodeId> = (0..)
+            .map(NodeId)
+            .zip(&self.drones)
+            .filter(|(_, drone)| drone.state.is_following() && drone.reached < Some(before))
+            .map(|(id, _)| id)
+            .collect();
+        (!behind.is_empty()).then(|| Violation {
+            rule: 3,
+            at: now,
+            what: format!("waypoint {waypoint} was opened before all had reached waypoint {before}"),
+            drones: behind,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REACHED_0: Event = Event::State(State::WaypointReached { waypoint: 0 });
+
+    fn checker_at_waypoint_0() -> BarrierChecker {
+        let mut checker = BarrierChecker::new(2);
+        for event in [REACHED_0, Event::Opened { waypoint: 0 }] {
+            assert_eq!(checker.observe(Timestamp::ZERO, NodeId(0), &event), None);
+        }
+        checker
+    }
+
+    #[test]
+    fn a_waypoint_opened_before_all_are_there_is_found() {
+        let mut checker = checker_at_waypoint_0();
+        let on_the_way = Event::State(State::HopUpdate);
+        assert_eq!(checker.observe(Timestamp::ZERO, NodeId(1), &on_the_way), None);
+        let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
+        assert_eq!(found.map(|violation| violation.drones), Some(vec![NodeId(1)]));
+    }
+
+    #[test]
+    fn nobody_waits_for_a_drone_that_lands() {
+        let mut checker = checker_at_waypoint_0();
+        for state in [State::HopUpdate, State::Landing] {
+            assert_eq!(checker.observe(Timestamp::ZERO, NodeId(1), &Event::State(state)), None);
+        }
+        let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
+        assert_eq!(found, None);
+    }
+
+    #[test]
+    fn a_skipped_waypoint_is_found() {
+        let mut checker = checker_at_waypoint_0();
+        let leaps = Event::State(State::MovingToWaypoint { waypoint: 2 });
+        assert!(checker.observe(Timestamp::ZERO, NodeId(0), &leaps).is_some());
+        let opens = Event::Opened { waypoint: 2 };
+        assert!(checker.observe(Timestamp::ZERO, NodeId(0), &opens).is_some());
+    }
+}

@@ -1,0 +1,25 @@
+//! What must always hold: one file a rule, fed with what happens, apart from whatever makes it happen.
+//!
+//! Rules bear the numbers of the design's list of invariants.
+
+mod barrier;
+mod bounds;
+mod landing;
+mod separation;
+
+pub(crate) use barrier::BarrierChecker;
+pub(crate) use bounds::BoundsChecker;
+pub(crate) use landing::check_landed;
+pub(crate) use separation::SeparationChecker;
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+
+/// A rule that was broken.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Violation {
+    pub(crate) rule: u8,
+    pub(crate) at: Timestamp,
+    pub(crate) drones: Vec<NodeId>,
+    pub(crate) what: String,
+}

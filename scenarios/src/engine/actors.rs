@@ -1,0 +1,144 @@
+//! The supervision tree that flies, in virtual time.
+//!
+//! All actors share one thread. When they are quiet the asynchronous runtime is about to park that thread, and calls
+//! the driver, which lets the next thing happen in the world and hands it to an actor. Nothing else makes time pass.
+
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use muster_actors::{Drone, DroneConfig, Environment, Message};
+use muster_machines::cell::{Address, Checkpoints, Reaction};
+use muster_machines::identity::NodeId;
+use muster_machines::supervision::Verdict;
+use muster_machines::time::Timestamp;
+use tokio::sync::Notify;
+
+use super::{Meter, RunError};
+use crate::scenario::Scenario;
+use crate::world::{Task, What, World, blueprints};
+
+pub(super) fn run(
+    scenario: &Scenario,
+    world: World,
+    meter: Option<Meter>,
+) -> Result<World, RunError> {
+    let driver = Arc::new(Driver {
+        world: Arc::new(Mutex::new(world)),
+        meter: Mutex::new(meter),
+        drones: OnceLock::new(),
+        over: Notify::new(),
+    });
+    let parked = Arc::clone(&driver);
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .on_thread_park(move || parked.go_on())
+        .build()
+        .map_err(RunError::Runtime)?;
+    let world = Arc::clone(&driver.world);
+    runtime.block_on(fly(scenario, &driver)).map_err(RunError::Spawn)?;
+    drop(runtime);
+    drop(driver);
+    let world = Arc::into_inner(world).expect("all actors, and the driver, are gone");
+    Ok(world.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+async fn fly(scenario: &Scenario, driver: &Arc<Driver>) -> Result<(), ractor::SpawnErr> {
+    let mut drones = Vec::new();
+    for blueprint in blueprints(scenario) {
+        let id = blueprint.id;
+        let config = DroneConfig {
+            blueprint,
+            restarts: scenario.limits.restarts,
+            waiting_max: scenario.limits.waiting_max,
+        };
+        let environment = Arc::new(SimulatedEnvironment {
+            world: Arc::clone(&driver.world),
+            id,
+        });
+        drones.push(Drone::start(config, environment).await?);
+    }
+    // From here on the driver may let things happen.
+    let drones = driver.drones.get_or_init(|| drones);
+    driver.over.notified().await;
+    for drone in drones {
+        drone.stop().await;
+    }
+    Ok(())
+}
+
+struct Driver {
+    world: Arc<Mutex<World>>,
+    meter: Mutex<Option<Meter>>,
+    drones: OnceLock<Vec<Drone>>,
+    over: Notify,
+}
+
+impl Driver {
+    /// Lets the next thing happen that an actor has to be told of; says so once the run is over.
+    fn go_on(&self) {
+        let Some(drones) = self.drones.get() else {
+            return;
+        };
+        let task = {
+            let mut world = lock(&self.world);
+            let task = world.next();
+            if let Some(meter) = &mut *lock(&self.meter) {
+                meter.read(world.now(), world.recorder());
+            }
+            task
+        };
+        let Some(Task {
+            drone,
+            address,
+            what,
+        }) = task
+        else {
+            self.over.notify_one();
+            return;
+        };
+        let drone = &drones[drone.0 as usize];
+        let message = match what {
+            What::Step(stimulus) => Message::Step(stimulus),
+            What::Crash => Message::Crash,
+            What::Restart => return drone.restart(address),
+        };
+        drone
+            .book()
+            .cast(address, message)
+            .expect("one message at a time is handed to an actor that runs");
+    }
+}
+
+struct SimulatedEnvironment {
+    world: Arc<Mutex<World>>,
+    id: NodeId,
+}
+
+impl Environment for SimulatedEnvironment {
+    fn now(&self) -> Timestamp {
+        lock(&self.world).now()
+    }
+
+    fn seed(&self) -> u64 {
+        lock(&self.world).seed(self.id)
+    }
+
+    fn checkpoints(&self) -> Checkpoints {
+        lock(&self.world).checkpoints(self.id).clone()
+    }
+
+    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
+        lock(&self.world).carry_out(self.id, from, reaction);
+    }
+
+    fn failed(&self, address: Address, verdict: Verdict) {
+        lock(&self.world).failed(self.id, address, verdict);
+    }
+
+    fn starting(&self, address: Address) {
+        lock(&self.world).starting(self.id, address);
+    }
+}
+
+/// A panic under this lock would be the world's, whose state is then given up with it.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

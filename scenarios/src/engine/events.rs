@@ -1,0 +1,86 @@
+//! The machines, called directly from the event heap.
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
+use muster_actors::InjectedCrash;
+use muster_machines::cell::{Address, Blueprint, Cell, Reaction};
+use muster_machines::identity::NodeId;
+use muster_machines::machine::Stimulus;
+use muster_machines::supervision::Supervision;
+
+use super::Meter;
+use crate::scenario::Scenario;
+use crate::world::{What, World, blueprints};
+
+struct Drone {
+    blueprint: Blueprint,
+    cells: [Option<Cell>; 5],
+    supervision: Supervision,
+}
+
+pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter>) -> World {
+    let mut reaction = Reaction::default();
+    let mut drones: Vec<Drone> = blueprints(scenario)
+        .into_iter()
+        .map(|blueprint| Drone {
+            blueprint,
+            cells: [const { None }; 5],
+            supervision: Supervision::new(scenario.limits.restarts),
+        })
+        .collect();
+    for (id, drone) in (0..).map(NodeId).zip(&mut drones) {
+        for address in Address::ALL {
+            drone.build(&mut world, id, address, &mut reaction);
+        }
+    }
+    while let Some(task) = world.next() {
+        if let Some(meter) = &mut meter {
+            meter.read(world.now(), world.recorder());
+        }
+        let (id, address) = (task.drone, task.address);
+        let drone = &mut drones[id.0 as usize];
+        if let What::Restart = task.what {
+            drone.build(&mut world, id, address, &mut reaction);
+            continue;
+        }
+        let Some(cell) = &mut drone.cells[address as usize] else {
+            continue;
+        };
+        let step = AssertUnwindSafe(|| match task.what {
+            What::Step(stimulus) => cell.react(world.now(), stimulus, &mut reaction),
+            What::Crash | What::Restart => resume_unwind(Box::new(InjectedCrash)),
+        });
+        match catch_unwind(step) {
+            Ok(()) => world.carry_out(id, address, &mut reaction),
+            Err(_) => drone.fail(&mut world, id, address),
+        }
+    }
+    world
+}
+
+impl Drone {
+    fn build(&mut self, world: &mut World, id: NodeId, address: Address, reaction: &mut Reaction) {
+        world.starting(id, address);
+        let seed = world.seed(id);
+        let now = world.now();
+        let checkpoints = world.checkpoints(id);
+        let build = AssertUnwindSafe(|| {
+            let mut cell = self.blueprint.build(address, seed, now, checkpoints);
+            cell.react(now, Stimulus::Timeout, reaction);
+            cell
+        });
+        match catch_unwind(build) {
+            Ok(cell) => {
+                world.carry_out(id, address, reaction);
+                self.cells[address as usize] = Some(cell);
+            }
+            Err(_) => self.fail(world, id, address),
+        }
+    }
+
+    fn fail(&mut self, world: &mut World, id: NodeId, address: Address) {
+        self.cells[address as usize] = None;
+        let verdict = self.supervision.failed(world.now());
+        world.failed(id, address, verdict);
+    }
+}

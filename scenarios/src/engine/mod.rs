@@ -1,0 +1,89 @@
+//! The two engines. Same scenario, same seed: the same trace, byte for byte, on both.
+
+mod actors;
+mod events;
+
+use std::time::Instant;
+
+use thiserror::Error;
+
+pub use crate::report::Engine;
+use crate::report::{Flight, Report, summary};
+use crate::scenario::Scenario;
+use crate::world::{Recorder, World};
+
+/// Why a run could not be made: the machine's fault or ours, never the scenario's. Nothing is left behind.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The asynchronous runtime could not be built.
+    #[error("no runtime for the actors")]
+    Runtime(#[source] std::io::Error),
+    /// An actor could not be started.
+    #[error("an actor could not be started")]
+    Spawn(#[source] ractor::SpawnErr),
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    /// Waypoints reached and landings made, all drones together.
+    pub done: u64,
+    /// How many of them there are in the scenario.
+    pub total: u64,
+    /// How far the clock of the world is, in whole simulated seconds.
+    pub simulated_s: u64,
+}
+
+/// Whoever wants to know how far a run is; told once a simulated second.
+pub type Watcher = Box<dyn FnMut(Progress) + Send>;
+
+/// Flies a scenario from the order to take off until all drones are down, a rule is broken or the time is up.
+///
+/// # Errors
+/// When the engine can't be started.
+pub fn run(
+    scenario: &Scenario,
+    engine: Engine,
+    watcher: Option<Watcher>,
+) -> Result<(Report, Flight), RunError> {
+    let started = Instant::now();
+    let world = World::new(scenario);
+    let meter = watcher.map(|watcher| Meter::new(scenario, watcher));
+    let world = match engine {
+        Engine::Actors => actors::run(scenario, world, meter)?,
+        Engine::Events => events::run(scenario, world, meter),
+    };
+    let outcome = world.finish();
+    Ok(summary(scenario, engine, &outcome, started.elapsed()))
+}
+
+/// Tells a watcher how far a run is.
+struct Meter {
+    watcher: Watcher,
+    total: u64,
+    told_s: Option<u64>,
+}
+
+impl Meter {
+    fn new(scenario: &Scenario, watcher: Watcher) -> Self {
+        let drones = u64::from(scenario.layout.formation().drones());
+        let steps = scenario.waypoints.len() as u64 + 1;
+        Self {
+            watcher,
+            total: drones * steps,
+            told_s: None,
+        }
+    }
+
+    fn read(&mut self, now: muster_machines::time::Timestamp, recorder: &Recorder) {
+        let simulated_s = now.as_nanos() / 1_000_000_000;
+        if self.told_s != Some(simulated_s) {
+            self.told_s = Some(simulated_s);
+            (self.watcher)(Progress {
+                done: recorder.steps_done().min(self.total),
+                total: self.total,
+                simulated_s,
+            });
+        }
+    }
+}

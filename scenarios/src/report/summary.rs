@@ -1,0 +1,139 @@
+use std::time::Duration;
+
+use muster_machines::identity::NodeId;
+use muster_machines::mission::{LandingReason, State};
+
+use super::{
+    Barrier, DroneReport, Engine, Flight, FlightOfDrone, Means, Report, Role, Violation,
+};
+use crate::scenario::Scenario;
+use crate::world::{Outcome, Record, track};
+
+/// What came of a run, for a program and for a person.
+pub(crate) fn summary(
+    scenario: &Scenario,
+    engine: Engine,
+    outcome: &Outcome,
+    wall: Duration,
+) -> (Report, Flight) {
+    let recorder = &outcome.recorder;
+    let drones: Vec<DroneReport> = (0..)
+        .map(NodeId)
+        .zip(recorder.drones())
+        .map(|(id, record)| drone(id, recorder.centre(), record))
+        .collect();
+    let report = Report {
+        scenario: scenario.name.clone(),
+        seed: scenario.seed,
+        engine,
+        trace: outcome.trace.clone(),
+        simulated_s: outcome.ended.as_secs_f64(),
+        wall_s: wall.as_secs_f64(),
+        means: means(&drones),
+        drones,
+        barriers: barriers(outcome),
+        min_separation_m: outcome.closest_m,
+        violations: outcome.violations.iter().map(Violation::from).collect(),
+    };
+    let drawn = recorder
+        .drones()
+        .iter()
+        .zip(&outcome.vehicles)
+        .map(|(record, vehicle)| FlightOfDrone {
+            track: track(vehicle, record, outcome.ended),
+            states: record.states.clone(),
+        })
+        .collect();
+    let flight = Flight {
+        waypoints: scenario.waypoints.to_vec(),
+        range_m: scenario.radio.range_m,
+        drones: drawn,
+    };
+    (report, flight)
+}
+
+fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
+    let waits: Vec<Duration> = record.waits().collect();
+    let routes = &record.routes;
+    DroneReport {
+        id: id.0,
+        role: if id == centre { Role::Master } else { Role::Slave },
+        hops: routes.hops,
+        parent: routes.parent.map(|parent| parent.0),
+        relay: routes.relay && id != centre,
+        out_of_range: routes.out_of_range,
+        routing_list: routes.routing_list.iter().map(|id| id.0).collect(),
+        flight_time_s: record
+            .discovery()
+            .zip(record.disarmed)
+            .map(|(from, to)| (to - from).as_secs_f64()),
+        messages_sent: record.sent,
+        messages_received: record.received,
+        waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
+        state: state(record),
+        landed_because: record.reason.and_then(unplanned).map(str::to_owned),
+        restarts: record.restarts,
+    }
+}
+
+/// What a drone was doing at the end, as far as it could still tell.
+fn state(record: &Record) -> String {
+    let last = record.states.last().map_or(State::Start, |(_, state)| *state);
+    if record.disarmed.is_some() && last != State::Finished {
+        format!("on the ground, actor given up while {last}")
+    } else {
+        last.to_string()
+    }
+}
+
+/// Why a drone came down, in words; nothing if its mission was over.
+const fn unplanned(reason: LandingReason) -> Option<&'static str> {
+    match reason {
+        LandingReason::MissionOver => None,
+        LandingReason::MasterSilent => Some("the master was silent"),
+        LandingReason::Late => Some("it was late at its slot"),
+        LandingReason::Overdue => Some("a leg took too long"),
+        LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
+    }
+}
+
+fn means(drones: &[DroneReport]) -> Means {
+    #[expect(clippy::cast_precision_loss, reason = "counts of messages are far below 2^52")]
+    let received = drones.iter().map(|drone| drone.messages_received as f64);
+    Means {
+        flight_time_s: mean(drones.iter().filter_map(|drone| drone.flight_time_s)),
+        messages_received: mean(received).unwrap_or_default(),
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+fn barriers(outcome: &Outcome) -> Vec<Barrier> {
+    let crossings = outcome.recorder.barriers().iter();
+    crossings
+        .filter_map(|(waypoint, crossing)| {
+            let (arrived, sent_before) = crossing.arrived?;
+            let (moving, sent_after) = crossing.moving?;
+            Some(Barrier {
+                waypoint: *waypoint,
+                arrived_s: arrived.as_secs_f64(),
+                moving_s: moving.as_secs_f64(),
+                transmissions: sent_after.saturating_sub(sent_before),
+            })
+        })
+        .collect()
+}
+
+impl From<&crate::checkers::Violation> for Violation {
+    fn from(violation: &crate::checkers::Violation) -> Self {
+        Self {
+            rule: violation.rule,
+            at_s: violation.at.as_secs_f64(),
+            drones: violation.drones.iter().map(|id| id.0).collect(),
+            what: violation.what.clone(),
+        }
+    }
+}

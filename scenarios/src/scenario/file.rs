@@ -1,0 +1,160 @@
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use muster_runtime::diagnostic::{BadInput, read_text};
+use toml_edit::{DocumentMut, Item, Table, Value};
+
+use super::raw::{FIELDS, Raw};
+
+/// A field to be set in the place of what a scenario file says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Override {
+    key: String,
+    value: String,
+}
+
+impl std::str::FromStr for Override {
+    type Err = String;
+
+    /// From `key=value`, the key with its table, as in `radio.range_m=250`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (key, value) = text
+            .split_once('=')
+            .ok_or_else(|| format!("`{text}` has no `=`; use key=value, as in radio.range_m=250"))?;
+        let key = key.trim();
+        if FIELDS.iter().any(|(known, _)| *known == key) && !key.starts_with("faults") {
+            Ok(Self {
+                key: key.to_owned(),
+                value: value.trim().to_owned(),
+            })
+        } else {
+            Err(format!("there is no field `{key}` to be set{}", meant(key)))
+        }
+    }
+}
+
+/// The known field that was probably meant.
+fn meant(key: &str) -> String {
+    let field = key.rsplit('.').next().unwrap_or(key);
+    FIELDS
+        .iter()
+        .map(|(known, _)| *known)
+        .find(|known| known.rsplit('.').next() == Some(field))
+        .map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
+}
+
+/// A scenario file's text, with the overrides written into it.
+pub(super) struct Source {
+    /// The file, as shown in errors.
+    pub(super) shown: PathBuf,
+    pub(super) text: String,
+}
+
+impl Source {
+    pub(super) fn read(path: &Path, overrides: &[Override]) -> Result<Self, BadInput> {
+        let text = read_text(path)?;
+        if overrides.is_empty() {
+            let shown = path.to_owned();
+            return Ok(Self { shown, text });
+        }
+        let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
+            let span = error.span().unwrap_or_default();
+            BadInput::new(path, &text, span, error.message().trim(), NOT_TOML)
+        })?;
+        let mut shown = path.display().to_string();
+        for Override { key, value } in overrides {
+            set(&mut document, key, value);
+            shown = format!("{shown} --set {key}={value}");
+        }
+        Ok(Self {
+            shown: shown.into(),
+            text: document.to_string(),
+        })
+    }
+
+    pub(super) fn parse(&self) -> Result<Raw, BadInput> {
+        toml::from_str(&self.text).map_err(|error| {
+            let span = error.span().unwrap_or_default();
+            let message = error.message().trim().replace('\n', ", ");
+            self.error(span, &message)
+        })
+    }
+
+    /// An error at a place of the file; what would be accepted follows from the field that is there.
+    pub(super) fn error(&self, span: Range<usize>, message: &str) -> BadInput {
+        let help = self.accepted(&span);
+        BadInput::new(&self.shown, &self.text, span, message, help)
+    }
+
+    fn accepted(&self, span: &Range<usize>) -> String {
+        let Ok(document) = toml_edit::Document::parse(self.text.as_str()) else {
+            return NOT_TOML.to_owned();
+        };
+        let mut path = Vec::new();
+        path_to(document.as_table(), span, &mut path);
+        let key = path.join(".");
+        let known = FIELDS.iter().find(|(known, _)| *known == key);
+        match known {
+            Some((_, accepted)) => format!("`{key}` is {accepted}"),
+            None => {
+                let prefix = path.first().map_or_else(String::new, |table| format!("{table}."));
+                let fields: Vec<_> = FIELDS
+                    .iter()
+                    .filter_map(|(known, _)| known.strip_prefix(&prefix))
+                    .filter(|field| !field.contains('.'))
+                    .collect();
+                format!("the fields are {}", fields.join(", "))
+            }
+        }
+    }
+}
+
+const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
+
+fn set(document: &mut DocumentMut, key: &str, value: &str) {
+    let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
+    let mut table: &mut Table = document.as_table_mut();
+    let mut parts = key.split('.').peekable();
+    while let Some(part) = parts.next() {
+        if parts.peek().is_none() {
+            table[part] = Item::Value(value);
+            return;
+        }
+        let entry = table.entry(part).or_insert_with(toml_edit::table);
+        if !entry.is_table() {
+            *entry = toml_edit::table();
+        }
+        match entry.as_table_mut() {
+            Some(inner) => table = inner,
+            None => return,
+        }
+    }
+}
+
+/// The keys that lead to the innermost value around `span`.
+fn path_to(table: &Table, span: &Range<usize>, path: &mut Vec<String>) {
+    for (key, item) in table {
+        let around = |outer: Option<Range<usize>>| {
+            outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
+        };
+        let tables: Vec<&Table> = match item {
+            Item::Table(inner) => vec![inner],
+            Item::ArrayOfTables(inner) => inner.iter().collect(),
+            Item::Value(_) | Item::None => Vec::new(),
+        };
+        let key_span = table.key(key).and_then(toml_edit::Key::span);
+        if around(item.span()) || around(key_span) {
+            path.push(key.to_owned());
+            return;
+        }
+        for inner in tables {
+            let before = path.len();
+            path.push(key.to_owned());
+            path_to(inner, span, path);
+            if path.len() > before + 1 || around(inner.span()) {
+                return;
+            }
+            path.truncate(before);
+        }
+    }
+}

@@ -1,0 +1,311 @@
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::formation::{Formation, Layout, Separation};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::navigation;
+use muster_machines::routing::{Flood, Member, Packet};
+use muster_machines::supervision::RestartLimits;
+use muster_machines::time::Timestamp;
+use muster_machines::wire;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::mission_file;
+use muster_transport::sim;
+use toml::Spanned;
+
+use super::file::{Override, Source};
+use super::raw::{ActorName, Raw, Whole};
+use super::{Fault, FaultKind, Limits, Protocol, Scenario};
+use crate::vehicle::Landing;
+
+/// Reads a scenario and the mission that it names; `overrides` replace what the file says.
+///
+/// # Errors
+/// When either file can't be used: the error names the file, shows the place and says what would be accepted.
+pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
+    let source = Source::read(path, overrides)?;
+    let raw = source.parse()?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mission_path = folder.join(raw.mission.file.get_ref());
+    let mission = mission_file::load(&mission_path)?;
+    let waypoints: Arc<[Ned]> = mission.waypoints().into();
+
+    let separation = Separation {
+        horizontal_m: raw.limits.separation_horizontal_m.map_or(SEPARATION_M, |it| it.0),
+        vertical_m: raw.limits.separation_vertical_m.map_or(SEPARATION_M, |it| it.0),
+    };
+    let layout = Arc::new(layout(&source, &raw, separation)?);
+    let vehicle = vehicle(&raw);
+    let landing = landing(&raw, vehicle);
+    let protocol = protocol(&source, &raw)?;
+    check_datagrams(&source, &raw)?;
+    check_layers(&source, &raw, &layout, &waypoints)?;
+    let limits = limits(&raw, separation, &layout, &waypoints, vehicle, landing);
+    let faults = faults(&source, &raw)?;
+    let microseconds = |value: Option<Whole<0, 60_000_000>>, default: u64| {
+        Duration::from_micros(value.map_or(default, |value| value.0))
+    };
+    Ok(Scenario {
+        name: path.display().to_string(),
+        seed: raw.seed.get_ref().0,
+        layout,
+        waypoints,
+        radio: sim::Config {
+            range_m: raw.radio.range_m.0,
+            loss: raw.radio.loss.0,
+            latency: microseconds(raw.radio.latency_us, LATENCY_US),
+            jitter: microseconds(raw.radio.jitter_us, JITTER_US),
+            datagram_max: wire::DATAGRAM_MAX,
+        },
+        protocol,
+        vehicle,
+        landing,
+        limits,
+        notes: mission.notes().iter().map(ToString::to_string).collect(),
+        faults,
+    })
+}
+
+/// The least distance between flying drones, over ground or in height.
+const SEPARATION_M: f64 = 5.0;
+/// How far apart drones stand on the ground.
+const GAP_M: f64 = 10.0;
+/// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
+const ALTITUDE_MAX_M: f64 = 120.0;
+/// An unloaded hop of a 64-byte datagram over 802.11a, as measured with ns-3.
+const LATENCY_US: u64 = 231;
+/// What a sender's own program adds, at most.
+const JITTER_US: u64 = 1_000;
+
+fn layout(source: &Source, raw: &Raw, separation: Separation) -> Result<Layout, BadInput> {
+    let drones = u32::try_from(raw.formation.drones.get_ref().0)
+        .ok()
+        .and_then(NonZeroU32::new)
+        .expect("read as a number from 1 to 100000");
+    let spacing = &raw.formation.spacing_m;
+    let spacing_m = spacing.get_ref().0;
+    if spacing_m < separation.horizontal_m {
+        let message = format!(
+            "slots {spacing_m} m apart are nearer than drones may come, {} m",
+            separation.horizontal_m
+        );
+        return Err(source.error(spacing.span(), &message));
+    }
+    let gap_m = raw.formation.gap_m.as_ref().map_or(GAP_M, |gap| gap.get_ref().0);
+    let gap_span = raw.formation.gap_m.as_ref().unwrap_or(spacing).span();
+    // Half a metre more than needed, for the turn in which drones draw together costs a little.
+    if gap_m > spacing_m || gap_m < separation.horizontal_m + 0.5 {
+        let message = format!(
+            "drones {gap_m} m apart on the ground; that takes from {} m to the spacing, {spacing_m} m",
+            separation.horizontal_m + 0.5
+        );
+        return Err(source.error(gap_span, &message));
+    }
+    let heading_rad = raw.formation.heading_deg.0.to_radians();
+    let formation = Formation::new(raw.formation.kind.into(), drones, spacing_m, heading_rad);
+    Ok(Layout::new(formation, gap_m, separation))
+}
+
+/// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
+/// WPNAV_SPEED_DN 1.5 m/s.
+fn vehicle(raw: &Raw) -> navigation::Config {
+    let vehicle = &raw.vehicle;
+    navigation::Config {
+        speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
+        climb_mps: vehicle.climb_mps.map_or(2.5, |it| it.0),
+        descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
+        acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
+    }
+}
+
+/// As ArduCopter's defaults: LAND_SPEED 0.5 m/s below LAND_ALT_LOW 10 m.
+fn landing(raw: &Raw, vehicle: navigation::Config) -> Landing {
+    Landing {
+        descent_mps: vehicle.descent_mps,
+        final_mps: raw.vehicle.landing_mps.map_or(0.5, |it| it.0),
+        final_altitude_m: raw.vehicle.landing_altitude_m.map_or(10.0, |it| it.0),
+        acceleration_mps2: vehicle.acceleration_mps2,
+    }
+}
+
+/// The parameter set `quiet`, where the file says nothing else: the thesis's numbers (sections 4.2 and 4.4) and its
+/// ancestor's, the gap between hellos as `Neighbours` explains it, and a keep-alive of a second for drones that are
+/// landing, for whom nobody waits.
+fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
+    let super::raw::PolicyName::Flood = raw.protocol.policy.get_ref();
+    let super::raw::ParametersName::Quiet = raw.protocol.parameters;
+    let milliseconds = |value: Option<super::raw::Milliseconds>, default: u64| {
+        Duration::from_millis(value.map_or(default, |value| value.0))
+    };
+    let gap = raw.protocol.hello_gap_ms.as_ref();
+    let time_to_live = raw.protocol.time_to_live_ms.as_ref();
+    let protocol = Protocol {
+        liveness: raw.protocol.liveness.into(),
+        period: milliseconds(raw.protocol.period_ms, 200),
+        keep_alive: milliseconds(raw.protocol.keep_alive_ms, 1_000),
+        hello_period: milliseconds(raw.protocol.hello_period_ms, 500),
+        hello_gap: milliseconds(gap.map(|it| *it.get_ref()), 750),
+        discovery: milliseconds(raw.protocol.discovery_ms, 8_000),
+        stable_after: raw
+            .protocol
+            .stable_after
+            .and_then(|it| u32::try_from(it.0).ok())
+            .unwrap_or(3),
+        time_to_live: milliseconds(time_to_live.map(|it| *it.get_ref()), 5_000),
+    };
+    let place = |field: Option<std::ops::Range<usize>>| field.unwrap_or(raw.protocol.policy.span());
+    if protocol.hello_gap <= protocol.hello_period {
+        let message = "no two hellos would ever be in a row: the gap is not above the period";
+        return Err(source.error(place(gap.map(Spanned::span)), message));
+    }
+    if protocol.time_to_live <= protocol.period.max(protocol.keep_alive) {
+        let message = "every drone would be taken for lost: the time to live is not above the periods";
+        return Err(source.error(place(time_to_live.map(Spanned::span)), message));
+    }
+    Ok(protocol)
+}
+
+/// Refuses a swarm whose lists of members would outgrow a datagram.
+fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
+    let drones = &raw.formation.drones;
+    let largest = |id: u64| Member {
+        id: NodeId(u32::try_from(id).unwrap_or(u32::MAX)),
+        beat: u32::MAX,
+        acknowledged: u32::from(u16::MAX),
+        out_of_range: true,
+        landing: true,
+    };
+    let order = wire::encode_order(&muster_machines::mission::Order::Plan {
+        index: u16::MAX,
+        count: u16::MAX,
+        waypoints: vec![Ned::new(-1e6, -1e6, -1e6); wire::PLAN_PART_MAX],
+    });
+    let fits = |drones: u64| {
+        let packet = Packet::Flood(Flood {
+            hops: Some(u16::MAX),
+            parent: Some(NodeId(u32::MAX)),
+            pulse: u32::MAX,
+            sequence: u32::from(u16::MAX),
+            members: (0..drones).map(largest).collect(),
+            order: Some(order.clone().into()),
+        });
+        wire::encode_packet(&packet).len() <= wire::PAYLOAD_MAX
+    };
+    if fits(drones.get_ref().0) {
+        return Ok(());
+    }
+    let most = (1..).take_while(|drones| fits(*drones)).last().unwrap_or(0);
+    let message = format!(
+        "policy `flood` lists every member in a datagram of {} bytes, which {most} drones fill",
+        wire::DATAGRAM_MAX
+    );
+    Err(source.error(drones.span(), &message))
+}
+
+/// Refuses a mission that leaves no room for the altitude layers that its formation needs.
+fn check_layers(
+    source: &Source,
+    raw: &Raw,
+    layout: &Layout,
+    waypoints: &[Ned],
+) -> Result<(), BadInput> {
+    let altitude_max = raw.limits.altitude_max_m.as_ref();
+    let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
+    let layers_m = layout.layers_m(waypoints);
+    let layer_m = layers_m.iter().copied().fold(0.0, f64::max);
+    let highest = waypoints.iter().map(|it| it.altitude_m()).fold(0.0, f64::max);
+    if highest + layer_m <= altitude_max_m {
+        return Ok(());
+    }
+    let place = altitude_max.map_or_else(|| raw.mission.file.span(), Spanned::span);
+    let message = format!(
+        "the mission flies at up to {highest} m and this formation needs layers up to {layer_m} m above it, which \
+         is over the limit of {altitude_max_m} m"
+    );
+    Err(source.error(place, &message))
+}
+
+fn limits(
+    raw: &Raw,
+    separation: Separation,
+    layout: &Layout,
+    waypoints: &[Ned],
+    vehicle: navigation::Config,
+    landing: Landing,
+) -> Limits {
+    let seconds = |value: Option<super::raw::Seconds>, default: f64| {
+        Duration::from_secs_f64(value.map_or(default, |value| value.0))
+    };
+    let speed = vehicle.speed_mps.min(vehicle.climb_mps).min(vehicle.descent_mps);
+    let ramp_s = vehicle.speed_mps / vehicle.acceleration_mps2;
+    let leg_s = |from: Ned, to: Ned| {
+        from.horizontal_distance_m(to) / vehicle.speed_mps
+            + from.vertical_distance_m(to) / speed
+            + 2.0 * ramp_s
+    };
+    let legs: Vec<f64> = waypoints.windows(2).map(|pair| leg_s(pair[0], pair[1])).collect();
+    let layer_m = layout.layers_m(waypoints).iter().copied().fold(0.0, f64::max);
+    let over_home = waypoints[0].altitude_m() + layer_m;
+    let farthest_s = (0..layout.formation().drones())
+        .map(NodeId)
+        .map(|id| leg_s(layout.place(id, waypoints[0]), layout.slot(id, waypoints[0])))
+        .fold(0.0, f64::max)
+        + over_home / speed;
+    let longest_s = legs.iter().copied().fold(farthest_s, f64::max);
+    let highest = waypoints.iter().map(|it| it.altitude_m()).fold(over_home, f64::max);
+    let landing_s = (highest + layer_m) / landing.final_mps.min(landing.descent_mps);
+    let set_up = seconds(raw.limits.set_up_s, 30.0);
+    let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
+    let leg = seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0);
+    let flight_s = 2.0 * (legs.iter().sum::<f64>() + farthest_s + landing_s);
+    let duration_s = set_up.as_secs_f64() + take_off.as_secs_f64() + flight_s + 300.0;
+    let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
+    Limits {
+        separation,
+        duration: seconds(raw.limits.duration_s, duration_s),
+        set_up,
+        take_off,
+        leg,
+        waypoints_max: mission_file::WAYPOINTS_MAX + 1,
+        waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
+        restarts: RestartLimits {
+            restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
+            window: seconds(raw.limits.restart_window_s, 30.0),
+            back_off: Duration::from_millis(10),
+            back_off_max: Duration::from_secs(1),
+        },
+    }
+}
+
+fn to_usize(value: u64) -> usize {
+    usize::try_from(value).unwrap_or(usize::MAX)
+}
+
+fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
+    let drones = raw.formation.drones.get_ref().0;
+    raw.faults
+        .iter()
+        .map(|fault| {
+            let drone = fault.drone.get_ref().0;
+            if drone >= drones {
+                let message = format!("there is no drone {drone} in a swarm of {drones}");
+                return Err(source.error(fault.drone.span(), &message));
+            }
+            Ok(Fault {
+                at: Timestamp::from_secs_f64(fault.at_s.0),
+                drone: NodeId(u32::try_from(drone).unwrap_or(u32::MAX)),
+                kind: FaultKind::CrashActor(match fault.crash {
+                    ActorName::Radio => Address::Radio,
+                    ActorName::Routing => Address::Routing,
+                    ActorName::Mission => Address::Mission,
+                    ActorName::Navigation => Address::Navigation,
+                    ActorName::Msp => Address::Msp,
+                }),
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,169 @@
+//! What is simulated: a scenario, as parsed.
+
+mod file;
+mod load;
+mod raw;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::cell::{Address, Blueprint};
+use muster_machines::formation::{Layout, Separation};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::{NodeId, SwarmId};
+use muster_machines::mission::Liveness;
+use muster_machines::radio::{self, Budget};
+use muster_machines::supervision::RestartLimits;
+use muster_machines::time::Timestamp;
+use muster_machines::{mission, navigation, routing};
+use muster_transport::sim;
+
+use crate::simulated_link::SimulatedLink;
+use crate::vehicle::Landing;
+
+pub use file::Override;
+pub use load::load;
+
+/// A scenario whose fields fit each other.
+#[derive(Debug, Clone)]
+pub struct Scenario {
+    /// What it is called: its file.
+    pub name: String,
+    /// Where every random draw starts from.
+    pub seed: u64,
+    /// Who flies where.
+    pub layout: Arc<Layout>,
+    /// The waypoints of the centre of the formation; 0 is over home.
+    pub waypoints: Arc<[Ned]>,
+    /// What the medium is like.
+    pub radio: sim::Config,
+    /// How the swarm talks.
+    pub protocol: Protocol,
+    /// How the vehicles fly.
+    pub vehicle: navigation::Config,
+    /// How they come down.
+    pub landing: Landing,
+    /// What must not be exceeded.
+    pub limits: Limits,
+    /// What the mission file asks for and the swarm does not do, in words.
+    pub notes: Vec<String>,
+    /// What goes wrong, and when.
+    pub faults: Vec<Fault>,
+}
+
+/// The swarm that a scenario simulates.
+const SWARM: SwarmId = SwarmId(1);
+
+impl Scenario {
+    /// What one of its drones is built with.
+    pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
+        let drones = self.layout.formation().drones();
+        let protocol = self.protocol;
+        let leads = id == self.layout.formation().centre();
+        Blueprint {
+            id,
+            radio: radio::Config {
+                id,
+                swarm: SWARM,
+                boot: 1,
+                budget: Budget {
+                    interval: protocol.period / BUDGET_PER_PERIOD,
+                    burst: BUDGET_BURST,
+                },
+                senders_max: drones as usize,
+            },
+            routing: routing::Config {
+                id,
+                drones,
+                period: protocol.period,
+                keep_alive: protocol.keep_alive,
+                hello_period: protocol.hello_period,
+                discovery: protocol.discovery,
+                stable_after: protocol.stable_after,
+                hello_gap: protocol.hello_gap,
+                time_to_live: protocol.time_to_live,
+            },
+            mission: mission::Config {
+                id,
+                layout: Arc::clone(&self.layout),
+                mission: if leads {
+                    Arc::clone(&self.waypoints)
+                } else {
+                    Arc::default()
+                },
+                liveness: protocol.liveness,
+                set_up_limit: self.limits.set_up,
+                take_off_limit: self.limits.take_off,
+                leg_limit: self.limits.leg,
+                waypoints_max: self.limits.waypoints_max,
+            },
+            navigation: self.vehicle,
+            link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
+        }
+    }
+}
+
+/// How many frames of one sender a radio lets in each period: a drone that keeps to the protocol sends one.
+const BUDGET_PER_PERIOD: u32 = 4;
+/// How many of them may come at once.
+const BUDGET_BURST: u32 = 16;
+
+/// How the swarm talks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Protocol {
+    /// When a silent drone counts as lost.
+    pub liveness: Liveness,
+    /// How often a drone repeats what it knows.
+    pub period: Duration,
+    /// How often it does so once it is landing.
+    pub keep_alive: Duration,
+    /// How often a drone says hello during neighbour discovery.
+    pub hello_period: Duration,
+    /// How long neighbour discovery lasts.
+    pub discovery: Duration,
+    /// The longest pause between two hellos in a row.
+    pub hello_gap: Duration,
+    /// How many hellos in a row make a neighbour stable.
+    pub stable_after: u32,
+    /// How long a drone may be silent before it counts as lost.
+    pub time_to_live: Duration,
+}
+
+/// What must not be exceeded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// How far apart flying drones must be.
+    pub separation: Separation,
+    /// How long the run may last: by then every drone is on the ground.
+    pub duration: Duration,
+    /// How long the master waits for members on the ground.
+    pub set_up: Duration,
+    /// How long a take-off may take.
+    pub take_off: Duration,
+    /// How long any leg may take.
+    pub leg: Duration,
+    /// The most waypoints that a mission may have.
+    pub waypoints_max: usize,
+    /// The most messages that wait for one actor.
+    pub waiting_max: usize,
+    /// When failed actors are restarted and when that is given up.
+    pub restarts: RestartLimits,
+}
+
+/// Something that goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fault {
+    /// When.
+    pub at: Timestamp,
+    /// To whom.
+    pub drone: NodeId,
+    /// What.
+    pub kind: FaultKind,
+}
+
+/// What can go wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultKind {
+    /// One of the drone's actors panics.
+    CrashActor(Address),
+}

@@ -1,0 +1,264 @@
+//! A scenario file's fields as they are written; numbers are checked for themselves here, how they fit each other
+//! when they are put together.
+
+use std::path::PathBuf;
+
+use muster_machines::formation::Kind;
+use muster_machines::mission::Liveness;
+use serde::Deserialize;
+use toml::Spanned;
+
+/// Every field of a scenario file, with what it accepts; the page on scenarios describes each.
+pub(super) const FIELDS: &[(&str, &str)] = &[
+    ("seed", "a whole number from 0 to 9223372036854775807"),
+    ("formation", "a table with `kind`, `drones` and `spacing_m`"),
+    ("formation.kind", "\"linear\""),
+    ("formation.drones", "a whole number from 1 to 100000"),
+    ("formation.spacing_m", "metres, a number above 0, at most 100000"),
+    ("formation.heading_deg", "degrees clockwise from north, a number from -360 to 360"),
+    ("formation.gap_m", "metres, a number above 0, at most 100000, at most `spacing_m`"),
+    ("mission", "a table with `file`"),
+    (
+        "mission.file",
+        "the path of a QGroundControl `.plan` or `.waypoints` file, as seen from the scenario's folder",
+    ),
+    ("radio", "a table with `range_m`"),
+    ("radio.range_m", "metres, a number above 0, at most 100000"),
+    ("radio.loss", "a share from 0 to 1"),
+    ("radio.latency_us", "microseconds, a whole number from 0 to 60000000"),
+    ("radio.jitter_us", "microseconds, a whole number from 0 to 60000000"),
+    ("protocol", "a table with `policy`"),
+    ("protocol.policy", "\"flood\""),
+    ("protocol.liveness", "\"pulse\" or \"thesis\""),
+    ("protocol.parameters", "\"quiet\""),
+    ("protocol.period_ms", "milliseconds, a whole number from 1 to 3600000"),
+    ("protocol.keep_alive_ms", "milliseconds, a whole number from 1 to 3600000"),
+    ("protocol.hello_period_ms", "milliseconds, a whole number from 1 to 3600000"),
+    ("protocol.hello_gap_ms", "milliseconds, a whole number from 1 to 3600000, above `hello_period_ms`"),
+    ("protocol.discovery_ms", "milliseconds, a whole number from 1 to 3600000"),
+    ("protocol.stable_after", "a whole number from 1 to 1000"),
+    ("protocol.time_to_live_ms", "milliseconds, a whole number from 1 to 3600000, above `period_ms`"),
+    ("vehicle", "a table"),
+    ("vehicle.speed_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.acceleration_mps2", "m/s², a number above 0, at most 100"),
+    ("vehicle.climb_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.descent_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.landing_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.landing_altitude_m", "metres, a number from 0 to 100000"),
+    ("limits", "a table"),
+    ("limits.separation_horizontal_m", "metres, a number above 0, at most 100000"),
+    ("limits.separation_vertical_m", "metres, a number above 0, at most 100000"),
+    ("limits.altitude_max_m", "metres above home, a number above 0, at most 100000"),
+    ("limits.duration_s", "seconds, a number above 0, at most 604800"),
+    ("limits.set_up_s", "seconds, a number above 0, at most 604800"),
+    ("limits.take_off_s", "seconds, a number above 0, at most 604800"),
+    ("limits.leg_s", "seconds, a number above 0, at most 604800"),
+    ("limits.waiting_max", "a whole number from 1 to 1000000"),
+    ("limits.restarts_max", "a whole number from 0 to 1000000"),
+    ("limits.restart_window_s", "seconds, a number above 0, at most 604800"),
+    ("faults", "tables, each begun by a line `[[faults]]`, with `at_s`, `drone` and `crash`"),
+    ("faults.at_s", "seconds from the start of the run, a number from 0 to 604800"),
+    ("faults.drone", "the number of a drone, from 0 to one below `formation.drones`"),
+    (
+        "faults.crash",
+        "an actor: \"radio\", \"routing\", \"mission\", \"navigation\" or \"msp\"",
+    ),
+];
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Raw {
+    pub(super) seed: Spanned<Whole<0, { i64::MAX as u64 }>>,
+    pub(super) formation: Formation,
+    pub(super) mission: Mission,
+    pub(super) radio: Radio,
+    pub(super) protocol: Protocol,
+    #[serde(default)]
+    pub(super) vehicle: Vehicle,
+    #[serde(default)]
+    pub(super) limits: Limits,
+    #[serde(default)]
+    pub(super) faults: Vec<Fault>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Formation {
+    pub(super) kind: FormationKind,
+    pub(super) drones: Spanned<Whole<1, 100_000>>,
+    pub(super) spacing_m: Spanned<Length>,
+    #[serde(default)]
+    pub(super) heading_deg: Heading,
+    pub(super) gap_m: Option<Spanned<Length>>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum FormationKind {
+    Linear,
+}
+
+impl From<FormationKind> for Kind {
+    fn from(kind: FormationKind) -> Self {
+        match kind {
+            FormationKind::Linear => Self::Linear,
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Mission {
+    pub(super) file: Spanned<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Radio {
+    pub(super) range_m: Length,
+    #[serde(default)]
+    pub(super) loss: Share,
+    pub(super) latency_us: Option<Whole<0, 60_000_000>>,
+    pub(super) jitter_us: Option<Whole<0, 60_000_000>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Protocol {
+    pub(super) policy: Spanned<PolicyName>,
+    #[serde(default)]
+    pub(super) liveness: LivenessName,
+    #[serde(default)]
+    pub(super) parameters: ParametersName,
+    pub(super) period_ms: Option<Milliseconds>,
+    pub(super) keep_alive_ms: Option<Milliseconds>,
+    pub(super) hello_period_ms: Option<Milliseconds>,
+    pub(super) hello_gap_ms: Option<Spanned<Milliseconds>>,
+    pub(super) discovery_ms: Option<Milliseconds>,
+    pub(super) stable_after: Option<Whole<1, 1_000>>,
+    pub(super) time_to_live_ms: Option<Spanned<Milliseconds>>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum PolicyName {
+    Flood,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum LivenessName {
+    #[default]
+    Pulse,
+    Thesis,
+}
+
+impl From<LivenessName> for Liveness {
+    fn from(name: LivenessName) -> Self {
+        match name {
+            LivenessName::Pulse => Self::Pulse,
+            LivenessName::Thesis => Self::Thesis,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ParametersName {
+    #[default]
+    Quiet,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Vehicle {
+    pub(super) speed_mps: Option<Rate>,
+    pub(super) acceleration_mps2: Option<Rate>,
+    pub(super) climb_mps: Option<Rate>,
+    pub(super) descent_mps: Option<Rate>,
+    pub(super) landing_mps: Option<Rate>,
+    pub(super) landing_altitude_m: Option<Height>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Limits {
+    pub(super) separation_horizontal_m: Option<Length>,
+    pub(super) separation_vertical_m: Option<Length>,
+    pub(super) altitude_max_m: Option<Spanned<Length>>,
+    pub(super) duration_s: Option<Seconds>,
+    pub(super) set_up_s: Option<Seconds>,
+    pub(super) take_off_s: Option<Seconds>,
+    pub(super) leg_s: Option<Seconds>,
+    pub(super) waiting_max: Option<Whole<1, 1_000_000>>,
+    pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
+    pub(super) restart_window_s: Option<Seconds>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fault {
+    pub(super) at_s: Instant,
+    pub(super) drone: Spanned<Whole<0, 99_999>>,
+    pub(super) crash: ActorName,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ActorName {
+    Radio,
+    Routing,
+    Mission,
+    Navigation,
+    Msp,
+}
+
+/// A number with bounds in its type; refused, with the bounds, where it is read.
+macro_rules! number {
+    ($(#[$doc:meta])* $name:ident, $is:expr, $accepted:literal) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, Default, Deserialize)]
+        #[serde(try_from = "f64")]
+        pub(super) struct $name(pub(super) f64);
+
+        impl TryFrom<f64> for $name {
+            type Error = String;
+
+            fn try_from(value: f64) -> Result<Self, String> {
+                let is_accepted: fn(f64) -> bool = $is;
+                if is_accepted(value) {
+                    Ok(Self(value))
+                } else {
+                    Err(format!("{value} is not {}", $accepted))
+                }
+            }
+        }
+    };
+}
+
+number!(Length, |v| v > 0.0 && v <= 100_000.0, "a length above 0 and at most 100000");
+number!(Height, |v| (0.0..=100_000.0).contains(&v), "a height from 0 to 100000");
+number!(Rate, |v| v > 0.0 && v <= 100.0, "a rate above 0 and at most 100");
+number!(Seconds, |v| v > 0.0 && v <= 604_800.0, "a time above 0 and at most 604800 (a week)");
+number!(Instant, |v| (0.0..=604_800.0).contains(&v), "a time from 0 to 604800 (a week)");
+number!(Share, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1");
+number!(Heading, |v| (-360.0..=360.0).contains(&v), "an angle from -360 to 360");
+
+/// Milliseconds: at least one, at most an hour.
+pub(super) type Milliseconds = Whole<1, 3_600_000>;
+
+/// A whole number within bounds.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(try_from = "i64")]
+pub(super) struct Whole<const MIN: u64, const MAX: u64>(pub(super) u64);
+
+impl<const MIN: u64, const MAX: u64> TryFrom<i64> for Whole<MIN, MAX> {
+    type Error = String;
+
+    fn try_from(value: i64) -> Result<Self, String> {
+        match u64::try_from(value) {
+            Ok(whole) if (MIN..=MAX).contains(&whole) => Ok(Self(whole)),
+            _ => Err(format!("{value} is not a whole number from {MIN} to {MAX}")),
+        }
+    }
+}

@@ -1,0 +1,437 @@
+//! The world that a run's drones live in: what happens, in which order, and what is written down of it.
+//!
+//! Both engines do the same two things: ask [`World::next`] whom to step, and hand what came of it to
+//! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
+//! were sent, one at a time, before anything else happens.
+
+mod drone;
+mod heap;
+mod recorder;
+mod trace;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::Bytes;
+use muster_machines::cell::{
+    Address, Blueprint, Checkpoints, Effect, Envelope, Observation, Reaction, last_resort,
+};
+use muster_machines::identity::NodeId;
+use muster_machines::machine::Stimulus;
+use muster_machines::msp::{self, Demand};
+use muster_machines::supervision::Verdict;
+use muster_machines::time::Timestamp;
+use muster_machines::{mission, radio, routing, wire};
+use muster_transport::Transport;
+use muster_transport::sim::Medium;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use self::drone::Drone;
+use self::heap::Heap;
+pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
+use self::trace::{Kind, Trace};
+use crate::checkers::{
+    BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed,
+};
+use crate::scenario::{FaultKind, Scenario};
+use crate::vehicle::Vehicle;
+
+/// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
+const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
+
+/// Numbers of the generators that are drawn from the scenario's seed; drones follow.
+const MEDIUM_STREAM: u64 = 0;
+const FIRST_DRONE_STREAM: u64 = 1;
+
+/// What an engine is to do next.
+#[derive(Debug)]
+pub(crate) struct Task {
+    pub(crate) drone: NodeId,
+    pub(crate) address: Address,
+    pub(crate) what: What,
+}
+
+#[derive(Debug)]
+pub(crate) enum What {
+    /// Step the machine.
+    Step(Stimulus<Envelope>),
+    /// Let the actor panic.
+    Crash,
+    /// Build the actor anew.
+    Restart,
+}
+
+#[derive(Debug)]
+enum Planned {
+    Fly,
+    Arrive { to: NodeId, datagram: Bytes },
+    Wake { drone: NodeId, address: Address, generation: u32 },
+    ComeToRest { drone: NodeId, generation: u32 },
+    PlaceRadios,
+    Restart { drone: NodeId, address: Address },
+    Crash { drone: NodeId, address: Address },
+}
+
+/// A world in the middle of a run.
+#[derive(Debug)]
+pub(crate) struct World {
+    now: Timestamp,
+    limit: Timestamp,
+    heap: Heap<Planned>,
+    inbox: VecDeque<(NodeId, Envelope)>,
+    medium: Medium,
+    drones: Vec<Drone>,
+    vehicles: Vec<Vehicle>,
+    airborne: usize,
+    trace: Trace,
+    recorder: Recorder,
+    barrier: BarrierChecker,
+    separation: SeparationChecker,
+    bounds: BoundsChecker,
+    violation: Option<Violation>,
+}
+
+impl World {
+    /// The world of a scenario before anything has happened in it: all drones on the ground, nobody told to fly.
+    pub(crate) fn new(scenario: &Scenario) -> Self {
+        let layout = &scenario.layout;
+        let drones = layout.formation().drones();
+        let home = scenario.waypoints[0].at_altitude(0.0);
+        let places: Vec<_> = (0..drones)
+            .map(|id| layout.place(NodeId(id), home))
+            .collect();
+        let generator = |stream: u64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
+            rng.set_stream(stream);
+            rng
+        };
+        let mut heap = Heap::new();
+        heap.plan(Timestamp::ZERO, Planned::Fly);
+        for fault in &scenario.faults {
+            let FaultKind::CrashActor(address) = fault.kind;
+            let drone = fault.drone;
+            heap.plan(fault.at, Planned::Crash { drone, address });
+        }
+        Self {
+            now: Timestamp::ZERO,
+            limit: Timestamp::ZERO + scenario.limits.duration,
+            heap,
+            inbox: VecDeque::new(),
+            medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
+            drones: (0..u64::from(drones))
+                .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
+                .collect(),
+            vehicles: places
+                .iter()
+                .map(|place| Vehicle::new(scenario.landing, *place))
+                .collect(),
+            airborne: 0,
+            trace: Trace::new(),
+            recorder: Recorder::new(drones as usize, layout.formation().centre()),
+            barrier: BarrierChecker::new(drones as usize),
+            separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
+            bounds: BoundsChecker {
+                waiting_max: scenario.limits.waiting_max,
+            },
+            violation: None,
+        }
+    }
+
+    pub(crate) const fn now(&self) -> Timestamp {
+        self.now
+    }
+
+    pub(crate) const fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
+    /// What the next machine to be built draws its lots from.
+    pub(crate) fn seed(&mut self, drone: NodeId) -> u64 {
+        self.drone(drone).rng.next_u64()
+    }
+
+    pub(crate) fn checkpoints(&mut self, drone: NodeId) -> &Checkpoints {
+        &self.drone(drone).checkpoints
+    }
+
+    /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
+    pub(crate) fn next(&mut self) -> Option<Task> {
+        loop {
+            while let Some((drone, envelope)) = self.inbox.pop_front() {
+                let address = envelope.address();
+                if self.drone(drone).is_up(address) {
+                    let what = What::Step(Stimulus::Input(envelope));
+                    return Some(Task {
+                        drone,
+                        address,
+                        what,
+                    });
+                }
+                self.trace
+                    .value(self.now, drone, Kind::Undeliverable, &address);
+            }
+            if self.violation.is_some() || self.is_over() {
+                return None;
+            }
+            let (at, planned) = self.heap.pop()?;
+            if at > self.limit {
+                self.now = self.limit;
+                return None;
+            }
+            self.now = at;
+            if let Some(task) = self.happen(planned) {
+                return Some(task);
+            }
+        }
+    }
+
+    /// Lets something planned happen; whom to step for it, if that is not told by message.
+    fn happen(&mut self, planned: Planned) -> Option<Task> {
+        match planned {
+            Planned::Fly => {
+                let master = self.recorder.centre();
+                self.post(master, Envelope::Mission(mission::Input::Fly));
+            }
+            Planned::Arrive { to, datagram } => {
+                let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
+                let heading = &datagram[..covered.min(wire::HEADER_MAX)];
+                self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
+            }
+            Planned::Wake {
+                drone,
+                address,
+                generation,
+            } => {
+                return self
+                    .drone(drone)
+                    .wake(address, generation)
+                    .then_some(Task {
+                        drone,
+                        address,
+                        what: What::Step(Stimulus::Timeout),
+                    });
+            }
+            Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
+            Planned::PlaceRadios => self.place_radios(),
+            Planned::Restart { drone, address } => {
+                return Some(Task {
+                    drone,
+                    address,
+                    what: What::Restart,
+                });
+            }
+            Planned::Crash { drone, address } => {
+                return self.drone(drone).is_up(address).then_some(Task {
+                    drone,
+                    address,
+                    what: What::Crash,
+                });
+            }
+        }
+        None
+    }
+
+    /// Does what a step asked for, in order, and sets the machine's timer.
+    pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+        for effect in reaction.effects.drain(..) {
+            self.effect(drone, effect);
+        }
+        let table = reaction.occupancy;
+        self.find(self.bounds.table(self.now, drone, from, table));
+        if let Some(generation) = self.drone(drone).set_timer(from, reaction.deadline) {
+            if let Some(deadline) = reaction.deadline {
+                let wake = Planned::Wake {
+                    drone,
+                    address: from,
+                    generation,
+                };
+                self.heap.plan(deadline.max(self.now), wake);
+            }
+        }
+    }
+
+    fn effect(&mut self, drone: NodeId, effect: Effect) {
+        match effect {
+            Effect::Post(envelope) => self.post(drone, envelope),
+            Effect::Broadcast(frame) => self.broadcast(drone, &frame),
+            Effect::Command(demand) => self.command(drone, demand),
+            Effect::Keep(checkpoint) => self.drone(drone).checkpoints.keep(checkpoint),
+            Effect::Observe(observation) => self.observe(drone, &observation),
+        }
+    }
+
+    fn post(&mut self, drone: NodeId, envelope: Envelope) {
+        if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
+            self.recorder.received(drone);
+        }
+        self.inbox.push_back((drone, envelope));
+        self.find(self.bounds.queue(self.now, drone, self.inbox.len()));
+    }
+
+    fn broadcast(&mut self, drone: NodeId, frame: &Bytes) {
+        let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
+        self.trace
+            .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
+        self.recorder.sent(drone);
+        self.medium
+            .broadcast(self.now, drone, frame)
+            .expect("a radio sends no more than a datagram, and every drone has a place");
+        while let Some(arrival) = self.medium.poll_arrival() {
+            let (to, datagram) = (arrival.to, arrival.datagram);
+            self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+        }
+    }
+
+    fn command(&mut self, drone: NodeId, demand: Demand) {
+        self.trace.value(self.now, drone, Kind::Commanded, &demand);
+        let index = drone.0 as usize;
+        if !matches!(demand, Demand::Report) {
+            let found = self.separation.path_ends(self.now, drone, &self.vehicles);
+            self.find(found);
+        }
+        let vehicle = &mut self.vehicles[index];
+        let was_armed = vehicle.is_armed();
+        let moves = vehicle.obey(self.now, demand);
+        if vehicle.is_armed() && !was_armed {
+            self.recorder.armed(drone, self.now);
+            if self.airborne == 0 {
+                self.heap.plan(self.now, Planned::PlaceRadios);
+            }
+            self.airborne += 1;
+        }
+        if moves {
+            let end = self.vehicles[index].motion().end_time().unwrap_or(self.now);
+            let generation = self.drone(drone).next_motion();
+            self.heap.plan(end, Planned::ComeToRest { drone, generation });
+        } else {
+            self.report_telemetry(drone);
+        }
+    }
+
+    fn report_telemetry(&mut self, drone: NodeId) {
+        let telemetry = self.vehicles[drone.0 as usize].telemetry(self.now);
+        self.post(drone, Envelope::Msp(msp::Input::Telemetry(telemetry)));
+    }
+
+    fn come_to_rest(&mut self, drone: NodeId, generation: u32) {
+        if !self.drone(drone).is_current_motion(generation) {
+            return;
+        }
+        let found = self.separation.path_ends(self.now, drone, &self.vehicles);
+        self.find(found);
+        let vehicle = &mut self.vehicles[drone.0 as usize];
+        vehicle.come_to_rest();
+        let position = vehicle.motion().position(self.now);
+        if !vehicle.is_armed() {
+            self.airborne -= 1;
+            self.medium.place(drone, position);
+            self.recorder.disarmed(drone, self.now);
+        }
+        self.trace.value(self.now, drone, Kind::CameToRest, &position);
+        self.report_telemetry(drone);
+    }
+
+    fn place_radios(&mut self) {
+        if self.airborne == 0 {
+            return;
+        }
+        for (id, vehicle) in (0..).map(NodeId).zip(&self.vehicles) {
+            if vehicle.is_armed() {
+                self.medium.place(id, vehicle.motion().position(self.now));
+            }
+        }
+        let next = self.now + PLACE_RADIOS_EVERY;
+        self.heap.plan(next, Planned::PlaceRadios);
+    }
+
+    fn observe(&mut self, drone: NodeId, observation: &Observation) {
+        self.trace
+            .value(self.now, drone, Kind::Observed, observation);
+        match observation {
+            Observation::Mission(event) => {
+                let found = self.barrier.observe(self.now, drone, event);
+                self.find(found);
+                self.recorder.mission(self.now, drone, event);
+            }
+            Observation::Routing(event) => self.recorder.routing(drone, event),
+            Observation::Radio(event) => self.recorder.radio(event),
+        }
+    }
+
+    /// An actor failed: drops what waits for it and carries the verdict out.
+    pub(crate) fn failed(&mut self, drone: NodeId, address: Address, verdict: Verdict) {
+        self.trace
+            .value(self.now, drone, Kind::Failed, &(address, verdict));
+        self.drone(drone).take_down(address);
+        self.inbox
+            .retain(|(to, envelope)| *to != drone || envelope.address() != address);
+        match verdict {
+            Verdict::Restart { at } => {
+                self.recorder.restarts(drone);
+                self.heap.plan(at, Planned::Restart { drone, address });
+            }
+            Verdict::GiveUp => {
+                self.recorder.given_up(drone);
+                for effect in last_resort(address) {
+                    self.effect(drone, effect);
+                }
+            }
+        }
+    }
+
+    /// An actor is about to be built.
+    pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
+        self.trace.value(self.now, drone, Kind::Started, &address);
+        self.drone(drone).bring_up(address);
+    }
+
+    /// The end of the run: last checks, and what came of it.
+    pub(crate) fn finish(mut self) -> Outcome {
+        for id in (0..).map(NodeId).take(self.vehicles.len()) {
+            let found = self.separation.path_ends(self.now, id, &self.vehicles);
+            self.find(found);
+        }
+        if self.violation.is_none() {
+            let armed = (0..)
+                .map(NodeId)
+                .zip(&self.vehicles)
+                .filter(|(_, vehicle)| vehicle.is_armed())
+                .map(|(id, _)| id)
+                .collect();
+            self.violation = check_landed(self.now, armed);
+        }
+        Outcome {
+            trace: self.trace.finish(),
+            ended: self.now,
+            closest_m: self.separation.closest_m(),
+            violations: self.violation.into_iter().collect(),
+            recorder: self.recorder,
+            vehicles: self.vehicles,
+        }
+    }
+
+    /// All that flew are down again, and whoever led them is.
+    fn is_over(&self) -> bool {
+        let master = &self.vehicles[self.recorder.centre().0 as usize];
+        self.airborne == 0 && master.has_flown()
+    }
+
+    fn find(&mut self, found: Option<Violation>) {
+        if self.violation.is_none() {
+            self.violation = found;
+        }
+    }
+
+    fn drone(&mut self, id: NodeId) -> &mut Drone {
+        &mut self.drones[id.0 as usize]
+    }
+}
+
+/// What each drone of a scenario is built with, drone 0 first.
+pub(crate) fn blueprints(scenario: &Scenario) -> Vec<Blueprint> {
+    (0..scenario.layout.formation().drones())
+        .map(|id| scenario.blueprint(NodeId(id)))
+        .collect()
+}

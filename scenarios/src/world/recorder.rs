@@ -1,0 +1,216 @@
+use std::collections::BTreeMap;
+
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::mission::{self, LandingReason, State};
+use muster_machines::radio::{self, DropReason};
+use muster_machines::routing::{self, Routes};
+use muster_machines::time::Timestamp;
+
+use crate::checkers::Violation;
+use crate::vehicle::Vehicle;
+
+/// What is written down of a run, drone by drone.
+#[derive(Debug)]
+pub(crate) struct Recorder {
+    centre: NodeId,
+    drones: Vec<Record>,
+    barriers: BTreeMap<u16, Crossing>,
+    sent: u64,
+    dropped: BTreeMap<DropReason, u64>,
+    steps_done: u64,
+}
+
+/// What is written down of one drone.
+#[derive(Debug, Clone)]
+pub(crate) struct Record {
+    pub(crate) states: Vec<(Timestamp, State)>,
+    pub(crate) routes: Routes,
+    pub(crate) reason: Option<LandingReason>,
+    pub(crate) given_up: bool,
+    pub(crate) restarts: u32,
+    pub(crate) armed: Option<Timestamp>,
+    pub(crate) disarmed: Option<Timestamp>,
+    /// Frames sent and let in between the start of neighbour discovery and the end of the landing.
+    pub(crate) sent: u64,
+    pub(crate) received: u64,
+    counts: bool,
+}
+
+/// A swarm's wait at a waypoint: the last arrival and the last departure, each with the frames sent until then.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Crossing {
+    pub(crate) arrived: Option<(Timestamp, u64)>,
+    pub(crate) moving: Option<(Timestamp, u64)>,
+}
+
+/// All that came of a run.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) trace: String,
+    pub(crate) ended: Timestamp,
+    pub(crate) closest_m: Option<f64>,
+    pub(crate) violations: Vec<Violation>,
+    pub(crate) recorder: Recorder,
+    pub(crate) vehicles: Vec<Vehicle>,
+}
+
+impl Recorder {
+    pub(crate) fn new(drones: usize, centre: NodeId) -> Self {
+        let record = Record {
+            states: vec![(Timestamp::ZERO, State::Start)],
+            routes: Routes::default(),
+            reason: None,
+            given_up: false,
+            restarts: 0,
+            armed: None,
+            disarmed: None,
+            sent: 0,
+            received: 0,
+            counts: false,
+        };
+        Self {
+            centre,
+            drones: vec![record; drones],
+            barriers: BTreeMap::new(),
+            sent: 0,
+            dropped: BTreeMap::new(),
+            steps_done: 0,
+        }
+    }
+
+    /// The drone at the centre slot, which leads.
+    pub(crate) const fn centre(&self) -> NodeId {
+        self.centre
+    }
+
+    pub(crate) fn drones(&self) -> &[Record] {
+        &self.drones
+    }
+
+    pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
+        &self.barriers
+    }
+
+    pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
+        &self.dropped
+    }
+
+    /// How many waypoints the drones have reached so far, take-offs and landings counted as one each.
+    pub(crate) const fn steps_done(&self) -> u64 {
+        self.steps_done
+    }
+
+    pub(crate) fn sent(&mut self, id: NodeId) {
+        self.sent += 1;
+        let record = self.record(id);
+        record.sent += u64::from(record.counts);
+    }
+
+    pub(crate) fn received(&mut self, id: NodeId) {
+        let record = self.record(id);
+        record.received += u64::from(record.counts);
+    }
+
+    pub(crate) fn armed(&mut self, id: NodeId, now: Timestamp) {
+        self.record(id).armed = Some(now);
+    }
+
+    pub(crate) fn disarmed(&mut self, id: NodeId, now: Timestamp) {
+        let record = self.record(id);
+        record.disarmed = Some(now);
+        record.counts = false;
+        self.steps_done += 1;
+    }
+
+    pub(crate) fn restarts(&mut self, id: NodeId) {
+        self.record(id).restarts += 1;
+    }
+
+    pub(crate) fn given_up(&mut self, id: NodeId) {
+        self.record(id).given_up = true;
+    }
+
+    pub(crate) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {
+        match *event {
+            mission::Event::State(state) => self.enters(now, id, state),
+            mission::Event::Landing(reason) => self.record(id).reason = Some(reason),
+            _ => {}
+        }
+    }
+
+    fn enters(&mut self, now: Timestamp, id: NodeId, state: State) {
+        let sent = self.sent;
+        let record = self.record(id);
+        let before = record.states.last().map(|(_, state)| *state);
+        record.states.push((now, state));
+        record.counts |= is_in_discovery_or_beyond(state);
+        if let Some(State::WaypointReached { waypoint }) = before {
+            self.barriers.entry(waypoint).or_default().moving = Some((now, sent));
+        }
+        if let State::WaypointReached { waypoint } = state {
+            self.barriers.entry(waypoint).or_default().arrived = Some((now, sent));
+            self.steps_done += 1;
+        }
+    }
+
+    pub(crate) fn routing(&mut self, id: NodeId, event: &routing::Event) {
+        if let routing::Event::Routes(routes) = event {
+            self.record(id).routes = routes.clone();
+        }
+    }
+
+    pub(crate) fn radio(&mut self, event: &radio::Event) {
+        if let radio::Event::Dropped(reason) = event {
+            *self.dropped.entry(*reason).or_default() += 1;
+        }
+    }
+
+    fn record(&mut self, id: NodeId) -> &mut Record {
+        &mut self.drones[id.0 as usize]
+    }
+}
+
+const fn is_in_discovery_or_beyond(state: State) -> bool {
+    matches!(
+        state,
+        State::NeighbourDiscovery | State::HopUpdate | State::WaypointReached { .. }
+    )
+}
+
+impl Record {
+    /// When neighbour discovery began.
+    pub(crate) fn discovery(&self) -> Option<Timestamp> {
+        self.states
+            .iter()
+            .find(|(_, state)| is_in_discovery_or_beyond(*state))
+            .map(|(at, _)| *at)
+    }
+
+    /// Its own waits at waypoints, from arrival to departure.
+    pub(crate) fn waits(&self) -> impl Iterator<Item = std::time::Duration> + '_ {
+        self.states
+            .windows(2)
+            .filter(|pair| matches!(pair[0].1, State::WaypointReached { .. }))
+            .map(|pair| pair[1].0 - pair[0].0)
+    }
+}
+
+/// Where a vehicle was, at least each second and wherever it turned, from arming to disarming.
+pub(crate) fn track(vehicle: &Vehicle, record: &Record, ended: Timestamp) -> Vec<(Timestamp, Ned)> {
+    let (Some(from), to) = (record.armed, record.disarmed.unwrap_or(ended)) else {
+        return vec![(Timestamp::ZERO, vehicle.motion().position(Timestamp::ZERO))];
+    };
+    let second = std::time::Duration::from_secs(1);
+    let each_second = std::iter::successors(Some(from), |at| Some(*at + second))
+        .take_while(|at| *at < to);
+    let turns = vehicle.motion().pieces().iter().map(|piece| piece.start);
+    let mut instants: Vec<_> = each_second.chain(turns).chain([from, to]).collect();
+    instants.sort_unstable();
+    instants.dedup();
+    instants
+        .into_iter()
+        .filter(|at| (from..=to).contains(at))
+        .map(|at| (at, vehicle.motion().position(at)))
+        .collect()
+}
