@@ -345,3 +345,6 @@ fn from_millimetres(millimetres: [i32; 3]) -> Ned {
     Ned::new(north, east, down)
 }
 
+
+#[cfg(test)]
+mod tests;

@@ -161,3 +161,6 @@ impl Layout {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

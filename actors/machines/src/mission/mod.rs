@@ -398,3 +398,6 @@ impl Machine for Mission {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

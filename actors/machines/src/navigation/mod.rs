@@ -279,3 +279,6 @@ impl Machine for Navigation {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

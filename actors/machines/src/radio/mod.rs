@@ -193,3 +193,6 @@ impl<A: Authenticator> Machine for Radio<A> {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

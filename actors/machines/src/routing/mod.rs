@@ -383,3 +383,6 @@ impl Machine for Routing {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

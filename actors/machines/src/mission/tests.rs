@@ -1,0 +1,279 @@
+use std::num::NonZeroU32;
+
+use super::*;
+use crate::formation::{Formation, Kind, Separation};
+use crate::machine::{Said, Stimulus, step};
+
+const SECOND: Duration = Duration::from_secs(1);
+
+fn waypoints() -> Vec<Ned> {
+    [0.0, 100.0, 200.0].map(|north_m| Ned::new(north_m, 0.0, -25.0)).into()
+}
+
+/// Drone `id` of a line of three, 1 being the centre.
+fn mission(id: u32, liveness: Liveness) -> Mission {
+    Mission::new(config(id, liveness), None)
+}
+
+fn config(id: u32, liveness: Liveness) -> Config {
+    let drones = NonZeroU32::new(3).unwrap();
+    let separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let formation = Formation::new(Kind::Linear, drones, 100.0, 0.0);
+    Config {
+        id: NodeId(id),
+        layout: Arc::new(Layout::new(formation, 10.0, separation)),
+        mission: waypoints().into(),
+        liveness,
+        set_up_limit: 30 * SECOND,
+        take_off_limit: 60 * SECOND,
+        leg_limit: 100 * SECOND,
+        waypoints_max: 100,
+    }
+}
+
+fn stimulate(mission: &mut Mission, at_s: f64, stimulus: Stimulus<Input>) -> (Vec<Transmit>, Vec<Event>) {
+    let (mut transmits, mut events) = (Vec::new(), Vec::new());
+    let Ok(_) = step(mission, Timestamp::from_secs_f64(at_s), stimulus, |said| match said {
+        Said::Transmit(transmit) => transmits.push(transmit),
+        Said::Event(event) => events.push(event),
+    });
+    (transmits, events)
+}
+
+fn told(mission: &mut Mission, at_s: f64, input: Input) -> Vec<Transmit> {
+    stimulate(mission, at_s, Stimulus::Input(input)).0
+}
+
+fn ordered(mission: &mut Mission, sequence: u32, order: &Order) -> Vec<Transmit> {
+    let ballot = Ballot {
+        term: 1,
+        rank: 0,
+        master: NodeId(1),
+    };
+    let order = wire::encode_order(order).into();
+    let notice = RoutingNotice::Order {
+        ballot,
+        sequence,
+        order,
+    };
+    told(mission, 1.0, Input::Routing(notice))
+}
+
+fn hears(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transmit> {
+    told(mission, at_s, Input::Routing(notice))
+}
+
+fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
+    RoutingNotice::Progress {
+        member: NodeId(member),
+        acknowledged,
+        landing: false,
+    }
+}
+
+fn orders(transmits: &[Transmit]) -> Vec<Order> {
+    let published = transmits.iter().filter_map(|transmit| match transmit {
+        Transmit::Publish { order, .. } => Some(wire::decode_order(order).unwrap()),
+        _ => None,
+    });
+    published.collect()
+}
+
+fn whole_plan() -> Order {
+    Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: waypoints(),
+    }
+}
+
+/// A slave in its slot at waypoint 0, routes up.
+fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
+    let mut slave = mission(0, liveness);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    told(&mut slave, 20.0, Input::Navigation(NavigationNotice::Arrived));
+    for notice in [
+        RoutingNotice::DiscoveryStarted,
+        RoutingNotice::HopUpdateStarted,
+        RoutingNotice::RoutesReady,
+    ] {
+        hears(&mut slave, 30.0, notice);
+    }
+    assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
+    slave
+}
+
+/// A master whose two members have the plan and are taking off.
+fn master_taking_off() -> Mission {
+    let mut master = mission(1, Liveness::Pulse);
+    told(&mut master, 0.0, Input::Fly);
+    hears(&mut master, 1.0, progress(0, 1));
+    let transmits = hears(&mut master, 1.0, progress(2, 1));
+    assert_eq!(orders(&transmits), [Order::TakeOff]);
+    master
+}
+
+#[test]
+fn only_the_drone_at_the_centre_leads_and_only_once_told() {
+    let mut slave = mission(0, Liveness::Pulse);
+    let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Fly));
+    assert!(transmits.is_empty());
+    assert_eq!(events[0], Event::Refused);
+    let mut master = mission(1, Liveness::Pulse);
+    assert!(stimulate(&mut master, 0.0, Stimulus::Timeout).0.is_empty());
+    assert_eq!(orders(&told(&mut master, 0.0, Input::Fly)), [whole_plan()]);
+}
+
+#[test]
+fn nobody_takes_off_without_the_whole_mission() {
+    let mut slave = mission(0, Liveness::Pulse);
+    assert!(ordered(&mut slave, 1, &Order::TakeOff).is_empty());
+    let half = Order::Plan {
+        index: 0,
+        count: 2,
+        waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
+    };
+    assert_eq!(ordered(&mut slave, 1, &half), [Transmit::Acknowledge { sequence: 1 }]);
+    assert!(ordered(&mut slave, 3, &Order::TakeOff).is_empty());
+    assert_eq!(slave.durable.state, State::SetUp);
+}
+
+#[test]
+fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
+    let mut master = mission(1, Liveness::Pulse);
+    told(&mut master, 0.0, Input::Fly);
+    assert!(orders(&hears(&mut master, 1.0, progress(0, 1))).is_empty(), "drone 2 is missing");
+    let (transmits, events) = stimulate(&mut master, 30.0, Stimulus::Timeout);
+    assert_eq!(orders(&transmits), [Order::TakeOff]);
+    assert!(events.contains(&Event::LeftOut(NodeId(2))));
+}
+
+#[test]
+fn a_waypoint_opens_once_the_last_member_is_there() {
+    let mut master = master_taking_off();
+    told(&mut master, 20.0, Input::Navigation(NavigationNotice::Arrived));
+    hears(&mut master, 21.0, progress(0, 2));
+    let transmits = hears(&mut master, 22.0, progress(2, 2));
+    assert_eq!(transmits, [Transmit::Discover]);
+    for notice in [RoutingNotice::DiscoveryStarted, RoutingNotice::HopUpdateStarted] {
+        hears(&mut master, 23.0, notice);
+    }
+    let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
+    assert_eq!(orders(&opened), [Order::Move { waypoint: 0 }]);
+    assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
+    let transmits = hears(&mut master, 33.0, progress(2, 3));
+    assert_eq!(orders(&transmits), [Order::Move { waypoint: 1 }]);
+    assert_eq!(master.durable.state, State::MovingToWaypoint { waypoint: 1 });
+}
+
+#[test]
+fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again() {
+    for (returns, goes_on) in [(false, true), (true, false)] {
+        let mut master = master_taking_off();
+        hears(&mut master, 19.0, progress(0, 2));
+        hears(&mut master, 19.1, RoutingNotice::Silent(NodeId(2)));
+        if returns {
+            hears(&mut master, 19.2, RoutingNotice::Returned(NodeId(2)));
+        }
+        let transmits = told(&mut master, 20.0, Input::Navigation(NavigationNotice::Arrived));
+        assert_eq!(transmits.contains(&Transmit::Discover), goes_on);
+    }
+}
+
+#[test]
+fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
+    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
+    let transmits = told(&mut slave, 40.0, Input::Navigation(NavigationNotice::Arrived));
+    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 2 });
+    assert!(!transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
+    let transmits = told(&mut slave, 50.0, Input::Navigation(NavigationNotice::Arrived));
+    assert!(transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
+}
+
+#[test]
+fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    let transmits = ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    assert!(transmits.contains(&Transmit::Goal(Goal::Land)));
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn a_landing_drone_obeys_nobody_any_more() {
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    told(&mut slave, 35.0, Input::GiveUp);
+    assert_eq!(slave.durable.state, State::Landing);
+    assert!(ordered(&mut slave, 9, &Order::Move { waypoint: 1 }).is_empty());
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_followed() {
+    for (liveness, moving, waiting) in [
+        (Liveness::Pulse, State::Landing, State::Landing),
+        (Liveness::Thesis, State::MovingToWaypoint { waypoint: 1 }, State::Landing),
+    ] {
+        let mut slave = slave_at_waypoint_0(liveness);
+        ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+        hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
+        assert_eq!(slave.durable.state, moving);
+        told(&mut slave, 50.0, Input::Navigation(NavigationNotice::Arrived));
+        assert_eq!(slave.durable.state, waiting);
+    }
+}
+
+#[test]
+fn a_leg_that_takes_too_long_ends_in_a_landing() {
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+    stimulate(&mut slave, 100.9, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
+    stimulate(&mut slave, 101.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn a_master_that_must_land_takes_its_swarm_down_with_it() {
+    let mut master = master_taking_off();
+    let transmits = told(&mut master, 20.0, Input::GiveUp);
+    assert_eq!(orders(&transmits), [Order::Land { at: waypoints()[0] }]);
+    assert_eq!(master.durable.state, State::Landing);
+}
+
+#[test]
+fn a_restarted_mission_goes_on_where_it_was() {
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+    let checkpoint = slave.durable.clone();
+    let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
+    let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
+    let to = Ned::new(100.0, -100.0, -25.0);
+    assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(Goal::FlyTo { to })]);
+    let arrived = told(&mut restarted, 40.0, Input::Navigation(NavigationNotice::Arrived));
+    assert!(arrived.contains(&Transmit::Acknowledge { sequence: 5 }));
+}
+
+#[test]
+fn an_order_that_is_none_is_counted_and_not_obeyed() {
+    let mut slave = mission(0, Liveness::Pulse);
+    let notice = RoutingNotice::Order {
+        ballot: Ballot {
+            term: 1,
+            rank: 0,
+            master: NodeId(1),
+        },
+        sequence: 1,
+        order: Bytes::from_static(&[0xff, 0xff]),
+    };
+    let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Routing(notice)));
+    assert!(transmits.is_empty());
+    assert_eq!(events[0], Event::Refused);
+}

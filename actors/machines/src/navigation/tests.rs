@@ -1,0 +1,132 @@
+use super::*;
+use crate::machine::{Said, Stimulus, step};
+
+const CONFIG: Config = Config {
+    speed_mps: 10.0,
+    climb_mps: 2.5,
+    descent_mps: 1.5,
+    acceleration_mps2: 1.0,
+};
+
+const ON_THE_GROUND: Telemetry = Telemetry {
+    position: Ned::HOME,
+    stop: Ned::HOME,
+    at_rest: true,
+    armed: false,
+    landing: false,
+    target: None,
+};
+
+fn told(navigation: &mut Navigation, input: Input) -> Vec<Transmit> {
+    let mut transmits = Vec::new();
+    let Ok(_) = step(navigation, Timestamp::ZERO, Stimulus::Input(input), |said| {
+        if let Said::Transmit(transmit) = said {
+            transmits.push(transmit);
+        }
+    });
+    transmits
+}
+
+/// The target and the speed of the leg that is demanded.
+fn leg(transmits: &[Transmit]) -> (Ned, f64) {
+    match transmits {
+        [Transmit::Demand(Demand::Fly(Setpoint::Leg { to, speed_mps, .. }))] => (*to, *speed_mps),
+        other => panic!("a leg should have been demanded, not {other:?}"),
+    }
+}
+
+fn at_rest_at(position: Ned) -> Input {
+    Input::Telemetry(Telemetry {
+        position,
+        stop: position,
+        armed: true,
+        target: Some(position),
+        ..ON_THE_GROUND
+    })
+}
+
+#[test]
+fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let to = Ned::new(0.0, 100.0, -25.0);
+    let goal = Goal::TakeOff {
+        to,
+        transit_altitude_m: 30.0,
+    };
+    let asks = told(&mut navigation, Input::Goal(goal));
+    assert_eq!(asks, [Transmit::Demand(Demand::Report)]);
+    let arms = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    assert_eq!(arms, [Transmit::Demand(Demand::Arm)]);
+    let climb = Ned::new(0.0, 0.0, -30.0);
+    let cross = Ned::new(0.0, 100.0, -30.0);
+    assert_eq!(leg(&told(&mut navigation, at_rest_at(Ned::HOME))), (climb, 2.5));
+    assert_eq!(leg(&told(&mut navigation, at_rest_at(climb))), (cross, 10.0));
+    assert_eq!(leg(&told(&mut navigation, at_rest_at(cross))), (to, 1.5));
+    let arrived = told(&mut navigation, at_rest_at(to));
+    assert_eq!(arrived, [Transmit::Inform(Notice::Arrived)]);
+}
+
+#[test]
+fn a_slanting_leg_is_as_fast_as_climb_and_ground_speed_allow() {
+    let navigation = Navigation::new(CONFIG, None);
+    let speed = |to: Ned| {
+        let Setpoint::Leg { speed_mps, .. } = navigation.leg(Ned::HOME, to);
+        speed_mps
+    };
+    // Up 3 for each 4 ahead: 2.5 m/s up is 5/3 of that along the leg.
+    assert!((speed(Ned::new(4.0, 0.0, -3.0)) - 2.5 * 5.0 / 3.0).abs() < 1e-9);
+    // Hardly up at all: the ground speed decides.
+    let ahead = Ned::new(100.0, 0.0, -1.0);
+    let over_ground = speed(ahead) * 100.0 / ahead.0.norm();
+    assert!((over_ground - 10.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_goal_that_is_reached_already_is_told_again() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let to = Ned::new(50.0, 0.0, -25.0);
+    told(&mut navigation, Input::Goal(Goal::FlyTo { to }));
+    told(&mut navigation, at_rest_at(to));
+    let again = told(&mut navigation, Input::Goal(Goal::FlyTo { to }));
+    assert_eq!(again, [Transmit::Inform(Notice::Arrived)]);
+}
+
+#[test]
+fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
+    let to = Ned::new(50.0, 0.0, -25.0);
+    let checkpoint = Checkpoint {
+        goal: Some(Goal::FlyTo { to }),
+        progress: Progress::Flying([to].into()),
+    };
+    let mut navigation = Navigation::new(CONFIG, Some(checkpoint));
+    let on_the_way = Telemetry {
+        at_rest: false,
+        armed: true,
+        target: Some(to),
+        ..ON_THE_GROUND
+    };
+    let said = told(&mut navigation, Input::Telemetry(on_the_way));
+    let start = [
+        Transmit::Inform(Notice::Resync),
+        Transmit::Demand(Demand::Report),
+    ];
+    assert_eq!(said, start, "nothing but what it says when it starts");
+}
+
+#[test]
+fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    told(&mut navigation, Input::Goal(Goal::Land));
+    let hovering = at_rest_at(Ned::new(0.0, 0.0, -20.0));
+    let demands = told(&mut navigation, hovering);
+    assert_eq!(demands, [Transmit::Demand(Demand::Land)]);
+    let coming_down = Telemetry {
+        armed: true,
+        landing: true,
+        at_rest: false,
+        ..ON_THE_GROUND
+    };
+    assert!(told(&mut navigation, Input::Telemetry(coming_down)).is_empty());
+    let landed = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    assert_eq!(landed, [Transmit::Inform(Notice::Landed)]);
+}

@@ -1,0 +1,154 @@
+use std::time::Duration;
+
+use super::*;
+use crate::machine::{Said, Stimulus, step};
+
+const BALLOT: Ballot = Ballot {
+    term: 1,
+    rank: 0,
+    master: NodeId(0),
+};
+
+fn radio(id: u32) -> Radio<IdealAuthenticator> {
+    let config = Config {
+        id: NodeId(id),
+        swarm: SwarmId(1),
+        boot: 1,
+        budget: Budget {
+            interval: Duration::from_millis(100),
+            burst: 3,
+        },
+        senders_max: 2,
+    };
+    Radio::new(config, IdealAuthenticator, Checkpoint::default())
+}
+
+fn told(radio: &mut Radio<IdealAuthenticator>, now_ms: u64, input: Input) -> (Vec<Transmit>, Vec<Event>) {
+    let now = Timestamp::from_nanos(now_ms * 1_000_000);
+    let (mut transmits, mut events) = (Vec::new(), Vec::new());
+    let Ok(_) = step(radio, now, Stimulus::Input(input), |said| match said {
+        Said::Transmit(transmit) => transmits.push(transmit),
+        Said::Event(event) => events.push(event),
+    });
+    (transmits, events)
+}
+
+fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
+    let payload = payload.to_vec();
+    let (transmits, _) = told(radio, 0, Input::Send { ballot: BALLOT, payload });
+    match transmits.into_iter().next() {
+        Some(Transmit::Broadcast(frame)) => frame,
+        other => panic!("a frame should have been sent, not {other:?}"),
+    }
+}
+
+/// What becomes of a frame: nothing if it was let in.
+fn dropped(radio: &mut Radio<IdealAuthenticator>, now_ms: u64, frame: &Bytes) -> Option<DropReason> {
+    let (transmits, events) = told(radio, now_ms, Input::Received(frame.clone()));
+    match events.as_slice() {
+        [Event::Dropped(reason)] => {
+            assert!(transmits.is_empty(), "what is dropped is not passed on");
+            Some(*reason)
+        }
+        _ => None,
+    }
+}
+
+#[test]
+fn a_frame_reaches_the_routing_of_another_drone() {
+    let frame = sent_by(&mut radio(0), b"hello");
+    let (transmits, events) = told(&mut radio(1), 0, Input::Received(frame));
+    let heard = Transmit::Heard {
+        sender: NodeId(0),
+        ballot: BALLOT,
+        payload: Bytes::from_static(b"hello"),
+    };
+    assert_eq!((transmits, events), (vec![heard], vec![]));
+}
+
+#[test]
+fn a_frame_is_let_in_once() {
+    let (mut sender, mut receiver) = (radio(0), radio(1));
+    let frames = [b"a", b"b", b"c"].map(|payload| sent_by(&mut sender, payload));
+    for frame in [&frames[1], &frames[0], &frames[2]] {
+        assert_eq!(dropped(&mut receiver, 0, frame), None);
+    }
+    for frame in &frames {
+        assert_eq!(dropped(&mut receiver, 9_000, frame), Some(DropReason::Replayed));
+    }
+}
+
+#[test]
+fn a_frame_of_an_earlier_life_is_a_replay() {
+    let mut earlier = radio(0);
+    let mut later = radio(0);
+    later.config.boot = 2;
+    let mut receiver = radio(1);
+    let old = sent_by(&mut earlier, b"old");
+    let new = sent_by(&mut later, b"new");
+    assert_eq!(dropped(&mut receiver, 0, &new), None);
+    assert_eq!(dropped(&mut receiver, 1, &old), Some(DropReason::Replayed));
+}
+
+#[test]
+fn a_sender_over_its_budget_is_dropped_until_it_has_earned_more() {
+    let (mut sender, mut receiver) = (radio(0), radio(1));
+    let outcome: Vec<_> = [0, 1, 2, 3, 150]
+        .map(|now| {
+            let frame = sent_by(&mut sender, b"again");
+            dropped(&mut receiver, now, &frame)
+        })
+        .into();
+    let over = Some(DropReason::OverBudget);
+    assert_eq!(outcome, [None, None, None, over, None]);
+}
+
+#[test]
+fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
+    let mut receiver = radio(1);
+    let mut elsewhere = radio(0);
+    elsewhere.config.swarm = SwarmId(2);
+    let frame = sent_by(&mut elsewhere, b"");
+    assert_eq!(dropped(&mut receiver, 0, &frame), Some(DropReason::OtherSwarm));
+    let frame = sent_by(&mut radio(1), b"");
+    assert_eq!(dropped(&mut receiver, 0, &frame), Some(DropReason::OwnEcho));
+    let mut forged = sent_by(&mut radio(0), b"").to_vec();
+    forged.iter_mut().rev().take(1).for_each(|byte| *byte ^= 1);
+    assert_eq!(dropped(&mut receiver, 0, &forged.into()), Some(DropReason::Forged));
+    assert_eq!(dropped(&mut receiver, 0, &sent_by(&mut radio(2), b"")), None);
+    let third = sent_by(&mut radio(3), b"");
+    assert_eq!(dropped(&mut receiver, 0, &third), Some(DropReason::TooManySenders));
+}
+
+#[test]
+fn a_forged_frame_does_not_use_up_the_counter_it_claims() {
+    let mut receiver = radio(1);
+    let genuine = sent_by(&mut radio(0), b"");
+    let mut forged = genuine.to_vec();
+    forged.iter_mut().rev().take(1).for_each(|byte| *byte ^= 1);
+    assert_eq!(dropped(&mut receiver, 0, &forged.into()), Some(DropReason::Forged));
+    assert_eq!(dropped(&mut receiver, 1, &genuine), None);
+}
+
+#[test]
+fn a_restarted_radio_uses_no_counter_twice() {
+    let mut first = radio(0);
+    let payload = Vec::new();
+    let (_, events) = told(&mut first, 0, Input::Send { ballot: BALLOT, payload });
+    let [Event::Checkpoint(checkpoint)] = events.as_slice() else {
+        panic!("counters are reserved before they are used");
+    };
+    sent_by(&mut first, b"");
+    let mut second = Radio::new(first.config.clone(), IdealAuthenticator, *checkpoint);
+    let frame = sent_by(&mut second, b"");
+    let counter = wire::decode_frame(&frame).unwrap().header.counter;
+    assert!(counter > first.counter, "{counter} was used by the first life already");
+}
+
+#[test]
+fn a_payload_that_outgrows_a_datagram_is_not_sent() {
+    let payload = vec![0; PAYLOAD_MAX + 1];
+    let (transmits, events) = told(&mut radio(0), 0, Input::Send { ballot: BALLOT, payload });
+    assert!(transmits.is_empty());
+    assert_eq!(events, [Event::Oversized { len: PAYLOAD_MAX + 1 }]);
+}

@@ -1,0 +1,300 @@
+use super::*;
+use crate::machine::{Said, Stimulus, step};
+
+const MASTER: Ballot = Ballot {
+    term: 1,
+    rank: 0,
+    master: NodeId(0),
+};
+
+fn config(id: u32) -> Config {
+    Config {
+        id: NodeId(id),
+        drones: 4,
+        period: Duration::from_millis(200),
+        keep_alive: Duration::from_secs(1),
+        hello_period: Duration::from_millis(500),
+        discovery: Duration::from_secs(8),
+        stable_after: 3,
+        hello_gap: Duration::from_millis(750),
+        time_to_live: Duration::from_secs(5),
+    }
+}
+
+fn routing(id: u32) -> Routing {
+    Routing::new(config(id), 1, Timestamp::ZERO, None)
+}
+
+fn at(seconds: f64) -> Timestamp {
+    Timestamp::from_secs_f64(seconds)
+}
+
+struct Outcome {
+    sent: Vec<Packet>,
+    notices: Vec<Notice>,
+    events: Vec<Event>,
+}
+
+fn stimulate(routing: &mut Routing, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
+    let mut outcome = Outcome {
+        sent: Vec::new(),
+        notices: Vec::new(),
+        events: Vec::new(),
+    };
+    let Ok(_) = step(routing, now, stimulus, |said| match said {
+        Said::Transmit(Transmit::Send { payload, .. }) => {
+            outcome.sent.push(wire::decode_packet(&payload).unwrap());
+        }
+        Said::Transmit(Transmit::Inform(notice)) => outcome.notices.push(notice),
+        Said::Event(event) => outcome.events.push(event),
+    });
+    outcome
+}
+
+fn hears(routing: &mut Routing, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
+    hears_under(routing, now, from, MASTER, packet)
+}
+
+fn hears_under(
+    routing: &mut Routing,
+    now: Timestamp,
+    from: u32,
+    ballot: Ballot,
+    packet: &Packet,
+) -> Outcome {
+    let input = Input::Heard {
+        sender: NodeId(from),
+        ballot,
+        payload: wire::encode_packet(packet).into(),
+    };
+    stimulate(routing, now, Stimulus::Input(input))
+}
+
+fn flood(pulse: u32, sequence: u32) -> Flood {
+    Flood {
+        hops: Some(0),
+        parent: None,
+        pulse,
+        sequence,
+        members: Vec::new(),
+        order: (sequence > 0).then(|| Bytes::from_static(b"order")),
+    }
+}
+
+/// Lets time pass up to `until`, timer by timer.
+fn wait(routing: &mut Routing, until: Timestamp) -> Outcome {
+    let mut all = Outcome {
+        sent: Vec::new(),
+        notices: Vec::new(),
+        events: Vec::new(),
+    };
+    while let Some(due) = routing.next_send.filter(|due| *due <= until) {
+        let outcome = stimulate(routing, due, Stimulus::Timeout);
+        all.sent.extend(outcome.sent);
+        all.notices.extend(outcome.notices);
+        all.events.extend(outcome.events);
+    }
+    all
+}
+
+/// Slave 1, whose neighbours 0 (the master) and 2 are stable, at the start of its hop update.
+fn in_hop_update() -> (Routing, Timestamp) {
+    let mut slave = routing(1);
+    for beat in 0..16_u32 {
+        let now = at(0.5 * f64::from(beat));
+        let remaining = Duration::from_secs(8) - Duration::from_millis(500) * beat;
+        for neighbour in [0, 2] {
+            hears(&mut slave, now, neighbour, &Packet::Hello { remaining });
+        }
+    }
+    let ended = wait(&mut slave, at(8.0));
+    assert!(ended.notices.contains(&Notice::HopUpdateStarted));
+    (slave, at(8.0))
+}
+
+#[test]
+fn a_drone_that_was_told_nothing_says_nothing() {
+    let mut slave = routing(1);
+    assert_eq!(slave.next_send, None);
+    assert!(stimulate(&mut slave, at(9.0), Stimulus::Timeout).sent.is_empty());
+}
+
+#[test]
+fn three_hellos_in_a_row_make_a_neighbour_stable_and_a_gap_starts_anew() {
+    let mut slave = routing(1);
+    let remaining = Duration::from_secs(8);
+    let mut stable_at = None;
+    for now in [0.0, 0.5, 1.3, 1.8, 2.3] {
+        let outcome = hears(&mut slave, at(now), 2, &Packet::Hello { remaining });
+        if outcome.events.contains(&Event::NeighbourStable(NodeId(2))) {
+            stable_at = Some(now);
+        }
+    }
+    assert_eq!(stable_at, Some(2.3), "the gap of 0.8 s at 1.3 s starts the count anew");
+}
+
+#[test]
+fn whoever_hears_of_discovery_late_ends_with_the_others() {
+    let mut slave = routing(1);
+    let remaining = Duration::from_secs(3);
+    let outcome = hears(&mut slave, at(5.0), 2, &Packet::Hello { remaining });
+    assert!(outcome.notices.contains(&Notice::DiscoveryStarted));
+    let phase = slave.durable.phase;
+    assert_eq!(phase, Phase::Discovery { until: at(8.0) });
+}
+
+#[test]
+fn the_first_stable_neighbour_heard_becomes_the_parent() {
+    let (mut slave, now) = in_hop_update();
+    let hop_update = |hops| Packet::HopUpdate {
+        hops,
+        routing_list: vec![NodeId(1)],
+    };
+    hears(&mut slave, now, 3, &hop_update(0));
+    assert_eq!(slave.durable.routes.parent, None, "3 is not stable");
+    hears(&mut slave, now, 0, &hop_update(0));
+    hears(&mut slave, now, 2, &hop_update(4));
+    let routes = &slave.durable.routes;
+    assert_eq!((routes.hops, routes.parent), (Some(1), Some(NodeId(0))));
+    assert_eq!(routes.routing_list, [NodeId(1), NodeId(2)]);
+    assert!(routes.relay, "it is listed, and reaches 2, which is not");
+    assert!(!routes.out_of_range);
+}
+
+#[test]
+fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_up() {
+    let (mut slave, now) = in_hop_update();
+    let hop_update = Packet::HopUpdate {
+        hops: 0,
+        routing_list: vec![NodeId(1)],
+    };
+    let outcome = hears(&mut slave, now, 0, &hop_update);
+    assert!(!outcome.notices.contains(&Notice::RoutesReady), "2 is missing");
+    let mut patient = slave.durable.clone();
+    let follows = Packet::Flood(flood(1, 0));
+    let outcome = hears(&mut slave, now, 2, &follows);
+    assert!(outcome.notices.contains(&Notice::RoutesReady), "a follower counts as heard");
+    patient.phase = Phase::HopUpdate { since: now };
+    let mut waiting = Routing::new(config(1), 2, now, Some(patient));
+    let outcome = wait(&mut waiting, now + Duration::from_millis(5_400));
+    assert!(outcome.notices.contains(&Notice::RoutesReady));
+}
+
+#[test]
+fn before_there_are_routes_everyone_repeats_everything() {
+    let mut slave = routing(2);
+    let member = Member {
+        id: NodeId(3),
+        beat: 1,
+        acknowledged: 1,
+        out_of_range: false,
+        landing: false,
+    };
+    let mut heard = flood(1, 1);
+    heard.members.push(member);
+    let outcome = hears(&mut slave, at(0.0), 1, &Packet::Flood(heard));
+    assert!(matches!(outcome.notices[..], [Notice::Order { sequence: 1, .. }]));
+    let said = wait(&mut slave, at(0.2)).sent;
+    let [Packet::Flood(said)] = said.as_slice() else {
+        panic!("one packet a period, not {said:?}");
+    };
+    assert_eq!((said.pulse, said.sequence), (1, 1));
+    assert!(said.order.is_some());
+    assert_eq!(said.members.iter().map(|it| it.id.0).collect::<Vec<_>>(), [2, 3]);
+}
+
+#[test]
+fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
+    let (mut slave, now) = in_hop_update();
+    let hop_update = Packet::HopUpdate {
+        hops: 0,
+        routing_list: vec![NodeId(1), NodeId(2)],
+    };
+    hears(&mut slave, now, 0, &hop_update);
+    let member = |id, parent| {
+        let mut heard = flood(0, 0);
+        heard.parent = parent;
+        heard.members.push(Member {
+            id: NodeId(id),
+            beat: 9,
+            acknowledged: 1,
+            out_of_range: false,
+            landing: false,
+        });
+        Packet::Flood(heard)
+    };
+    hears(&mut slave, now, 2, &member(2, Some(NodeId(0))));
+    hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
+    assert_eq!(slave.durable.phase, Phase::Following);
+    let says = |slave: &mut Routing, until| {
+        let sent = wait(slave, until).sent;
+        match sent.into_iter().next_back() {
+            Some(Packet::Flood(flood)) => (flood.members.len(), flood.order.is_some()),
+            other => panic!("a flood should have been sent, not {other:?}"),
+        }
+    };
+    assert_eq!(says(&mut slave, at(8.3)), (1, false), "a leaf speaks for itself");
+    hears(&mut slave, at(8.3), 3, &member(3, Some(NodeId(1))));
+    assert_eq!(says(&mut slave, at(8.6)), (2, true), "a parent relays");
+}
+
+#[test]
+fn a_master_is_alive_only_if_its_own_number_rises() {
+    let mut slave = routing(1);
+    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(7, 1)));
+    let mut silent_at = None;
+    for tenth in 1..80_u32 {
+        let now = at(f64::from(tenth) / 10.0);
+        // Another drone goes on repeating the last number that it heard.
+        hears(&mut slave, now, 2, &Packet::Flood(flood(7, 1)));
+        if wait(&mut slave, now).notices.contains(&Notice::MasterSilent) {
+            silent_at = Some(tenth);
+        }
+    }
+    assert!((50..=53).contains(&silent_at.unwrap()), "{silent_at:?}");
+    let outcome = hears(&mut slave, at(8.0), 2, &Packet::Flood(flood(8, 1)));
+    assert!(outcome.notices.contains(&Notice::MasterReturned));
+}
+
+#[test]
+fn an_older_ballot_and_a_stranger_are_ignored_and_a_better_ballot_is_obeyed() {
+    let mut slave = routing(1);
+    let newer = Ballot { term: 2, ..MASTER };
+    let order = Packet::Flood(flood(1, 1));
+    assert!(!hears_under(&mut slave, at(0.0), 0, newer, &order).notices.is_empty());
+    let older = hears_under(&mut slave, at(0.1), 0, MASTER, &Packet::Flood(flood(2, 2)));
+    assert_eq!(older.events, [Event::Ignored(NodeId(0))]);
+    let stranger = hears_under(&mut slave, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
+    assert_eq!(stranger.events, [Event::Ignored(NodeId(4))]);
+    assert_eq!(slave.durable.sequence, 1);
+}
+
+#[test]
+fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
+    let mut slave = routing(1);
+    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(1, 1)));
+    let mut kept = None;
+    for outcome in [wait(&mut slave, at(2.0)), wait(&mut slave, at(60.0))] {
+        for event in outcome.events {
+            if let Event::Checkpoint(checkpoint) = event {
+                kept = Some(*checkpoint);
+            }
+        }
+    }
+    let beat = slave.durable.beat;
+    let restarted = Routing::new(config(1), 2, at(60.0), kept);
+    assert!(restarted.durable.beat >= beat, "{beat} was used already");
+}
+
+#[test]
+fn a_drone_that_is_done_says_so_once_and_falls_silent() {
+    let mut slave = routing(1);
+    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(1, 4)));
+    stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Acknowledge { sequence: 4 }));
+    let last = stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Stop)).sent;
+    let [Packet::Flood(last)] = last.as_slice() else {
+        panic!("one last packet, not {last:?}");
+    };
+    assert_eq!(last.members[0].acknowledged, 4);
+    assert_eq!(slave.next_send, None);
+}

@@ -1,0 +1,185 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const HEADER: Header = Header {
+    swarm: SwarmId(7),
+    sender: NodeId(300),
+    boot: 2,
+    counter: 1_000_000,
+    ballot: Ballot {
+        term: 3,
+        rank: 1,
+        master: NodeId(4),
+    },
+};
+
+fn frame(payload: &[u8]) -> Vec<u8> {
+    let mut frame = encode_covered(&HEADER, payload, Vec::new());
+    frame.extend_from_slice(&[0xab; AUTHENTICATOR_LEN]);
+    frame
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn a_frame_has_these_bytes() {
+    let golden = format!("0107ac0202c0843d030104{}{}", "c0ffee", "ab".repeat(64));
+    assert_eq!(hex(&frame(&[0xc0, 0xff, 0xee])), golden);
+}
+
+#[test]
+fn packets_have_these_bytes() {
+    let hello = Packet::Hello {
+        remaining: Duration::from_millis(7_500),
+    };
+    assert_eq!(hex(&encode_packet(&hello)), "00cc3a");
+    let hop_update = Packet::HopUpdate {
+        hops: 1,
+        routing_list: vec![NodeId(2), NodeId(4), NodeId(1)],
+    };
+    assert_eq!(hex(&encode_packet(&hop_update)), "010103020401");
+    let flood = Packet::Flood(Flood {
+        hops: Some(2),
+        parent: Some(NodeId(6)),
+        pulse: 900,
+        sequence: 5,
+        members: vec![Member {
+            id: NodeId(1),
+            beat: 300,
+            acknowledged: 4,
+            out_of_range: true,
+            landing: true,
+        }],
+        order: Some(bytes::Bytes::from_static(&[1])),
+    });
+    assert_eq!(hex(&encode_packet(&flood)), "02010201068407050101ac020403010101");
+}
+
+#[test]
+fn orders_have_these_bytes() {
+    let plan = Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::new(1.0, -1.0, -25.0)],
+    };
+    assert_eq!(hex(&encode_order(&plan)), "00000101d00fcf0fcf8603");
+    assert_eq!(hex(&encode_order(&Order::TakeOff)), "01");
+    assert_eq!(hex(&encode_order(&Order::Move { waypoint: 300 })), "02ac02");
+    let land = Order::Land {
+        at: Ned::new(0.001, 0.0, 0.0),
+    };
+    assert_eq!(hex(&encode_order(&land)), "03020000");
+}
+
+#[test]
+fn a_frame_is_read_back_without_a_copy() {
+    let bytes = frame(b"payload");
+    let read = decode_frame(&bytes).unwrap();
+    assert_eq!(read.header, HEADER);
+    assert_eq!(read.payload, b"payload");
+    assert_eq!(read.authenticator, &[0xab; AUTHENTICATOR_LEN]);
+    assert_eq!(read.covered, &bytes[..bytes.len() - AUTHENTICATOR_LEN]);
+}
+
+#[test]
+fn frames_of_the_wrong_form_are_told_apart() {
+    let mut other_version = frame(b"");
+    other_version[0] = VERSION + 1;
+    assert_eq!(decode_frame(&other_version), Err(FrameError::Version));
+    assert_eq!(decode_frame(&[VERSION; 64]), Err(FrameError::TooShort));
+    assert_eq!(decode_frame(&[VERSION; 66]), Err(FrameError::TooShort));
+    assert_eq!(decode_frame(&[]), Err(FrameError::TooShort));
+    let too_long = vec![VERSION; DATAGRAM_MAX + 1];
+    assert_eq!(decode_frame(&too_long), Err(FrameError::TooLong));
+}
+
+#[test]
+fn the_largest_header_leaves_room_for_the_largest_payload() {
+    let header = Header {
+        swarm: SwarmId(u32::MAX),
+        sender: NodeId(u32::MAX),
+        boot: u32::MAX,
+        counter: u64::MAX,
+        ballot: Ballot {
+            term: u32::MAX,
+            rank: u32::MAX,
+            master: NodeId(u32::MAX),
+        },
+    };
+    let covered = encode_covered(&header, &[0; PAYLOAD_MAX], Vec::new());
+    assert_eq!(covered.len() + AUTHENTICATOR_LEN, DATAGRAM_MAX);
+}
+
+#[test]
+fn a_payload_with_something_after_it_is_none() {
+    let mut packet = encode_packet(&Packet::Hello {
+        remaining: Duration::ZERO,
+    });
+    packet.push(0);
+    assert_eq!(decode_packet(&packet), Err(PayloadError));
+    assert_eq!(decode_order(&[1, 0]), Err(PayloadError));
+    assert_eq!(decode_order(&[]), Err(PayloadError));
+    assert_eq!(decode_order(&[9]), Err(PayloadError));
+}
+
+fn any_packet() -> impl Strategy<Value = Packet> {
+    let hello = any::<u32>().prop_map(|ms| Packet::Hello {
+        remaining: Duration::from_millis(ms.into()),
+    });
+    let ids = || prop::collection::vec(any::<u32>().prop_map(NodeId), 0..20);
+    let hop_update = (any::<u16>(), ids()).prop_map(|(hops, routing_list)| Packet::HopUpdate {
+        hops,
+        routing_list,
+    });
+    let member = (any::<[u32; 3]>(), any::<[bool; 2]>()).prop_map(|(numbers, flags)| Member {
+        id: NodeId(numbers[0]),
+        beat: numbers[1],
+        acknowledged: numbers[2],
+        out_of_range: flags[0],
+        landing: flags[1],
+    });
+    let flood = (
+        any::<Option<u16>>(),
+        any::<Option<u32>>(),
+        any::<[u32; 2]>(),
+        prop::collection::vec(member, 0..20),
+        any::<Option<Vec<u8>>>(),
+    )
+        .prop_map(|(hops, parent, [pulse, sequence], members, order)| {
+            Packet::Flood(Flood {
+                hops,
+                parent: parent.map(NodeId),
+                pulse,
+                sequence,
+                members,
+                order: order.map(Into::into),
+            })
+        });
+    prop_oneof![hello, hop_update, flood]
+}
+
+proptest! {
+    #[test]
+    fn any_packet_is_read_back(packet in any_packet()) {
+        prop_assert_eq!(decode_packet(&encode_packet(&packet)), Ok(packet));
+    }
+
+    #[test]
+    fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..1_600)) {
+        let _ = decode_frame(&bytes);
+        let _ = decode_packet(&bytes);
+        let _ = decode_order(&bytes);
+    }
+
+    #[test]
+    fn places_survive_to_the_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
+        let at = Ned::new(place[0], place[1], place[2]);
+        let Ok(Order::Land { at: read }) = decode_order(&encode_order(&Order::Land { at })) else {
+            panic!("a landing is read back as one");
+        };
+        prop_assert!((read.0 - at.0).amax() <= 0.000_501);
+    }
+}
