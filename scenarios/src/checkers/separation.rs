@@ -205,3 +205,6 @@ fn quadratic_roots(a: f64, b: f64, c: f64) -> [f64; 2] {
     [-1.0, 1.0].map(|sign| (-b + sign * root) / (2.0 * a))
 }
 
+
+#[cfg(test)]
+mod tests;

@@ -120,3 +120,6 @@ impl Vehicle {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

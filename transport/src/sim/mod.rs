@@ -112,3 +112,6 @@ impl Transport for Medium {
     }
 }
 
+
+#[cfg(test)]
+mod tests;

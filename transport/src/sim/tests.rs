@@ -1,0 +1,114 @@
+use proptest::prelude::*;
+use rand::SeedableRng;
+
+use super::*;
+
+const CONFIG: Config = Config {
+    range_m: 300.0,
+    loss: 0.0,
+    latency: Duration::from_micros(200),
+    jitter: Duration::from_micros(100),
+    datagram_max: 100,
+};
+
+fn medium(config: Config, seed: u64, places: &[Ned]) -> Medium {
+    Medium::new(config, ChaCha8Rng::seed_from_u64(seed), places)
+}
+
+fn line(count: u32, spacing_m: f64) -> Vec<Ned> {
+    (0..count)
+        .map(|index| Ned::new(0.0, f64::from(index) * spacing_m, -25.0))
+        .collect()
+}
+
+fn arrivals(medium: &mut Medium, from: u32) -> Vec<Arrival> {
+    let datagram = Bytes::from_static(b"datagram");
+    medium
+        .broadcast(Timestamp::ZERO, NodeId(from), &datagram)
+        .unwrap();
+    std::iter::from_fn(|| medium.poll_arrival()).collect()
+}
+
+fn heard_by(medium: &mut Medium, from: u32) -> Vec<u32> {
+    arrivals(medium, from).iter().map(|it| it.to.0).collect()
+}
+
+#[test]
+fn whoever_is_in_range_hears_and_nobody_else() {
+    let mut medium = medium(CONFIG, 1, &line(5, 150.0));
+    assert_eq!(heard_by(&mut medium, 0), [1, 2], "300 m is within the range");
+    assert_eq!(heard_by(&mut medium, 2), [0, 1, 3, 4]);
+}
+
+#[test]
+fn a_radio_that_moves_is_heard_where_it_is() {
+    let mut medium = medium(CONFIG, 1, &line(3, 1_000.0));
+    assert_eq!(heard_by(&mut medium, 0), [0_u32; 0]);
+    medium.place(NodeId(2), Ned::new(10.0, -250.0, 0.0));
+    assert_eq!(heard_by(&mut medium, 0), [2]);
+    assert_eq!(heard_by(&mut medium, 2), [0]);
+}
+
+#[test]
+fn a_frame_takes_the_latency_and_at_most_the_jitter_more() {
+    let mut medium = medium(CONFIG, 1, &line(40, 1.0));
+    let times: Vec<_> = arrivals(&mut medium, 0).iter().map(|it| it.at.as_nanos()).collect();
+    assert_eq!(times.len(), 39);
+    assert!(times.iter().all(|at| (200_000..300_000).contains(at)));
+    assert!(times.windows(2).any(|pair| pair[0] != pair[1]));
+}
+
+#[test]
+fn loss_is_drawn_for_each_frame_and_receiver() {
+    let lossy = Config { loss: 0.3, ..CONFIG };
+    let mut medium = medium(lossy, 5, &line(11, 1.0));
+    let heard: usize = (0..1_000).map(|_| arrivals(&mut medium, 0).len()).sum();
+    // 10,000 draws at 0.7: the standard deviation is 46.
+    assert!((6_770..7_230).contains(&heard), "{heard}");
+}
+
+#[test]
+fn the_seed_decides_every_draw() {
+    let lossy = Config { loss: 0.5, ..CONFIG };
+    let run = |seed| {
+        let mut medium = medium(lossy, seed, &line(20, 1.0));
+        (0..20).flat_map(|from| arrivals(&mut medium, from)).collect::<Vec<_>>()
+    };
+    assert_eq!(run(1), run(1));
+    assert_ne!(run(1), run(2));
+}
+
+#[test]
+fn what_is_too_long_or_from_nowhere_is_not_sent() {
+    let mut medium = medium(CONFIG, 1, &line(2, 1.0));
+    let long = Bytes::from(vec![0; 101]);
+    let refused = medium.broadcast(Timestamp::ZERO, NodeId(0), &long);
+    assert_eq!(refused, Err(SendError::TooLong { len: 101, max: 100 }));
+    let refused = medium.broadcast(Timestamp::ZERO, NodeId(2), &Bytes::new());
+    assert_eq!(refused, Err(SendError::UnknownSender(NodeId(2))));
+    assert_eq!(medium.poll_arrival(), None);
+}
+
+proptest! {
+    #[test]
+    fn the_grid_finds_whom_a_look_at_all_finds(
+        places in prop::collection::vec((-900.0..900.0_f64, -900.0..900.0_f64), 1..40),
+        moves in prop::collection::vec((0_usize..40, -900.0..900.0_f64, -900.0..900.0_f64), 0..40),
+    ) {
+        let mut places: Vec<Ned> = places.into_iter().map(|(n, e)| Ned::new(n, e, -20.0)).collect();
+        let mut medium = medium(CONFIG, 1, &places);
+        for (index, north, east) in moves {
+            let index = index % places.len();
+            places[index] = Ned::new(north, east, -20.0);
+            medium.place(NodeId(u32::try_from(index).unwrap()), places[index]);
+        }
+        for (from, place) in (0..).zip(&places) {
+            let near: Vec<u32> = (0..)
+                .zip(&places)
+                .filter(|(id, other)| *id != from && other.distance_m(*place) <= CONFIG.range_m)
+                .map(|(id, _)| id)
+                .collect();
+            prop_assert_eq!(heard_by(&mut medium, from), near);
+        }
+    }
+}
