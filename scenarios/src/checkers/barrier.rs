@@ -39,6 +39,11 @@ impl BarrierChecker {
         }
     }
 
+    /// A drone is being brought down whose mission may not be there any more to say so.
+    pub(crate) fn given_up(&mut self, drone: NodeId) {
+        self.drones[drone.0 as usize].state = State::Landing;
+    }
+
     fn enters(&mut self, now: Timestamp, drone: NodeId, state: State) -> Option<Violation> {
         let progress = &mut self.drones[drone.0 as usize];
         progress.state = state;

@@ -2,6 +2,7 @@
 
 mod summary;
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use muster_machines::geometry::Ned;
@@ -34,6 +35,10 @@ pub struct Report {
     pub means: Means,
     /// Each waypoint at which the swarm waited for its members.
     pub barriers: Vec<Barrier>,
+    /// The master's own view of who is out of its range and who bridges to them.
+    pub bridges: Vec<Bridge>,
+    /// Frames that radios did not let in, by reason.
+    pub dropped: BTreeMap<String, u64>,
     /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
     pub min_separation_m: Option<f64>,
     /// Rules that were broken.
@@ -122,6 +127,15 @@ pub struct Barrier {
     pub moving_s: f64,
     /// Frames that were sent by anyone between the two.
     pub transmissions: u64,
+}
+
+/// A neighbour of the master that passes on the acknowledgements of drones out of the master's range.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Bridge {
+    /// The neighbour.
+    pub bridge: u32,
+    /// The drones beyond, lowest first.
+    pub out_of_range: Vec<u32>,
 }
 
 /// A rule that was broken.

@@ -4,7 +4,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
 
 use super::{
-    Barrier, DroneReport, Engine, Flight, FlightOfDrone, Means, Report, Role, Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, Means, Report, Role, Violation,
 };
 use crate::scenario::Scenario;
 use crate::world::{Outcome, Record, track};
@@ -32,6 +32,12 @@ pub(crate) fn summary(
         means: means(&drones),
         drones,
         barriers: barriers(outcome),
+        bridges: bridges(outcome),
+        dropped: recorder
+            .dropped()
+            .iter()
+            .map(|(reason, count)| (reason.to_string(), *count))
+            .collect(),
         min_separation_m: outcome.closest_m,
         violations: outcome.violations.iter().map(Violation::from).collect(),
     };
@@ -79,8 +85,8 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
 /// What a drone was doing at the end, as far as it could still tell.
 fn state(record: &Record) -> String {
     let last = record.states.last().map_or(State::Start, |(_, state)| *state);
-    if record.disarmed.is_some() && last != State::Finished {
-        format!("on the ground, actor given up while {last}")
+    if record.given_up && record.disarmed.is_some() && last != State::Finished {
+        format!("on the ground, an actor given up while {last}")
     } else {
         last.to_string()
     }
@@ -125,6 +131,21 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
             })
         })
         .collect()
+}
+
+fn bridges(outcome: &Outcome) -> Vec<Bridge> {
+    let mut bridges: Vec<Bridge> = Vec::new();
+    for (member, via) in outcome.recorder.out_of_range() {
+        match bridges.iter_mut().find(|bridge| bridge.bridge == via.0) {
+            Some(bridge) => bridge.out_of_range.push(member.0),
+            None => bridges.push(Bridge {
+                bridge: via.0,
+                out_of_range: vec![member.0],
+            }),
+        }
+    }
+    bridges.sort_by_key(|bridge| bridge.bridge);
+    bridges
 }
 
 impl From<&crate::checkers::Violation> for Violation {

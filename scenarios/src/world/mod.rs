@@ -240,15 +240,14 @@ impl World {
         }
         let table = reaction.occupancy;
         self.find(self.bounds.table(self.now, drone, from, table));
-        if let Some(generation) = self.drone(drone).set_timer(from, reaction.deadline) {
-            if let Some(deadline) = reaction.deadline {
-                let wake = Planned::Wake {
-                    drone,
-                    address: from,
-                    generation,
-                };
-                self.heap.plan(deadline.max(self.now), wake);
-            }
+        let generation = self.drone(drone).set_timer(from, reaction.deadline);
+        if let (Some(generation), Some(deadline)) = (generation, reaction.deadline) {
+            let wake = Planned::Wake {
+                drone,
+                address: from,
+                generation,
+            };
+            self.heap.plan(deadline.max(self.now), wake);
         }
     }
 
@@ -374,6 +373,7 @@ impl World {
             }
             Verdict::GiveUp => {
                 self.recorder.given_up(drone);
+                self.barrier.given_up(drone);
                 for effect in last_resort(address) {
                     self.effect(drone, effect);
                 }

@@ -16,6 +16,8 @@ pub(crate) struct Recorder {
     centre: NodeId,
     drones: Vec<Record>,
     barriers: BTreeMap<u16, Crossing>,
+    /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
+    out_of_range: BTreeMap<NodeId, NodeId>,
     sent: u64,
     dropped: BTreeMap<DropReason, u64>,
     steps_done: u64,
@@ -73,6 +75,7 @@ impl Recorder {
             centre,
             drones: vec![record; drones],
             barriers: BTreeMap::new(),
+            out_of_range: BTreeMap::new(),
             sent: 0,
             dropped: BTreeMap::new(),
             steps_done: 0,
@@ -90,6 +93,11 @@ impl Recorder {
 
     pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
         &self.barriers
+    }
+
+    /// The master's own view of who is out of its range, and through whom it hears of them.
+    pub(crate) fn out_of_range(&self) -> impl Iterator<Item = (NodeId, NodeId)> + '_ {
+        self.out_of_range.iter().map(|(member, via)| (*member, *via))
     }
 
     pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
@@ -155,8 +163,19 @@ impl Recorder {
     }
 
     pub(crate) fn routing(&mut self, id: NodeId, event: &routing::Event) {
-        if let routing::Event::Routes(routes) = event {
-            self.record(id).routes = routes.clone();
+        match event {
+            routing::Event::Routes(routes) => self.record(id).routes = routes.clone(),
+            routing::Event::Reached {
+                member,
+                via,
+                out_of_range: true,
+            } => {
+                self.out_of_range.insert(*member, *via);
+            }
+            routing::Event::Reached { member, .. } => {
+                self.out_of_range.remove(member);
+            }
+            _ => {}
         }
     }
 

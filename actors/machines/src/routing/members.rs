@@ -26,7 +26,7 @@ pub(super) struct Change {
     pub(super) progress: bool,
     /// It had been taken for silent.
     pub(super) returned: bool,
-    /// Another neighbour speaks for it than before, or it was not known.
+    /// Another neighbour speaks for it than before, it came into the master's range or left it, or it was not known.
     pub(super) moved: bool,
 }
 
@@ -54,7 +54,7 @@ impl Members {
             progress: member.acknowledged > known.member.acknowledged
                 || member.landing != known.member.landing,
             returned: known.silent,
-            moved: via != known.via,
+            moved: via != known.via || member.out_of_range != known.member.out_of_range,
         };
         let acknowledged = member.acknowledged.max(known.member.acknowledged);
         *known = Known {

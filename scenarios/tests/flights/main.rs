@@ -1,0 +1,5 @@
+//! Whole flights of shipped scenarios.
+
+mod engines;
+mod support;
+mod thesis;

@@ -1,0 +1,35 @@
+//! What the tests of scenarios share.
+
+use std::path::PathBuf;
+
+use muster_scenarios::engine::{Engine, run};
+use muster_scenarios::report::Report;
+use muster_scenarios::scenario::{Override, Scenario, load};
+
+/// A shipped file.
+pub(crate) fn shipped(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+/// A shipped scenario with some fields set.
+pub(crate) fn scenario(name: &str, overrides: &[&str]) -> Scenario {
+    let overrides: Vec<Override> = overrides.iter().map(|it| it.parse().unwrap()).collect();
+    load(&shipped(name), &overrides).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+pub(crate) fn fly(scenario: &Scenario, engine: Engine) -> Report {
+    run(scenario, engine, None).unwrap().0
+}
+
+/// The rows of a data file, without its heading.
+pub(crate) fn rows(name: &str) -> Vec<Vec<String>> {
+    let path = shipped("tests/data").join(name);
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .from_path(path)
+        .unwrap();
+    reader
+        .records()
+        .map(|row| row.unwrap().iter().map(str::to_owned).collect())
+        .collect()
+}
