@@ -1,3 +1,113 @@
-//! The operator's command.
+//! The operator's command: arguments and printing, nothing else.
 
-fn main() {}
+mod check;
+mod completions;
+mod sim;
+
+use std::io;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use miette::{Diagnostic, GraphicalReportHandler};
+use muster_runtime::diagnostic::BadInput;
+use muster_scenarios::engine::RunError;
+use muster_scenarios::report::WriteError;
+
+/// Flies swarms of drones: in simulation today, the very same drones on aircraft.
+///
+/// A scenario file says who flies, where, over which radio and by which protocol; `muster sim` flies it and shows
+/// what came of it. The same scenario and seed give the same flight, bit for bit.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    arg_required_else_help = true,
+    after_help = "Exit codes: 0 all is well; 1 something failed on this machine; 2 a file or an argument can't be \
+                  used; 3 a rule that must always hold was broken.\n\nStart with: muster sim scenarios/thesis-2.toml"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Sim(sim::Arguments),
+    Check(check::Arguments),
+    Completions(completions::Arguments),
+}
+
+/// How a command ended that could do what it was asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    Well,
+    RuleBroken,
+}
+
+/// Why a command could not do what it was asked for.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    /// The user's input can't be used; each file's fault by itself.
+    #[error("{} of the files can't be used", .0.len())]
+    Input(Vec<BadInput>),
+    #[error(transparent)]
+    Run(#[from] RunError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// Nobody reads what is printed, or it can't be.
+    #[error("can't write to standard output")]
+    Print(#[from] io::Error),
+}
+
+impl From<BadInput> for Failure {
+    fn from(input: BadInput) -> Self {
+        Self::Input(vec![input])
+    }
+}
+
+fn main() -> ExitCode {
+    let ended = match Arguments::parse().command {
+        Command::Sim(arguments) => sim::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+    };
+    match ended {
+        Ok(Ended::Well) => ExitCode::SUCCESS,
+        Ok(Ended::RuleBroken) => ExitCode::from(3),
+        Err(Failure::Input(inputs)) => {
+            inputs.iter().for_each(|input| show(input));
+            ExitCode::from(2)
+        }
+        // Whoever reads has seen enough.
+        Err(Failure::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
+            complain(&error);
+            ExitCode::from(2)
+        }
+        Err(failure) => {
+            complain(&failure);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Shows what is wrong with a file: where, and what would be accepted.
+#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
+fn show(error: &dyn Diagnostic) {
+    let mut text = String::new();
+    let handler = GraphicalReportHandler::new();
+    match handler.render_report(&mut text, error) {
+        Ok(()) => eprint!("{text}"),
+        Err(_) => eprintln!("Error: {error}"),
+    }
+}
+
+#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
+fn complain(error: &dyn std::error::Error) {
+    eprint!("Error: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprint!(": {error}");
+        cause = error.source();
+    }
+    eprintln!();
+}

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -11,6 +12,23 @@ use super::raw::{FIELDS, Raw};
 pub struct Override {
     key: String,
     value: String,
+}
+
+impl Override {
+    /// Another seed, as it was written; refused like one in a file if it is none.
+    #[must_use]
+    pub fn seed(value: &str) -> Self {
+        Self {
+            key: "seed".to_owned(),
+            value: value.to_owned(),
+        }
+    }
+}
+
+impl fmt::Display for Override {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}", self.key, self.value)
+    }
 }
 
 impl std::str::FromStr for Override {
@@ -62,9 +80,9 @@ impl Source {
             BadInput::new(path, &text, span, error.message().trim(), NOT_TOML)
         })?;
         let mut shown = path.display().to_string();
-        for Override { key, value } in overrides {
-            set(&mut document, key, value);
-            shown = format!("{shown} --set {key}={value}");
+        for change in overrides {
+            set(&mut document, &change.key, &change.value);
+            shown = format!("{shown} --set {change}");
         }
         Ok(Self {
             shown: shown.into(),

@@ -55,6 +55,30 @@ pub struct Scenario {
 const SWARM: SwarmId = SwarmId(1);
 
 impl Scenario {
+    /// What it is, in a few words.
+    #[must_use]
+    pub fn description(&self) -> String {
+        let length_m: f64 = self
+            .waypoints
+            .windows(2)
+            .map(|leg| leg[0].horizontal_distance_m(leg[1]))
+            .sum();
+        let layers_m = self.layout.layers_m(&self.waypoints);
+        let layer_m = layers_m.iter().copied().fold(0.0, f64::max);
+        let layers = if layer_m > 0.0 {
+            format!("layers up to {layer_m} m above it")
+        } else {
+            "no two drones cross, so no altitude layers".to_owned()
+        };
+        format!(
+            "{} drones, master {}; a mission of {} waypoints over {length_m:.0} m, {layers}; at most {:.0} s",
+            self.layout.formation().drones(),
+            self.layout.formation().centre(),
+            self.waypoints.len(),
+            self.limits.duration.as_secs_f64(),
+        )
+    }
+
     /// What one of its drones is built with.
     pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
         let drones = self.layout.formation().drones();

@@ -1,0 +1,69 @@
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::mission_file;
+use muster_scenarios::scenario;
+
+use crate::{Ended, Failure};
+
+/// Check scenario and mission files without flying anything.
+///
+/// A file that ends in .toml is taken for a scenario, which is checked with the mission that it names; any other for
+/// a mission as QGroundControl writes it. All files are looked at, whatever is wrong with one of them.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  muster check scenarios/*.toml scenarios/missions/*")]
+pub(crate) struct Arguments {
+    /// Scenario files (.toml) and mission files (.plan, .waypoints).
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+    let mut unusable = Vec::new();
+    for file in &arguments.files {
+        match describe(file) {
+            Ok(description) => writeln!(io::stdout(), "{}: {description}", file.display())?,
+            Err(error) => unusable.push(error),
+        }
+    }
+    if unusable.is_empty() {
+        Ok(Ended::Well)
+    } else {
+        Err(Failure::Input(unusable))
+    }
+}
+
+fn describe(file: &Path) -> Result<String, BadInput> {
+    if file.extension().is_some_and(|extension| extension == "toml") {
+        let scenario = scenario::load(file, &[])?;
+        let notes = scenario.notes.clone();
+        Ok(with_notes(scenario.description(), &notes))
+    } else {
+        let mission = mission_file::load(file)?;
+        let waypoints = mission.waypoints();
+        let length_m: f64 = waypoints
+            .windows(2)
+            .map(|leg| leg[0].horizontal_distance_m(leg[1]))
+            .sum();
+        let heights = waypoints.iter().map(|waypoint| waypoint.altitude_m());
+        let description = format!(
+            "a mission of {} waypoints over {length_m:.0} m, at {:.0} to {:.0} m",
+            waypoints.len(),
+            heights.clone().fold(f64::INFINITY, f64::min),
+            heights.fold(0.0, f64::max),
+        );
+        let notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
+        Ok(with_notes(description, &notes))
+    }
+}
+
+fn with_notes(mut description: String, notes: &[String]) -> String {
+    for note in notes {
+        description.push_str("\n  note: ");
+        description.push_str(note);
+    }
+    description
+}

@@ -1,0 +1,139 @@
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use muster_runtime::diagnostic::BadInput;
+use muster_scenarios::engine::{self, Engine, Watcher};
+use muster_scenarios::report::{self, Colour, Report, Written};
+use muster_scenarios::scenario::{self, Override, Scenario};
+
+use crate::{Ended, Failure};
+
+/// Fly a scenario in simulation and show what came of it.
+///
+/// Prints a table of the drones and writes a report into a folder: report.html to look at, report.json and
+/// tracks.csv for programs. While it runs, a bar on the terminal shows how far it is.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  muster sim scenarios/thesis-2.toml
+  muster sim scenarios/thesis-1.toml --seed 7 --set radio.loss=0.2 --set formation.drones=9
+  muster sim scenarios/thesis-2.toml --engine events --json | jq .means")]
+pub(crate) struct Arguments {
+    /// The scenario file.
+    scenario: PathBuf,
+    /// Where every random draw starts from, in the place of the scenario's own seed.
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    seed: Option<String>,
+    /// What runs the drones; both give the same flight.
+    #[arg(long, value_enum, default_value_t = EngineName::Actors)]
+    engine: EngineName,
+    /// Set a field of the scenario, as in radio.range_m=250; may be given several times.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<Override>,
+    /// Print one JSON object on standard output, and nothing else there.
+    #[arg(long)]
+    json: bool,
+    /// The folder to write the report to [default: runs/<scenario>-<seed>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum EngineName {
+    /// The supervision tree of actors that flies, in virtual time.
+    Actors,
+    /// The same state machines without actors: faster, for many or large runs.
+    Events,
+}
+
+impl From<EngineName> for Engine {
+    fn from(name: EngineName) -> Self {
+        match name {
+            EngineName::Actors => Self::Actors,
+            EngineName::Events => Self::Events,
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+    let mut overrides = arguments.overrides.clone();
+    overrides.extend(arguments.seed.as_deref().map(Override::seed));
+    let scenario = scenario::load(&arguments.scenario, &overrides)?;
+    let out = arguments.out.clone().unwrap_or_else(|| default_folder(&scenario));
+    check_folder(&out)?;
+    let bar = progress_bar();
+    let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
+    bar.finish_and_clear();
+    let written = report::write(&out, &report, &flight)?;
+    if arguments.json {
+        let json = serde_json::to_string(&report).map_err(io::Error::from)?;
+        writeln!(io::stdout(), "{json}")?;
+    } else {
+        print(&report, &written)?;
+    }
+    Ok(if report.violations.is_empty() {
+        Ended::Well
+    } else {
+        Ended::RuleBroken
+    })
+}
+
+fn default_folder(scenario: &Scenario) -> PathBuf {
+    let stem = Path::new(&scenario.name)
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
+    Path::new("runs").join(format!("{stem}-{}", scenario.seed))
+}
+
+/// Refuses, before anything is flown, a folder that can't be one.
+fn check_folder(out: &Path) -> Result<(), BadInput> {
+    if out.exists() && !out.is_dir() {
+        let help = "--out takes a folder, which is made if it is not there";
+        return Err(BadInput::without_excerpt(out, "is a file", help));
+    }
+    Ok(())
+}
+
+fn progress_bar() -> ProgressBar {
+    let target = if io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let style = ProgressStyle::with_template(
+        "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
+    )
+    .expect("the template is a constant");
+    let bar = ProgressBar::with_draw_target(None, target).with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+fn watch(bar: &ProgressBar) -> Watcher {
+    let bar = bar.clone();
+    Box::new(move |progress| {
+        bar.set_length(progress.total);
+        bar.set_position(progress.done);
+        bar.set_message(format!("{} s simulated", progress.simulated_s));
+    })
+}
+
+fn print(report: &Report, written: &Written) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    let colour = if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty()) {
+        Colour::Always
+    } else {
+        Colour::Never
+    };
+    let width = terminal_size::terminal_size().map(|(width, _)| width.0);
+    write!(out, "{}", report::table(report, width, colour))?;
+    writeln!(out)?;
+    for path in [&written.html, &written.json, &written.tracks] {
+        writeln!(out, " wrote {}", path.display())?;
+    }
+    Ok(())
+}
