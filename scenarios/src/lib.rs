@@ -1,1 +1,3 @@
 //! Worlds for drones: scenario files and the engines that run them.
+
+pub mod report;

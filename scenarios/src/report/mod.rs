@@ -1,6 +1,17 @@
 //! What is kept of a run: figures for a program, pictures and tables for a person.
 
+mod figures;
+mod flight;
+#[cfg(test)]
+mod sample;
+mod table;
+mod tracks;
+
 use std::fmt;
+
+pub use figures::Kind;
+pub use table::{Colour, table};
+pub use tracks::tracks;
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
