@@ -2,16 +2,20 @@
 
 mod figures;
 mod flight;
+mod html;
 #[cfg(test)]
 mod sample;
 mod table;
 mod tracks;
+mod write;
 
 use std::fmt;
 
 pub use figures::Kind;
+pub use html::page;
 pub use table::{Colour, table};
 pub use tracks::tracks;
+pub use write::{REPORT_HTML, REPORT_JSON, TRACKS_CSV, WriteError, Written, write};
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
