@@ -37,7 +37,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
 }
 
 fn describe(file: &Path) -> Result<String, BadInput> {
-    if file.extension().is_some_and(|extension| extension == "toml") {
+    if file
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
         let scenario = scenario::load(file, &[])?;
         let notes = scenario.notes.clone();
         Ok(with_notes(scenario.description(), &notes))

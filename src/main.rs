@@ -78,7 +78,9 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
         // Whoever reads has seen enough.
-        Err(Failure::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
             complain(&error);
             ExitCode::from(2)

@@ -61,7 +61,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut overrides = arguments.overrides.clone();
     overrides.extend(arguments.seed.as_deref().map(Override::seed));
     let scenario = scenario::load(&arguments.scenario, &overrides)?;
-    let out = arguments.out.clone().unwrap_or_else(|| default_folder(&scenario));
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| default_folder(&scenario));
     check_folder(&out)?;
     let bar = progress_bar();
     let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
@@ -81,12 +84,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
 }
 
 fn default_folder(scenario: &Scenario) -> PathBuf {
-    let stem = Path::new(&scenario.name)
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    Path::new("runs").join(format!("{stem}-{}", scenario.seed))
+    let stem = Path::new(&scenario.name).file_stem().unwrap_or_default();
+    Path::new("runs").join(format!("{}-{}", stem.to_string_lossy(), scenario.seed))
 }
 
 /// Refuses, before anything is flown, a folder that can't be one.
@@ -124,7 +123,8 @@ fn watch(bar: &ProgressBar) -> Watcher {
 
 fn print(report: &Report, written: &Written) -> io::Result<()> {
     let mut out = io::stdout().lock();
-    let colour = if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty()) {
+    let colour = if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
+    {
         Colour::Always
     } else {
         Colour::Never

@@ -1,6 +1,8 @@
 //! Whatever is wrong with a file: exit code 2, an error that names the file, shows the place and says what would be
 //! accepted, and nothing written.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::fs;
 use std::path::PathBuf;
 
@@ -36,7 +38,12 @@ impl Folder {
         let run = Command::cargo_bin("muster")
             .unwrap()
             .current_dir(self.0.path())
-            .args(["sim", "scenario.toml", "--out", "out"])
+            .args(["sim", "scenario.toml"])
+            .args(if more.contains(&"--out") {
+                &[][..]
+            } else {
+                &["--out", "out"]
+            })
             .args(more)
             .output()
             .unwrap();
@@ -51,7 +58,11 @@ impl Folder {
 
 fn assert_says(said: &str, words: &[&str]) {
     // The message is wrapped to the width of a terminal.
-    let unwrapped = said.replace("\n  │ ", " ").split_whitespace().collect::<Vec<_>>().join(" ");
+    let unwrapped = said
+        .replace("\n  │ ", " ")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     for word in words {
         assert!(unwrapped.contains(word), "`{word}` is missing in:\n{said}");
     }
@@ -62,39 +73,103 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
     // The line as it is, the line as it is spoilt, what must be said of it.
     let cases: &[(&str, &str, &[&str])] = &[
         ("seed = 1", "", &["missing field `seed`"]),
-        ("range_m = 300", "", &["missing field `range_m`", "range_m, loss"]),
-        ("range_m = 300", "rang_m = 300", &["unknown field `rang_m`", "`range_m`"]),
-        ("range_m = 300", "range_km = 0.3", &["unknown field `range_km`", "`range_m`"]),
-        ("range_m = 300", "range_m = \"300 m\"", &["\"300 m\"", "metres, a number above 0"]),
-        ("range_m = 300", "range_m = nan", &["NaN is not", "metres, a number above 0"]),
-        ("range_m = 300", "range_m = inf", &["inf is not", "metres, a number above 0"]),
-        ("spacing_m = 160", "spacing_m = -160", &["-160 is not", "metres, a number above 0"]),
-        ("spacing_m = 160", "spacing_m = 3", &["nearer than drones may come", "spacing_m"]),
-        ("drones = 5", "drones = 0", &["0 is not", "a whole number from 1 to 100000"]),
-        ("drones = 5", "drones = 2.5", &["2.5", "a whole number from 1 to 100000"]),
-        ("drones = 5", "drones = 5000", &["policy `flood` lists every member in a datagram"]),
-        ("seed = 1", "seed = -1", &["-1 is not", "a whole number from 0"]),
+        (
+            "range_m = 300",
+            "",
+            &["missing field `range_m`", "`radio.range_m` is metres"],
+        ),
+        (
+            "range_m = 300",
+            "rang_m = 300",
+            &["unknown field `rang_m`", "`range_m`"],
+        ),
+        (
+            "range_m = 300",
+            "range_km = 0.3",
+            &["unknown field `range_km`", "`range_m`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = \"300 m\"",
+            &["\"300 m\"", "metres, a number above 0"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = nan",
+            &["NaN is not", "metres, a number above 0"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = inf",
+            &["inf is not", "metres, a number above 0"],
+        ),
+        (
+            "spacing_m = 160",
+            "spacing_m = -160",
+            &["-160 is not", "metres, a number above 0"],
+        ),
+        (
+            "spacing_m = 160",
+            "spacing_m = 3",
+            &["nearer than drones may come", "spacing_m"],
+        ),
+        (
+            "drones = 5",
+            "drones = 0",
+            &["0 is not", "a whole number from 1 to 100000"],
+        ),
+        (
+            "drones = 5",
+            "drones = 2.5",
+            &["2.5", "a whole number from 1 to 100000"],
+        ),
+        (
+            "drones = 5",
+            "drones = 5000",
+            &["policy `flood` lists every member in a datagram"],
+        ),
+        (
+            "seed = 1",
+            "seed = -1",
+            &["-1 is not", "a whole number from 0"],
+        ),
         ("seed = 1", "seed = 99999999999999999999", &["seed = 9999"]),
-        ("kind = \"linear\"", "kind = \"liner\"", &["unknown variant `liner`", "\"linear\""]),
-        ("policy = \"flood\"", "policy = \"fld\"", &["unknown variant `fld`", "\"flood\""]),
+        (
+            "kind = \"linear\"",
+            "kind = \"liner\"",
+            &["unknown variant `liner`", "\"linear\""],
+        ),
+        (
+            "policy = \"flood\"",
+            "policy = \"fld\"",
+            &["unknown variant `fld`", "\"flood\""],
+        ),
         ("[radio]", "[radoi]", &["unknown field `radoi`", "`radio`"]),
         ("[radio]", "[radio", &["[radio", "key = value"]),
         ("seed = 1", "seed = 1\nseed = 2", &["duplicate key"]),
-        ("policy = \"flood\"", "policy = \"flood\"\nhello_gap_ms = 400", &["no two hellos", "hello_gap_ms"]),
-        ("policy = \"flood\"", "policy = \"flood\"\ntime_to_live_ms = 150", &["taken for lost"]),
         (
             "policy = \"flood\"",
-            "policy = \"flood\"\n\n[[faults]]\nat_s = 1\ndrone = 5\ncrash = \"radio\"",
+            "policy = \"flood\"\nhello_gap_ms = 400",
+            &["no two hellos", "hello_gap_ms"],
+        ),
+        (
+            "policy = \"flood\"",
+            "policy = \"flood\"\ntime_to_live_ms = 150",
+            &["taken for lost"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 5\ncrash = \"radio\"",
             &["there is no drone 5 in a swarm of 5", "faults.drone"],
         ),
         (
-            "policy = \"flood\"",
-            "policy = \"flood\"\n\n[[faults]]\nat_s = 1\ndrone = 1\ncrash = \"wings\"",
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 1\ncrash = \"wings\"",
             &["unknown variant `wings`", "an actor:"],
         ),
         (
-            "policy = \"flood\"",
-            "policy = \"flood\"\n\n[limits]\naltitude_max_m = 20",
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\naltitude_max_m = 20",
             &["over the limit of 20 m", "altitude_max_m"],
         ),
         (
@@ -123,18 +198,32 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
 #[test]
 fn a_formation_along_the_legs_is_refused_where_its_layers_do_not_fit() {
     let folder = Folder::new();
-    let fifteen = SCENARIO
-        .replace("drones = 5", "drones = 25")
-        .replace("spacing_m = 160", "spacing_m = 160\nheading_deg = 80");
+    let fifteen = SCENARIO.replace("drones = 5", "drones = 25").replace(
+        "spacing_m = 160",
+        "spacing_m = 20
+heading_deg = 82",
+    );
     folder.write("scenario.toml", fifteen);
-    assert_says(&folder.refusal(&[]), &["needs layers up to", "over the limit of 120 m"]);
+    assert_says(
+        &folder.refusal(&[]),
+        &["needs layers up to", "over the limit of 120 m"],
+    );
 }
 
 #[test]
 fn a_file_that_is_none_is_told_apart() {
-    let spoil: &[(&str, fn(&Folder, &str), &[&str])] = &[
-        ("an empty file", |folder, name| folder.write(name, ""), &["empty"]),
-        ("a binary file", |folder, name| folder.write(name, [0_u8, 159, 146, 150]), &["text"]),
+    type Spoil = fn(&Folder, &str);
+    let spoil: &[(&str, Spoil, &[&str])] = &[
+        (
+            "an empty file",
+            |folder, name| folder.write(name, ""),
+            &["empty"],
+        ),
+        (
+            "a binary file",
+            |folder, name| folder.write(name, [0_u8, 159, 146, 150]),
+            &["text"],
+        ),
         (
             "a folder",
             |folder, name| {
@@ -143,7 +232,11 @@ fn a_file_that_is_none_is_told_apart() {
             },
             &["director"],
         ),
-        ("nothing", |folder, name| fs::remove_file(folder.path(name)).unwrap(), &["no such file"]),
+        (
+            "nothing",
+            |folder, name| fs::remove_file(folder.path(name)).unwrap(),
+            &["no such file"],
+        ),
     ];
     for name in ["scenario.toml", "missions/albufera.plan"] {
         for (what, spoil, words) in spoil {
@@ -161,7 +254,10 @@ fn a_file_that_is_none_is_told_apart() {
 
 #[test]
 fn no_truncated_file_is_accepted_or_makes_it_panic() {
-    for (name, whole) in [("scenario.toml", SCENARIO), ("missions/albufera.plan", MISSION)] {
+    for (name, whole) in [
+        ("scenario.toml", SCENARIO),
+        ("missions/albufera.plan", MISSION),
+    ] {
         // The scenario's last lines may be left out without harm, so it is cut within its first.
         for part in [3, 10, 40, 45] {
             let cut = whole.len() * part / 100;
@@ -188,10 +284,16 @@ fn an_argument_that_cannot_be_used_is_refused_with_what_could() {
     let cases: &[(&[&str], &[&str])] = &[
         (&["--seed", "-1"], &["seed=-1", "a whole number from 0"]),
         (&["--seed", "one"], &["seed=one", "a whole number from 0"]),
-        (&["--set", "radio.range_m=-5"], &["range_m=-5", "metres, a number above 0"]),
+        (
+            &["--set", "radio.range_m=-5"],
+            &["range_m=-5", "metres, a number above 0"],
+        ),
         (&["--set", "range_m=5"], &["did you mean `radio.range_m`?"]),
         (&["--set", "radio.range_m"], &["key=value"]),
-        (&["--set", "mission.file=nowhere.plan"], &["nowhere.plan", "help:"]),
+        (
+            &["--set", "mission.file=nowhere.plan"],
+            &["nowhere.plan", "help:"],
+        ),
         (&["--engine", "steam"], &["actors", "events"]),
         (&["--out", "scenario.toml"], &["scenario.toml"]),
     ];
@@ -207,13 +309,22 @@ fn check_looks_at_all_files_whatever_is_wrong_with_one() {
     let run = Command::cargo_bin("muster")
         .unwrap()
         .current_dir(folder.0.path())
-        .args(["check", "broken.toml", "scenario.toml", "missions/albufera.plan", "none.plan"])
+        .args([
+            "check",
+            "broken.toml",
+            "scenario.toml",
+            "missions/albufera.plan",
+            "none.plan",
+        ])
         .output()
         .unwrap();
     assert_eq!(run.status.code(), Some(2));
     let said = String::from_utf8(run.stderr).unwrap();
     assert_says(&said, &["broken.toml", "none.plan"]);
     let printed = String::from_utf8(run.stdout).unwrap();
-    let checked: Vec<_> = printed.lines().map(|line| line.split(':').next().unwrap()).collect();
+    let checked: Vec<_> = printed
+        .lines()
+        .map(|line| line.split(':').next().unwrap())
+        .collect();
     assert_eq!(checked, ["scenario.toml", "missions/albufera.plan"]);
 }

@@ -1,5 +1,7 @@
 //! The command as a user and a program meet it.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -29,7 +31,12 @@ fn json_of(folder: &Path, arguments: &[&str]) -> Value {
 }
 
 fn keys(object: &Value) -> BTreeSet<&str> {
-    object.as_object().unwrap().keys().map(String::as_str).collect()
+    object
+        .as_object()
+        .unwrap()
+        .keys()
+        .map(String::as_str)
+        .collect()
 }
 
 #[test]
@@ -37,21 +44,41 @@ fn json_has_the_keys_that_programs_rely_on() {
     let folder = tempfile::tempdir().unwrap();
     let report = json_of(folder.path(), &["--seed", "9"]);
     let holds = |object: &Value, names: &[&str]| {
-        let missing: Vec<_> = names.iter().filter(|name| !keys(object).contains(**name)).collect();
+        let missing: Vec<_> = names
+            .iter()
+            .filter(|name| !keys(object).contains(**name))
+            .collect();
         assert!(missing.is_empty(), "{missing:?}");
     };
     holds(
         &report,
         &[
-            "scenario", "seed", "engine", "trace", "simulated_s", "wall_s", "drones", "means",
-            "barriers", "min_separation_m", "violations",
+            "scenario",
+            "seed",
+            "engine",
+            "trace",
+            "simulated_s",
+            "wall_s",
+            "drones",
+            "means",
+            "barriers",
+            "min_separation_m",
+            "violations",
         ],
     );
     holds(
         &report["drones"][0],
         &[
-            "id", "role", "hops", "parent", "relay", "out_of_range", "flight_time_s",
-            "messages_sent", "messages_received", "state",
+            "id",
+            "role",
+            "hops",
+            "parent",
+            "relay",
+            "out_of_range",
+            "flight_time_s",
+            "messages_sent",
+            "messages_received",
+            "state",
         ],
     );
     holds(&report["means"], &["flight_time_s", "messages_received"]);
@@ -84,17 +111,23 @@ fn a_run_writes_its_report_where_it_says() {
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    assert!(!printed.contains('\u{1b}'), "no colour where there is no terminal");
+    assert!(
+        !printed.contains('\u{1b}'),
+        "no colour where there is no terminal"
+    );
     for name in ["report.html", "report.json", "tracks.csv"] {
         let path = format!("runs/thesis-1-1/{name}");
         assert!(printed.contains(&path), "{printed}");
         assert!(folder.path().join(&path).metadata().unwrap().len() > 1_000);
     }
-    let left: Vec<_> = fs::read_dir(folder.path().join("runs/thesis-1-1")).unwrap().collect();
+    let left: Vec<_> = fs::read_dir(folder.path().join("runs/thesis-1-1"))
+        .unwrap()
+        .collect();
     assert_eq!(left.len(), 3, "nothing else is left behind");
-    let kept: Value =
-        serde_json::from_slice(&fs::read(folder.path().join("runs/thesis-1-1/report.json")).unwrap())
-            .unwrap();
+    let kept: Value = serde_json::from_slice(
+        &fs::read(folder.path().join("runs/thesis-1-1/report.json")).unwrap(),
+    )
+    .unwrap();
     assert_eq!(kept["drones"].as_array().unwrap().len(), 5);
 }
 
@@ -103,7 +136,12 @@ fn an_interrupted_run_leaves_no_report() {
     let folder = tempfile::tempdir().unwrap();
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("muster"))
         .current_dir(folder.path())
-        .args(["sim", &scenario("thesis-2.toml"), "--set", "protocol.period_ms=1"])
+        .args([
+            "sim",
+            &scenario("thesis-2.toml"),
+            "--set",
+            "protocol.period_ms=1",
+        ])
         .args(["--out", "out", "--json"])
         .stdout(std::process::Stdio::null())
         .spawn()
@@ -119,12 +157,21 @@ fn a_broken_rule_ends_the_run_with_exit_code_3_and_its_name() {
     let folder = tempfile::tempdir().unwrap();
     // Nobody gets down within a minute.
     let run = muster(folder.path())
-        .args(["sim", &scenario("thesis-1.toml"), "--set", "limits.duration_s=60", "--json"])
+        .args([
+            "sim",
+            &scenario("thesis-1.toml"),
+            "--set",
+            "limits.duration_s=60",
+            "--json",
+        ])
         .assert()
         .code(3);
     let report: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
     assert_eq!(report["violations"][0]["rule"], 5);
-    assert_eq!(report["violations"][0]["drones"], serde_json::json!([0, 1, 2, 3, 4]));
+    assert_eq!(
+        report["violations"][0]["drones"],
+        serde_json::json!([0, 1, 2, 3, 4])
+    );
 }
 
 #[test]
@@ -132,12 +179,21 @@ fn overrides_reach_the_drones() {
     let folder = tempfile::tempdir().unwrap();
     let report = json_of(
         folder.path(),
-        &["--set", "formation.drones=3", "--set", "protocol.policy=flood", "--set", "radio.range_m=100"],
+        &[
+            "--set",
+            "formation.drones=3",
+            "--set",
+            "protocol.policy=flood",
+            "--set",
+            "radio.range_m=100",
+        ],
     );
     let drones = report["drones"].as_array().unwrap();
     assert_eq!(drones.len(), 3);
     assert!(
-        drones.iter().all(|drone| drone["out_of_range"] == (drone["role"] == "slave")),
+        drones
+            .iter()
+            .all(|drone| drone["out_of_range"] == (drone["role"] == "slave")),
         "nobody hears anybody 160 m away"
     );
 }
@@ -145,19 +201,33 @@ fn overrides_reach_the_drones() {
 #[test]
 fn completions_are_printed_for_every_shell() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
-        let run = muster(Path::new(ROOT)).args(["completions", shell]).assert().success();
+        let run = muster(Path::new(ROOT))
+            .args(["completions", shell])
+            .assert()
+            .success();
         assert!(String::from_utf8_lossy(&run.get_output().stdout).contains("muster"));
     }
 }
 
 #[test]
 fn shipped_files_pass_their_check() {
-    let files = ["thesis-1.toml", "thesis-2.toml", "missions/albufera.plan", "missions/river.waypoints"];
+    let files = [
+        "thesis-1.toml",
+        "thesis-2.toml",
+        "missions/albufera.plan",
+        "missions/river.waypoints",
+    ];
     let run = muster(Path::new(ROOT))
         .arg("check")
         .args(files.map(scenario))
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    assert_eq!(printed.lines().filter(|line| !line.starts_with("  note")).count(), files.len());
+    assert_eq!(
+        printed
+            .lines()
+            .filter(|line| !line.starts_with("  note"))
+            .count(),
+        files.len()
+    );
 }

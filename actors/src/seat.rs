@@ -41,7 +41,8 @@ pub(crate) struct Occupied {
 impl Occupied {
     fn step(&mut self, stimulus: Stimulus<Envelope>) {
         let environment = &self.config.environment;
-        self.cell.react(environment.now(), stimulus, &mut self.reaction);
+        self.cell
+            .react(environment.now(), stimulus, &mut self.reaction);
         environment.carry_out(self.config.address, &mut self.reaction);
     }
 }

@@ -68,10 +68,7 @@ impl Drone {
     /// Stops the five and the supervisor and waits until they are gone.
     pub async fn stop(&self) {
         // It can only fail because the supervisor has stopped already.
-        let _ = self
-            .supervisor
-            .stop_children_and_wait(None, None)
-            .await;
+        let _ = self.supervisor.stop_children_and_wait(None, None).await;
         let _ = self.supervisor.stop_and_wait(None, None).await;
     }
 }

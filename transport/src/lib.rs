@@ -19,7 +19,12 @@ pub trait Transport {
     ///
     /// # Errors
     /// When the datagram can't be sent; nothing was sent then.
-    fn broadcast(&mut self, now: Timestamp, from: NodeId, datagram: &Bytes) -> Result<(), SendError>;
+    fn broadcast(
+        &mut self,
+        now: Timestamp,
+        from: NodeId,
+        datagram: &Bytes,
+    ) -> Result<(), SendError>;
 
     /// The next arrival that is known of, in the order in which they became known. One that lies in the future is
     /// for the caller to keep until then; a transport over a real network knows of none before it is there.

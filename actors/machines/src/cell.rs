@@ -178,7 +178,9 @@ pub struct Blueprint {
 
 impl fmt::Debug for Blueprint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Blueprint").field("id", &self.id).finish_non_exhaustive()
+        f.debug_struct("Blueprint")
+            .field("id", &self.id)
+            .finish_non_exhaustive()
     }
 }
 
@@ -218,7 +220,10 @@ impl Blueprint {
 }
 
 /// One of the five machines, in the seat of an actor.
-#[expect(clippy::large_enum_variant, reason = "a cell stays in the seat that it was built in")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a cell stays in the seat that it was built in"
+)]
 pub enum Cell {
     /// The radio.
     Radio(Radio<IdealAuthenticator>),
@@ -279,9 +284,15 @@ impl Cell {
         reaction.effects.clear();
         let effects = &mut reaction.effects;
         reaction.deadline = match (&mut *self, stimulus) {
-            (Self::Radio(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
-            (Self::Routing(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
-            (Self::Mission(machine), Stimulus::Timeout) => run(machine, now, Stimulus::Timeout, effects),
+            (Self::Radio(machine), Stimulus::Timeout) => {
+                run(machine, now, Stimulus::Timeout, effects)
+            }
+            (Self::Routing(machine), Stimulus::Timeout) => {
+                run(machine, now, Stimulus::Timeout, effects)
+            }
+            (Self::Mission(machine), Stimulus::Timeout) => {
+                run(machine, now, Stimulus::Timeout, effects)
+            }
             (Self::Navigation(machine), Stimulus::Timeout) => {
                 run(machine, now, Stimulus::Timeout, effects)
             }

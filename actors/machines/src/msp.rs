@@ -88,7 +88,8 @@ pub struct Checkpoint {
 
 /// Any machine that can hold a drone's link.
 pub trait Link:
-    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = std::convert::Infallible> + Send
+    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = std::convert::Infallible>
+    + Send
 {
 }
 

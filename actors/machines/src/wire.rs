@@ -322,7 +322,8 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
 }
 
 fn write<T: Serialize>(value: &T, out: Vec<u8>) -> Vec<u8> {
-    postcard::to_extend(value, out).expect("these types always serialise, and a vector takes any length")
+    postcard::to_extend(value, out)
+        .expect("these types always serialise, and a vector takes any length")
 }
 
 fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, PayloadError> {
@@ -344,7 +345,6 @@ fn from_millimetres(millimetres: [i32; 3]) -> Ned {
     let [north, east, down] = millimetres.map(|value| f64::from(value) / 1_000.0);
     Ned::new(north, east, down)
 }
-
 
 #[cfg(test)]
 mod tests;

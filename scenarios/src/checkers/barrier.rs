@@ -84,7 +84,9 @@ impl BarrierChecker {
         (!behind.is_empty()).then(|| Violation {
             rule: 3,
             at: now,
-            what: format!("waypoint {waypoint} was opened before all had reached waypoint {before}"),
+            what: format!(
+                "waypoint {waypoint} was opened before all had reached waypoint {before}"
+            ),
             drones: behind,
         })
     }
@@ -108,16 +110,25 @@ mod tests {
     fn a_waypoint_opened_before_all_are_there_is_found() {
         let mut checker = checker_at_waypoint_0();
         let on_the_way = Event::State(State::HopUpdate);
-        assert_eq!(checker.observe(Timestamp::ZERO, NodeId(1), &on_the_way), None);
+        assert_eq!(
+            checker.observe(Timestamp::ZERO, NodeId(1), &on_the_way),
+            None
+        );
         let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
-        assert_eq!(found.map(|violation| violation.drones), Some(vec![NodeId(1)]));
+        assert_eq!(
+            found.map(|violation| violation.drones),
+            Some(vec![NodeId(1)])
+        );
     }
 
     #[test]
     fn nobody_waits_for_a_drone_that_lands() {
         let mut checker = checker_at_waypoint_0();
         for state in [State::HopUpdate, State::Landing] {
-            assert_eq!(checker.observe(Timestamp::ZERO, NodeId(1), &Event::State(state)), None);
+            assert_eq!(
+                checker.observe(Timestamp::ZERO, NodeId(1), &Event::State(state)),
+                None
+            );
         }
         let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
         assert_eq!(found, None);
@@ -127,8 +138,16 @@ mod tests {
     fn a_skipped_waypoint_is_found() {
         let mut checker = checker_at_waypoint_0();
         let leaps = Event::State(State::MovingToWaypoint { waypoint: 2 });
-        assert!(checker.observe(Timestamp::ZERO, NodeId(0), &leaps).is_some());
+        assert!(
+            checker
+                .observe(Timestamp::ZERO, NodeId(0), &leaps)
+                .is_some()
+        );
         let opens = Event::Opened { waypoint: 2 };
-        assert!(checker.observe(Timestamp::ZERO, NodeId(0), &opens).is_some());
+        assert!(
+            checker
+                .observe(Timestamp::ZERO, NodeId(0), &opens)
+                .is_some()
+        );
     }
 }

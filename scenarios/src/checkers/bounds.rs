@@ -34,7 +34,10 @@ impl BoundsChecker {
             rule: 8,
             at: now,
             drones: vec![drone],
-            what: format!("{waiting} messages wait where at most {} may", self.waiting_max),
+            what: format!(
+                "{waiting} messages wait where at most {} may",
+                self.waiting_max
+            ),
         })
     }
 }

@@ -8,7 +8,10 @@ pub(crate) fn check_landed(now: Timestamp, armed: Vec<NodeId>) -> Option<Violati
     (!armed.is_empty()).then(|| Violation {
         rule: 5,
         at: now,
-        what: format!("{} of the drones are still armed at the end of the time there is", armed.len()),
+        what: format!(
+            "{} of the drones are still armed at the end of the time there is",
+            armed.len()
+        ),
         drones: armed,
     })
 }

@@ -158,7 +158,11 @@ impl Approach {
     }
 
     fn when_height_is(&self, level: f64) -> impl Iterator<Item = f64> {
-        let roots = quadratic_roots(self.acceleration.z / 2.0, self.velocity.z, self.from.z - level);
+        let roots = quadratic_roots(
+            self.acceleration.z / 2.0,
+            self.velocity.z,
+            self.from.z - level,
+        );
         roots.into_iter().filter(|t| t.is_finite())
     }
 
@@ -167,15 +171,25 @@ impl Approach {
     /// The squared distance is a polynomial of degree four; where its slope, of degree three, turns is known in
     /// closed form, so that between those instants each of its zeros is found by halving.
     fn closest_within(&self, (start, end): (f64, f64), axes: Vector3<f64>) -> f64 {
-        let [p, v, a] = [self.from, self.velocity, self.acceleration].map(|it| it.component_mul(&axes));
+        let [p, v, a] =
+            [self.from, self.velocity, self.acceleration].map(|it| it.component_mul(&axes));
         // Half the slope: a²/2 t³ + 3/2 a·v t² + (v² + a·p) t + p·v.
-        let cubic = [a.norm_squared() / 2.0, a.dot(&v) * 1.5, v.norm_squared() + a.dot(&p), p.dot(&v)];
+        let cubic = [
+            a.norm_squared() / 2.0,
+            a.dot(&v) * 1.5,
+            v.norm_squared() + a.dot(&p),
+            p.dot(&v),
+        ];
         let slope = |t: f64| ((cubic[0] * t + cubic[1]) * t + cubic[2]) * t + cubic[3];
         let turns = quadratic_roots(3.0 * cubic[0], 2.0 * cubic[1], cubic[2]);
         let [first, second] = turns.map(|t| if t > start && t < end { t } else { end });
         let bounds = [start, first.min(second), first.max(second), end];
         let distance = |t: f64| (p + v * t + a * (t * t / 2.0)).norm_squared();
-        let mut closest = if distance(end) < distance(start) { end } else { start };
+        let mut closest = if distance(end) < distance(start) {
+            end
+        } else {
+            start
+        };
         for pair in bounds.windows(2) {
             let (mut low, mut high) = (pair[0], pair[1]);
             if slope(low) < 0.0 && slope(high) > 0.0 {
@@ -204,7 +218,6 @@ fn quadratic_roots(a: f64, b: f64, c: f64) -> [f64; 2] {
     let root = (b * b - 4.0 * a * c).sqrt();
     [-1.0, 1.0].map(|sign| (-b + sign * root) / (2.0 * a))
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -33,7 +33,9 @@ pub(super) fn run(
         .build()
         .map_err(RunError::Runtime)?;
     let world = Arc::clone(&driver.world);
-    runtime.block_on(fly(scenario, &driver)).map_err(RunError::Spawn)?;
+    runtime
+        .block_on(fly(scenario, &driver))
+        .map_err(RunError::Spawn)?;
     drop(runtime);
     drop(driver);
     let world = Arc::into_inner(world).expect("all actors, and the driver, are gone");

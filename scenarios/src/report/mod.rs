@@ -1,9 +1,23 @@
 //! What is kept of a run: figures for a program, pictures and tables for a person.
 
+mod figures;
+mod flight;
+mod html;
+#[cfg(test)]
+mod sample;
 mod summary;
+mod table;
+mod tracks;
+mod write;
 
 use std::collections::BTreeMap;
 use std::fmt;
+
+pub use figures::Kind;
+pub use html::page;
+pub use table::{Colour, table};
+pub use tracks::tracks;
+pub use write::{REPORT_HTML, REPORT_JSON, TRACKS_CSV, WriteError, Written, write};
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
@@ -21,6 +35,8 @@ pub struct Report {
     pub scenario: String,
     /// The seed of every random draw.
     pub seed: u64,
+    /// Fields that were set in the place of what the file says, each as `key=value`.
+    pub overrides: Vec<String>,
     /// What ran the drones.
     pub engine: Engine,
     /// BLAKE3 of everything observable, in hexadecimal.

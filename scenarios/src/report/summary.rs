@@ -25,6 +25,7 @@ pub(crate) fn summary(
     let report = Report {
         scenario: scenario.name.clone(),
         seed: scenario.seed,
+        overrides: scenario.overrides.iter().map(ToString::to_string).collect(),
         engine,
         trace: outcome.trace.clone(),
         simulated_s: outcome.ended.as_secs_f64(),
@@ -63,7 +64,11 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
     let routes = &record.routes;
     DroneReport {
         id: id.0,
-        role: if id == centre { Role::Master } else { Role::Slave },
+        role: if id == centre {
+            Role::Master
+        } else {
+            Role::Slave
+        },
         hops: routes.hops,
         parent: routes.parent.map(|parent| parent.0),
         relay: routes.relay && id != centre,
@@ -84,7 +89,10 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
 
 /// What a drone was doing at the end, as far as it could still tell.
 fn state(record: &Record) -> String {
-    let last = record.states.last().map_or(State::Start, |(_, state)| *state);
+    let last = record
+        .states
+        .last()
+        .map_or(State::Start, |(_, state)| *state);
     if record.given_up && record.disarmed.is_some() && last != State::Finished {
         format!("on the ground, an actor given up while {last}")
     } else {
@@ -104,7 +112,10 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
 }
 
 fn means(drones: &[DroneReport]) -> Means {
-    #[expect(clippy::cast_precision_loss, reason = "counts of messages are far below 2^52")]
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "counts of messages are far below 2^52"
+    )]
     let received = drones.iter().map(|drone| drone.messages_received as f64);
     Means {
         flight_time_s: mean(drones.iter().filter_map(|drone| drone.flight_time_s)),

@@ -23,6 +23,10 @@ impl Override {
             value: value.to_owned(),
         }
     }
+
+    pub(super) fn is_seed(&self) -> bool {
+        self.key == "seed"
+    }
 }
 
 impl fmt::Display for Override {
@@ -36,9 +40,9 @@ impl std::str::FromStr for Override {
 
     /// From `key=value`, the key with its table, as in `radio.range_m=250`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let (key, value) = text
-            .split_once('=')
-            .ok_or_else(|| format!("`{text}` has no `=`; use key=value, as in radio.range_m=250"))?;
+        let (key, value) = text.split_once('=').ok_or_else(|| {
+            format!("`{text}` has no `=`; use key=value, as in radio.range_m=250")
+        })?;
         let key = key.trim();
         if FIELDS.iter().any(|(known, _)| *known == key) && !key.starts_with("faults") {
             Ok(Self {
@@ -100,22 +104,28 @@ impl Source {
 
     /// An error at a place of the file; what would be accepted follows from the field that is there.
     pub(super) fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        let help = self.accepted(&span);
+        let missing = message
+            .strip_prefix("missing field `")
+            .and_then(|rest| rest.strip_suffix('`'));
+        let help = self.accepted(&span, missing);
         BadInput::new(&self.shown, &self.text, span, message, help)
     }
 
-    fn accepted(&self, span: &Range<usize>) -> String {
+    fn accepted(&self, span: &Range<usize>, missing: Option<&str>) -> String {
         let Ok(document) = toml_edit::Document::parse(self.text.as_str()) else {
             return NOT_TOML.to_owned();
         };
         let mut path = Vec::new();
         path_to(document.as_table(), span, &mut path);
+        path.extend(missing.map(str::to_owned));
         let key = path.join(".");
         let known = FIELDS.iter().find(|(known, _)| *known == key);
         match known {
             Some((_, accepted)) => format!("`{key}` is {accepted}"),
             None => {
-                let prefix = path.first().map_or_else(String::new, |table| format!("{table}."));
+                let prefix = path
+                    .first()
+                    .map_or_else(String::new, |table| format!("{table}."));
                 let fields: Vec<_> = FIELDS
                     .iter()
                     .filter_map(|(known, _)| known.strip_prefix(&prefix))

@@ -35,8 +35,14 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
 
     let separation = Separation {
-        horizontal_m: raw.limits.separation_horizontal_m.map_or(SEPARATION_M, |it| it.0),
-        vertical_m: raw.limits.separation_vertical_m.map_or(SEPARATION_M, |it| it.0),
+        horizontal_m: raw
+            .limits
+            .separation_horizontal_m
+            .map_or(SEPARATION_M, |it| it.0),
+        vertical_m: raw
+            .limits
+            .separation_vertical_m
+            .map_or(SEPARATION_M, |it| it.0),
     };
     let layout = Arc::new(layout(&source, &raw, separation)?);
     let vehicle = vehicle(&raw);
@@ -51,6 +57,11 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
     };
     Ok(Scenario {
         name: path.display().to_string(),
+        overrides: overrides
+            .iter()
+            .filter(|change| !change.is_seed())
+            .cloned()
+            .collect(),
         seed: raw.seed.get_ref().0,
         layout,
         waypoints,
@@ -95,7 +106,11 @@ fn layout(source: &Source, raw: &Raw, separation: Separation) -> Result<Layout, 
         );
         return Err(source.error(spacing.span(), &message));
     }
-    let gap_m = raw.formation.gap_m.as_ref().map_or(GAP_M, |gap| gap.get_ref().0);
+    let gap_m = raw
+        .formation
+        .gap_m
+        .as_ref()
+        .map_or(GAP_M, |gap| gap.get_ref().0);
     let gap_span = raw.formation.gap_m.as_ref().unwrap_or(spacing).span();
     // Half a metre more than needed, for the turn in which drones draw together costs a little.
     if gap_m > spacing_m || gap_m < separation.horizontal_m + 0.5 {
@@ -163,7 +178,8 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
         return Err(source.error(place(gap.map(Spanned::span)), message));
     }
     if protocol.time_to_live <= protocol.period.max(protocol.keep_alive) {
-        let message = "every drone would be taken for lost: the time to live is not above the periods";
+        let message =
+            "every drone would be taken for lost: the time to live is not above the periods";
         return Err(source.error(place(time_to_live.map(Spanned::span)), message));
     }
     Ok(protocol)
@@ -217,7 +233,10 @@ fn check_layers(
     let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
     let layers_m = layout.layers_m(waypoints);
     let layer_m = layers_m.iter().copied().fold(0.0, f64::max);
-    let highest = waypoints.iter().map(|it| it.altitude_m()).fold(0.0, f64::max);
+    let highest = waypoints
+        .iter()
+        .map(|it| it.altitude_m())
+        .fold(0.0, f64::max);
     if highest + layer_m <= altitude_max_m {
         return Ok(());
     }
@@ -240,23 +259,41 @@ fn limits(
     let seconds = |value: Option<super::raw::Seconds>, default: f64| {
         Duration::from_secs_f64(value.map_or(default, |value| value.0))
     };
-    let speed = vehicle.speed_mps.min(vehicle.climb_mps).min(vehicle.descent_mps);
+    let speed = vehicle
+        .speed_mps
+        .min(vehicle.climb_mps)
+        .min(vehicle.descent_mps);
     let ramp_s = vehicle.speed_mps / vehicle.acceleration_mps2;
     let leg_s = |from: Ned, to: Ned| {
         from.horizontal_distance_m(to) / vehicle.speed_mps
             + from.vertical_distance_m(to) / speed
             + 2.0 * ramp_s
     };
-    let legs: Vec<f64> = waypoints.windows(2).map(|pair| leg_s(pair[0], pair[1])).collect();
-    let layer_m = layout.layers_m(waypoints).iter().copied().fold(0.0, f64::max);
+    let legs: Vec<f64> = waypoints
+        .windows(2)
+        .map(|pair| leg_s(pair[0], pair[1]))
+        .collect();
+    let layer_m = layout
+        .layers_m(waypoints)
+        .iter()
+        .copied()
+        .fold(0.0, f64::max);
     let over_home = waypoints[0].altitude_m() + layer_m;
     let farthest_s = (0..layout.formation().drones())
         .map(NodeId)
-        .map(|id| leg_s(layout.place(id, waypoints[0]), layout.slot(id, waypoints[0])))
+        .map(|id| {
+            leg_s(
+                layout.place(id, waypoints[0]),
+                layout.slot(id, waypoints[0]),
+            )
+        })
         .fold(0.0, f64::max)
         + over_home / speed;
     let longest_s = legs.iter().copied().fold(farthest_s, f64::max);
-    let highest = waypoints.iter().map(|it| it.altitude_m()).fold(over_home, f64::max);
+    let highest = waypoints
+        .iter()
+        .map(|it| it.altitude_m())
+        .fold(over_home, f64::max);
     let landing_s = (highest + layer_m) / landing.final_mps.min(landing.descent_mps);
     let set_up = seconds(raw.limits.set_up_s, 30.0);
     let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);

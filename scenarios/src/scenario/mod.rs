@@ -29,6 +29,8 @@ pub use load::load;
 pub struct Scenario {
     /// What it is called: its file.
     pub name: String,
+    /// Fields that were set in the place of what the file says, the seed apart.
+    pub overrides: Vec<Override>,
     /// Where every random draw starts from.
     pub seed: u64,
     /// Who flies where.

@@ -14,9 +14,18 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("formation", "a table with `kind`, `drones` and `spacing_m`"),
     ("formation.kind", "\"linear\""),
     ("formation.drones", "a whole number from 1 to 100000"),
-    ("formation.spacing_m", "metres, a number above 0, at most 100000"),
-    ("formation.heading_deg", "degrees clockwise from north, a number from -360 to 360"),
-    ("formation.gap_m", "metres, a number above 0, at most 100000, at most `spacing_m`"),
+    (
+        "formation.spacing_m",
+        "metres, a number above 0, at most 100000",
+    ),
+    (
+        "formation.heading_deg",
+        "degrees clockwise from north, a number from -360 to 360",
+    ),
+    (
+        "formation.gap_m",
+        "metres, a number above 0, at most 100000, at most `spacing_m`",
+    ),
     ("mission", "a table with `file`"),
     (
         "mission.file",
@@ -25,40 +34,100 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("radio", "a table with `range_m`"),
     ("radio.range_m", "metres, a number above 0, at most 100000"),
     ("radio.loss", "a share from 0 to 1"),
-    ("radio.latency_us", "microseconds, a whole number from 0 to 60000000"),
-    ("radio.jitter_us", "microseconds, a whole number from 0 to 60000000"),
+    (
+        "radio.latency_us",
+        "microseconds, a whole number from 0 to 60000000",
+    ),
+    (
+        "radio.jitter_us",
+        "microseconds, a whole number from 0 to 60000000",
+    ),
     ("protocol", "a table with `policy`"),
     ("protocol.policy", "\"flood\""),
     ("protocol.liveness", "\"pulse\" or \"thesis\""),
     ("protocol.parameters", "\"quiet\""),
-    ("protocol.period_ms", "milliseconds, a whole number from 1 to 3600000"),
-    ("protocol.keep_alive_ms", "milliseconds, a whole number from 1 to 3600000"),
-    ("protocol.hello_period_ms", "milliseconds, a whole number from 1 to 3600000"),
-    ("protocol.hello_gap_ms", "milliseconds, a whole number from 1 to 3600000, above `hello_period_ms`"),
-    ("protocol.discovery_ms", "milliseconds, a whole number from 1 to 3600000"),
+    (
+        "protocol.period_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "protocol.keep_alive_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "protocol.hello_period_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "protocol.hello_gap_ms",
+        "milliseconds, a whole number from 1 to 3600000, above `hello_period_ms`",
+    ),
+    (
+        "protocol.discovery_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
     ("protocol.stable_after", "a whole number from 1 to 1000"),
-    ("protocol.time_to_live_ms", "milliseconds, a whole number from 1 to 3600000, above `period_ms`"),
+    (
+        "protocol.time_to_live_ms",
+        "milliseconds, a whole number from 1 to 3600000, above `period_ms`",
+    ),
     ("vehicle", "a table"),
     ("vehicle.speed_mps", "m/s, a number above 0, at most 100"),
-    ("vehicle.acceleration_mps2", "m/s², a number above 0, at most 100"),
+    (
+        "vehicle.acceleration_mps2",
+        "m/s², a number above 0, at most 100",
+    ),
     ("vehicle.climb_mps", "m/s, a number above 0, at most 100"),
     ("vehicle.descent_mps", "m/s, a number above 0, at most 100"),
     ("vehicle.landing_mps", "m/s, a number above 0, at most 100"),
-    ("vehicle.landing_altitude_m", "metres, a number from 0 to 100000"),
+    (
+        "vehicle.landing_altitude_m",
+        "metres, a number from 0 to 100000",
+    ),
     ("limits", "a table"),
-    ("limits.separation_horizontal_m", "metres, a number above 0, at most 100000"),
-    ("limits.separation_vertical_m", "metres, a number above 0, at most 100000"),
-    ("limits.altitude_max_m", "metres above home, a number above 0, at most 100000"),
-    ("limits.duration_s", "seconds, a number above 0, at most 604800"),
-    ("limits.set_up_s", "seconds, a number above 0, at most 604800"),
-    ("limits.take_off_s", "seconds, a number above 0, at most 604800"),
+    (
+        "limits.separation_horizontal_m",
+        "metres, a number above 0, at most 100000",
+    ),
+    (
+        "limits.separation_vertical_m",
+        "metres, a number above 0, at most 100000",
+    ),
+    (
+        "limits.altitude_max_m",
+        "metres above home, a number above 0, at most 100000",
+    ),
+    (
+        "limits.duration_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    (
+        "limits.set_up_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    (
+        "limits.take_off_s",
+        "seconds, a number above 0, at most 604800",
+    ),
     ("limits.leg_s", "seconds, a number above 0, at most 604800"),
     ("limits.waiting_max", "a whole number from 1 to 1000000"),
     ("limits.restarts_max", "a whole number from 0 to 1000000"),
-    ("limits.restart_window_s", "seconds, a number above 0, at most 604800"),
-    ("faults", "tables, each begun by a line `[[faults]]`, with `at_s`, `drone` and `crash`"),
-    ("faults.at_s", "seconds from the start of the run, a number from 0 to 604800"),
-    ("faults.drone", "the number of a drone, from 0 to one below `formation.drones`"),
+    (
+        "limits.restart_window_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    (
+        "faults",
+        "tables, each begun by a line `[[faults]]`, with `at_s`, `drone` and `crash`",
+    ),
+    (
+        "faults.at_s",
+        "seconds from the start of the run, a number from 0 to 604800",
+    ),
+    (
+        "faults.drone",
+        "the number of a drone, from 0 to one below `formation.drones`",
+    ),
     (
         "faults.crash",
         "an actor: \"radio\", \"routing\", \"mission\", \"navigation\" or \"msp\"",
@@ -236,13 +305,37 @@ macro_rules! number {
     };
 }
 
-number!(Length, |v| v > 0.0 && v <= 100_000.0, "a length above 0 and at most 100000");
-number!(Height, |v| (0.0..=100_000.0).contains(&v), "a height from 0 to 100000");
-number!(Rate, |v| v > 0.0 && v <= 100.0, "a rate above 0 and at most 100");
-number!(Seconds, |v| v > 0.0 && v <= 604_800.0, "a time above 0 and at most 604800 (a week)");
-number!(Instant, |v| (0.0..=604_800.0).contains(&v), "a time from 0 to 604800 (a week)");
+number!(
+    Length,
+    |v| v > 0.0 && v <= 100_000.0,
+    "a length above 0 and at most 100000"
+);
+number!(
+    Height,
+    |v| (0.0..=100_000.0).contains(&v),
+    "a height from 0 to 100000"
+);
+number!(
+    Rate,
+    |v| v > 0.0 && v <= 100.0,
+    "a rate above 0 and at most 100"
+);
+number!(
+    Seconds,
+    |v| v > 0.0 && v <= 604_800.0,
+    "a time above 0 and at most 604800 (a week)"
+);
+number!(
+    Instant,
+    |v| (0.0..=604_800.0).contains(&v),
+    "a time from 0 to 604800 (a week)"
+);
 number!(Share, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1");
-number!(Heading, |v| (-360.0..=360.0).contains(&v), "an angle from -360 to 360");
+number!(
+    Heading,
+    |v| (-360.0..=360.0).contains(&v),
+    "an angle from -360 to 360"
+);
 
 /// Milliseconds: at least one, at most an hour.
 pub(super) type Milliseconds = Whole<1, 3_600_000>;

@@ -120,6 +120,5 @@ impl Vehicle {
     }
 }
 
-
 #[cfg(test)]
 mod tests;

@@ -158,7 +158,13 @@ impl Motion {
             Some(velocity) => {
                 let speed = velocity.norm();
                 let acceleration = velocity * (-self.braking_mps2 / speed);
-                self.push(at, position, velocity, acceleration, speed / self.braking_mps2)
+                self.push(
+                    at,
+                    position,
+                    velocity,
+                    acceleration,
+                    speed / self.braking_mps2,
+                )
             }
             // The next leg begins now, not when the last one ended.
             None => self.push(at, position, Vector3::zeros(), Vector3::zeros(), 0.0),
@@ -184,7 +190,13 @@ impl Motion {
         let push = ahead * acceleration_mps2;
         let start = self.push(start, from, Vector3::zeros(), push, ramp_s);
         let after_ramp = from + ahead * ramp_m;
-        let start = self.push(start, after_ramp, ahead * speed, Vector3::zeros(), cruise_m / speed);
+        let start = self.push(
+            start,
+            after_ramp,
+            ahead * speed,
+            Vector3::zeros(),
+            cruise_m / speed,
+        );
         let before_ramp = to.0 - ahead * ramp_m;
         let end = self.push(start, before_ramp, ahead * speed, -push, ramp_s);
         // A rest exactly at the end of the leg, free of rounding.

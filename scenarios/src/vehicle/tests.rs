@@ -84,7 +84,10 @@ fn a_landing_ends_disarmed_on_the_ground_and_is_not_called_off() {
     assert!(!vehicle.obey(at(3.0), leg(100.0, 20.0)));
     // 10 m at 1.5 m/s and 10 m at 0.5 m/s, with the ramps of both.
     let end = vehicle.motion().end_time().unwrap();
-    assert!(close(end.as_secs_f64(), 10.0 / 1.5 + 1.5 + 10.0 / 0.5 + 0.5));
+    assert!(close(
+        end.as_secs_f64(),
+        10.0 / 1.5 + 1.5 + 10.0 / 0.5 + 0.5
+    ));
     vehicle.come_to_rest();
     assert!(!vehicle.is_armed());
     assert_eq!(vehicle.motion().end(), Ned::HOME);
@@ -107,7 +110,13 @@ fn a_span_of_time_is_covered_without_gaps_rests_included() {
     let mut vehicle = hovering();
     vehicle.obey(at(2.0), leg(100.0, 20.0));
     vehicle.obey(at(40.0), leg(0.0, 20.0));
-    for (from, to) in [(0.0, 100.0), (1.0, 3.0), (30.0, 41.0), (5.0, 6.0), (70.0, 80.0)] {
+    for (from, to) in [
+        (0.0, 100.0),
+        (1.0, 3.0),
+        (30.0, 41.0),
+        (5.0, 6.0),
+        (70.0, 80.0),
+    ] {
         let pieces: Vec<_> = vehicle.motion().within(at(from)..at(to)).collect();
         assert_eq!(pieces[0].start, at(from));
         assert_eq!(pieces[pieces.len() - 1].end, at(to));

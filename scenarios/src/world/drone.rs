@@ -54,7 +54,11 @@ impl Drone {
     }
 
     /// Sets a timer; the generation of the wake-up to plan, unless that is planned already.
-    pub(crate) fn set_timer(&mut self, address: Address, deadline: Option<Timestamp>) -> Option<u32> {
+    pub(crate) fn set_timer(
+        &mut self,
+        address: Address,
+        deadline: Option<Timestamp>,
+    ) -> Option<u32> {
         let timer = &mut self.timers[address as usize];
         if timer.deadline == deadline {
             return None;

@@ -67,7 +67,9 @@ mod tests {
         for (at, what) in [(2, "c"), (1, "a"), (2, "d"), (1, "b")] {
             heap.plan(Timestamp::from_nanos(at), what);
         }
-        let popped: Vec<_> = std::iter::from_fn(|| heap.pop()).map(|(_, what)| what).collect();
+        let popped: Vec<_> = std::iter::from_fn(|| heap.pop())
+            .map(|(_, what)| what)
+            .collect();
         assert_eq!(popped, ["a", "b", "c", "d"]);
     }
 }

@@ -31,9 +31,7 @@ use self::drone::Drone;
 use self::heap::Heap;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::trace::{Kind, Trace};
-use crate::checkers::{
-    BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed,
-};
+use crate::checkers::{BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed};
 use crate::scenario::{FaultKind, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -65,12 +63,28 @@ pub(crate) enum What {
 #[derive(Debug)]
 enum Planned {
     Fly,
-    Arrive { to: NodeId, datagram: Bytes },
-    Wake { drone: NodeId, address: Address, generation: u32 },
-    ComeToRest { drone: NodeId, generation: u32 },
+    Arrive {
+        to: NodeId,
+        datagram: Bytes,
+    },
+    Wake {
+        drone: NodeId,
+        address: Address,
+        generation: u32,
+    },
+    ComeToRest {
+        drone: NodeId,
+        generation: u32,
+    },
     PlaceRadios,
-    Restart { drone: NodeId, address: Address },
-    Crash { drone: NodeId, address: Address },
+    Restart {
+        drone: NodeId,
+        address: Address,
+    },
+    Crash {
+        drone: NodeId,
+        address: Address,
+    },
 }
 
 /// A world in the middle of a run.
@@ -204,14 +218,11 @@ impl World {
                 address,
                 generation,
             } => {
-                return self
-                    .drone(drone)
-                    .wake(address, generation)
-                    .then_some(Task {
-                        drone,
-                        address,
-                        what: What::Step(Stimulus::Timeout),
-                    });
+                return self.drone(drone).wake(address, generation).then_some(Task {
+                    drone,
+                    address,
+                    what: What::Step(Stimulus::Timeout),
+                });
             }
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
@@ -303,7 +314,8 @@ impl World {
         if moves {
             let end = self.vehicles[index].motion().end_time().unwrap_or(self.now);
             let generation = self.drone(drone).next_motion();
-            self.heap.plan(end, Planned::ComeToRest { drone, generation });
+            self.heap
+                .plan(end, Planned::ComeToRest { drone, generation });
         } else {
             self.report_telemetry(drone);
         }
@@ -328,7 +340,8 @@ impl World {
             self.medium.place(drone, position);
             self.recorder.disarmed(drone, self.now);
         }
-        self.trace.value(self.now, drone, Kind::CameToRest, &position);
+        self.trace
+            .value(self.now, drone, Kind::CameToRest, &position);
         self.report_telemetry(drone);
     }
 

@@ -97,7 +97,9 @@ impl Recorder {
 
     /// The master's own view of who is out of its range, and through whom it hears of them.
     pub(crate) fn out_of_range(&self) -> impl Iterator<Item = (NodeId, NodeId)> + '_ {
-        self.out_of_range.iter().map(|(member, via)| (*member, *via))
+        self.out_of_range
+            .iter()
+            .map(|(member, via)| (*member, *via))
     }
 
     pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
@@ -221,8 +223,8 @@ pub(crate) fn track(vehicle: &Vehicle, record: &Record, ended: Timestamp) -> Vec
         return vec![(Timestamp::ZERO, vehicle.motion().position(Timestamp::ZERO))];
     };
     let second = std::time::Duration::from_secs(1);
-    let each_second = std::iter::successors(Some(from), |at| Some(*at + second))
-        .take_while(|at| *at < to);
+    let each_second =
+        std::iter::successors(Some(from), |at| Some(*at + second)).take_while(|at| *at < to);
     let turns = vehicle.motion().pieces().iter().map(|piece| piece.start);
     let mut instants: Vec<_> = each_second.chain(turns).chain([from, to]).collect();
     instants.sort_unstable();

@@ -43,7 +43,8 @@ impl Trace {
         self.bytes.extend_from_slice(&now.as_nanos().to_le_bytes());
         self.bytes.extend_from_slice(&drone.0.to_le_bytes());
         self.bytes.push(kind as u8);
-        self.bytes.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.bytes
+            .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
         self.bytes.extend_from_slice(bytes);
         if self.bytes.len() >= BUFFER_MAX {
             self.hasher.update(&self.bytes);

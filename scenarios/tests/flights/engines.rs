@@ -16,7 +16,11 @@ fn on_both_engines(scenario: &Scenario) -> Report {
     let events = fly(scenario, Engine::Events);
     assert_eq!(actors.trace, events.trace, "the engines disagree");
     assert_eq!(actors.drones, events.drones);
-    assert_eq!(fly(scenario, Engine::Actors).trace, actors.trace, "actors are not repeatable");
+    assert_eq!(
+        fly(scenario, Engine::Actors).trace,
+        actors.trace,
+        "actors are not repeatable"
+    );
     actors
 }
 
@@ -51,13 +55,13 @@ fn both_engines_agree_under_loss() {
 
 #[test]
 fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
-    let trace = |overrides: &[&str]| fly(&scenario("thesis-1.toml", overrides), Engine::Events).trace;
+    let trace =
+        |overrides: &[&str]| fly(&scenario("thesis-1.toml", overrides), Engine::Events).trace;
     assert_ne!(trace(&["seed=1"]), trace(&["seed=2"]));
     // One drone hears nobody and its own phase is all that the seed decides; on the ground before
     // it is told to fly nothing has been drawn at all.
-    let nothing_drawn = |seed: &str| {
-        trace(&[seed, "limits.duration_s=0.000000001", "formation.drones=1"])
-    };
+    let nothing_drawn =
+        |seed: &str| trace(&[seed, "limits.duration_s=0.000000001", "formation.drones=1"]);
     assert_eq!(nothing_drawn("seed=1"), nothing_drawn("seed=2"));
 }
 
@@ -102,18 +106,26 @@ fn panics_in_all_five_at_one_instant_are_mended() {
 fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
     for actor in Address::ALL {
         let mut scenario = scenario("thesis-1.toml", &[]);
-        scenario.faults = (0..6).map(|index| crash(150.0 + f64::from(index), 0, actor)).collect();
+        scenario.faults = (0..6)
+            .map(|index| crash(150.0 + f64::from(index), 0, actor))
+            .collect();
         let report = on_both_engines(&scenario);
         assert_eq!(report.violations, [], "{actor}");
         let (given_up, others) = report.drones.split_first().unwrap();
         assert_eq!(given_up.restarts, 5, "{actor}");
-        assert!(given_up.flight_time_s.unwrap() < 200.0, "{actor}: it landed where it was");
+        assert!(
+            given_up.flight_time_s.unwrap() < 200.0,
+            "{actor}: it landed where it was"
+        );
         for drone in others {
             assert_eq!(drone.state, "finished", "{actor}, drone {}", drone.id);
             assert_eq!(drone.landed_because, None, "{actor}, drone {}", drone.id);
         }
         let waited = report.barriers.iter().map(|it| it.moving_s - it.arrived_s);
-        assert!(waited.fold(0.0, f64::max) < 8.0, "{actor}: nobody waits longer than a time to live");
+        assert!(
+            waited.fold(0.0, f64::max) < 8.0,
+            "{actor}: nobody waits longer than a time to live"
+        );
     }
 }
 
@@ -121,10 +133,18 @@ fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
 fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
     for actor in Address::ALL {
         let mut scenario = scenario("thesis-1.toml", &[]);
-        scenario.faults = (0..6).map(|index| crash(150.0 + f64::from(index), 2, actor)).collect();
+        scenario.faults = (0..6)
+            .map(|index| crash(150.0 + f64::from(index), 2, actor))
+            .collect();
         let report = on_both_engines(&scenario);
         assert_eq!(report.violations, [], "{actor}");
-        assert!(report.drones.iter().all(|drone| drone.flight_time_s.is_some()), "{actor}");
+        assert!(
+            report
+                .drones
+                .iter()
+                .all(|drone| drone.flight_time_s.is_some()),
+            "{actor}"
+        );
     }
 }
 
@@ -136,7 +156,10 @@ fn a_watcher_is_told_once_a_second_and_sees_the_end() {
         let watcher = Box::new(move |progress| sender.send(progress).unwrap());
         let (report, _) = muster_scenarios::engine::run(&scenario, engine, Some(watcher)).unwrap();
         let told: Vec<_> = receiver.iter().collect();
-        assert!(told.windows(2).all(|pair| pair[0].simulated_s < pair[1].simulated_s));
+        assert!(
+            told.windows(2)
+                .all(|pair| pair[0].simulated_s < pair[1].simulated_s)
+        );
         let last = told[told.len() - 1];
         let ended = Duration::from_secs_f64(report.simulated_s).as_secs();
         assert!(ended - last.simulated_s <= 1, "{engine}");

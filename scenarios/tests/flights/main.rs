@@ -1,5 +1,7 @@
 //! Whole flights of shipped scenarios.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod engines;
 mod support;
 mod thesis;

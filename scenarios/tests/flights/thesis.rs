@@ -26,25 +26,45 @@ fn table_8_comes_out_of_the_running_protocol() {
 
 #[test]
 fn the_master_knows_who_is_out_of_its_range_and_who_bridges_to_them() {
-    let report = fly(&scenario("thesis-1.toml", &["formation.drones=7"]), Engine::Events);
+    let report = fly(
+        &scenario("thesis-1.toml", &["formation.drones=7"]),
+        Engine::Events,
+    );
     let bridge = |bridge, out_of_range| Bridge {
         bridge,
         out_of_range,
     };
-    assert_eq!(report.bridges, [bridge(2, vec![0, 1]), bridge(4, vec![5, 6])]);
-    let relays: Vec<_> = report.drones.iter().filter(|drone| drone.relay).map(|drone| drone.id).collect();
+    assert_eq!(
+        report.bridges,
+        [bridge(2, vec![0, 1]), bridge(4, vec![5, 6])]
+    );
+    let relays: Vec<_> = report
+        .drones
+        .iter()
+        .filter(|drone| drone.relay)
+        .map(|drone| drone.id)
+        .collect();
     assert_eq!(relays, [1, 2, 4, 5]);
     let out_of_range = report.drones.iter().filter(|drone| drone.out_of_range);
-    assert_eq!(out_of_range.map(|drone| drone.id).collect::<Vec<_>>(), [0, 1, 5, 6]);
+    assert_eq!(
+        out_of_range.map(|drone| drone.id).collect::<Vec<_>>(),
+        [0, 1, 5, 6]
+    );
 }
 
 fn assert_within(share: f64, ours: f64, theirs: f64, what: &str) {
     let off = (ours / theirs - 1.0).abs();
-    assert!(off <= share, "{what}: {ours:.2} where the thesis has {theirs}, {:.1} % off", off * 100.0);
+    assert!(
+        off <= share,
+        "{what}: {ours:.2} where the thesis has {theirs}, {:.1} % off",
+        off * 100.0
+    );
 }
 
 fn flight_time_s(drone: &DroneReport) -> f64 {
-    drone.flight_time_s.unwrap_or_else(|| panic!("drone {} has not landed", drone.id))
+    drone
+        .flight_time_s
+        .unwrap_or_else(|| panic!("drone {} has not landed", drone.id))
 }
 
 #[test]
@@ -55,7 +75,11 @@ fn flight_times_and_messages_agree_with_tables_9_and_10() {
             [1, 2, 3, 4].map(|column| row[column].parse::<f64>().unwrap());
         for seed in ["seed=1", "seed=2", "seed=3"] {
             let report = fly(&scenario(name, &[seed]), Engine::Events);
-            let master = report.drones.iter().find(|drone| drone.role == Role::Master).unwrap();
+            let master = report
+                .drones
+                .iter()
+                .find(|drone| drone.role == Role::Master)
+                .unwrap();
             assert_within(0.02, flight_time_s(master), master_s, name);
             let ours = report.drones.iter().map(flight_time_s).fold(0.0, f64::max);
             assert_within(0.02, ours, maximum_s, name);
@@ -78,7 +102,12 @@ fn every_flight_time_obeys_the_law_of_the_five_experiments() {
                 0 => master_s,
                 _ => master_s + f64::from(slots) * 160.0 / 10.0 + 12.4,
             };
-            assert_within(0.03, flight_time_s(drone), law_s, &format!("{} drone {index}", row[0]));
+            assert_within(
+                0.03,
+                flight_time_s(drone),
+                law_s,
+                &format!("{} drone {index}", row[0]),
+            );
         }
     }
 }
@@ -89,7 +118,10 @@ fn no_two_drones_come_too_close_whatever_the_seed() {
         for seed in 0..100 {
             let report = fly(&scenario(name, &[&format!("seed={seed}")]), Engine::Events);
             assert_eq!(report.violations, [], "{name}, seed {seed}");
-            assert!(report.min_separation_m.unwrap() >= 5.0, "{name}, seed {seed}");
+            assert!(
+                report.min_separation_m.unwrap() >= 5.0,
+                "{name}, seed {seed}"
+            );
             assert!(report.drones.iter().all(|drone| drone.state == "finished"));
         }
     }

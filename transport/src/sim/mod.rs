@@ -84,7 +84,12 @@ impl Transport for Medium {
         self.config.datagram_max
     }
 
-    fn broadcast(&mut self, now: Timestamp, from: NodeId, datagram: &Bytes) -> Result<(), SendError> {
+    fn broadcast(
+        &mut self,
+        now: Timestamp,
+        from: NodeId,
+        datagram: &Bytes,
+    ) -> Result<(), SendError> {
         if datagram.len() > self.config.datagram_max {
             return Err(SendError::TooLong {
                 len: datagram.len(),
@@ -111,7 +116,6 @@ impl Transport for Medium {
         self.arrivals.pop_front()
     }
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -36,7 +36,11 @@ fn heard_by(medium: &mut Medium, from: u32) -> Vec<u32> {
 #[test]
 fn whoever_is_in_range_hears_and_nobody_else() {
     let mut medium = medium(CONFIG, 1, &line(5, 150.0));
-    assert_eq!(heard_by(&mut medium, 0), [1, 2], "300 m is within the range");
+    assert_eq!(
+        heard_by(&mut medium, 0),
+        [1, 2],
+        "300 m is within the range"
+    );
     assert_eq!(heard_by(&mut medium, 2), [0, 1, 3, 4]);
 }
 
@@ -52,7 +56,10 @@ fn a_radio_that_moves_is_heard_where_it_is() {
 #[test]
 fn a_frame_takes_the_latency_and_at_most_the_jitter_more() {
     let mut medium = medium(CONFIG, 1, &line(40, 1.0));
-    let times: Vec<_> = arrivals(&mut medium, 0).iter().map(|it| it.at.as_nanos()).collect();
+    let times: Vec<_> = arrivals(&mut medium, 0)
+        .iter()
+        .map(|it| it.at.as_nanos())
+        .collect();
     assert_eq!(times.len(), 39);
     assert!(times.iter().all(|at| (200_000..300_000).contains(at)));
     assert!(times.windows(2).any(|pair| pair[0] != pair[1]));
@@ -60,7 +67,10 @@ fn a_frame_takes_the_latency_and_at_most_the_jitter_more() {
 
 #[test]
 fn loss_is_drawn_for_each_frame_and_receiver() {
-    let lossy = Config { loss: 0.3, ..CONFIG };
+    let lossy = Config {
+        loss: 0.3,
+        ..CONFIG
+    };
     let mut medium = medium(lossy, 5, &line(11, 1.0));
     let heard: usize = (0..1_000).map(|_| arrivals(&mut medium, 0).len()).sum();
     // 10,000 draws at 0.7: the standard deviation is 46.
@@ -69,10 +79,15 @@ fn loss_is_drawn_for_each_frame_and_receiver() {
 
 #[test]
 fn the_seed_decides_every_draw() {
-    let lossy = Config { loss: 0.5, ..CONFIG };
+    let lossy = Config {
+        loss: 0.5,
+        ..CONFIG
+    };
     let run = |seed| {
         let mut medium = medium(lossy, seed, &line(20, 1.0));
-        (0..20).flat_map(|from| arrivals(&mut medium, from)).collect::<Vec<_>>()
+        (0..20)
+            .flat_map(|from| arrivals(&mut medium, from))
+            .collect::<Vec<_>>()
     };
     assert_eq!(run(1), run(1));
     assert_ne!(run(1), run(2));

@@ -39,7 +39,12 @@ impl Layers {
 
     /// Each slot's layer, in metres above the mission. Costs a comparison for each pair of slots and each leg, once
     /// for a mission, however many drones ask.
-    pub(super) fn of(&self, formation: &Formation, gathered: &[Ned], waypoints: &[Ned]) -> Arc<[f64]> {
+    pub(super) fn of(
+        &self,
+        formation: &Formation,
+        gathered: &[Ned],
+        waypoints: &[Ned],
+    ) -> Arc<[f64]> {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(answer) = &*last
             && answer.waypoints == waypoints
@@ -66,10 +71,13 @@ impl Layers {
         let meet = |a: usize, b: usize| {
             let take_off = |slot: usize| (flat(gathered[slot]), flat(*first + slots[slot]));
             let landing = |slot: usize| (flat(*last + slots[slot]), flat(*last + gathered[slot]));
-            let on_leg = |slot: usize, leg: &Vector2<f64>| (flat(slots[slot]), flat(slots[slot]) + leg);
+            let on_leg =
+                |slot: usize, leg: &Vector2<f64>| (flat(slots[slot]), flat(slots[slot]) + leg);
             self.are_close(take_off(a), take_off(b))
                 || self.are_close(landing(a), landing(b))
-                || legs.iter().any(|leg| self.are_close(on_leg(a, leg), on_leg(b, leg)))
+                || legs
+                    .iter()
+                    .any(|leg| self.are_close(on_leg(a, leg), on_leg(b, leg)))
         };
         let mut layers: Vec<u32> = vec![0; slots.len()];
         for slot in 0..slots.len() {
@@ -85,7 +93,10 @@ impl Layers {
                 .expect("there are fewer slots than numbers");
         }
         let pitch_m = self.separation.vertical_m + MARGIN_M;
-        layers.into_iter().map(|layer| f64::from(layer) * pitch_m).collect()
+        layers
+            .into_iter()
+            .map(|layer| f64::from(layer) * pitch_m)
+            .collect()
     }
 
     fn are_close(&self, a: Segment, b: Segment) -> bool {

@@ -36,7 +36,10 @@ impl Formation {
             Kind::Linear => linear(drones.get(), spacing_m),
         };
         Self {
-            slots: slots.into_iter().map(|slot| slot.turned(heading_rad)).collect(),
+            slots: slots
+                .into_iter()
+                .map(|slot| slot.turned(heading_rad))
+                .collect(),
             centre: NodeId(centre),
             spacing_m,
         }
@@ -160,7 +163,6 @@ impl Layout {
         self.layers.of(&self.formation, &self.gathered, waypoints)
     }
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -49,7 +49,9 @@ impl State {
             | Self::HopUpdate
             | Self::WaypointReached { .. }
             | Self::MovingToWaypoint { .. } => true,
-            Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => false,
+            Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => {
+                false
+            }
         }
     }
 

@@ -1,9 +1,7 @@
 //! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
 //! one before.
 
-use super::{
-    Awaited, Event, LandingReason, Lead, Mission, Order, State, Transmit,
-};
+use super::{Awaited, Event, LandingReason, Lead, Mission, Order, State, Transmit};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
@@ -131,7 +129,11 @@ impl Mission {
     }
 
     fn go_on_setting_up(&mut self, now: Timestamp) {
-        let parts_given = self.durable.lead.as_ref().map_or(0, |lead| lead.sequence as usize);
+        let parts_given = self
+            .durable
+            .lead
+            .as_ref()
+            .map_or(0, |lead| lead.sequence as usize);
         if parts_given < self.durable.plan.len().div_ceil(PLAN_PART_MAX) {
             self.order_plan_part(parts_given);
             self.carried_out();

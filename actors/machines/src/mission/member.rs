@@ -68,7 +68,8 @@ impl Mission {
         self.durable.land_at = at;
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);
-        self.outbox.event(Event::Landing(LandingReason::MissionOver));
+        self.outbox
+            .event(Event::Landing(LandingReason::MissionOver));
         self.outbox.transmit(Transmit::Land);
         self.pursue_goal();
     }

@@ -253,7 +253,9 @@ impl Mission {
                 awaited.acknowledged = awaited.acknowledged.max(acknowledged);
                 awaited.landing |= landing;
             }),
-            RoutingNotice::Silent(member) => self.hear_member(member, |awaited| awaited.silent = true),
+            RoutingNotice::Silent(member) => {
+                self.hear_member(member, |awaited| awaited.silent = true);
+            }
             RoutingNotice::Returned(member) => {
                 self.hear_member(member, |awaited| awaited.silent = false);
             }
@@ -397,7 +399,6 @@ impl Machine for Mission {
         self.outbox.poll(self.durable.limit)
     }
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,9 @@ use crate::machine::{Said, Stimulus, step};
 const SECOND: Duration = Duration::from_secs(1);
 
 fn waypoints() -> Vec<Ned> {
-    [0.0, 100.0, 200.0].map(|north_m| Ned::new(north_m, 0.0, -25.0)).into()
+    [0.0, 100.0, 200.0]
+        .map(|north_m| Ned::new(north_m, 0.0, -25.0))
+        .into()
 }
 
 /// Drone `id` of a line of three, 1 being the centre.
@@ -34,12 +36,21 @@ fn config(id: u32, liveness: Liveness) -> Config {
     }
 }
 
-fn stimulate(mission: &mut Mission, at_s: f64, stimulus: Stimulus<Input>) -> (Vec<Transmit>, Vec<Event>) {
+fn stimulate(
+    mission: &mut Mission,
+    at_s: f64,
+    stimulus: Stimulus<Input>,
+) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
-    let Ok(_) = step(mission, Timestamp::from_secs_f64(at_s), stimulus, |said| match said {
-        Said::Transmit(transmit) => transmits.push(transmit),
-        Said::Event(event) => events.push(event),
-    });
+    let Ok(_) = step(
+        mission,
+        Timestamp::from_secs_f64(at_s),
+        stimulus,
+        |said| match said {
+            Said::Transmit(transmit) => transmits.push(transmit),
+            Said::Event(event) => events.push(event),
+        },
+    );
     (transmits, events)
 }
 
@@ -95,7 +106,11 @@ fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
     let mut slave = mission(0, liveness);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff);
-    told(&mut slave, 20.0, Input::Navigation(NavigationNotice::Arrived));
+    told(
+        &mut slave,
+        20.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     for notice in [
         RoutingNotice::DiscoveryStarted,
         RoutingNotice::HopUpdateStarted,
@@ -137,7 +152,10 @@ fn nobody_takes_off_without_the_whole_mission() {
         count: 2,
         waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
     };
-    assert_eq!(ordered(&mut slave, 1, &half), [Transmit::Acknowledge { sequence: 1 }]);
+    assert_eq!(
+        ordered(&mut slave, 1, &half),
+        [Transmit::Acknowledge { sequence: 1 }]
+    );
     assert!(ordered(&mut slave, 3, &Order::TakeOff).is_empty());
     assert_eq!(slave.durable.state, State::SetUp);
 }
@@ -146,7 +164,10 @@ fn nobody_takes_off_without_the_whole_mission() {
 fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
     let mut master = mission(1, Liveness::Pulse);
     told(&mut master, 0.0, Input::Fly);
-    assert!(orders(&hears(&mut master, 1.0, progress(0, 1))).is_empty(), "drone 2 is missing");
+    assert!(
+        orders(&hears(&mut master, 1.0, progress(0, 1))).is_empty(),
+        "drone 2 is missing"
+    );
     let (transmits, events) = stimulate(&mut master, 30.0, Stimulus::Timeout);
     assert_eq!(orders(&transmits), [Order::TakeOff]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
@@ -155,11 +176,18 @@ fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
 #[test]
 fn a_waypoint_opens_once_the_last_member_is_there() {
     let mut master = master_taking_off();
-    told(&mut master, 20.0, Input::Navigation(NavigationNotice::Arrived));
+    told(
+        &mut master,
+        20.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     hears(&mut master, 21.0, progress(0, 2));
     let transmits = hears(&mut master, 22.0, progress(2, 2));
     assert_eq!(transmits, [Transmit::Discover]);
-    for notice in [RoutingNotice::DiscoveryStarted, RoutingNotice::HopUpdateStarted] {
+    for notice in [
+        RoutingNotice::DiscoveryStarted,
+        RoutingNotice::HopUpdateStarted,
+    ] {
         hears(&mut master, 23.0, notice);
     }
     let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
@@ -167,7 +195,10 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
     assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
     let transmits = hears(&mut master, 33.0, progress(2, 3));
     assert_eq!(orders(&transmits), [Order::Move { waypoint: 1 }]);
-    assert_eq!(master.durable.state, State::MovingToWaypoint { waypoint: 1 });
+    assert_eq!(
+        master.durable.state,
+        State::MovingToWaypoint { waypoint: 1 }
+    );
 }
 
 #[test]
@@ -179,7 +210,11 @@ fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again()
         if returns {
             hears(&mut master, 19.2, RoutingNotice::Returned(NodeId(2)));
         }
-        let transmits = told(&mut master, 20.0, Input::Navigation(NavigationNotice::Arrived));
+        let transmits = told(
+            &mut master,
+            20.0,
+            Input::Navigation(NavigationNotice::Arrived),
+        );
         assert_eq!(transmits.contains(&Transmit::Discover), goes_on);
     }
 }
@@ -189,10 +224,18 @@ fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
     ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
-    let transmits = told(&mut slave, 40.0, Input::Navigation(NavigationNotice::Arrived));
+    let transmits = told(
+        &mut slave,
+        40.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 2 });
     assert!(!transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
-    let transmits = told(&mut slave, 50.0, Input::Navigation(NavigationNotice::Arrived));
+    let transmits = told(
+        &mut slave,
+        50.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     assert!(transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
 }
 
@@ -219,13 +262,21 @@ fn a_landing_drone_obeys_nobody_any_more() {
 fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_followed() {
     for (liveness, moving, waiting) in [
         (Liveness::Pulse, State::Landing, State::Landing),
-        (Liveness::Thesis, State::MovingToWaypoint { waypoint: 1 }, State::Landing),
+        (
+            Liveness::Thesis,
+            State::MovingToWaypoint { waypoint: 1 },
+            State::Landing,
+        ),
     ] {
         let mut slave = slave_at_waypoint_0(liveness);
         ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
         hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
         assert_eq!(slave.durable.state, moving);
-        told(&mut slave, 50.0, Input::Navigation(NavigationNotice::Arrived));
+        told(
+            &mut slave,
+            50.0,
+            Input::Navigation(NavigationNotice::Arrived),
+        );
         assert_eq!(slave.durable.state, waiting);
     }
 }
@@ -256,8 +307,15 @@ fn a_restarted_mission_goes_on_where_it_was() {
     let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
     let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
     let to = Ned::new(100.0, -100.0, -25.0);
-    assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(Goal::FlyTo { to })]);
-    let arrived = told(&mut restarted, 40.0, Input::Navigation(NavigationNotice::Arrived));
+    assert_eq!(
+        transmits,
+        [Transmit::Resync, Transmit::Goal(Goal::FlyTo { to })]
+    );
+    let arrived = told(
+        &mut restarted,
+        40.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     assert!(arrived.contains(&Transmit::Acknowledge { sequence: 5 }));
 }
 

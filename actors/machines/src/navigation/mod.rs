@@ -279,6 +279,5 @@ impl Machine for Navigation {
     }
 }
 
-
 #[cfg(test)]
 mod tests;

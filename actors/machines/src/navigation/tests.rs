@@ -19,11 +19,16 @@ const ON_THE_GROUND: Telemetry = Telemetry {
 
 fn told(navigation: &mut Navigation, input: Input) -> Vec<Transmit> {
     let mut transmits = Vec::new();
-    let Ok(_) = step(navigation, Timestamp::ZERO, Stimulus::Input(input), |said| {
-        if let Said::Transmit(transmit) = said {
-            transmits.push(transmit);
-        }
-    });
+    let Ok(_) = step(
+        navigation,
+        Timestamp::ZERO,
+        Stimulus::Input(input),
+        |said| {
+            if let Said::Transmit(transmit) = said {
+                transmits.push(transmit);
+            }
+        },
+    );
     transmits
 }
 
@@ -59,8 +64,14 @@ fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
     assert_eq!(arms, [Transmit::Demand(Demand::Arm)]);
     let climb = Ned::new(0.0, 0.0, -30.0);
     let cross = Ned::new(0.0, 100.0, -30.0);
-    assert_eq!(leg(&told(&mut navigation, at_rest_at(Ned::HOME))), (climb, 2.5));
-    assert_eq!(leg(&told(&mut navigation, at_rest_at(climb))), (cross, 10.0));
+    assert_eq!(
+        leg(&told(&mut navigation, at_rest_at(Ned::HOME))),
+        (climb, 2.5)
+    );
+    assert_eq!(
+        leg(&told(&mut navigation, at_rest_at(climb))),
+        (cross, 10.0)
+    );
     assert_eq!(leg(&told(&mut navigation, at_rest_at(cross))), (to, 1.5));
     let arrived = told(&mut navigation, at_rest_at(to));
     assert_eq!(arrived, [Transmit::Inform(Notice::Arrived)]);

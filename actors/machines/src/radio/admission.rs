@@ -162,7 +162,11 @@ impl Newest {
             Some(behind) => self.seen |= 1 << behind.min(WINDOW - 1),
             None => {
                 let ahead = counter - self.counter;
-                self.seen = if ahead < WINDOW { self.seen << ahead | 1 } else { 1 };
+                self.seen = if ahead < WINDOW {
+                    self.seen << ahead | 1
+                } else {
+                    1
+                };
                 self.counter = counter;
             }
         }

@@ -7,7 +7,12 @@ pub trait Authenticator {
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN];
 
     /// Whether `sender` signed this.
-    fn verify(&self, sender: NodeId, covered: &[u8], authenticator: &[u8; AUTHENTICATOR_LEN]) -> bool;
+    fn verify(
+        &self,
+        sender: NodeId,
+        covered: &[u8],
+        authenticator: &[u8; AUTHENTICATOR_LEN],
+    ) -> bool;
 }
 
 /// The authenticator of a simulation: every sender's frames bear the same mark, of the length of a signature, and

@@ -193,6 +193,5 @@ impl<A: Authenticator> Machine for Radio<A> {
     }
 }
 
-
 #[cfg(test)]
 mod tests;

@@ -23,7 +23,11 @@ fn radio(id: u32) -> Radio<IdealAuthenticator> {
     Radio::new(config, IdealAuthenticator, Checkpoint::default())
 }
 
-fn told(radio: &mut Radio<IdealAuthenticator>, now_ms: u64, input: Input) -> (Vec<Transmit>, Vec<Event>) {
+fn told(
+    radio: &mut Radio<IdealAuthenticator>,
+    now_ms: u64,
+    input: Input,
+) -> (Vec<Transmit>, Vec<Event>) {
     let now = Timestamp::from_nanos(now_ms * 1_000_000);
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
     let Ok(_) = step(radio, now, Stimulus::Input(input), |said| match said {
@@ -35,7 +39,14 @@ fn told(radio: &mut Radio<IdealAuthenticator>, now_ms: u64, input: Input) -> (Ve
 
 fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
     let payload = payload.to_vec();
-    let (transmits, _) = told(radio, 0, Input::Send { ballot: BALLOT, payload });
+    let (transmits, _) = told(
+        radio,
+        0,
+        Input::Send {
+            ballot: BALLOT,
+            payload,
+        },
+    );
     match transmits.into_iter().next() {
         Some(Transmit::Broadcast(frame)) => frame,
         other => panic!("a frame should have been sent, not {other:?}"),
@@ -43,7 +54,11 @@ fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
 }
 
 /// What becomes of a frame: nothing if it was let in.
-fn dropped(radio: &mut Radio<IdealAuthenticator>, now_ms: u64, frame: &Bytes) -> Option<DropReason> {
+fn dropped(
+    radio: &mut Radio<IdealAuthenticator>,
+    now_ms: u64,
+    frame: &Bytes,
+) -> Option<DropReason> {
     let (transmits, events) = told(radio, now_ms, Input::Received(frame.clone()));
     match events.as_slice() {
         [Event::Dropped(reason)] => {
@@ -74,7 +89,10 @@ fn a_frame_is_let_in_once() {
         assert_eq!(dropped(&mut receiver, 0, frame), None);
     }
     for frame in &frames {
-        assert_eq!(dropped(&mut receiver, 9_000, frame), Some(DropReason::Replayed));
+        assert_eq!(
+            dropped(&mut receiver, 9_000, frame),
+            Some(DropReason::Replayed)
+        );
     }
 }
 
@@ -109,15 +127,27 @@ fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
     let mut elsewhere = radio(0);
     elsewhere.config.swarm = SwarmId(2);
     let frame = sent_by(&mut elsewhere, b"");
-    assert_eq!(dropped(&mut receiver, 0, &frame), Some(DropReason::OtherSwarm));
+    assert_eq!(
+        dropped(&mut receiver, 0, &frame),
+        Some(DropReason::OtherSwarm)
+    );
     let frame = sent_by(&mut radio(1), b"");
     assert_eq!(dropped(&mut receiver, 0, &frame), Some(DropReason::OwnEcho));
     let mut forged = sent_by(&mut radio(0), b"").to_vec();
     forged.iter_mut().rev().take(1).for_each(|byte| *byte ^= 1);
-    assert_eq!(dropped(&mut receiver, 0, &forged.into()), Some(DropReason::Forged));
-    assert_eq!(dropped(&mut receiver, 0, &sent_by(&mut radio(2), b"")), None);
+    assert_eq!(
+        dropped(&mut receiver, 0, &forged.into()),
+        Some(DropReason::Forged)
+    );
+    assert_eq!(
+        dropped(&mut receiver, 0, &sent_by(&mut radio(2), b"")),
+        None
+    );
     let third = sent_by(&mut radio(3), b"");
-    assert_eq!(dropped(&mut receiver, 0, &third), Some(DropReason::TooManySenders));
+    assert_eq!(
+        dropped(&mut receiver, 0, &third),
+        Some(DropReason::TooManySenders)
+    );
 }
 
 #[test]
@@ -126,7 +156,10 @@ fn a_forged_frame_does_not_use_up_the_counter_it_claims() {
     let genuine = sent_by(&mut radio(0), b"");
     let mut forged = genuine.to_vec();
     forged.iter_mut().rev().take(1).for_each(|byte| *byte ^= 1);
-    assert_eq!(dropped(&mut receiver, 0, &forged.into()), Some(DropReason::Forged));
+    assert_eq!(
+        dropped(&mut receiver, 0, &forged.into()),
+        Some(DropReason::Forged)
+    );
     assert_eq!(dropped(&mut receiver, 1, &genuine), None);
 }
 
@@ -134,7 +167,14 @@ fn a_forged_frame_does_not_use_up_the_counter_it_claims() {
 fn a_restarted_radio_uses_no_counter_twice() {
     let mut first = radio(0);
     let payload = Vec::new();
-    let (_, events) = told(&mut first, 0, Input::Send { ballot: BALLOT, payload });
+    let (_, events) = told(
+        &mut first,
+        0,
+        Input::Send {
+            ballot: BALLOT,
+            payload,
+        },
+    );
     let [Event::Checkpoint(checkpoint)] = events.as_slice() else {
         panic!("counters are reserved before they are used");
     };
@@ -142,13 +182,28 @@ fn a_restarted_radio_uses_no_counter_twice() {
     let mut second = Radio::new(first.config.clone(), IdealAuthenticator, *checkpoint);
     let frame = sent_by(&mut second, b"");
     let counter = wire::decode_frame(&frame).unwrap().header.counter;
-    assert!(counter > first.counter, "{counter} was used by the first life already");
+    assert!(
+        counter > first.counter,
+        "{counter} was used by the first life already"
+    );
 }
 
 #[test]
 fn a_payload_that_outgrows_a_datagram_is_not_sent() {
     let payload = vec![0; PAYLOAD_MAX + 1];
-    let (transmits, events) = told(&mut radio(0), 0, Input::Send { ballot: BALLOT, payload });
+    let (transmits, events) = told(
+        &mut radio(0),
+        0,
+        Input::Send {
+            ballot: BALLOT,
+            payload,
+        },
+    );
     assert!(transmits.is_empty());
-    assert_eq!(events, [Event::Oversized { len: PAYLOAD_MAX + 1 }]);
+    assert_eq!(
+        events,
+        [Event::Oversized {
+            len: PAYLOAD_MAX + 1
+        }]
+    );
 }

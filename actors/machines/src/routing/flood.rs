@@ -124,7 +124,8 @@ impl Routing {
 
     pub(super) fn heard_hello(&mut self, now: Timestamp, sender: NodeId, remaining: Duration) {
         self.start_discovery(now, remaining);
-        if matches!(self.durable.phase, Phase::Discovery { .. }) && self.neighbours.hear(sender, now)
+        if matches!(self.durable.phase, Phase::Discovery { .. })
+            && self.neighbours.hear(sender, now)
         {
             self.outbox.event(Event::NeighbourStable(sender));
             self.checkpoint();
@@ -208,7 +209,8 @@ impl Routing {
             self.members.forget_all();
         }
         self.pulse_rose_at = now;
-        self.outbox.event(Event::Routes(self.durable.routes.clone()));
+        self.outbox
+            .event(Event::Routes(self.durable.routes.clone()));
         self.inform(Notice::RoutesReady);
         self.checkpoint();
     }
@@ -294,7 +296,8 @@ impl Routing {
     fn become_relay(&mut self) {
         if !self.durable.routes.relay {
             self.durable.routes.relay = true;
-            self.outbox.event(Event::Routes(self.durable.routes.clone()));
+            self.outbox
+                .event(Event::Routes(self.durable.routes.clone()));
             self.checkpoint();
         }
     }
@@ -305,7 +308,8 @@ impl Routing {
             && self.neighbours.is_stable(sender)
         {
             self.take_parent(sender, hops, &[]);
-            self.outbox.event(Event::Routes(self.durable.routes.clone()));
+            self.outbox
+                .event(Event::Routes(self.durable.routes.clone()));
         }
     }
 }

@@ -225,7 +225,8 @@ impl Routing {
     }
 
     fn resume(&mut self, now: Timestamp, checkpoint: Checkpoint) {
-        self.neighbours.remember(checkpoint.stable.iter().copied(), now);
+        self.neighbours
+            .remember(checkpoint.stable.iter().copied(), now);
         self.durable = checkpoint;
         self.durable.skip_reserved(self.is_master());
         if self.durable.ballot.is_some() && self.durable.phase != Phase::Stopped {
@@ -382,7 +383,6 @@ impl Machine for Routing {
         self.outbox.poll(self.next_send)
     }
 }
-
 
 #[cfg(test)]
 mod tests;

@@ -116,7 +116,11 @@ fn in_hop_update() -> (Routing, Timestamp) {
 fn a_drone_that_was_told_nothing_says_nothing() {
     let mut slave = routing(1);
     assert_eq!(slave.next_send, None);
-    assert!(stimulate(&mut slave, at(9.0), Stimulus::Timeout).sent.is_empty());
+    assert!(
+        stimulate(&mut slave, at(9.0), Stimulus::Timeout)
+            .sent
+            .is_empty()
+    );
 }
 
 #[test]
@@ -130,7 +134,11 @@ fn three_hellos_in_a_row_make_a_neighbour_stable_and_a_gap_starts_anew() {
             stable_at = Some(now);
         }
     }
-    assert_eq!(stable_at, Some(2.3), "the gap of 0.8 s at 1.3 s starts the count anew");
+    assert_eq!(
+        stable_at,
+        Some(2.3),
+        "the gap of 0.8 s at 1.3 s starts the count anew"
+    );
 }
 
 #[test]
@@ -169,11 +177,17 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
         routing_list: vec![NodeId(1)],
     };
     let outcome = hears(&mut slave, now, 0, &hop_update);
-    assert!(!outcome.notices.contains(&Notice::RoutesReady), "2 is missing");
+    assert!(
+        !outcome.notices.contains(&Notice::RoutesReady),
+        "2 is missing"
+    );
     let mut patient = slave.durable.clone();
     let follows = Packet::Flood(flood(1, 0));
     let outcome = hears(&mut slave, now, 2, &follows);
-    assert!(outcome.notices.contains(&Notice::RoutesReady), "a follower counts as heard");
+    assert!(
+        outcome.notices.contains(&Notice::RoutesReady),
+        "a follower counts as heard"
+    );
     patient.phase = Phase::HopUpdate { since: now };
     let mut waiting = Routing::new(config(1), 2, now, Some(patient));
     let outcome = wait(&mut waiting, now + Duration::from_millis(5_400));
@@ -193,14 +207,20 @@ fn before_there_are_routes_everyone_repeats_everything() {
     let mut heard = flood(1, 1);
     heard.members.push(member);
     let outcome = hears(&mut slave, at(0.0), 1, &Packet::Flood(heard));
-    assert!(matches!(outcome.notices[..], [Notice::Order { sequence: 1, .. }]));
+    assert!(matches!(
+        outcome.notices[..],
+        [Notice::Order { sequence: 1, .. }]
+    ));
     let said = wait(&mut slave, at(0.2)).sent;
     let [Packet::Flood(said)] = said.as_slice() else {
         panic!("one packet a period, not {said:?}");
     };
     assert_eq!((said.pulse, said.sequence), (1, 1));
     assert!(said.order.is_some());
-    assert_eq!(said.members.iter().map(|it| it.id.0).collect::<Vec<_>>(), [2, 3]);
+    assert_eq!(
+        said.members.iter().map(|it| it.id.0).collect::<Vec<_>>(),
+        [2, 3]
+    );
 }
 
 #[test]
@@ -233,7 +253,11 @@ fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
             other => panic!("a flood should have been sent, not {other:?}"),
         }
     };
-    assert_eq!(says(&mut slave, at(8.3)), (1, false), "a leaf speaks for itself");
+    assert_eq!(
+        says(&mut slave, at(8.3)),
+        (1, false),
+        "a leaf speaks for itself"
+    );
     hears(&mut slave, at(8.3), 3, &member(3, Some(NodeId(1))));
     assert_eq!(says(&mut slave, at(8.6)), (2, true), "a parent relays");
 }
@@ -247,7 +271,10 @@ fn a_master_is_alive_only_if_its_own_number_rises() {
         let now = at(f64::from(tenth) / 10.0);
         // Another drone goes on repeating the last number that it heard.
         hears(&mut slave, now, 2, &Packet::Flood(flood(7, 1)));
-        if wait(&mut slave, now).notices.contains(&Notice::MasterSilent) {
+        if wait(&mut slave, now)
+            .notices
+            .contains(&Notice::MasterSilent)
+        {
             silent_at = Some(tenth);
         }
     }
@@ -261,7 +288,11 @@ fn an_older_ballot_and_a_stranger_are_ignored_and_a_better_ballot_is_obeyed() {
     let mut slave = routing(1);
     let newer = Ballot { term: 2, ..MASTER };
     let order = Packet::Flood(flood(1, 1));
-    assert!(!hears_under(&mut slave, at(0.0), 0, newer, &order).notices.is_empty());
+    assert!(
+        !hears_under(&mut slave, at(0.0), 0, newer, &order)
+            .notices
+            .is_empty()
+    );
     let older = hears_under(&mut slave, at(0.1), 0, MASTER, &Packet::Flood(flood(2, 2)));
     assert_eq!(older.events, [Event::Ignored(NodeId(0))]);
     let stranger = hears_under(&mut slave, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
@@ -290,7 +321,11 @@ fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
 fn a_drone_that_is_done_says_so_once_and_falls_silent() {
     let mut slave = routing(1);
     hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(1, 4)));
-    stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Acknowledge { sequence: 4 }));
+    stimulate(
+        &mut slave,
+        at(0.1),
+        Stimulus::Input(Input::Acknowledge { sequence: 4 }),
+    );
     let last = stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Stop)).sent;
     let [Packet::Flood(last)] = last.as_slice() else {
         panic!("one last packet, not {last:?}");

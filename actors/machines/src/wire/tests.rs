@@ -55,7 +55,10 @@ fn packets_have_these_bytes() {
         }],
         order: Some(bytes::Bytes::from_static(&[1])),
     });
-    assert_eq!(hex(&encode_packet(&flood)), "02010201068407050101ac020403010101");
+    assert_eq!(
+        hex(&encode_packet(&flood)),
+        "02010201068407050101ac020403010101"
+    );
 }
 
 #[test]
@@ -130,10 +133,8 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         remaining: Duration::from_millis(ms.into()),
     });
     let ids = || prop::collection::vec(any::<u32>().prop_map(NodeId), 0..20);
-    let hop_update = (any::<u16>(), ids()).prop_map(|(hops, routing_list)| Packet::HopUpdate {
-        hops,
-        routing_list,
-    });
+    let hop_update = (any::<u16>(), ids())
+        .prop_map(|(hops, routing_list)| Packet::HopUpdate { hops, routing_list });
     let member = (any::<[u32; 3]>(), any::<[bool; 2]>()).prop_map(|(numbers, flags)| Member {
         id: NodeId(numbers[0]),
         beat: numbers[1],

@@ -43,19 +43,45 @@ fn checked(vehicles: &[Vehicle], until_s: f64) -> (Option<Violation>, Option<f64
 
 #[test]
 fn two_that_meet_head_on_are_found_where_they_meet() {
-    let a = flying(Ned::new(0.0, 0.0, -20.0), 0.0, Ned::new(400.0, 0.0, -20.0), 10.0);
-    let b = flying(Ned::new(400.0, 0.0, -20.0), 0.0, Ned::new(0.0, 0.0, -20.0), 10.0);
+    let a = flying(
+        Ned::new(0.0, 0.0, -20.0),
+        0.0,
+        Ned::new(400.0, 0.0, -20.0),
+        10.0,
+    );
+    let b = flying(
+        Ned::new(400.0, 0.0, -20.0),
+        0.0,
+        Ned::new(0.0, 0.0, -20.0),
+        10.0,
+    );
     let (violation, closest_m) = checked(&[a, b], 100.0);
     let violation = violation.unwrap();
-    assert_eq!((violation.rule, violation.drones), (4, vec![NodeId(0), NodeId(1)]));
+    assert_eq!(
+        (violation.rule, violation.drones),
+        (4, vec![NodeId(0), NodeId(1)])
+    );
     assert!((violation.at.as_secs_f64() - 25.0).abs() < 0.5);
-    assert!(closest_m.unwrap() < 1e-3, "no sample is needed at the very instant");
+    assert!(
+        closest_m.unwrap() < 1e-3,
+        "no sample is needed at the very instant"
+    );
 }
 
 #[test]
 fn two_that_cross_in_different_layers_are_fine() {
-    let a = flying(Ned::new(0.0, 0.0, -20.0), 0.0, Ned::new(400.0, 0.0, -20.0), 10.0);
-    let b = flying(Ned::new(400.0, 0.0, -25.5), 0.0, Ned::new(0.0, 0.0, -25.5), 10.0);
+    let a = flying(
+        Ned::new(0.0, 0.0, -20.0),
+        0.0,
+        Ned::new(400.0, 0.0, -20.0),
+        10.0,
+    );
+    let b = flying(
+        Ned::new(400.0, 0.0, -25.5),
+        0.0,
+        Ned::new(0.0, 0.0, -25.5),
+        10.0,
+    );
     let (violation, closest_m) = checked(&[a, b], 100.0);
     assert_eq!(violation, None);
     assert!((closest_m.unwrap() - 5.5).abs() < 1e-6);
@@ -63,8 +89,18 @@ fn two_that_cross_in_different_layers_are_fine() {
 
 #[test]
 fn a_drone_that_climbs_through_another_is_found() {
-    let a = flying(Ned::new(0.0, 0.0, -10.0), 0.0, Ned::new(0.0, 0.0, -40.0), 2.5);
-    let b = flying(Ned::new(0.0, 4.9, -25.0), 0.0, Ned::new(0.0, 4.9, -25.1), 1.0);
+    let a = flying(
+        Ned::new(0.0, 0.0, -10.0),
+        0.0,
+        Ned::new(0.0, 0.0, -40.0),
+        2.5,
+    );
+    let b = flying(
+        Ned::new(0.0, 4.9, -25.0),
+        0.0,
+        Ned::new(0.0, 4.9, -25.1),
+        1.0,
+    );
     assert!(checked(&[a, b], 30.0).0.is_some());
 }
 

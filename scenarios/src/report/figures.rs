@@ -1,0 +1,242 @@
+//! What follows from a report's figures, and how figures are written for a person.
+
+use std::path::Path;
+
+use super::{Barrier, DroneReport, Report, Role};
+
+/// What a drone did for the swarm's radio, as it is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// It led.
+    Master,
+    /// It was led, and repeated orders for others.
+    Relay,
+    /// It was led, and repeated nothing.
+    Leaf,
+}
+
+impl Kind {
+    /// Every kind, in the order of a legend.
+    pub(super) const ALL: [Self; 3] = [Self::Master, Self::Relay, Self::Leaf];
+
+    /// Its name, as a person reads it and as the page's styles call it.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Master => "master",
+            Self::Relay => "relay",
+            Self::Leaf => "leaf",
+        }
+    }
+}
+
+impl DroneReport {
+    /// What it did for the swarm's radio.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        match (self.role, self.relay) {
+            (Role::Master, _) => Kind::Master,
+            (Role::Slave, true) => Kind::Relay,
+            (Role::Slave, false) => Kind::Leaf,
+        }
+    }
+}
+
+impl Barrier {
+    /// Seconds from the last arrival to the last departure.
+    #[must_use]
+    pub fn wait_s(&self) -> f64 {
+        self.moving_s - self.arrived_s
+    }
+}
+
+impl Report {
+    /// The drone that led, the one with the lowest id if several did in turn.
+    #[must_use]
+    pub fn master(&self) -> Option<&DroneReport> {
+        self.drones.iter().find(|drone| drone.role == Role::Master)
+    }
+
+    /// The mean of the waits at the waypoints; nothing without a waypoint.
+    #[must_use]
+    pub fn mean_wait_s(&self) -> Option<f64> {
+        mean(self.barriers.iter().map(Barrier::wait_s))
+    }
+
+    /// The mean of the waypoint delays that there are.
+    #[must_use]
+    pub fn mean_waypoint_delay_s(&self) -> Option<f64> {
+        mean(
+            self.drones
+                .iter()
+                .filter_map(|drone| drone.waypoint_delay_s),
+        )
+    }
+
+    /// The mean of the frames sent.
+    #[must_use]
+    pub fn mean_messages_sent(&self) -> Option<f64> {
+        mean(self.drones.iter().map(|drone| count(drone.messages_sent)))
+    }
+
+    /// Simulated seconds a second of the wall's clock; nothing if the run took no time that could be measured.
+    #[must_use]
+    pub fn speedup(&self) -> Option<f64> {
+        (self.wall_s > 0.0).then(|| self.simulated_s / self.wall_s)
+    }
+
+    /// The scenario's name: its file's, without folder and extension.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        let stem = Path::new(&self.scenario).file_stem();
+        stem.and_then(|stem| stem.to_str())
+            .unwrap_or(&self.scenario)
+    }
+
+    /// The command that repeats the run, to be typed into a POSIX shell.
+    #[must_use]
+    pub fn command(&self) -> String {
+        let mut command = format!(
+            "muster sim {} --seed {} --engine {}",
+            quoted(&self.scenario),
+            self.seed,
+            self.engine
+        );
+        for change in &self.overrides {
+            command.push_str(" --set ");
+            command.push_str(&quoted(change));
+        }
+        command
+    }
+}
+
+/// `text` as one word of a POSIX shell.
+fn quoted(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
+    if !text.is_empty() && !text.starts_with('-') && text.chars().all(plain) {
+        return text.to_owned();
+    }
+    let guard = if text.starts_with('-') { "./" } else { "" };
+    format!("'{guard}{}'", text.replace('\'', r"'\''"))
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, number) = values.fold((0.0, 0_u32), |(sum, number), value| {
+        (sum + value, number + 1)
+    });
+    (number > 0).then(|| sum / f64::from(number))
+}
+
+/// A count as a number to reckon with.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "a run has far fewer than 2^52 frames"
+)]
+pub(super) fn count(number: u64) -> f64 {
+    number as f64
+}
+
+/// What stands where there is no figure.
+pub(super) const NOTHING: &str = "–";
+
+/// `value` with `decimals` digits after the point, thousands apart, and a minus sign that is one.
+pub(super) fn figure(value: f64, decimals: usize) -> String {
+    let digits = format!("{:.decimals$}", value.abs());
+    let (whole, fraction) = digits.split_at(digits.find('.').unwrap_or(digits.len()));
+    let mut text = String::new();
+    if value < 0.0 && digits.contains(|c: char| c.is_ascii_digit() && c != '0') {
+        text.push('−');
+    }
+    for (at, digit) in whole.chars().enumerate() {
+        if at > 0 && (whole.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text + fraction
+}
+
+/// Likewise, or [`NOTHING`].
+pub(super) fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), |value| figure(value, decimals))
+}
+
+/// `number` of `thing`, which takes an s for other than one.
+pub(super) fn plural(number: usize, thing: &str) -> String {
+    let ending = if number == 1 { "" } else { "s" };
+    format!("{number} {thing}{ending}")
+}
+
+/// Who was in something: "drone 3", "drones 3 and 4", "drones 3, 4 and 5".
+pub(super) fn drones(ids: &[u32]) -> String {
+    match ids {
+        [] => "no drone".to_owned(),
+        [only] => format!("drone {only}"),
+        [first @ .., last] => {
+            let first: Vec<_> = first.iter().map(u32::to_string).collect();
+            format!("drones {} and {last}", first.join(", "))
+        }
+    }
+}
+
+/// How fast the run was, in words; nothing if it took no time that could be measured.
+pub(super) fn pace(report: &Report) -> Option<String> {
+    let speedup = report.speedup()?;
+    Some(if speedup >= 10.0 {
+        format!("{} times faster than real time", figure(speedup, 0))
+    } else {
+        format!("{} times real time", figure(speedup, 1))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn figures_have_their_thousands_apart() {
+        assert_eq!(figure(1_234_567.25, 1), "1,234,567.2");
+        assert_eq!(figure(999.0, 0), "999");
+        assert_eq!(figure(-1000.0, 0), "−1,000");
+        assert_eq!(figure(-0.01, 1), "0.0");
+        assert_eq!(figure(f64::NAN, 1), "NaN");
+    }
+
+    #[test]
+    fn the_command_survives_a_shell() {
+        let (mut report, _) = sample::swarm(2);
+        assert_eq!(
+            report.command(),
+            "muster sim scenarios/thesis-2.toml --seed 7 --engine actors"
+        );
+        report.scenario = "it's $HOME.toml".to_owned();
+        assert!(
+            report
+                .command()
+                .starts_with(r"muster sim 'it'\''s $HOME.toml' --seed")
+        );
+        report.scenario = "-x.toml".to_owned();
+        assert!(
+            report
+                .command()
+                .starts_with("muster sim './-x.toml' --seed")
+        );
+    }
+
+    #[test]
+    fn means_of_nothing_are_nothing() {
+        let (mut report, _) = sample::swarm(2);
+        report.barriers.clear();
+        report.drones.clear();
+        report.wall_s = 0.0;
+        assert_eq!(report.mean_wait_s(), None);
+        assert_eq!(report.mean_messages_sent(), None);
+        assert_eq!(report.speedup(), None);
+    }
+
+    #[test]
+    fn drones_are_listed_as_in_speech() {
+        assert_eq!(drones(&[3]), "drone 3");
+        assert_eq!(drones(&[3, 4, 5]), "drones 3, 4 and 5");
+    }
+}

@@ -1,0 +1,88 @@
+//! What a drone was doing, and where, at any instant of its flight.
+
+use muster_machines::geometry::Ned;
+use muster_machines::mission::State;
+use muster_machines::time::Timestamp;
+
+use super::FlightOfDrone;
+
+impl FlightOfDrone {
+    /// What it was doing at `at`.
+    #[must_use]
+    pub fn state_at(&self, at: Timestamp) -> State {
+        let begun = self.states.partition_point(|&(since, _)| since <= at);
+        let states = self.states.get(..begun).unwrap_or_default();
+        states.last().map(|&(_, state)| state).unwrap_or_default()
+    }
+
+    /// Where it was at `at`, in a straight line between two points of its track; nothing without a track.
+    ///
+    /// Before its track it was where that begins, after it where that ends.
+    #[must_use]
+    pub fn place_at(&self, at: Timestamp) -> Option<Ned> {
+        let next = self.track.partition_point(|&(then, _)| then < at);
+        let Some(&(to_t, to)) = self.track.get(next) else {
+            return self.track.last().map(|&(_, place)| place);
+        };
+        let Some(&(from_t, from)) = next.checked_sub(1).and_then(|last| self.track.get(last))
+        else {
+            return Some(to);
+        };
+        let share = at.since(from_t).as_secs_f64() / to_t.since(from_t).as_secs_f64();
+        Some(Ned(from.0.lerp(&to.0, share)))
+    }
+
+    /// When it first was at a waypoint.
+    #[must_use]
+    pub fn first_waypoint_at(&self) -> Option<Timestamp> {
+        let reached = |state: State| matches!(state, State::WaypointReached { .. });
+        self.states
+            .iter()
+            .find(|&&(_, state)| reached(state))
+            .map(|&(at, _)| at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: f64) -> Timestamp {
+        Timestamp::from_secs_f64(seconds)
+    }
+
+    fn northbound() -> FlightOfDrone {
+        FlightOfDrone {
+            track: vec![(at(1.0), Ned::HOME), (at(2.0), Ned::new(10.0, 0.0, 0.0))],
+            states: vec![
+                (at(0.0), State::TakingOff),
+                (at(1.5), State::WaypointReached { waypoint: 0 }),
+            ],
+        }
+    }
+
+    #[test]
+    fn a_state_holds_until_the_next_one() {
+        let drone = northbound();
+        assert_eq!(drone.state_at(at(1.4)), State::TakingOff);
+        assert_eq!(
+            drone.state_at(at(1.5)),
+            State::WaypointReached { waypoint: 0 }
+        );
+        assert_eq!(drone.first_waypoint_at(), Some(at(1.5)));
+    }
+
+    #[test]
+    fn a_place_is_between_its_neighbours_and_stays_at_the_ends() {
+        let drone = northbound();
+        assert_eq!(drone.place_at(at(1.25)), Some(Ned::new(2.5, 0.0, 0.0)));
+        assert_eq!(drone.place_at(at(0.0)), Some(Ned::HOME));
+        assert_eq!(drone.place_at(at(9.0)), Some(Ned::new(10.0, 0.0, 0.0)));
+        let nowhere = FlightOfDrone {
+            track: vec![],
+            states: vec![],
+        };
+        assert_eq!(nowhere.place_at(at(1.0)), None);
+        assert_eq!(nowhere.state_at(at(1.0)), State::Start);
+    }
+}

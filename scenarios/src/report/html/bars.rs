@@ -1,0 +1,191 @@
+//! Bar charts with a place for each drone, after the thesis's figures 23 and 24.
+
+use maud::{Markup, html};
+
+use super::axis::{Axis, decimals, px, stride, ticks};
+use crate::report::figures::{NOTHING, count, figure};
+use crate::report::{DroneReport, Report};
+
+/// Up to this many drones, two charts fit side by side.
+pub(super) const NARROW_MAX: usize = 24;
+
+const HEIGHT_PX: f64 = 250.0;
+const LEFT_PX: f64 = 72.0;
+const RIGHT_PX: f64 = 58.0;
+const TOP_PX: f64 = 12.0;
+const BOTTOM_PX: f64 = 46.0;
+/// The width of a digit.
+const DIGIT_PX: f64 = 8.0;
+
+/// What a chart shows.
+struct Chart<'a> {
+    /// For who can't see it.
+    about: &'a str,
+    /// What stands beside its vertical axis.
+    axis: &'a str,
+    /// Digits after the point.
+    digits: usize,
+    mean: Option<f64>,
+    bars: Vec<Bars<'a>>,
+}
+
+/// The bars of one drone, the first in full colour.
+struct Bars<'a> {
+    drone: &'a DroneReport,
+    /// What is said of it when it is pointed at.
+    title: String,
+    heights: Vec<Option<f64>>,
+}
+
+/// How long each drone flew.
+pub(super) fn flight_times(report: &Report) -> Markup {
+    let bars = report.drones.iter().map(|drone| {
+        let title = match drone.flight_time_s {
+            Some(flown_s) => format!("{}: {} s", name(drone), figure(flown_s, 1)),
+            None => format!("{}: has no flight time, {}", name(drone), drone.state),
+        };
+        Bars {
+            drone,
+            title,
+            heights: vec![drone.flight_time_s],
+        }
+    });
+    chart(&Chart {
+        about: "Flight time of each drone",
+        axis: "flight time in seconds",
+        digits: 1,
+        mean: report.means.flight_time_s,
+        bars: bars.collect(),
+    })
+}
+
+/// How many messages each drone received and sent.
+pub(super) fn messages(report: &Report) -> Markup {
+    let bars = report.drones.iter().map(|drone| {
+        let (received, sent) = (count(drone.messages_received), count(drone.messages_sent));
+        let title = format!(
+            "{}: received {}, sent {}",
+            name(drone),
+            figure(received, 0),
+            figure(sent, 0)
+        );
+        Bars {
+            drone,
+            title,
+            heights: vec![Some(received), Some(sent)],
+        }
+    });
+    chart(&Chart {
+        about: "Messages that each drone received and sent",
+        axis: "messages",
+        digits: 0,
+        mean: Some(report.means.messages_received),
+        bars: bars.collect(),
+    })
+}
+
+fn name(drone: &DroneReport) -> String {
+    format!("drone {} ({})", drone.id, drone.kind().name())
+}
+
+fn chart(chart: &Chart<'_>) -> Markup {
+    let wide = chart.bars.len() > NARROW_MAX;
+    let width = if wide { 1100.0 } else { 540.0 };
+    let heights = chart
+        .bars
+        .iter()
+        .flat_map(|bars| bars.heights.iter().flatten());
+    let highest = heights.copied().chain(chart.mean).fold(0.0, f64::max);
+    let highest = if highest > 0.0 && highest.is_finite() {
+        highest * 1.04
+    } else {
+        1.0
+    };
+    let (left, right) = (LEFT_PX, width - RIGHT_PX);
+    let base = HEIGHT_PX - BOTTOM_PX;
+    let y = Axis::new((0.0, highest), (base, TOP_PX));
+    let pitch = (right - left) / count(chart.bars.len().max(1) as u64);
+    html! {
+        div.scroll[wide] {
+            svg role="img" aria-label=(chart.about) .wide[wide] viewBox={ "0 0 " (width) " " (HEIGHT_PX) } {
+                (scale(&y, highest, (left, right)))
+                @for (place, bars) in chart.bars.iter().enumerate() {
+                    (drone(bars, &y, base, left + pitch * count(place as u64), pitch))
+                }
+                line.baseline x1=(left) x2=(right) y1=(base) y2=(base) {}
+                (ids(&chart.bars, left, pitch, base))
+                @if let Some(mean) = chart.mean {
+                    @let at = px(y.px(mean));
+                    line.mean x1=(left) x2=(right) y1=(at) y2=(at) {}
+                    text.mean-name x=(right + 6.0) y=(at) dy="-0.2em" { "mean" }
+                    text.mean-name x=(right + 6.0) y=(at) dy="0.9em" { (figure(mean, chart.digits)) }
+                }
+                text.axis-name transform={ "translate(13 " (px(f64::midpoint(base, TOP_PX))) ") rotate(-90)" }
+                    text-anchor="middle" { (chart.axis) }
+                text.axis-name x=(px(f64::midpoint(left, right))) y=(HEIGHT_PX - 6.0) text-anchor="middle" { "drone" }
+            }
+        }
+    }
+}
+
+/// Lines at round heights, named on the left.
+fn scale(y: &Axis, highest: f64, (left, right): (f64, f64)) -> Markup {
+    let heights = ticks(0.0, highest, 4.0);
+    let digits = decimals(&heights);
+    html! {
+        @for height in heights {
+            @let at = px(y.px(height));
+            line.grid x1=(left) x2=(right) y1=(at) y2=(at) {}
+            text.tick x=(left - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
+        }
+    }
+}
+
+fn drone(bars: &Bars<'_>, y: &Axis, base: f64, left: f64, pitch: f64) -> Markup {
+    let gap = (pitch * 0.2).clamp(0.4, 14.0);
+    let width = ((pitch - gap) / count(bars.heights.len().max(1) as u64)).min(40.0);
+    let first = left + (pitch - width * count(bars.heights.len() as u64)) / 2.0;
+    html! {
+        g.bars.{ "k-" (bars.drone.kind().name()) } {
+            title { (bars.title) }
+            rect.hit x=(px(left)) y=(TOP_PX) width=(px(pitch)) height=(px(base - TOP_PX)) {}
+            @for (place, height) in bars.heights.iter().enumerate() {
+                @let x = first + width * count(place as u64);
+                @match height {
+                    Some(height) => {
+                        @let top = y.px(*height);
+                        rect.bar.second[place > 0] x=(hundredth(x)) y=(px(top))
+                            width=(hundredth(width)) height=(px(base - top)) {}
+                    }
+                    None => {
+                        text.tick x=(px(x + width / 2.0)) y=(px(base - 5.0)) text-anchor="middle" { (NOTHING) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// To a hundredth of a pixel, so that two hundred bars look equally wide.
+fn hundredth(value: f64) -> f64 {
+    (value * 100.0).round() / 100.0
+}
+
+/// The ids below the bars, as many as there is room for.
+fn ids(bars: &[Bars<'_>], left: f64, pitch: f64, base: f64) -> Markup {
+    let widest = bars
+        .iter()
+        .map(|bars| bars.drone.id.to_string().len())
+        .max();
+    let every = stride(pitch, DIGIT_PX * count(widest.unwrap_or(1) as u64) + 6.0);
+    let shown = bars
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| place.is_multiple_of(every));
+    html! {
+        @for (place, bars) in shown {
+            @let middle = left + pitch * (count(place as u64) + 0.5);
+            text.tick x=(px(middle)) y=(base + 17.0) text-anchor="middle" { (bars.drone.id) }
+        }
+    }
+}

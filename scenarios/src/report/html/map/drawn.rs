@@ -1,0 +1,137 @@
+//! A drone as the map shows it.
+
+use maud::{Markup, html};
+use muster_machines::geometry::Ned;
+
+use super::frame::Frame;
+use super::{mark, track};
+use crate::report::figures::figure_or_nothing;
+use crate::report::{DroneReport, Flight, FlightOfDrone, Kind, Report};
+
+/// Above this many drones, lines and marks are finer.
+const MANY: usize = 40;
+
+/// A drone as the map shows it.
+pub(super) struct Drawn<'a> {
+    pub(super) report: &'a DroneReport,
+    pub(super) flight: &'a FlightOfDrone,
+    /// Where it was when the master first stood at a waypoint.
+    pub(super) formed: Option<Ned>,
+    /// How large its mark is, in pixels.
+    pub(super) size_px: f64,
+}
+
+/// An end of a track.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// Where the drone stood before the flight.
+    Start,
+    /// Where it was last.
+    Landing,
+}
+
+impl End {
+    pub(super) const fn letter(self) -> &'static str {
+        match self {
+            Self::Start => "A",
+            Self::Landing => "B",
+        }
+    }
+
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Landing => "landing",
+        }
+    }
+
+    pub(super) fn mark(self, point_px: (f64, f64), size_px: f64) -> Markup {
+        match self {
+            Self::Start => mark::start(point_px, size_px),
+            Self::Landing => mark::landing(point_px, size_px),
+        }
+    }
+}
+
+impl<'a> Drawn<'a> {
+    /// Everyone, the master last so that it is drawn on top.
+    pub(super) fn swarm(report: &'a Report, flight: &'a Flight) -> Vec<Self> {
+        let pairs = || report.drones.iter().zip(&flight.drones);
+        let masters = pairs().filter(|(drone, _)| drone.kind() == Kind::Master);
+        let formed_at = masters
+            .chain(pairs())
+            .find_map(|(_, drone)| drone.first_waypoint_at());
+        let size_px = if report.drones.len() > MANY { 5.0 } else { 9.0 };
+        let mut swarm: Vec<_> = pairs()
+            .map(|(report, flight)| {
+                let formed = formed_at.and_then(|at| flight.place_at(at));
+                Self {
+                    report,
+                    flight,
+                    formed,
+                    size_px,
+                }
+            })
+            .collect();
+        swarm.sort_by_key(|drone| drone.report.kind() == Kind::Master);
+        swarm
+    }
+
+    /// Where its track begins or ends.
+    pub(super) fn end(&self, end: End) -> Option<Ned> {
+        let point = match end {
+            End::Start => self.flight.track.first(),
+            End::Landing => self.flight.track.last(),
+        };
+        point.map(|&(_, place)| place)
+    }
+
+    /// Its track, and its mark where the swarm formed.
+    pub(super) fn track(&self, frame: &Frame) -> Markup {
+        let track = self
+            .flight
+            .track
+            .iter()
+            .map(|&(_, place)| frame.point_px(place));
+        let points: Vec<_> = track.collect();
+        let kind = self.report.kind();
+        html! {
+            g.drone.{ "k-" (kind.name()) }.many[self.size_px < 9.0] {
+                title { (self.about()) }
+                path.track d=(track::path(&points, frame.paper_px())) {}
+                @if let Some(place) = self.formed {
+                    (mark::drone(kind, frame.point_px(place), self.size_px))
+                }
+            }
+        }
+    }
+
+    /// The mark of an end of its track.
+    pub(super) fn end_mark(&self, frame: &Frame, end: End) -> Markup {
+        html! {
+            @if let Some(place) = self.end(end) {
+                g.{ "k-" (self.report.kind().name()) } {
+                    title { (self.about()) }
+                    (end.mark(frame.point_px(place), self.size_px))
+                }
+            }
+        }
+    }
+
+    /// What is said of it when it is pointed at.
+    fn about(&self) -> String {
+        let drone = self.report;
+        let kind = drone.kind().name();
+        let way = match (drone.kind(), drone.hops) {
+            (Kind::Master, _) => String::new(),
+            (_, None) => ", no way to the master".to_owned(),
+            (_, Some(1)) => ", 1 hop to the master".to_owned(),
+            (_, Some(hops)) => format!(", {hops} hops to the master"),
+        };
+        let flown = figure_or_nothing(drone.flight_time_s, 1);
+        format!(
+            "drone {} ({kind}{way}): flight time {flown} s, {}",
+            drone.id, drone.state
+        )
+    }
+}

@@ -1,0 +1,206 @@
+//! The map of a run: everyone's track, and enlargements of where the swarm stood close together.
+
+mod drawn;
+mod frame;
+mod label;
+mod mark;
+mod track;
+
+use drawn::{Drawn, End};
+use frame::{Axes, Extent, Frame};
+use maud::{Markup, html};
+use muster_machines::geometry::Ned;
+
+use super::axis::px;
+use crate::report::figures::figure;
+use crate::report::{Flight, Kind, Report};
+
+/// The proportions, width to height, that a map may have.
+const PROPORTIONS: (f64, f64) = (0.62, 3.0);
+/// Likewise, of an enlargement.
+const PROPORTIONS_ENLARGED: (f64, f64) = (1.4, 2.2);
+/// What is more than this many times smaller than the whole map is drawn again, enlarged.
+const ENLARGED_FROM: f64 = 7.0;
+/// The least ground that a map shows, in metres.
+const LEAST_M: f64 = 30.0;
+
+/// The map with its legend; a sentence if nothing was recorded.
+pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
+    let swarm = Drawn::swarm(report, flight);
+    let master = swarm
+        .iter()
+        .find(|drone| drone.report.kind() == Kind::Master);
+    let master = master.and_then(|drone| drone.formed);
+    let Some(whole) = whole(&swarm, flight, master) else {
+        return html! { p.none { "No positions were recorded." } };
+    };
+    let ends = [End::Start, End::Landing].map(|end| (end, close(&swarm, whole, end)));
+    let content = |frame: &Frame| {
+        html! {
+            (range(frame, master, flight.range_m))
+            (links(frame, &swarm))
+            @for drone in &swarm { (drone.track(frame)) }
+            @for (end, close) in ends {
+                @match close {
+                    Some(extent) => (outline(frame, extent, end)),
+                    None => @for drone in &swarm { (drone.end_mark(frame, end)) },
+                }
+            }
+            (ids(frame, &swarm, |drone| drone.formed))
+            (label::pins(frame, &flight.waypoints))
+            (north_arrow(frame.paper_px().0))
+        }
+    };
+    let paper_px = if is_wide(whole) {
+        (1010.0, 700.0)
+    } else {
+        (700.0, 700.0)
+    };
+    let frame = Frame::fit(whole.roomy(LEAST_M, PROPORTIONS), paper_px);
+    html! {
+        div.map {
+            div.main.wide[is_wide(whole)] {
+                (frame.picture("Map of the tracks of all drones, north up", Axes::Named, &content(&frame)))
+            }
+            div.beside {
+                (legend(flight.range_m, ends.iter().any(|(_, close)| close.is_none())))
+                @for (end, close) in ends {
+                    @if let Some(extent) = close { (enlarged(&swarm, extent, end)) }
+                }
+            }
+        }
+    }
+}
+
+/// All ground that anything is drawn on.
+fn whole(swarm: &[Drawn<'_>], flight: &Flight, master: Option<Ned>) -> Option<Extent> {
+    let tracks = swarm
+        .iter()
+        .flat_map(|drone| drone.flight.track.iter().map(|&(_, place)| place));
+    let flown = Extent::around(tracks.chain(flight.waypoints.iter().copied()))?;
+    Some(match master {
+        Some(centre) => flown.joined(Extent::of_circle(centre, flight.range_m)),
+        None => flown,
+    })
+}
+
+/// The ground around an end of everyone's track, if on the map of `whole` it would be a spot.
+fn close(swarm: &[Drawn<'_>], whole: Extent, end: End) -> Option<Extent> {
+    let extent = Extent::around(swarm.iter().filter_map(|drone| drone.end(end)))?;
+    let a_spot = swarm.len() > 1 && extent.longest_m() * ENLARGED_FROM < whole.longest_m();
+    a_spot.then(|| extent.roomy(LEAST_M, PROPORTIONS_ENLARGED))
+}
+
+/// Whether the map takes the page's width, and leaves no room beside it.
+fn is_wide(whole: Extent) -> bool {
+    let (east_m, north_m) = whole.size_m();
+    east_m > 1.4 * north_m
+}
+
+fn range(frame: &Frame, master: Option<Ned>, range_m: f64) -> Markup {
+    let Some(centre) = master else {
+        return html! {};
+    };
+    let ((x, y), radius) = (frame.point_px(centre), frame.length_px(range_m));
+    html! {
+        g.range {
+            title { "the master's radio reaches " (figure(range_m, 0)) " m" }
+            circle cx=(px(x)) cy=(px(y)) r=(px(radius)) {}
+            @if radius > 50.0 {
+                text.halo x=(px(x)) y=(px(y + radius - 10.0)) text-anchor="middle" {
+                    (figure(range_m, 0)) " m radio range"
+                }
+            }
+        }
+    }
+}
+
+/// The way that each drone's acknowledgements took.
+fn links(frame: &Frame, swarm: &[Drawn<'_>]) -> Markup {
+    let place_of = |id: u32| swarm.iter().find(|drone| drone.report.id == id)?.formed;
+    html! {
+        @for drone in swarm {
+            @if let Some((from, to)) = drone.formed.zip(drone.report.parent.and_then(place_of)) {
+                @let ((x1, y1), (x2, y2)) = (frame.point_px(from), frame.point_px(to));
+                line.link x1=(px(x1)) y1=(px(y1)) x2=(px(x2)) y2=(px(y2)) {}
+            }
+        }
+    }
+}
+
+/// The ids below the places that are given, the master's in any case.
+fn ids<'a>(
+    frame: &Frame,
+    swarm: &[Drawn<'a>],
+    place: impl Fn(&Drawn<'a>) -> Option<Ned>,
+) -> Markup {
+    let placed = |drone: &Drawn<'a>| Some((drone.report.id, frame.point_px(place(drone)?)));
+    let points: Vec<_> = swarm.iter().rev().filter_map(placed).collect();
+    label::ids(&points, swarm.first().map_or(0.0, |drone| drone.size_px))
+}
+
+/// A frame around ground that is enlarged elsewhere.
+fn outline(frame: &Frame, extent: Extent, end: End) -> Markup {
+    let [x, y, width, height] = frame.rectangle_px(extent);
+    html! {
+        rect.outline x=(px(x)) y=(px(y)) width=(px(width)) height=(px(height)) rx="2" {}
+        text.outline-name.halo x=(px(x + width + 4.0)) y=(px(y)) dy="0.5em" { (end.letter()) }
+    }
+}
+
+fn north_arrow(width_px: f64) -> Markup {
+    html! {
+        g.north transform={ "translate(" (px(width_px - 20.0)) " 34)" } {
+            path d="M0 -24L6 -6L0 -10L-6 -6Z" {}
+            text y="8" text-anchor="middle" { "N" }
+        }
+    }
+}
+
+fn enlarged(swarm: &[Drawn<'_>], extent: Extent, end: End) -> Markup {
+    let frame = Frame::fit(extent, (290.0, 200.0));
+    let content = html! {
+        @for drone in swarm { (drone.track(&frame)) }
+        @for drone in swarm { (drone.end_mark(&frame, end)) }
+        (ids(&frame, swarm, |drone| drone.end(end)))
+    };
+    html! {
+        figure.enlarged {
+            figcaption { span.letter { (end.letter()) } " " (end.name()) ", enlarged, in metres from home" }
+            (frame.picture(&format!("Map of the {}, enlarged", end.name()), Axes::Unnamed, &content))
+        }
+    }
+}
+
+fn legend(range_m: f64, with_ends: bool) -> Markup {
+    let origin = (0.0, 0.0);
+    html! {
+        ul.legend {
+            (kinds())
+            li { (mark::swatch("", &html! { circle.pin r="7" {} })) "waypoint of the centre" }
+            li { (mark::swatch("", &html! { line.link x1="-9" x2="9" {} })) "way to the master" }
+            li { (mark::swatch("range", &html! { circle r="8" {} })) (figure(range_m, 0)) " m radio range" }
+            @if with_ends {
+                li { (mark::swatch("", &End::Start.mark(origin, 9.0))) "start" }
+                li { (mark::swatch("", &End::Landing.mark(origin, 9.0))) "last position" }
+            }
+        }
+    }
+}
+
+/// The kinds of drones, as entries of a legend.
+pub(super) fn kinds() -> Markup {
+    html! {
+        @for kind in Kind::ALL {
+            li { (swatch(kind)) (kind.name()) }
+        }
+    }
+}
+
+/// A drone of this kind, for a legend or a line of text.
+pub(super) fn swatch(kind: Kind) -> Markup {
+    mark::swatch(
+        &format!("k-{}", kind.name()),
+        &mark::drone(kind, (0.0, 0.0), 10.0),
+    )
+}

@@ -1,0 +1,170 @@
+//! The figures of a run as tables for a browser.
+
+use maud::{Markup, html};
+
+use super::map::swatch;
+use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing};
+use crate::report::{DroneReport, Kind, Report};
+
+/// Above this many drones, their table is folded.
+const OPEN_MAX: usize = 40;
+
+/// Every rule that was broken.
+pub(super) fn violations(report: &Report) -> Markup {
+    html! {
+        div.scroll {
+            table {
+                thead { tr { th.n { "Rule" } th.n { "At,\u{a0}s" } th { "Who" } th { "What happened" } } }
+                tbody {
+                    @for violation in &report.violations {
+                        tr {
+                            td.n { (violation.rule) }
+                            td.n { (figure(violation.at_s, 1)) }
+                            td { (drones(&violation.drones)) }
+                            td { (violation.what) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Every wait for the swarm.
+pub(super) fn barriers(report: &Report) -> Markup {
+    if report.barriers.is_empty() {
+        return html! { p.none { "The swarm waited at no waypoint." } };
+    }
+    html! {
+        div.scroll {
+            table {
+                thead {
+                    tr {
+                        th.n { "Waypoint" }
+                        th.n { "All arrived,\u{a0}s" }
+                        th.n { "All moving,\u{a0}s" }
+                        th.n { "Wait,\u{a0}s" }
+                        th.n { "Transmissions" }
+                    }
+                }
+                tbody {
+                    @for barrier in &report.barriers {
+                        tr {
+                            td.n { (barrier.waypoint) }
+                            td.n { (figure(barrier.arrived_s, 2)) }
+                            td.n { (figure(barrier.moving_s, 2)) }
+                            td.n { (figure(barrier.wait_s(), 2)) }
+                            td.n { (figure(count(barrier.transmissions), 0)) }
+                        }
+                    }
+                }
+                tfoot {
+                    @let transmissions = report.barriers.iter().map(|barrier| count(barrier.transmissions));
+                    @let mean = transmissions.sum::<f64>() / count(report.barriers.len() as u64);
+                    tr {
+                        th { "Mean" } td {} td {}
+                        td.n { (figure_or_nothing(report.mean_wait_s(), 2)) }
+                        td.n { (figure(mean, 0)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Every drone's figures.
+pub(super) fn swarm(report: &Report) -> Markup {
+    html! {
+        details open[report.drones.len() <= OPEN_MAX] {
+            summary { "All figures of each drone" }
+            div.scroll {
+                table {
+                    thead {
+                        tr {
+                            th.n { "Drone" }
+                            th { "Role" }
+                            th.n { "Hops" }
+                            th.n { "Through" }
+                            th { "Hears master" }
+                            th { "Routes for" }
+                            th.n { "Flight time,\u{a0}s" }
+                            th.n { "Sent" }
+                            th.n { "Received" }
+                            th.n { "Waypoint delay,\u{a0}s" }
+                            th.n { "Restarts" }
+                            th { "At the end" }
+                        }
+                    }
+                    tbody { @for drone in &report.drones { (row(drone)) } }
+                    tfoot {
+                        tr {
+                            th { "Mean" } td {} td {} td {} td {} td {}
+                            td.n { (figure_or_nothing(report.means.flight_time_s, 1)) }
+                            td.n { (figure_or_nothing(report.mean_messages_sent(), 0)) }
+                            td.n { (figure(report.means.messages_received, 0)) }
+                            td.n { (figure_or_nothing(report.mean_waypoint_delay_s(), 2)) }
+                            td {} td {}
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn row(drone: &DroneReport) -> Markup {
+    let kind = drone.kind();
+    let number = |value: Option<u32>| value.map_or_else(|| NOTHING.to_owned(), |v| v.to_string());
+    html! {
+        tr.leads[kind == Kind::Master] {
+            td.n { (drone.id) }
+            td.role { (swatch(kind)) (kind.name()) }
+            td.n { (number(drone.hops.map(u32::from))) }
+            td.n { (number(drone.parent)) }
+            td { @if drone.out_of_range { "no" } @else { "yes" } }
+            td { (ranges(&drone.routing_list)) }
+            td.n { (figure_or_nothing(drone.flight_time_s, 1)) }
+            td.n { (figure(count(drone.messages_sent), 0)) }
+            td.n { (figure(count(drone.messages_received), 0)) }
+            td.n { (figure_or_nothing(drone.waypoint_delay_s, 2)) }
+            td.n { (drone.restarts) }
+            td {
+                (drone.state)
+                @if let Some(why) = &drone.landed_because { span.why { "came down early: " (why) } }
+            }
+        }
+    }
+}
+
+/// Ids in ascending order, three and more in a row as a range: "0–6, 9".
+fn ranges(ids: &[u32]) -> String {
+    let mut ids = ids.to_vec();
+    ids.sort_unstable();
+    ids.dedup();
+    let in_a_row = ids.chunk_by(|a, b| a + 1 == *b);
+    let words = in_a_row.map(|run| match run {
+        [first, .., last] if run.len() > 2 => format!("{first}–{last}"),
+        _ => run
+            .iter()
+            .map(u32::to_string)
+            .collect::<Vec<_>>()
+            .join(", "),
+    });
+    let words: Vec<_> = words.collect();
+    if words.is_empty() {
+        NOTHING.to_owned()
+    } else {
+        words.join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_in_a_row_are_a_range() {
+        assert_eq!(ranges(&[0, 1, 2, 3, 6, 9, 8]), "0–3, 6, 8, 9");
+        assert_eq!(ranges(&[]), "–");
+    }
+}

@@ -1,0 +1,111 @@
+use scraper::{Html, Selector};
+
+use super::page;
+use crate::report::{Flight, Report, sample};
+
+fn parsed((report, flight): &(Report, Flight)) -> Html {
+    let html = Html::parse_document(&page(report, flight));
+    assert_eq!(html.errors, Vec::<std::borrow::Cow<'static, str>>::new());
+    html
+}
+
+fn number(html: &Html, selector: &str) -> usize {
+    html.select(&Selector::parse(selector).unwrap()).count()
+}
+
+fn text(html: &Html, selector: &str) -> String {
+    let selector = Selector::parse(selector).unwrap();
+    html.select(&selector)
+        .flat_map(|element| element.text())
+        .collect()
+}
+
+#[test]
+fn the_page_is_well_formed_for_one_drone_and_for_two_hundred() {
+    for drones in [1, 2, 15, 60, 200] {
+        let html = parsed(&sample::swarm(drones));
+        let drones = drones as usize;
+        assert_eq!(number(&html, ".main g.drone"), drones);
+        assert_eq!(number(&html, "details tbody tr"), drones);
+        assert_eq!(number(&html, "g.bars"), 2 * drones);
+    }
+}
+
+#[test]
+fn the_page_shows_every_drone_and_its_kind() {
+    let html = parsed(&sample::swarm(15));
+    let about = text(&html, ".main g.drone > title");
+    for id in 0..15 {
+        assert!(about.contains(&format!("drone {id} (")), "{about}");
+    }
+    assert_eq!(number(&html, ".main g.k-master"), 1);
+    assert_eq!(number(&html, ".main g.k-relay"), 12);
+    assert_eq!(number(&html, ".main g.k-leaf"), 2);
+    assert_eq!(number(&html, ".main .range circle"), 1);
+    assert_eq!(text(&html, ".main .pin-number"), "012345");
+}
+
+#[test]
+fn drones_that_stand_close_together_are_drawn_enlarged() {
+    assert_eq!(number(&parsed(&sample::swarm(15)), ".enlarged"), 2);
+    assert_eq!(number(&parsed(&sample::swarm(1)), ".enlarged"), 0);
+}
+
+#[test]
+fn the_page_asks_the_network_for_nothing() {
+    let (report, flight) = sample::troubled();
+    let page = page(&report, &flight);
+    for outside in [
+        "http://", "https://", "//cdn", "<script", "@import", "url(", " src=", "<link",
+    ] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert!(page.contains("default-src 'none'"));
+}
+
+#[test]
+fn text_of_a_run_is_text_on_the_page() {
+    let hostile = r#"<script>alert(1)</script>&"'.toml"#;
+    let (mut report, flight) = sample::troubled();
+    report.scenario = hostile.to_owned();
+    report.trace = hostile.to_owned();
+    report.drones[0].state = hostile.to_owned();
+    report.drones[0].landed_because = Some(hostile.to_owned());
+    report.violations[0].what = hostile.to_owned();
+    let html = parsed(&(report, flight));
+    assert_eq!(number(&html, "script"), 0);
+    assert!(text(&html, ".facts dd").contains(hostile));
+    assert!(text(&html, ".trace").contains(hostile));
+    assert!(text(&html, "section.bad td").contains(hostile));
+}
+
+#[test]
+fn a_drone_without_a_flight_time_has_a_place_and_no_bar() {
+    let html = parsed(&sample::troubled());
+    assert_eq!(number(&html, "g.bars"), 12);
+    assert_eq!(number(&html, "g.bars .bar"), 17);
+    assert!(text(&html, "g.bars > title").contains("has no flight time"));
+    assert_eq!(number(&html, ".scroll g.broken"), 2);
+    assert!(text(&html, ".card.bad").contains("2 times"));
+}
+
+#[test]
+fn a_run_without_drones_or_barriers_or_positions_still_makes_a_page() {
+    let (mut report, mut flight) = sample::swarm(1);
+    report.barriers.clear();
+    report.min_separation_m = None;
+    assert!(text(&parsed(&(report.clone(), flight.clone())), ".none").contains("no waypoint"));
+    report.drones.clear();
+    report.simulated_s = 0.0;
+    flight.drones.clear();
+    flight.waypoints.clear();
+    let html = parsed(&(report, flight));
+    assert!(text(&html, ".none").contains("No positions were recorded."));
+}
+
+#[test]
+fn the_page_names_the_command_that_repeats_the_run() {
+    let html = parsed(&sample::swarm(2));
+    let command = "muster sim scenarios/thesis-2.toml --seed 7 --engine actors";
+    assert_eq!(text(&html, "pre code"), command);
+}

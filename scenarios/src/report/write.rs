@@ -1,0 +1,220 @@
+//! A report's way to the disk.
+
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+use thiserror::Error;
+
+use super::{Flight, Report, page, tracks};
+
+/// The file that holds the figures; once it is there, the others are.
+pub const REPORT_JSON: &str = "report.json";
+/// The file that holds the page for a browser.
+pub const REPORT_HTML: &str = "report.html";
+/// The file that holds everyone's positions.
+pub const TRACKS_CSV: &str = "tracks.csv";
+
+/// The files of a report.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Written {
+    /// The figures, for a program.
+    pub json: PathBuf,
+    /// The page, for a person.
+    pub html: PathBuf,
+    /// The positions, for a plot.
+    pub tracks: PathBuf,
+}
+
+/// Why a report could not be written; the folder holds no part of a file because of it.
+#[derive(Debug, Error)]
+pub enum WriteError {
+    /// The operator named a file; it is untouched.
+    #[error("{} is not a folder", path.display())]
+    NotAFolder {
+        /// What was named.
+        path: PathBuf,
+    },
+    /// The folder can't be made.
+    #[error("can't make the folder {}", path.display())]
+    Folder {
+        /// Which one.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A file can't be written; the report's other files are either those of before or new.
+    #[error("can't write {}", path.display())]
+    File {
+        /// Which one.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Writes the files of a report into the folder `dir`, which is made if need be.
+///
+/// All of them are complete on the disk, under other names, before the first takes its place, and each takes its
+/// place at once: whatever interrupts the run, no file of a report is ever half there. The figures come last.
+///
+/// # Errors
+/// When the system refuses. What was made under other names is removed; a process that is killed can't do that,
+/// and leaves files whose names begin with `.muster-`.
+pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<Written, WriteError> {
+    let html = page(report, flight);
+    let tracks = tracks(report, flight);
+    let json = json(report);
+
+    make_folder(dir)?;
+    let html = Draft::new(dir, REPORT_HTML, html.as_bytes())?;
+    let tracks = Draft::new(dir, TRACKS_CSV, &tracks)?;
+    let json = Draft::new(dir, REPORT_JSON, &json)?;
+    Ok(Written {
+        html: html.publish()?,
+        tracks: tracks.publish()?,
+        json: json.publish()?,
+    })
+}
+
+fn json(report: &Report) -> Vec<u8> {
+    let mut json =
+        serde_json::to_vec_pretty(report).expect("a report holds no maps and no fallible values");
+    json.push(b'\n');
+    json
+}
+
+fn make_folder(dir: &Path) -> Result<(), WriteError> {
+    let path = dir.to_owned();
+    match fs::create_dir_all(dir) {
+        Ok(()) => Ok(()),
+        Err(_) if dir.exists() && !dir.is_dir() => Err(WriteError::NotAFolder { path }),
+        Err(source) => Err(WriteError::Folder { path, source }),
+    }
+}
+
+/// A file that is complete and not in its place yet; dropped, it is removed.
+struct Draft {
+    file: NamedTempFile,
+    path: PathBuf,
+}
+
+impl Draft {
+    fn new(dir: &Path, name: &str, content: &[u8]) -> Result<Self, WriteError> {
+        let path = dir.join(name);
+        let filled = || {
+            // Created by hand: a temporary file of the library's could be read by its owner alone.
+            let mut file = tempfile::Builder::new()
+                .prefix(".muster-")
+                .make_in(dir, |path| File::create_new(path))?;
+            file.write_all(content)?;
+            file.as_file().sync_all()?;
+            Ok(file)
+        };
+        match filled() {
+            Ok(file) => Ok(Self { file, path }),
+            Err(source) => Err(WriteError::File { path, source }),
+        }
+    }
+
+    fn publish(self) -> Result<PathBuf, WriteError> {
+        match self.file.persist(&self.path) {
+            Ok(_) => Ok(self.path),
+            Err(refused) => Err(WriteError::File {
+                path: self.path,
+                source: refused.error,
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    fn names(dir: &Path) -> Vec<String> {
+        let entries = fs::read_dir(dir).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_report_is_three_files_and_nothing_else() {
+        let home = tempfile::tempdir().unwrap();
+        let dir = home.path().join("runs/thesis-2-7");
+        let (report, flight) = sample::swarm(3);
+        let written = write(&dir, &report, &flight).unwrap();
+        assert_eq!(names(&dir), [REPORT_HTML, REPORT_JSON, TRACKS_CSV]);
+        let read: serde_json::Value =
+            serde_json::from_slice(&fs::read(written.json).unwrap()).unwrap();
+        assert_eq!(read["drones"].as_array().map(Vec::len), Some(3));
+        assert_eq!(fs::read(written.tracks).unwrap(), tracks(&report, &flight));
+        assert_eq!(
+            fs::read_to_string(written.html).unwrap(),
+            page(&report, &flight)
+        );
+    }
+
+    #[test]
+    fn a_new_report_replaces_an_old_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let (report, flight) = sample::swarm(3);
+        write(dir.path(), &report, &flight).unwrap();
+        let (report, flight) = sample::swarm(2);
+        write(dir.path(), &report, &flight).unwrap();
+        assert_eq!(names(dir.path()), [REPORT_HTML, REPORT_JSON, TRACKS_CSV]);
+        assert_eq!(
+            fs::read(dir.path().join(REPORT_JSON)).unwrap(),
+            json(&report)
+        );
+    }
+
+    #[test]
+    fn a_file_in_the_folders_place_is_named_and_left_alone() {
+        let home = tempfile::tempdir().unwrap();
+        let dir = home.path().join("results");
+        fs::write(&dir, "mine").unwrap();
+        let (report, flight) = sample::swarm(2);
+        let refusal = write(&dir, &report, &flight).unwrap_err();
+        assert!(
+            matches!(refusal, WriteError::NotAFolder { .. }),
+            "{refusal:?}"
+        );
+        assert!(refusal.to_string().ends_with("results is not a folder"));
+        assert_eq!(fs::read_to_string(&dir).unwrap(), "mine");
+        assert_eq!(names(home.path()), ["results"]);
+    }
+
+    #[test]
+    fn a_refused_file_leaves_no_draft_behind() {
+        let (report, flight) = sample::swarm(2);
+        for taken in [REPORT_HTML, TRACKS_CSV, REPORT_JSON] {
+            let dir = tempfile::tempdir().unwrap();
+            fs::create_dir(dir.path().join(taken)).unwrap();
+            let refusal = write(dir.path(), &report, &flight).unwrap_err();
+            assert!(matches!(&refusal, WriteError::File { path, .. } if path.ends_with(taken)));
+            assert!(
+                names(dir.path()).iter().all(|name| !name.starts_with('.')),
+                "{taken}"
+            );
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn others_may_read_a_report_as_far_as_files_made_by_hand() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let dir = tempfile::tempdir().unwrap();
+        let (report, flight) = sample::swarm(2);
+        let written = write(dir.path(), &report, &flight).unwrap();
+        let by_hand = dir.path().join("by-hand");
+        fs::write(&by_hand, "").unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&written.html), mode(&by_hand));
+    }
+}
