@@ -14,7 +14,7 @@ use crate::{Ended, Failure};
 /// a mission as QGroundControl writes it. All files are looked at, whatever is wrong with one of them.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  muster check scenarios/*.toml scenarios/missions/*")]
+  muster check scenarios/thesis-*.toml scenarios/missions/*")]
 pub(crate) struct Arguments {
     /// Scenario files (.toml) and mission files (.plan, .waypoints).
     #[arg(required = true, value_name = "FILE")]

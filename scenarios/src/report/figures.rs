@@ -166,15 +166,28 @@ pub(super) fn plural(number: usize, thing: &str) -> String {
     format!("{number} {thing}{ending}")
 }
 
-/// Who was in something: "drone 3", "drones 3 and 4", "drones 3, 4 and 5".
+/// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5 and 9".
 pub(super) fn drones(ids: &[u32]) -> String {
     match ids {
         [] => "no drone".to_owned(),
         [only] => format!("drone {only}"),
-        [first @ .., last] => {
-            let first: Vec<_> = first.iter().map(u32::to_string).collect();
-            format!("drones {} and {last}", first.join(", "))
-        }
+        _ => format!("drones {}", ranges(ids)),
+    }
+}
+
+/// Ids in rising order, three and more in a row as a range.
+pub(super) fn ranges(ids: &[u32]) -> String {
+    let runs: Vec<String> = ids
+        .chunk_by(|a, b| a.checked_add(1) == Some(*b))
+        .flat_map(|run| match run {
+            [first, _, .., last] => vec![format!("{first}–{last}")],
+            few => few.iter().map(u32::to_string).collect(),
+        })
+        .collect();
+    match runs.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, first)) => format!("{} and {last}", first.join(", ")),
+        None => String::new(),
     }
 }
 
@@ -237,6 +250,9 @@ mod tests {
     #[test]
     fn drones_are_listed_as_in_speech() {
         assert_eq!(drones(&[3]), "drone 3");
-        assert_eq!(drones(&[3, 4, 5]), "drones 3, 4 and 5");
+        assert_eq!(drones(&[3, 5]), "drones 3 and 5");
+        assert_eq!(drones(&[1, 3, 4]), "drones 1, 3 and 4");
+        assert_eq!(drones(&[3, 4, 5]), "drones 3–5");
+        assert_eq!(drones(&[0, 1, 2, 4, 6, 7, 8]), "drones 0–2, 4 and 6–8");
     }
 }

@@ -42,16 +42,17 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         trace: "9f2d6c1b7a4e80353c5d1f6e8b9a07d24c3f5e6a1b8d9c0e7f2a4b6c8d0e1f35".to_owned(),
         simulated_s: script.end_s,
         wall_s: 1.87,
-        bridges: vec![
-            Bridge {
-                bridge: 6,
-                out_of_range: (0..6).collect(),
-            },
-            Bridge {
-                bridge: 8,
-                out_of_range: (9..15).collect(),
-            },
-        ],
+        bridges: [
+            (master.wrapping_sub(1), 0..master.saturating_sub(1)),
+            (master + 1, master + 2..drones),
+        ]
+        .into_iter()
+        .map(|(bridge, beyond)| Bridge {
+            bridge,
+            out_of_range: beyond.collect(),
+        })
+        .filter(|bridge| !bridge.out_of_range.is_empty())
+        .collect(),
         dropped: BTreeMap::new(),
         means: Means {
             flight_time_s: Some(flight_times.sum::<f64>() / number),

@@ -5,7 +5,7 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
-use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace};
+use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, ranges};
 use super::{DroneReport, Report, Role, Violation};
 
 /// Whether text is coloured.
@@ -188,7 +188,7 @@ fn beyond_the_master(report: &Report) -> Option<String> {
     let bridges: Vec<_> = report
         .bridges
         .iter()
-        .map(|bridge| format!("{} for {}", bridge.bridge, drones(&bridge.out_of_range)))
+        .map(|bridge| format!("{} for {}", bridge.bridge, ranges(&bridge.out_of_range)))
         .collect();
     let beyond: usize = report
         .bridges

@@ -149,6 +149,30 @@ fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
 }
 
 #[test]
+fn drones_out_of_reach_of_their_master_land_and_it_flies_on_alone() {
+    for liveness in ["protocol.liveness=thesis", "protocol.liveness=pulse"] {
+        let report = on_both_engines(&scenario("thesis-1.toml", &["radio.range_m=100", liveness]));
+        assert_eq!(report.violations, []);
+        for drone in &report.drones {
+            let alone = drone.id != 2;
+            assert_eq!(drone.state, "finished");
+            assert_eq!(drone.landed_because.is_some(), alone, "drone {}", drone.id);
+        }
+        assert_eq!(report.barriers.len(), 8);
+    }
+}
+
+#[test]
+fn half_the_frames_lost_delay_the_mission_and_break_no_rule() {
+    for seed in 0..5 {
+        let seed = format!("seed={seed}");
+        let lossy = ["radio.loss=0.5", "protocol.liveness=pulse", &seed];
+        let report = on_both_engines(&scenario("thesis-1.toml", &lossy));
+        assert_eq!(report.violations, []);
+    }
+}
+
+#[test]
 fn a_watcher_is_told_once_a_second_and_sees_the_end() {
     let scenario = scenario("thesis-1.toml", &[]);
     for engine in [Engine::Actors, Engine::Events] {

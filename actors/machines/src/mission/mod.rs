@@ -293,7 +293,10 @@ impl Mission {
     fn arrived(&mut self, now: Timestamp) {
         match self.durable.state {
             State::TakingOff => {
-                self.durable.limit = None;
+                // A master's limit is the one up to which it waits for the others.
+                if self.durable.lead.is_none() {
+                    self.durable.limit = None;
+                }
                 self.carried_out();
                 self.enter_routes_state();
             }

@@ -174,6 +174,20 @@ fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
 }
 
 #[test]
+fn a_member_that_does_not_get_to_its_slot_is_left_out_after_the_limit() {
+    let mut master = master_taking_off();
+    told(
+        &mut master,
+        20.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
+    hears(&mut master, 21.0, progress(0, 2));
+    let (transmits, events) = stimulate(&mut master, 61.0, Stimulus::Timeout);
+    assert_eq!(transmits, [Transmit::Discover]);
+    assert!(events.contains(&Event::LeftOut(NodeId(2))));
+}
+
+#[test]
 fn a_waypoint_opens_once_the_last_member_is_there() {
     let mut master = master_taking_off();
     told(
