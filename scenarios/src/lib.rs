@@ -7,3 +7,8 @@ pub mod scenario;
 mod simulated_link;
 mod vehicle;
 mod world;
+
+/// The examples of the page for contributors.
+#[cfg(doctest)]
+#[doc = include_str!("../../CONTRIBUTING.md")]
+struct Contributing;

@@ -166,17 +166,20 @@ pub(super) fn plural(number: usize, thing: &str) -> String {
     format!("{number} {thing}{ending}")
 }
 
-/// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5 and 9".
+/// Who was in something: "drone 3", "drones 3, 4", "drones 3–5, 9".
 pub(super) fn drones(ids: &[u32]) -> String {
     match ids {
         [] => "no drone".to_owned(),
         [only] => format!("drone {only}"),
-        _ => format!("drones {}", ranges(ids)),
+        several => format!("drones {}", ranges(several)),
     }
 }
 
-/// Ids in rising order, three and more in a row as a range.
+/// Ids in rising order, three and more in a row as a range: "0–6, 9".
 pub(super) fn ranges(ids: &[u32]) -> String {
+    let mut ids = ids.to_vec();
+    ids.sort_unstable();
+    ids.dedup();
     let runs: Vec<String> = ids
         .chunk_by(|a, b| a.checked_add(1) == Some(*b))
         .flat_map(|run| match run {
@@ -184,10 +187,10 @@ pub(super) fn ranges(ids: &[u32]) -> String {
             few => few.iter().map(u32::to_string).collect(),
         })
         .collect();
-    match runs.split_last() {
-        Some((last, [])) => last.clone(),
-        Some((last, first)) => format!("{} and {last}", first.join(", ")),
-        None => String::new(),
+    if runs.is_empty() {
+        NOTHING.to_owned()
+    } else {
+        runs.join(", ")
     }
 }
 
@@ -248,11 +251,15 @@ mod tests {
     }
 
     #[test]
-    fn drones_are_listed_as_in_speech() {
+    fn drones_are_named_in_words() {
         assert_eq!(drones(&[3]), "drone 3");
-        assert_eq!(drones(&[3, 5]), "drones 3 and 5");
-        assert_eq!(drones(&[1, 3, 4]), "drones 1, 3 and 4");
+        assert_eq!(drones(&[3, 4]), "drones 3, 4");
         assert_eq!(drones(&[3, 4, 5]), "drones 3–5");
-        assert_eq!(drones(&[0, 1, 2, 4, 6, 7, 8]), "drones 0–2, 4 and 6–8");
+    }
+
+    #[test]
+    fn ids_in_a_row_are_a_range() {
+        assert_eq!(ranges(&[0, 1, 2, 3, 6, 9, 8]), "0–3, 6, 8, 9");
+        assert_eq!(ranges(&[]), "–");
     }
 }

@@ -24,6 +24,11 @@ use crate::vehicle::Landing;
 pub use file::Override;
 pub use load::load;
 
+/// Every field of a scenario file, tables included, as in `radio.range_m`.
+pub fn fields() -> impl Iterator<Item = &'static str> {
+    raw::FIELDS.iter().map(|(field, _)| *field)
+}
+
 /// A scenario whose fields fit each other.
 #[derive(Debug, Clone)]
 pub struct Scenario {

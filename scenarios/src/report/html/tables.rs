@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::map::swatch;
-use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing};
+use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing, ranges};
 use crate::report::{DroneReport, Kind, Report};
 
 /// Above this many drones, their table is folded.
@@ -133,38 +133,5 @@ fn row(drone: &DroneReport) -> Markup {
                 @if let Some(why) = &drone.landed_because { span.why { "came down early: " (why) } }
             }
         }
-    }
-}
-
-/// Ids in ascending order, three and more in a row as a range: "0–6, 9".
-fn ranges(ids: &[u32]) -> String {
-    let mut ids = ids.to_vec();
-    ids.sort_unstable();
-    ids.dedup();
-    let in_a_row = ids.chunk_by(|a, b| a + 1 == *b);
-    let words = in_a_row.map(|run| match run {
-        [first, .., last] if run.len() > 2 => format!("{first}–{last}"),
-        _ => run
-            .iter()
-            .map(u32::to_string)
-            .collect::<Vec<_>>()
-            .join(", "),
-    });
-    let words: Vec<_> = words.collect();
-    if words.is_empty() {
-        NOTHING.to_owned()
-    } else {
-        words.join(", ")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ids_in_a_row_are_a_range() {
-        assert_eq!(ranges(&[0, 1, 2, 3, 6, 9, 8]), "0–3, 6, 8, 9");
-        assert_eq!(ranges(&[]), "–");
     }
 }

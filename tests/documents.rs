@@ -1,0 +1,181 @@
+//! The documents tell the truth: their commands run, their files are accepted, what they point to is there.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const DOCUMENTS: [&str; 5] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "scenarios/README.md",
+];
+
+fn text(name: &str) -> String {
+    fs::read_to_string(Path::new(ROOT).join(name)).unwrap()
+}
+
+/// The code blocks of a document that are marked as `language`.
+fn blocks(document: &str, language: &str) -> Vec<String> {
+    let opening = format!("```{language}\n");
+    document
+        .split(&opening)
+        .skip(1)
+        .map(|rest| rest.split("```").next().unwrap().to_owned())
+        .collect()
+}
+
+/// The folder in which examples run: the shipped scenarios, and nothing else.
+fn fresh_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let missions = folder.path().join("scenarios/missions");
+    fs::create_dir_all(&missions).unwrap();
+    for source in ["scenarios", "scenarios/missions"] {
+        for entry in fs::read_dir(Path::new(ROOT).join(source)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                let name = path.file_name().unwrap();
+                fs::copy(&path, folder.path().join(source).join(name)).unwrap();
+            }
+        }
+    }
+    folder
+}
+
+#[test]
+fn every_command_in_the_documents_runs() {
+    let folder = fresh_folder();
+    let mut run = 0;
+    for name in DOCUMENTS {
+        for line in blocks(&text(name), "sh")
+            .iter()
+            .flat_map(|block| block.lines())
+        {
+            let command = line.split('#').next().unwrap().trim();
+            let arguments = match command.split_once(" -- ") {
+                Some(("cargo run --release", arguments)) => arguments,
+                _ => match command.strip_prefix("muster ") {
+                    Some(arguments) => arguments,
+                    // This very test is part of it.
+                    None if command == "cargo test --workspace" => continue,
+                    None => panic!("{name} has a command that nothing runs: {command}"),
+                },
+            };
+            Command::cargo_bin("muster")
+                .unwrap()
+                .current_dir(folder.path())
+                .args(arguments.split_whitespace())
+                .assert()
+                .success();
+            run += 1;
+        }
+    }
+    assert!(run >= 6, "the README shows more commands than {run}");
+}
+
+#[test]
+fn the_examples_in_the_help_run() {
+    let folder = fresh_folder();
+    for subcommand in ["sim", "check", "completions"] {
+        let help = Command::cargo_bin("muster")
+            .unwrap()
+            .args([subcommand, "--help"])
+            .output()
+            .unwrap();
+        let help = String::from_utf8(help.stdout).unwrap();
+        let examples: Vec<_> = help
+            .lines()
+            .filter_map(|line| line.strip_prefix("  muster "))
+            .map(|line| line.split(['|', '>']).next().unwrap())
+            .collect();
+        assert!(!examples.is_empty(), "{subcommand} shows no example");
+        for example in examples {
+            // A shell would spread the pattern.
+            let example = example
+                .replace(
+                    "scenarios/thesis-*.toml",
+                    "scenarios/thesis-1.toml scenarios/thesis-2.toml",
+                )
+                .replace("missions/*", "missions/albufera.plan");
+            Command::cargo_bin("muster")
+                .unwrap()
+                .current_dir(folder.path())
+                .args(example.split_whitespace())
+                .assert()
+                .success();
+        }
+    }
+}
+
+#[test]
+fn the_scenarios_in_the_documents_are_accepted() {
+    let folder = fresh_folder();
+    let scenarios: Vec<_> = DOCUMENTS
+        .iter()
+        .flat_map(|name| blocks(&text(name), "toml"))
+        .collect();
+    assert!(scenarios.len() >= 2);
+    for scenario in scenarios {
+        let path = folder.path().join("scenarios/example.toml");
+        fs::write(&path, &scenario).unwrap();
+        Command::cargo_bin("muster")
+            .unwrap()
+            .arg("sim")
+            .arg(&path)
+            .args(["--engine", "events", "--out"])
+            .arg(folder.path().join("out"))
+            .assert()
+            .success();
+    }
+}
+
+#[test]
+fn what_the_documents_point_to_is_there() {
+    for name in DOCUMENTS {
+        let document = text(name);
+        let folder = Path::new(ROOT).join(name);
+        let folder = folder.parent().unwrap();
+        let links = document
+            .split("](")
+            .skip(1)
+            .map(|rest| rest.split(')').next().unwrap());
+        for link in links.filter(|link| !link.starts_with("http")) {
+            assert!(folder.join(link).exists(), "{name} points to {link}");
+        }
+        // Paths in backticks, as ARCHITECTURE and CONTRIBUTING name them from the root.
+        let named = document.split('`').skip(1).step_by(2).filter(|word| {
+            let is_path = word
+                .chars()
+                .all(|c| c.is_alphanumeric() || "/._-".contains(c));
+            is_path
+                && (word.ends_with(".rs") || word.ends_with('/'))
+                && word.matches('/').count() > 1
+        });
+        for path in named.filter(|path| !path.starts_with("runs/")) {
+            assert!(
+                Path::new(ROOT).join(path).exists() || folder.join(path).exists(),
+                "{name} names {path}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_page_on_scenarios_describes_every_field_and_no_other() {
+    let page = text("scenarios/README.md");
+    let described: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `"))
+        .filter_map(|rest| rest.split('`').next())
+        .filter(|field| !field.contains('/') && !field.ends_with(".toml"))
+        .collect();
+    let fields: Vec<&str> = muster_scenarios::scenario::fields()
+        .filter(|field| *field == "seed" || field.contains('.'))
+        .collect();
+    assert_eq!(described, fields);
+}
