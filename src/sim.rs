@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     /// Print one JSON object on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
-    /// The folder to write the report to [default: runs/<scenario>-<seed>]
+    /// The folder to write the report to [default: runs/SCENARIO-SEED]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }

@@ -166,11 +166,12 @@ pub(super) fn plural(number: usize, thing: &str) -> String {
     format!("{number} {thing}{ending}")
 }
 
-/// Who was in something: "drone 3", "drones 3, 4", "drones 3–5, 9".
+/// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5, 9".
 pub(super) fn drones(ids: &[u32]) -> String {
     match ids {
         [] => "no drone".to_owned(),
         [only] => format!("drone {only}"),
+        [one, other] => format!("drones {one} and {other}"),
         several => format!("drones {}", ranges(several)),
     }
 }
@@ -253,7 +254,7 @@ mod tests {
     #[test]
     fn drones_are_named_in_words() {
         assert_eq!(drones(&[3]), "drone 3");
-        assert_eq!(drones(&[3, 4]), "drones 3, 4");
+        assert_eq!(drones(&[3, 4]), "drones 3 and 4");
         assert_eq!(drones(&[3, 4, 5]), "drones 3–5");
     }
 

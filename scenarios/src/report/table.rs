@@ -196,7 +196,7 @@ fn beyond_the_master(report: &Report) -> Option<String> {
         .map(|bridge| bridge.out_of_range.len())
         .sum();
     (beyond > 0).then(|| {
-        let bridges = bridges.join(", ");
+        let bridges = bridges.join("; ");
         format!("{beyond} drones are out of the master's range; bridges: {bridges}")
     })
 }
