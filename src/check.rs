@@ -1,4 +1,3 @@
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -25,7 +24,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut unusable = Vec::new();
     for file in &arguments.files {
         match describe(file) {
-            Ok(description) => writeln!(io::stdout(), "{}: {description}", file.display())?,
+            Ok(description) => crate::print(&format!("{}: {description}\n", file.display()))?,
             Err(error) => unusable.push(error),
         }
     }

@@ -1,5 +1,3 @@
-use std::io::{self, Write};
-
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
@@ -19,6 +17,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut command = crate::Arguments::command();
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "muster", &mut script);
-    io::stdout().write_all(&script)?;
+    crate::print(&String::from_utf8_lossy(&script))?;
     Ok(Ended::Well)
 }

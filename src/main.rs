@@ -4,7 +4,7 @@ mod check;
 mod completions;
 mod sim;
 
-use std::io;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -22,7 +22,7 @@ use muster_scenarios::report::WriteError;
     version,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 all is well; 1 something failed on this machine; 2 a file or an argument can't be \
-                  used; 3 a rule that must always hold was broken.\n\nStart with: muster sim scenarios/thesis-2.toml"
+                  used; 3 a rule that must always hold was broken; 4 all came down safely but the mission was not flown to its end.\n\nStart with: muster sim scenarios/thesis-2.toml"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -41,6 +41,7 @@ enum Command {
 enum Ended {
     Well,
     RuleBroken,
+    MissionIncomplete,
 }
 
 /// Why a command could not do what it was asked for.
@@ -53,7 +54,6 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Nobody reads what is printed, or it can't be.
     #[error("can't write to standard output")]
     Print(#[from] io::Error),
 }
@@ -61,6 +61,15 @@ enum Failure {
 impl From<BadInput> for Failure {
     fn from(input: BadInput) -> Self {
         Self::Input(vec![input])
+    }
+}
+
+/// Prints on standard output. Whoever has stopped reading has seen enough: that is no failure, and what the command
+/// found out is told by its exit code all the same.
+fn print(text: &str) -> io::Result<()> {
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
     }
 }
 
@@ -73,13 +82,10 @@ fn main() -> ExitCode {
     match ended {
         Ok(Ended::Well) => ExitCode::SUCCESS,
         Ok(Ended::RuleBroken) => ExitCode::from(3),
+        Ok(Ended::MissionIncomplete) => ExitCode::from(4),
         Err(Failure::Input(inputs)) => {
             inputs.iter().for_each(|input| show(input));
             ExitCode::from(2)
-        }
-        // Whoever reads has seen enough.
-        Err(Failure::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
-            ExitCode::SUCCESS
         }
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
             complain(&error);

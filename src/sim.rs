@@ -1,4 +1,4 @@
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -72,14 +72,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let written = report::write(&out, &report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;
-        writeln!(io::stdout(), "{json}")?;
+        crate::print(&format!("{json}\n"))?;
     } else {
         print(&report, &written)?;
     }
-    Ok(if report.violations.is_empty() {
+    Ok(if !report.violations.is_empty() {
+        Ended::RuleBroken
+    } else if report.mission_completed {
         Ended::Well
     } else {
-        Ended::RuleBroken
+        Ended::MissionIncomplete
     })
 }
 
@@ -88,13 +90,20 @@ fn default_folder(scenario: &Scenario) -> PathBuf {
     Path::new("runs").join(format!("{}-{}", stem.to_string_lossy(), scenario.seed))
 }
 
-/// Refuses, before anything is flown, a folder that can't be one.
+/// Refuses, before anything is flown, a folder that can't be written to: what there is of its path must be a folder
+/// in which files can be made.
 fn check_folder(out: &Path) -> Result<(), BadInput> {
-    if out.exists() && !out.is_dir() {
-        let help = "--out takes a folder, which is made if it is not there";
-        return Err(BadInput::without_excerpt(out, "is a file", help));
+    let help = "--out takes a folder, which is made if it is not there";
+    let there = out.ancestors().find(|path| path.symlink_metadata().is_ok());
+    let there = there
+        .filter(|path| *path != Path::new(""))
+        .unwrap_or(Path::new("."));
+    if !there.is_dir() {
+        return Err(BadInput::without_excerpt(there, "is not a folder", help));
     }
-    Ok(())
+    tempfile::tempfile_in(there).map(drop).map_err(|error| {
+        BadInput::without_excerpt(there, format!("can't be written to: {error}"), help)
+    })
 }
 
 fn progress_bar() -> ProgressBar {
@@ -122,18 +131,18 @@ fn watch(bar: &ProgressBar) -> Watcher {
 }
 
 fn print(report: &Report, written: &Written) -> io::Result<()> {
-    let mut out = io::stdout().lock();
-    let colour = if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
+    let colour = if io::stdout().is_terminal()
+        && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
     {
         Colour::Always
     } else {
         Colour::Never
     };
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
-    write!(out, "{}", report::table(report, width, colour))?;
-    writeln!(out)?;
+    let mut text = report::table(report, width, colour);
     for path in [&written.html, &written.json, &written.tracks] {
-        writeln!(out, " wrote {}", path.display())?;
+        text.push_str(&format!("\n wrote {}", path.display()));
     }
-    Ok(())
+    text.push('\n');
+    crate::print(&text)
 }

@@ -91,22 +91,22 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         (
             "range_m = 300",
             "range_m = \"300 m\"",
-            &["\"300 m\"", "metres, a number above 0"],
+            &["\"300 m\"", "metres, a number from 0.01"],
         ),
         (
             "range_m = 300",
             "range_m = nan",
-            &["NaN is not", "metres, a number above 0"],
+            &["NaN is not", "metres, a number from 0.01"],
         ),
         (
             "range_m = 300",
             "range_m = inf",
-            &["inf is not", "metres, a number above 0"],
+            &["inf is not", "metres, a number from 0.01"],
         ),
         (
             "spacing_m = 160",
             "spacing_m = -160",
-            &["-160 is not", "metres, a number above 0"],
+            &["-160 is not", "metres, a number from 0.01"],
         ),
         (
             "spacing_m = 160",
@@ -286,7 +286,7 @@ fn an_argument_that_cannot_be_used_is_refused_with_what_could() {
         (&["--seed", "one"], &["seed=one", "a whole number from 0"]),
         (
             &["--set", "radio.range_m=-5"],
-            &["range_m=-5", "metres, a number above 0"],
+            &["range_m=-5", "metres, a number from 0.01"],
         ),
         (&["--set", "range_m=5"], &["did you mean `radio.range_m`?"]),
         (&["--set", "radio.range_m"], &["key=value"]),

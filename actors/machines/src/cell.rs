@@ -93,19 +93,19 @@ pub enum Effect {
     Observe(Observation),
 }
 
-/// What brings a drone down whose actor `failed` can't be kept alive: its vehicle comes down where it is, its mission
-/// stops counting on the drone, and without a mission the routing falls silent, so that others do not count on it.
-#[must_use]
-pub fn last_resort(failed: Address) -> Vec<Effect> {
-    let vehicle = if failed == Address::Msp {
-        Effect::Command(msp::Demand::Land)
-    } else {
+/// What brings a drone down one of whose actors can't be kept alive, given which of them still run: its vehicle comes
+/// down where it is, its mission stops counting on the drone, and without a mission the routing falls silent, so that
+/// others do not count on it. No actor is restarted after that.
+pub fn last_resort(is_up: impl Fn(Address) -> bool) -> Vec<Effect> {
+    let vehicle = if is_up(Address::Msp) {
         Effect::Post(Envelope::Msp(msp::Input::GiveUp))
-    };
-    let others = if failed == Address::Mission {
-        Envelope::Routing(routing::Input::Stop)
     } else {
+        Effect::Command(msp::Demand::Land)
+    };
+    let others = if is_up(Address::Mission) {
         Envelope::Mission(mission::Input::GiveUp)
+    } else {
+        Envelope::Routing(routing::Input::Stop)
     };
     vec![vehicle, Effect::Post(others)]
 }
@@ -372,9 +372,15 @@ impl From<radio::Transmit> for Effect {
 impl From<routing::Transmit> for Effect {
     fn from(transmit: routing::Transmit) -> Self {
         Self::Post(match transmit {
-            routing::Transmit::Send { ballot, payload } => {
-                Envelope::Radio(radio::Input::Send { ballot, payload })
-            }
+            routing::Transmit::Send {
+                ballot,
+                payload,
+                keep_alive,
+            } => Envelope::Radio(radio::Input::Send {
+                ballot,
+                payload,
+                keep_alive,
+            }),
             routing::Transmit::Inform(notice) => Envelope::Mission(mission::Input::Routing(notice)),
         })
     }

@@ -37,3 +37,114 @@ impl Ballot {
         self.term > other.term || (self.term == other.term && self.rank < other.rank)
     }
 }
+
+/// A set of drones, a bit each; as small as its highest member asks for.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+pub struct NodeSet(Vec<u8>);
+
+impl NodeSet {
+    /// From bits, lowest first.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Self {
+        let end = bytes
+            .iter()
+            .rposition(|byte| *byte != 0)
+            .map_or(0, |last| last + 1);
+        Self(bytes[..end].to_vec())
+    }
+
+    /// Leaves out whoever is not below `end`.
+    pub fn truncate(&mut self, end: u32) {
+        self.0.truncate(end.div_ceil(8) as usize);
+        if !end.is_multiple_of(8)
+            && let Some(last) = self.0.get_mut((end / 8) as usize)
+        {
+            *last &= (1 << (end % 8)) - 1;
+        }
+        let end = self
+            .0
+            .iter()
+            .rposition(|byte| *byte != 0)
+            .map_or(0, |last| last + 1);
+        self.0.truncate(end);
+    }
+
+    /// Its bits, lowest first, without trailing zeros.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// Adds a drone.
+    pub fn insert(&mut self, id: NodeId) {
+        let byte = (id.0 / 8) as usize;
+        if self.0.len() <= byte {
+            self.0.resize(byte + 1, 0);
+        }
+        self.0[byte] |= 1 << (id.0 % 8);
+    }
+
+    /// Adds all of another set.
+    pub fn extend_from(&mut self, other: &Self) {
+        if self.0.len() < other.0.len() {
+            self.0.resize(other.0.len(), 0);
+        }
+        for (own, others) in self.0.iter_mut().zip(&other.0) {
+            *own |= others;
+        }
+    }
+
+    /// Whether it has this drone.
+    #[must_use]
+    pub fn contains(&self, id: NodeId) -> bool {
+        self.0
+            .get((id.0 / 8) as usize)
+            .is_some_and(|byte| byte >> (id.0 % 8) & 1 == 1)
+    }
+
+    /// Whether it has all of another set.
+    #[must_use]
+    pub fn is_superset(&self, other: &Self) -> bool {
+        other.iter().all(|id| self.contains(id))
+    }
+
+    /// The members that another set has not.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Self {
+        self.iter().filter(|id| !other.contains(*id)).collect()
+    }
+
+    /// Whether it has nobody.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// How many it has.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.iter().map(|byte| byte.count_ones() as usize).sum()
+    }
+
+    /// Its members, lowest first.
+    pub fn iter(&self) -> impl Iterator<Item = NodeId> + '_ {
+        self.0
+            .iter()
+            .zip((0_u32..).step_by(8))
+            .flat_map(|(byte, first)| {
+                (0..8)
+                    .filter(move |bit| byte >> bit & 1 == 1)
+                    .map(move |bit| NodeId(first + bit))
+            })
+    }
+}
+
+impl FromIterator<NodeId> for NodeSet {
+    fn from_iter<I: IntoIterator<Item = NodeId>>(ids: I) -> Self {
+        let mut set = Self::default();
+        for id in ids {
+            set.insert(id);
+        }
+        set
+    }
+}

@@ -18,9 +18,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId, SwarmId};
+use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::mission::Order;
-use crate::routing::{Flood, Member, Packet};
+use crate::routing::{Flood, Member, Packet, Tree};
 
 /// The version of the frame that this program speaks.
 pub const VERSION: u8 = 1;
@@ -166,6 +166,21 @@ enum WirePacket<'a> {
         #[serde(borrow)]
         order: Option<&'a [u8]>,
     },
+    Tree {
+        beat: u32,
+        hops: Option<u16>,
+        parent: Option<u32>,
+        pulse: u32,
+        sequence: u32,
+        acknowledged: &'a [u8],
+        alive: &'a [u8],
+        landing: &'a [u8],
+        #[serde(borrow)]
+        hears: Option<&'a [u8]>,
+        pending: &'a [u8],
+        #[serde(borrow)]
+        order: Option<&'a [u8]>,
+    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -198,6 +213,19 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             members: flood.members.iter().map(WireMember::from).collect(),
             order: flood.order.as_deref(),
         },
+        Packet::Tree(tree) => WirePacket::Tree {
+            beat: tree.beat,
+            hops: tree.hops,
+            parent: tree.parent.map(|id| id.0),
+            pulse: tree.pulse,
+            sequence: tree.sequence,
+            acknowledged: tree.acknowledged.as_bytes(),
+            alive: tree.alive.as_bytes(),
+            landing: tree.landing.as_bytes(),
+            hears: tree.hears.as_ref().map(NodeSet::as_bytes),
+            pending: tree.pending.as_bytes(),
+            order: tree.order.as_deref(),
+        },
     };
     write(&wire, Vec::with_capacity(64))
 }
@@ -228,6 +256,31 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             pulse,
             sequence,
             members: members.iter().map(Member::from).collect(),
+            order: order.map(bytes::Bytes::copy_from_slice),
+        }),
+        WirePacket::Tree {
+            beat,
+            hops,
+            parent,
+            pulse,
+            sequence,
+            acknowledged,
+            alive,
+            landing,
+            hears,
+            pending,
+            order,
+        } => Packet::Tree(Tree {
+            beat,
+            hops,
+            parent: parent.map(NodeId),
+            pulse,
+            sequence,
+            acknowledged: NodeSet::from_bytes(acknowledged),
+            alive: NodeSet::from_bytes(alive),
+            landing: NodeSet::from_bytes(landing),
+            hears: hears.map(NodeSet::from_bytes),
+            pending: NodeSet::from_bytes(pending),
             order: order.map(bytes::Bytes::copy_from_slice),
         }),
     })

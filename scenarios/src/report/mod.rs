@@ -57,6 +57,8 @@ pub struct Report {
     pub dropped: BTreeMap<String, u64>,
     /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
     pub min_separation_m: Option<f64>,
+    /// Whether the swarm, or what was left of it, reached the last waypoint and left it to land.
+    pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
 }

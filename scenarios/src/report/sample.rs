@@ -54,6 +54,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         .filter(|bridge| !bridge.out_of_range.is_empty())
         .collect(),
         dropped: BTreeMap::new(),
+        mission_completed: true,
         means: Means {
             flight_time_s: Some(flight_times.sum::<f64>() / number),
             messages_received: reports

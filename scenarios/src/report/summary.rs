@@ -40,6 +40,7 @@ pub(crate) fn summary(
             .map(|(reason, count)| (reason.to_string(), *count))
             .collect(),
         min_separation_m: outcome.closest_m,
+        mission_completed: is_completed(scenario, outcome),
         violations: outcome.violations.iter().map(Violation::from).collect(),
     };
     let drawn = recorder
@@ -142,6 +143,13 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
             })
         })
         .collect()
+}
+
+/// Whether the last waypoint was reached and left.
+fn is_completed(scenario: &Scenario, outcome: &Outcome) -> bool {
+    let last = u16::try_from(scenario.waypoints.len() - 1).ok();
+    let crossing = last.and_then(|last| outcome.recorder.barriers().get(&last));
+    crossing.is_some_and(|crossing| crossing.moving.is_some())
 }
 
 fn bridges(outcome: &Outcome) -> Vec<Bridge> {

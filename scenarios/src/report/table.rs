@@ -179,6 +179,12 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
             .collect();
         lines.push(("dropped", format!("frames: {}", reasons.join(", "))));
     }
+    if !report.mission_completed {
+        lines.push((
+            "mission",
+            "not completed: the swarm came down before the last waypoint".to_owned(),
+        ));
+    }
     lines.push(("trace", report.trace.clone()));
     lines
 }

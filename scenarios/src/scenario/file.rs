@@ -3,7 +3,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::{BadInput, read_text};
-use toml_edit::{DocumentMut, Item, Table, Value};
+use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
 
 use super::raw::{FIELDS, Raw};
 
@@ -44,7 +44,12 @@ impl std::str::FromStr for Override {
             format!("`{text}` has no `=`; use key=value, as in radio.range_m=250")
         })?;
         let key = key.trim();
-        if FIELDS.iter().any(|(known, _)| *known == key) && !key.starts_with("faults") {
+        if key.starts_with("faults") {
+            return Err(
+                "faults are not set one by one; write them into the scenario file".to_owned(),
+            );
+        }
+        if FIELDS.iter().any(|(known, _)| *known == key) {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
@@ -139,22 +144,20 @@ impl Source {
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
 
+/// Writes a value into a document, whether its table is written in lines or inline. What stands in the place of a
+/// table and is none is left, to be refused as it would be in the file.
 fn set(document: &mut DocumentMut, key: &str, value: &str) {
     let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
-    let mut table: &mut Table = document.as_table_mut();
-    let mut parts = key.split('.').peekable();
-    while let Some(part) = parts.next() {
-        if parts.peek().is_none() {
-            table[part] = Item::Value(value);
-            return;
+    let table: &mut dyn TableLike = document.as_table_mut();
+    match key.split_once('.') {
+        None => {
+            table.insert(key, Item::Value(value));
         }
-        let entry = table.entry(part).or_insert_with(toml_edit::table);
-        if !entry.is_table() {
-            *entry = toml_edit::table();
-        }
-        match entry.as_table_mut() {
-            Some(inner) => table = inner,
-            None => return,
+        Some((outer, field)) => {
+            let inner = table.entry(outer).or_insert_with(toml_edit::table);
+            if let Some(inner) = inner.as_table_like_mut() {
+                inner.insert(field, Item::Value(value));
+            }
         }
     }
 }

@@ -87,6 +87,8 @@ const SEPARATION_M: f64 = 5.0;
 const GAP_M: f64 = 10.0;
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
 const ALTITUDE_MAX_M: f64 = 120.0;
+/// The longest that a run may take, whatever its mission, in seconds: a week.
+const DURATION_MAX_S: f64 = 604_800.0;
 /// An unloaded hop of a 64-byte datagram over 802.11a, as measured with ns-3.
 const LATENCY_US: u64 = 231;
 /// What a sender's own program adds, at most.
@@ -151,7 +153,6 @@ fn landing(raw: &Raw, vehicle: navigation::Config) -> Landing {
 /// ancestor's, the gap between hellos as `Neighbours` explains it, and a keep-alive of a second for drones that are
 /// landing, for whom nobody waits.
 fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
-    let super::raw::PolicyName::Flood = raw.protocol.policy.get_ref();
     let super::raw::ParametersName::Quiet = raw.protocol.parameters;
     let milliseconds = |value: Option<super::raw::Milliseconds>, default: u64| {
         Duration::from_millis(value.map_or(default, |value| value.0))
@@ -159,6 +160,7 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
     let gap = raw.protocol.hello_gap_ms.as_ref();
     let time_to_live = raw.protocol.time_to_live_ms.as_ref();
     let protocol = Protocol {
+        policy: (*raw.protocol.policy.get_ref()).into(),
         liveness: raw.protocol.liveness.into(),
         period: milliseconds(raw.protocol.period_ms, 200),
         keep_alive: milliseconds(raw.protocol.keep_alive_ms, 1_000),
@@ -171,6 +173,8 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
             .and_then(|it| u32::try_from(it.0).ok())
             .unwrap_or(3),
         time_to_live: milliseconds(time_to_live.map(|it| *it.get_ref()), 5_000),
+        beacon: milliseconds(raw.protocol.beacon_ms, 1_000),
+        repair: milliseconds(raw.protocol.repair_ms, 8),
     };
     let place = |field: Option<std::ops::Range<usize>>| field.unwrap_or(raw.protocol.policy.span());
     if protocol.hello_gap <= protocol.hello_period {
@@ -296,14 +300,20 @@ fn limits(
         .fold(over_home, f64::max);
     let landing_s = (highest + layer_m) / landing.final_mps.min(landing.descent_mps);
     let set_up = seconds(raw.limits.set_up_s, 30.0);
-    let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
-    let leg = seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0);
+    let take_off = seconds(
+        raw.limits.take_off_s,
+        (2.0 * farthest_s + 60.0).min(DURATION_MAX_S),
+    );
+    let leg = seconds(
+        raw.limits.leg_s,
+        (2.0 * longest_s + 60.0).min(DURATION_MAX_S),
+    );
     let flight_s = 2.0 * (legs.iter().sum::<f64>() + farthest_s + landing_s);
     let duration_s = set_up.as_secs_f64() + take_off.as_secs_f64() + flight_s + 300.0;
     let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
     Limits {
         separation,
-        duration: seconds(raw.limits.duration_s, duration_s),
+        duration: seconds(raw.limits.duration_s, duration_s.min(DURATION_MAX_S)),
         set_up,
         take_off,
         leg,

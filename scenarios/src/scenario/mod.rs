@@ -13,6 +13,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::Liveness;
 use muster_machines::radio::{self, Budget};
+use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, navigation, routing};
@@ -86,6 +87,34 @@ impl Scenario {
         )
     }
 
+    fn routing(&self, id: NodeId) -> routing::Config {
+        let drones = self.layout.formation().drones();
+        let protocol = self.protocol;
+        match protocol.policy {
+            Policy::Flood => routing::Config::Flood(flood::Config {
+                id,
+                drones,
+                period: protocol.period,
+                keep_alive: protocol.keep_alive,
+                hello_period: protocol.hello_period,
+                discovery: protocol.discovery,
+                stable_after: protocol.stable_after,
+                hello_gap: protocol.hello_gap,
+                time_to_live: protocol.time_to_live,
+            }),
+            Policy::Tree => routing::Config::Tree(tree::Config {
+                id,
+                drones,
+                beacon: protocol.beacon,
+                repair: protocol.repair,
+                repair_max: protocol.period,
+                link_time_to_live: protocol.time_to_live,
+                // Ways are lost and found again while drones spread out.
+                time_to_live: protocol.time_to_live * 2,
+            }),
+        }
+    }
+
     /// What one of its drones is built with.
     pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
         let drones = self.layout.formation().drones();
@@ -103,17 +132,7 @@ impl Scenario {
                 },
                 senders_max: drones as usize,
             },
-            routing: routing::Config {
-                id,
-                drones,
-                period: protocol.period,
-                keep_alive: protocol.keep_alive,
-                hello_period: protocol.hello_period,
-                discovery: protocol.discovery,
-                stable_after: protocol.stable_after,
-                hello_gap: protocol.hello_gap,
-                time_to_live: protocol.time_to_live,
-            },
+            routing: self.routing(id),
             mission: mission::Config {
                 id,
                 layout: Arc::clone(&self.layout),
@@ -142,6 +161,8 @@ const BUDGET_BURST: u32 = 16;
 /// How the swarm talks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Protocol {
+    /// How orders and acknowledgements spread.
+    pub policy: Policy,
     /// When a silent drone counts as lost.
     pub liveness: Liveness,
     /// How often a drone repeats what it knows.
@@ -158,6 +179,19 @@ pub struct Protocol {
     pub stable_after: u32,
     /// How long a drone may be silent before it counts as lost.
     pub time_to_live: Duration,
+    /// How often the master's number goes out, policy `tree`.
+    pub beacon: Duration,
+    /// How long a drone waits before it repeats what was not seen to arrive, policy `tree`.
+    pub repair: Duration,
+}
+
+/// How orders and acknowledgements spread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Policy {
+    /// By periodic repetition, as the thesis has it.
+    Flood,
+    /// On change, along a tree, repaired at each hop.
+    Tree,
 }
 
 /// What must not be exceeded.

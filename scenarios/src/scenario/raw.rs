@@ -8,6 +8,8 @@ use muster_machines::mission::Liveness;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::Policy;
+
 /// Every field of a scenario file, with what it accepts; the page on scenarios describes each.
 pub(super) const FIELDS: &[(&str, &str)] = &[
     ("seed", "a whole number from 0 to 9223372036854775807"),
@@ -16,7 +18,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("formation.drones", "a whole number from 1 to 100000"),
     (
         "formation.spacing_m",
-        "metres, a number above 0, at most 100000",
+        "metres, a number from 0.01 to 100000",
     ),
     (
         "formation.heading_deg",
@@ -24,7 +26,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "formation.gap_m",
-        "metres, a number above 0, at most 100000, at most `spacing_m`",
+        "metres, a number from 0.01 to 100000, at most `spacing_m`",
     ),
     ("mission", "a table with `file`"),
     (
@@ -32,7 +34,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "the path of a QGroundControl `.plan` or `.waypoints` file, as seen from the scenario's folder",
     ),
     ("radio", "a table with `range_m`"),
-    ("radio.range_m", "metres, a number above 0, at most 100000"),
+    ("radio.range_m", "metres, a number from 0.01 to 100000"),
     ("radio.loss", "a share from 0 to 1"),
     (
         "radio.latency_us",
@@ -43,7 +45,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "microseconds, a whole number from 0 to 60000000",
     ),
     ("protocol", "a table with `policy`"),
-    ("protocol.policy", "\"flood\""),
+    ("protocol.policy", "\"flood\" or \"tree\""),
     ("protocol.liveness", "\"pulse\" or \"thesis\""),
     ("protocol.parameters", "\"quiet\""),
     (
@@ -71,15 +73,23 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "protocol.time_to_live_ms",
         "milliseconds, a whole number from 1 to 3600000, above `period_ms`",
     ),
+    (
+        "protocol.beacon_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "protocol.repair_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
     ("vehicle", "a table"),
-    ("vehicle.speed_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.speed_mps", "m/s, a number from 0.01 to 100"),
     (
         "vehicle.acceleration_mps2",
-        "m/s², a number above 0, at most 100",
+        "m/s², a number from 0.01 to 100",
     ),
-    ("vehicle.climb_mps", "m/s, a number above 0, at most 100"),
-    ("vehicle.descent_mps", "m/s, a number above 0, at most 100"),
-    ("vehicle.landing_mps", "m/s, a number above 0, at most 100"),
+    ("vehicle.climb_mps", "m/s, a number from 0.01 to 100"),
+    ("vehicle.descent_mps", "m/s, a number from 0.01 to 100"),
+    ("vehicle.landing_mps", "m/s, a number from 0.01 to 100"),
     (
         "vehicle.landing_altitude_m",
         "metres, a number from 0 to 100000",
@@ -87,15 +97,15 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("limits", "a table"),
     (
         "limits.separation_horizontal_m",
-        "metres, a number above 0, at most 100000",
+        "metres, a number from 0.01 to 100000",
     ),
     (
         "limits.separation_vertical_m",
-        "metres, a number above 0, at most 100000",
+        "metres, a number from 0.01 to 100000",
     ),
     (
         "limits.altitude_max_m",
-        "metres above home, a number above 0, at most 100000",
+        "metres above home, a number from 0.01 to 100000",
     ),
     (
         "limits.duration_s",
@@ -110,7 +120,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "seconds, a number above 0, at most 604800",
     ),
     ("limits.leg_s", "seconds, a number above 0, at most 604800"),
-    ("limits.waiting_max", "a whole number from 1 to 1000000"),
+    ("limits.waiting_max", "a whole number from 8 to 1000000"),
     ("limits.restarts_max", "a whole number from 0 to 1000000"),
     (
         "limits.restart_window_s",
@@ -151,7 +161,7 @@ pub(super) struct Raw {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[formation]`")]
 pub(super) struct Formation {
     pub(super) kind: FormationKind,
     pub(super) drones: Spanned<Whole<1, 100_000>>,
@@ -176,13 +186,13 @@ impl From<FormationKind> for Kind {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[mission]`")]
 pub(super) struct Mission {
     pub(super) file: Spanned<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[radio]`")]
 pub(super) struct Radio {
     pub(super) range_m: Length,
     #[serde(default)]
@@ -192,7 +202,7 @@ pub(super) struct Radio {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[protocol]`")]
 pub(super) struct Protocol {
     pub(super) policy: Spanned<PolicyName>,
     #[serde(default)]
@@ -206,12 +216,24 @@ pub(super) struct Protocol {
     pub(super) discovery_ms: Option<Milliseconds>,
     pub(super) stable_after: Option<Whole<1, 1_000>>,
     pub(super) time_to_live_ms: Option<Spanned<Milliseconds>>,
+    pub(super) beacon_ms: Option<Milliseconds>,
+    pub(super) repair_ms: Option<Milliseconds>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum PolicyName {
     Flood,
+    Tree,
+}
+
+impl From<PolicyName> for Policy {
+    fn from(name: PolicyName) -> Self {
+        match name {
+            PolicyName::Flood => Self::Flood,
+            PolicyName::Tree => Self::Tree,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
@@ -239,7 +261,7 @@ pub(super) enum ParametersName {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[vehicle]`")]
 pub(super) struct Vehicle {
     pub(super) speed_mps: Option<Rate>,
     pub(super) acceleration_mps2: Option<Rate>,
@@ -250,7 +272,7 @@ pub(super) struct Vehicle {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[limits]`")]
 pub(super) struct Limits {
     pub(super) separation_horizontal_m: Option<Length>,
     pub(super) separation_vertical_m: Option<Length>,
@@ -259,13 +281,13 @@ pub(super) struct Limits {
     pub(super) set_up_s: Option<Seconds>,
     pub(super) take_off_s: Option<Seconds>,
     pub(super) leg_s: Option<Seconds>,
-    pub(super) waiting_max: Option<Whole<1, 1_000_000>>,
+    pub(super) waiting_max: Option<Whole<8, 1_000_000>>,
     pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
     pub(super) restart_window_s: Option<Seconds>,
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
 pub(super) struct Fault {
     pub(super) at_s: Instant,
     pub(super) drone: Spanned<Whole<0, 99_999>>,
@@ -307,8 +329,8 @@ macro_rules! number {
 
 number!(
     Length,
-    |v| v > 0.0 && v <= 100_000.0,
-    "a length above 0 and at most 100000"
+    |v| (0.01..=100_000.0).contains(&v),
+    "a length from 0.01 to 100000"
 );
 number!(
     Height,
@@ -317,8 +339,8 @@ number!(
 );
 number!(
     Rate,
-    |v| v > 0.0 && v <= 100.0,
-    "a rate above 0 and at most 100"
+    |v| (0.01..=100.0).contains(&v),
+    "a rate from 0.01 to 100"
 );
 number!(
     Seconds,

@@ -7,6 +7,8 @@ use rand_chacha::ChaCha8Rng;
 pub(crate) struct Drone {
     pub(crate) rng: ChaCha8Rng,
     pub(crate) checkpoints: Checkpoints,
+    /// Whether one of its actors could not be kept alive.
+    pub(crate) given_up: bool,
     timers: [Timer; 5],
     up: [bool; 5],
     motion: u32,
@@ -24,6 +26,7 @@ impl Drone {
         Self {
             rng,
             checkpoints: Checkpoints::default(),
+            given_up: false,
             timers: [Timer::default(); 5],
             up: [false; 5],
             motion: 0,

@@ -227,7 +227,7 @@ impl World {
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
             Planned::Restart { drone, address } => {
-                return Some(Task {
+                return (!self.drone(drone).given_up).then_some(Task {
                     drone,
                     address,
                     what: What::Restart,
@@ -276,8 +276,14 @@ impl World {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder.received(drone);
         }
+        let address = envelope.address();
         self.inbox.push_back((drone, envelope));
-        self.find(self.bounds.queue(self.now, drone, self.inbox.len()));
+        let waiting = self
+            .inbox
+            .iter()
+            .filter(|(to, envelope)| *to == drone && envelope.address() == address);
+        let found = self.bounds.queue(self.now, drone, waiting.count());
+        self.find(found);
     }
 
     fn broadcast(&mut self, drone: NodeId, frame: &Bytes) {
@@ -387,7 +393,9 @@ impl World {
             Verdict::GiveUp => {
                 self.recorder.given_up(drone);
                 self.barrier.given_up(drone);
-                for effect in last_resort(address) {
+                let actors = self.drone(drone);
+                actors.given_up = true;
+                for effect in last_resort(|address| actors.is_up(address)) {
                     self.effect(drone, effect);
                 }
             }
@@ -425,10 +433,11 @@ impl World {
         }
     }
 
-    /// All that flew are down again, and whoever led them is.
+    /// Nobody is in the air, and whoever leads is down again or will never take off.
     fn is_over(&self) -> bool {
-        let master = &self.vehicles[self.recorder.centre().0 as usize];
-        self.airborne == 0 && master.has_flown()
+        let master = self.recorder.centre();
+        let has_flown = self.vehicles[master.0 as usize].has_flown();
+        self.airborne == 0 && (has_flown || self.recorder.is_out_of_it(master))
     }
 
     fn find(&mut self, found: Option<Violation>) {

@@ -187,6 +187,13 @@ impl Recorder {
         }
     }
 
+    /// Whether a drone has been given up or is done.
+    pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
+        let record = &self.drones[id.0 as usize];
+        let last = record.states.last().map(|(_, state)| *state);
+        record.given_up || last == Some(State::Finished)
+    }
+
     fn record(&mut self, id: NodeId) -> &mut Record {
         &mut self.drones[id.0 as usize]
     }
@@ -195,7 +202,10 @@ impl Recorder {
 const fn is_in_discovery_or_beyond(state: State) -> bool {
     matches!(
         state,
-        State::NeighbourDiscovery | State::HopUpdate | State::WaypointReached { .. }
+        State::NeighbourDiscovery
+            | State::HopUpdate
+            | State::MovingToWaypoint { .. }
+            | State::WaypointReached { .. }
     )
 }
 

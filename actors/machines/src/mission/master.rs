@@ -136,6 +136,7 @@ impl Mission {
             .map_or(0, |lead| lead.sequence as usize);
         if parts_given < self.durable.plan.len().div_ceil(PLAN_PART_MAX) {
             self.order_plan_part(parts_given);
+            self.durable.limit = Some(now + self.config.set_up_limit);
             self.carried_out();
             return self.lead(now);
         }

@@ -189,9 +189,9 @@ impl Mission {
             State::Start | State::SetUp => None,
             State::TakingOff => {
                 let to = at_waypoint(0)?;
+                let altitude_m = to.altitude_m() + self.layer_m();
                 Some(Goal::TakeOff {
-                    to,
-                    transit_altitude_m: to.altitude_m() + self.layer_m(),
+                    to: to.at_altitude(altitude_m),
                 })
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -252,6 +252,7 @@ impl Mission {
             } => self.hear_member(member, |awaited| {
                 awaited.acknowledged = awaited.acknowledged.max(acknowledged);
                 awaited.landing |= landing;
+                awaited.silent = false;
             }),
             RoutingNotice::Silent(member) => {
                 self.hear_member(member, |awaited| awaited.silent = true);
@@ -261,14 +262,14 @@ impl Mission {
             }
             RoutingNotice::MasterSilent => self.master_silent = true,
             RoutingNotice::MasterReturned => self.master_silent = false,
-            RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
-            RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
-            RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
+            RoutingNotice::DiscoveryStarted => self.routes_are(now, RoutesPhase::Discovery),
+            RoutingNotice::HopUpdateStarted => self.routes_are(now, RoutesPhase::HopUpdate),
+            RoutingNotice::RoutesReady => self.routes_are(now, RoutesPhase::Ready),
             RoutingNotice::Resync => self.repeat_to_routing(),
         }
     }
 
-    fn routes_are(&mut self, phase: RoutesPhase) {
+    fn routes_are(&mut self, now: Timestamp, phase: RoutesPhase) {
         self.durable.routes = self.durable.routes.max(phase);
         let in_its_slot = match self.durable.state {
             State::TakingOff => self.durable.pending.is_none(),
@@ -276,17 +277,18 @@ impl Mission {
             _ => false,
         };
         if in_its_slot {
-            self.enter_routes_state();
+            self.enter_routes_state(now);
         }
     }
 
     /// Does what the routing's progress asks of a drone in its slot.
-    fn enter_routes_state(&mut self) {
+    fn enter_routes_state(&mut self, now: Timestamp) {
         match self.durable.routes {
             RoutesPhase::None => {}
             RoutesPhase::Discovery => self.enter(State::NeighbourDiscovery),
             RoutesPhase::HopUpdate => self.enter(State::HopUpdate),
-            RoutesPhase::Ready => self.enter(State::WaypointReached { waypoint: 0 }),
+            // From the layer in which it came to its slot.
+            RoutesPhase::Ready => self.leave_for(now, 0),
         }
     }
 
@@ -298,10 +300,12 @@ impl Mission {
                     self.durable.limit = None;
                 }
                 self.carried_out();
-                self.enter_routes_state();
+                self.enter_routes_state(now);
             }
             State::MovingToWaypoint { waypoint } => {
-                self.durable.limit = None;
+                // Nobody who lives takes longer to arrive than a leg may take.
+                let waits = self.durable.lead.is_some();
+                self.durable.limit = waits.then(|| now + self.config.leg_limit);
                 self.enter(State::WaypointReached { waypoint });
             }
             State::MovingToLand => {
@@ -341,6 +345,12 @@ impl Mission {
 
     fn repeat_to_routing(&mut self) {
         self.repeat_lead();
+        if let Some(lead) = &mut self.durable.lead {
+            // It gives every member its time to live anew.
+            for awaited in lead.members.values_mut() {
+                awaited.silent = false;
+            }
+        }
         let sequence = self.durable.acknowledged;
         self.outbox.transmit(Transmit::Acknowledge { sequence });
         match self.durable.state {
@@ -352,11 +362,19 @@ impl Mission {
 
     fn give_up(&mut self) {
         self.abandon_swarm();
-        if !matches!(
-            self.durable.state,
-            State::Start | State::SetUp | State::Landing | State::Finished
-        ) {
-            self.land(LandingReason::ActorGivenUp);
+        match self.durable.state {
+            State::Landing | State::Finished => {}
+            State::Start | State::SetUp => {
+                // It never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
+                self.outbox
+                    .event(Event::Landing(LandingReason::ActorGivenUp));
+                self.durable.limit = None;
+                self.durable.lead = None;
+                self.enter(State::Finished);
+                self.outbox.transmit(Transmit::Land);
+                self.outbox.transmit(Transmit::Stop);
+            }
+            _ => self.land(LandingReason::ActorGivenUp),
         }
     }
 }

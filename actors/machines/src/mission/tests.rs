@@ -118,6 +118,13 @@ fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
     ] {
         hears(&mut slave, 30.0, notice);
     }
+    // It comes down to its slot from the layer in which it took off.
+    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 0 });
+    told(
+        &mut slave,
+        31.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
     assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
     slave
 }
@@ -204,7 +211,9 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
     ] {
         hears(&mut master, 23.0, notice);
     }
-    let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
+    hears(&mut master, 32.0, RoutingNotice::RoutesReady);
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    let opened = told(&mut master, 32.0, arrived);
     assert_eq!(orders(&opened), [Order::Move { waypoint: 0 }]);
     assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
     let transmits = hears(&mut master, 33.0, progress(2, 3));
@@ -331,6 +340,84 @@ fn a_restarted_mission_goes_on_where_it_was() {
         Input::Navigation(NavigationNotice::Arrived),
     );
     assert!(arrived.contains(&Transmit::Acknowledge { sequence: 5 }));
+}
+
+#[test]
+fn what_is_out_is_said_again_to_a_restarted_routing() {
+    let mut master = master_taking_off();
+    let said = hears(&mut master, 15.0, RoutingNotice::Resync);
+    assert!(matches!(said[0], Transmit::Lead(_)));
+    assert_eq!(orders(&said), [Order::TakeOff]);
+    assert!(said.contains(&Transmit::Acknowledge { sequence: 1 }));
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    told(&mut slave, 35.0, Input::GiveUp);
+    let said = hears(&mut slave, 36.0, RoutingNotice::Resync);
+    assert!(said.contains(&Transmit::Acknowledge { sequence: 2 }));
+    assert!(said.contains(&Transmit::Land));
+    told(
+        &mut slave,
+        60.0,
+        Input::Navigation(NavigationNotice::Landed),
+    );
+    let said = hears(&mut slave, 61.0, RoutingNotice::Resync);
+    assert!(said.contains(&Transmit::Stop));
+}
+
+#[test]
+fn take_off_and_the_way_to_land_have_limits() {
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    stimulate(&mut slave, 61.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::Landing);
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    ordered(&mut slave, 5, &Order::Land { at: waypoints()[0] });
+    assert_eq!(slave.durable.state, State::MovingToLand);
+    stimulate(&mut slave, 101.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn every_part_of_a_long_mission_has_its_limit() {
+    let mut config = config(1, Liveness::Pulse);
+    config.mission = vec![Ned::new(0.0, 0.0, -25.0); wire::PLAN_PART_MAX * 2 + 1].into();
+    let mut master = Mission::new(config, None);
+    told(&mut master, 0.0, Input::Fly);
+    // Nobody answers: the limit of the first part leaves all out, and the master goes on alone.
+    let (transmits, _) = stimulate(&mut master, 30.0, Stimulus::Timeout);
+    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff));
+    // One answers the first part and no more.
+    let mut master = Mission::new(master.config, None);
+    told(&mut master, 0.0, Input::Fly);
+    hears(&mut master, 1.0, progress(0, 1));
+    stimulate(&mut master, 30.0, Stimulus::Timeout);
+    let (transmits, _) = stimulate(&mut master, 60.0, Stimulus::Timeout);
+    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff));
+}
+
+#[test]
+fn a_drone_given_up_on_the_ground_stays_there_and_so_does_a_swarm_without_its_master() {
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    let said = told(&mut slave, 5.0, Input::GiveUp);
+    assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
+    assert!(ordered(&mut slave, 2, &Order::TakeOff).is_empty());
+    let mut master = mission(1, Liveness::Pulse);
+    told(&mut master, 0.0, Input::Fly);
+    told(&mut master, 5.0, Input::GiveUp);
+    assert!(orders(&stimulate(&mut master, 30.0, Stimulus::Timeout).0).is_empty());
+    hears(&mut master, 31.0, progress(0, 1));
+    assert!(orders(&hears(&mut master, 31.0, progress(2, 1))).is_empty());
+}
+
+#[test]
+fn a_member_that_makes_progress_is_not_silent() {
+    let mut master = master_taking_off();
+    hears(&mut master, 5.0, RoutingNotice::Silent(NodeId(2)));
+    hears(&mut master, 6.0, progress(2, 1));
+    hears(&mut master, 19.0, progress(0, 2));
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    assert!(!told(&mut master, 20.0, arrived).contains(&Transmit::Discover));
 }
 
 #[test]

@@ -42,6 +42,8 @@ pub enum Input {
         ballot: Ballot,
         /// What is to be said; at most [`PAYLOAD_MAX`] bytes.
         payload: Vec<u8>,
+        /// Whether it is sent only because its time has come; for whoever counts frames.
+        keep_alive: bool,
     },
     /// By the transport: these bytes came in.
     Received(Bytes),
@@ -176,7 +178,9 @@ impl<A: Authenticator> Machine for Radio<A> {
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
-            Input::Send { ballot, payload } => self.send(ballot, &payload),
+            Input::Send {
+                ballot, payload, ..
+            } => self.send(ballot, &payload),
             Input::Received(datagram) => {
                 if let Err(reason) = self.receive(now, &datagram) {
                     self.outbox.event(Event::Dropped(reason));

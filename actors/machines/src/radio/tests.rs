@@ -45,6 +45,7 @@ fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
         Input::Send {
             ballot: BALLOT,
             payload,
+            keep_alive: false,
         },
     );
     match transmits.into_iter().next() {
@@ -173,6 +174,7 @@ fn a_restarted_radio_uses_no_counter_twice() {
         Input::Send {
             ballot: BALLOT,
             payload,
+            keep_alive: false,
         },
     );
     let [Event::Checkpoint(checkpoint)] = events.as_slice() else {
@@ -197,6 +199,7 @@ fn a_payload_that_outgrows_a_datagram_is_not_sent() {
         Input::Send {
             ballot: BALLOT,
             payload,
+            keep_alive: false,
         },
     );
     assert!(transmits.is_empty());

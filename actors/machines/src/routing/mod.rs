@@ -1,56 +1,31 @@
 //! Who is near, which way the master is, who must relay; orders outwards and acknowledgements inwards.
 //!
 //! It serves any protocol in which a master gives numbered orders and its members acknowledge them; what an order
-//! means is not known here. Policy `flood`, after the thesis (sections 4.2 and 4.4): before there are routes every
-//! drone repeats all it knows; neighbour discovery and hop update then give each drone a parent, and from there on
-//! acknowledgements go up through the parents only and orders are repeated by the master and those who must relay.
+//! means is not known here. How orders and acknowledgements spread is a policy, a machine of its own.
 
-mod durable;
-mod flood;
-mod members;
-mod neighbours;
+mod beats;
+pub mod flood;
 mod packet;
+pub mod tree;
 
-use std::collections::BTreeSet;
 use std::convert::Infallible;
-use std::time::Duration;
 
 use bytes::Bytes;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
-pub use durable::{Checkpoint, Phase};
-pub use packet::{Flood, Member, Packet};
+pub use beats::Beats;
+pub use packet::{Flood, Member, Packet, Tree};
 
-use self::members::Members;
-use self::neighbours::Neighbours;
 use crate::identity::{Ballot, NodeId};
-use crate::machine::{Machine, Outbox, Output};
+use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
-use crate::wire;
 
-/// What a routing is built with.
+/// What a routing is built with: the policy that it follows.
 #[derive(Debug, Clone)]
-pub struct Config {
-    /// Whose routing this is.
-    pub id: NodeId,
-    /// How many drones the swarm has; ids run from 0 to one below.
-    pub drones: u32,
-    /// How often a drone repeats what it knows.
-    pub period: Duration,
-    /// How often it does so once it has been going to land for its time to live: nobody waits for it any more, and
-    /// whoever it relays to has been told.
-    pub keep_alive: Duration,
-    /// How often a drone says hello during discovery.
-    pub hello_period: Duration,
-    /// How long discovery lasts.
-    pub discovery: Duration,
-    /// How many hellos in a row make a neighbour stable.
-    pub stable_after: u32,
-    /// The longest pause between two hellos in a row.
-    pub hello_gap: Duration,
-    /// How long a drone may be silent before it is taken for lost, and the longest a hop update waits.
-    pub time_to_live: Duration,
+pub enum Config {
+    /// Periodic repetition, as the thesis has it.
+    Flood(flood::Config),
+    /// On change, along a tree, repaired at each hop.
+    Tree(tree::Config),
 }
 
 /// What a routing is told.
@@ -98,6 +73,8 @@ pub enum Transmit {
         ballot: Ballot,
         /// A packet, encoded.
         payload: Vec<u8>,
+        /// Whether it is sent only because its time has come, and not because anything has changed or was missed.
+        keep_alive: bool,
     },
     /// To the protocol.
     Inform(Notice),
@@ -179,157 +156,52 @@ pub struct Routes {
     pub out_of_range: bool,
 }
 
-/// The routing of one drone.
+/// What outlives a routing.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Checkpoint {
+    /// Of policy `flood`.
+    Flood(flood::Checkpoint),
+    /// Of policy `tree`.
+    Tree(tree::Checkpoint),
+}
+
+/// The routing of one drone, by whichever policy.
 #[derive(Debug)]
-pub struct Routing {
-    config: Config,
-    rng: ChaCha8Rng,
-    durable: Checkpoint,
-    neighbours: Neighbours,
-    members: Members,
-    /// Stable neighbours heard again since hop update began.
-    heard_again: BTreeSet<NodeId>,
-    pulse_rose_at: Timestamp,
-    master_silent: bool,
-    /// When this drone speaks next; `None` until it has something to say.
-    next_send: Option<Timestamp>,
-    outbox: Outbox<Transmit, Event>,
+pub enum Routing {
+    /// By periodic repetition.
+    Flood(flood::FloodRouting),
+    /// Along a tree.
+    Tree(tree::TreeRouting),
 }
 
 impl Routing {
-    /// A routing as `checkpoint` left it; a default one knows nothing.
+    /// A routing as `checkpoint` left it; one without, or with another policy's, knows nothing.
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
-        let mut routing = Self {
-            rng: ChaCha8Rng::seed_from_u64(seed),
-            neighbours: Neighbours::new(config.stable_after, config.hello_gap),
-            members: Members::default(),
-            heard_again: BTreeSet::new(),
-            pulse_rose_at: now,
-            master_silent: false,
-            next_send: None,
-            durable: Checkpoint::default(),
-            outbox: Outbox::new(),
-            config,
-        };
-        if let Some(checkpoint) = checkpoint {
-            routing.resume(now, checkpoint);
+        match config {
+            Config::Flood(config) => {
+                let checkpoint = checkpoint.and_then(|checkpoint| match checkpoint {
+                    Checkpoint::Flood(checkpoint) => Some(checkpoint),
+                    Checkpoint::Tree(_) => None,
+                });
+                Self::Flood(flood::FloodRouting::new(config, seed, now, checkpoint))
+            }
+            Config::Tree(config) => {
+                let checkpoint = checkpoint.and_then(|checkpoint| match checkpoint {
+                    Checkpoint::Tree(checkpoint) => Some(checkpoint),
+                    Checkpoint::Flood(_) => None,
+                });
+                Self::Tree(tree::TreeRouting::new(config, seed, now, checkpoint))
+            }
         }
-        routing
     }
 
     /// Entries in the larger of its tables, and the most either takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.members.len(), self.config.drones as usize)
-    }
-
-    fn resume(&mut self, now: Timestamp, checkpoint: Checkpoint) {
-        self.neighbours
-            .remember(checkpoint.stable.iter().copied(), now);
-        self.durable = checkpoint;
-        self.durable.skip_reserved(self.is_master());
-        if self.durable.ballot.is_some() && self.durable.phase != Phase::Stopped {
-            self.next_send = Some(now + self.phase_in(self.config.period));
-        }
-        self.outbox.transmit(Transmit::Inform(Notice::Resync));
-        self.checkpoint();
-    }
-
-    fn is_master(&self) -> bool {
-        self.durable
-            .ballot
-            .is_some_and(|ballot| ballot.master == self.config.id)
-    }
-
-    fn is_member(&self, id: NodeId) -> bool {
-        id.0 < self.config.drones
-    }
-
-    /// A random part of a period: drones do not speak in step.
-    fn phase_in(&mut self, period: Duration) -> Duration {
-        let nanos = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
-        Duration::from_nanos(self.rng.random_range(0..nanos.max(1)))
-    }
-
-    fn inform(&mut self, notice: Notice) {
-        self.outbox.transmit(Transmit::Inform(notice));
-    }
-
-    fn checkpoint(&mut self) {
-        self.durable.stable = self.neighbours.stable().collect();
-        let checkpoint = Box::new(self.durable.clone());
-        self.outbox.event(Event::Checkpoint(checkpoint));
-    }
-
-    fn start_speaking(&mut self, now: Timestamp) {
-        if self.next_send.is_none() {
-            self.next_send = Some(now + self.phase_in(self.config.period));
-        }
-    }
-
-    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
-        let Ok(packet) = wire::decode_packet(payload) else {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        };
-        if !self.is_member(sender) || !self.follow(now, ballot) {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        }
-        match packet {
-            Packet::Hello { remaining } => self.heard_hello(now, sender, remaining),
-            Packet::HopUpdate { hops, routing_list } => {
-                self.heard_hop_update(now, sender, hops, &routing_list);
-            }
-            Packet::Flood(flood) => self.heard_flood(now, sender, flood),
-        }
-    }
-
-    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
-    fn follow(&mut self, now: Timestamp, ballot: Ballot) -> bool {
-        match self.durable.ballot {
-            Some(own) if own == ballot => true,
-            Some(own) if !ballot.beats(&own) => false,
-            _ => {
-                self.durable.ballot = Some(ballot);
-                self.pulse_rose_at = now;
-                self.start_speaking(now);
-                self.checkpoint();
-                true
-            }
-        }
-    }
-
-    fn resync(&mut self) {
-        if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
-            let sequence = self.durable.sequence;
-            self.inform(Notice::Order {
-                ballot,
-                sequence,
-                order,
-            });
-        }
-        match self.durable.phase {
-            Phase::Gossip | Phase::Stopped => {}
-            Phase::Discovery { .. } => self.inform(Notice::DiscoveryStarted),
-            Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
-            Phase::Following => self.inform(Notice::RoutesReady),
-        }
-        let members: Vec<_> = self.members.iter().collect();
-        let silent: Vec<_> = self.members.silent().collect();
-        for member in members {
-            self.inform(Notice::Progress {
-                member: member.id,
-                acknowledged: member.acknowledged,
-                landing: member.landing,
-            });
-        }
-        for id in silent {
-            self.inform(Notice::Silent(id));
-        }
-        if self.master_silent {
-            self.inform(Notice::MasterSilent);
+        match self {
+            Self::Flood(routing) => routing.occupancy(),
+            Self::Tree(routing) => routing.occupancy(),
         }
     }
 }
@@ -341,48 +213,23 @@ impl Machine for Routing {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
-        match input {
-            Input::Heard {
-                sender,
-                ballot,
-                payload,
-            } => self.heard(now, sender, ballot, &payload),
-            Input::Lead(ballot) => {
-                self.durable.ballot = Some(ballot);
-                self.start_speaking(now);
-                self.checkpoint();
-            }
-            Input::Publish { sequence, order } if sequence > self.durable.sequence => {
-                self.durable.sequence = sequence;
-                self.durable.order = Some(order);
-                self.checkpoint();
-            }
-            Input::Acknowledge { sequence } if sequence > self.durable.acknowledged => {
-                self.durable.acknowledged = sequence;
-                self.checkpoint();
-            }
-            Input::Publish { .. } | Input::Acknowledge { .. } => {}
-            Input::Discover => self.start_discovery(now, self.config.discovery),
-            Input::Land => {
-                self.durable.landing.get_or_insert(now);
-                self.checkpoint();
-            }
-            Input::Stop => self.stop(),
-            Input::Resync => self.resync(),
+        match self {
+            Self::Flood(routing) => routing.handle_input(now, input),
+            Self::Tree(routing) => routing.handle_input(now, input),
         }
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        while let Some(due) = self.next_send.filter(|due| *due <= now) {
-            self.next_send = self.speak(now, due);
+        match self {
+            Self::Flood(routing) => routing.handle_timeout(now),
+            Self::Tree(routing) => routing.handle_timeout(now),
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.next_send)
+        match self {
+            Self::Flood(routing) => routing.poll_output(),
+            Self::Tree(routing) => routing.poll_output(),
+        }
     }
 }
-
-#[cfg(test)]
-mod tests;

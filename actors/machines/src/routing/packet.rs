@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 
 /// What routings say to each other.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +21,8 @@ pub enum Packet {
     },
     /// What each drone repeats while the swarm follows orders.
     Flood(Flood),
+    /// What each drone says, policy `tree`, when something has changed, was missed, or once a while.
+    Tree(Tree),
 }
 
 /// A drone's state, repeated: the thesis's MOVE, WAYPOINT_REACHED and LAND in one.
@@ -53,4 +55,31 @@ pub struct Member {
     pub out_of_range: bool,
     /// It is on its way to the ground and acknowledges nothing more: nobody waits for it.
     pub landing: bool,
+}
+
+/// A drone's state and that of the drones below it, as policy `tree` spreads it.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Tree {
+    /// Rises with each packet of this kind that the sender sends.
+    pub beat: u32,
+    /// Hops from the sender to the master, while it has a way there.
+    pub hops: Option<u16>,
+    /// The neighbour on that way.
+    pub parent: Option<NodeId>,
+    /// The highest number of the master's own that the sender has heard of.
+    pub pulse: u32,
+    /// The newest order that the sender has heard of; 0 before the first.
+    pub sequence: u32,
+    /// Who of the sender and the drones below it has carried that order out.
+    pub acknowledged: NodeSet,
+    /// The sender and the drones below it.
+    pub alive: NodeSet,
+    /// Who of them is on its way to the ground.
+    pub landing: NodeSet,
+    /// Whom the sender has heard lately; not in every packet.
+    pub hears: Option<NodeSet>,
+    /// By the master, passed on outwards: whose acknowledgement of that order is still missing.
+    pub pending: NodeSet,
+    /// The newest order, from the master and from whoever has drones below it.
+    pub order: Option<Bytes>,
 }

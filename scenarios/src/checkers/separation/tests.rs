@@ -106,9 +106,22 @@ fn a_drone_that_climbs_through_another_is_found() {
 
 #[test]
 fn drones_on_the_ground_may_stand_close() {
-    let a = flying(Ned::HOME, 0.0, Ned::new(0.0, 0.0, -20.0), 2.5);
-    let b = Vehicle::new(LANDING, Ned::new(1.0, 0.0, 0.0));
-    assert_eq!(checked(&[a, b], 30.0), (None, None));
+    let standing = |east_m| Vehicle::new(LANDING, Ned::new(0.0, east_m, 0.0));
+    assert_eq!(checked(&[standing(0.0), standing(1.0)], 30.0), (None, None));
+}
+
+#[test]
+fn a_drone_that_lands_on_one_that_is_down_is_found() {
+    let mut landing = flying(
+        Ned::new(0.0, 0.0, -20.0),
+        0.0,
+        Ned::new(10.0, 0.0, -20.0),
+        5.0,
+    );
+    landing.obey(at(20.0), Demand::Land);
+    let down = Vehicle::new(LANDING, Ned::new(10.0, 3.0, 0.0));
+    let (violation, _) = checked(&[landing, down], 90.0);
+    assert!(violation.unwrap().at > at(20.0));
 }
 
 proptest! {

@@ -1,3 +1,5 @@
+use bytes::Bytes;
+
 use super::*;
 use crate::machine::{Said, Stimulus, step};
 
@@ -21,8 +23,8 @@ fn config(id: u32) -> Config {
     }
 }
 
-fn routing(id: u32) -> Routing {
-    Routing::new(config(id), 1, Timestamp::ZERO, None)
+fn routing(id: u32) -> FloodRouting {
+    FloodRouting::new(config(id), 1, Timestamp::ZERO, None)
 }
 
 fn at(seconds: f64) -> Timestamp {
@@ -35,7 +37,7 @@ struct Outcome {
     events: Vec<Event>,
 }
 
-fn stimulate(routing: &mut Routing, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
+fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
     let mut outcome = Outcome {
         sent: Vec::new(),
         notices: Vec::new(),
@@ -51,12 +53,12 @@ fn stimulate(routing: &mut Routing, now: Timestamp, stimulus: Stimulus<Input>) -
     outcome
 }
 
-fn hears(routing: &mut Routing, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
+fn hears(routing: &mut FloodRouting, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
     hears_under(routing, now, from, MASTER, packet)
 }
 
 fn hears_under(
-    routing: &mut Routing,
+    routing: &mut FloodRouting,
     now: Timestamp,
     from: u32,
     ballot: Ballot,
@@ -82,7 +84,7 @@ fn flood(pulse: u32, sequence: u32) -> Flood {
 }
 
 /// Lets time pass up to `until`, timer by timer.
-fn wait(routing: &mut Routing, until: Timestamp) -> Outcome {
+fn wait(routing: &mut FloodRouting, until: Timestamp) -> Outcome {
     let mut all = Outcome {
         sent: Vec::new(),
         notices: Vec::new(),
@@ -98,7 +100,7 @@ fn wait(routing: &mut Routing, until: Timestamp) -> Outcome {
 }
 
 /// Slave 1, whose neighbours 0 (the master) and 2 are stable, at the start of its hop update.
-fn in_hop_update() -> (Routing, Timestamp) {
+fn in_hop_update() -> (FloodRouting, Timestamp) {
     let mut slave = routing(1);
     for beat in 0..16_u32 {
         let now = at(0.5 * f64::from(beat));
@@ -189,7 +191,7 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
         "a follower counts as heard"
     );
     patient.phase = Phase::HopUpdate { since: now };
-    let mut waiting = Routing::new(config(1), 2, now, Some(patient));
+    let mut waiting = FloodRouting::new(config(1), 2, now, Some(patient));
     let outcome = wait(&mut waiting, now + Duration::from_millis(5_400));
     assert!(outcome.notices.contains(&Notice::RoutesReady));
 }
@@ -246,7 +248,7 @@ fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
     hears(&mut slave, now, 2, &member(2, Some(NodeId(0))));
     hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
     assert_eq!(slave.durable.phase, Phase::Following);
-    let says = |slave: &mut Routing, until| {
+    let says = |slave: &mut FloodRouting, until| {
         let sent = wait(slave, until).sent;
         match sent.into_iter().next_back() {
             Some(Packet::Flood(flood)) => (flood.members.len(), flood.order.is_some()),
@@ -307,14 +309,19 @@ fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
     let mut kept = None;
     for outcome in [wait(&mut slave, at(2.0)), wait(&mut slave, at(60.0))] {
         for event in outcome.events {
-            if let Event::Checkpoint(checkpoint) = event {
-                kept = Some(*checkpoint);
+            if let Event::Checkpoint(checkpoint) = event
+                && let crate::routing::Checkpoint::Flood(checkpoint) = *checkpoint
+            {
+                kept = Some(checkpoint);
             }
         }
     }
-    let beat = slave.durable.beat;
-    let restarted = Routing::new(config(1), 2, at(60.0), kept);
-    assert!(restarted.durable.beat >= beat, "{beat} was used already");
+    let beat = slave.durable.beats.own;
+    let restarted = FloodRouting::new(config(1), 2, at(60.0), kept);
+    assert!(
+        restarted.durable.beats.own >= beat,
+        "{beat} was used already"
+    );
 }
 
 #[test]

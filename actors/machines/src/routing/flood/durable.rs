@@ -1,11 +1,8 @@
 use bytes::Bytes;
 
-use super::Routes;
 use crate::identity::{Ballot, NodeId};
+use crate::routing::{Beats, Routes};
 use crate::time::Timestamp;
-
-/// How many beats are reserved at once, so that a restart never falls back to one already used.
-const BEAT_BLOCK: u32 = 256;
 
 /// What outlives a routing.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -26,12 +23,8 @@ pub struct Checkpoint {
     pub routes: Routes,
     /// The stable neighbours, lowest first.
     pub stable: Vec<NodeId>,
-    /// The highest number of the master's own that was heard of, or sent as master.
-    pub pulse: u32,
-    /// This drone's own beat.
-    pub beat: u32,
-    /// The first beat and pulse that may not have been used yet.
-    pub reserved: u32,
+    /// The signs of life.
+    pub beats: Beats,
 }
 
 /// What a routing is doing.
@@ -54,28 +47,4 @@ pub enum Phase {
     Following,
     /// On the ground, done.
     Stopped,
-}
-
-impl Checkpoint {
-    /// The next beat; whether a new block of them was reserved, which is to be remembered before it is used.
-    pub(super) fn next_beat(&mut self, is_master: bool) -> bool {
-        self.beat += 1;
-        if is_master {
-            self.pulse += 1;
-        }
-        let highest = self.beat.max(if is_master { self.pulse } else { 0 });
-        let exhausted = highest >= self.reserved;
-        if exhausted {
-            self.reserved = highest + BEAT_BLOCK;
-        }
-        exhausted
-    }
-
-    /// Skips whatever may have been used since this was stored.
-    pub(super) fn skip_reserved(&mut self, is_master: bool) {
-        self.beat = self.beat.max(self.reserved);
-        if is_master {
-            self.pulse = self.pulse.max(self.reserved);
-        }
-    }
 }

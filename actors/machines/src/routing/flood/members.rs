@@ -69,10 +69,22 @@ impl Members {
         change
     }
 
-    /// Starts every member's time to live anew.
-    pub(super) fn be_patient(&mut self, now: Timestamp) {
-        for known in self.0.values_mut() {
-            known.rose_at = now;
+    /// Starts the time to live of each of `members` anew, heard of or not.
+    pub(super) fn expect(&mut self, members: impl Iterator<Item = NodeId>, now: Timestamp) {
+        for id in members {
+            let unheard = Known {
+                member: Member {
+                    id,
+                    beat: 0,
+                    acknowledged: 0,
+                    out_of_range: false,
+                    landing: false,
+                },
+                via: id,
+                rose_at: now,
+                silent: false,
+            };
+            self.0.entry(id).or_insert(unheard).rose_at = now;
         }
     }
 

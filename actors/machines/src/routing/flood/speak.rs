@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Event, Flood, Member, Notice, Packet, Phase, Routes, Routing, Transmit};
+use super::{Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::wire;
@@ -10,7 +10,7 @@ use crate::wire;
 /// The longest that a first hello waits, so that neighbours do not all answer one at the same instant.
 const FIRST_HELLO_MAX: Duration = Duration::from_millis(20);
 
-impl Routing {
+impl FloodRouting {
     /// Says what is due at `due`; when to speak next.
     pub(super) fn speak(&mut self, now: Timestamp, due: Timestamp) -> Option<Timestamp> {
         let pause = match self.durable.phase {
@@ -62,13 +62,17 @@ impl Routing {
     fn send(&mut self, packet: &Packet) {
         if let Some(ballot) = self.durable.ballot {
             let payload = wire::encode_packet(packet);
-            self.outbox.transmit(Transmit::Send { ballot, payload });
+            self.outbox.transmit(Transmit::Send {
+                ballot,
+                payload,
+                keep_alive: false,
+            });
         }
     }
 
     fn send_flood(&mut self) {
         let is_master = self.is_master();
-        if self.durable.next_beat(is_master) {
+        if self.durable.beats.advance(is_master) {
             self.checkpoint();
         }
         let members = if is_master {
@@ -76,7 +80,7 @@ impl Routing {
         } else {
             let own = Member {
                 id: self.config.id,
-                beat: self.durable.beat,
+                beat: self.durable.beats.own,
                 acknowledged: self.durable.acknowledged,
                 out_of_range: self.durable.routes.out_of_range,
                 landing: self.durable.landing.is_some(),
@@ -89,7 +93,7 @@ impl Routing {
         self.send(&Packet::Flood(Flood {
             hops: self.durable.routes.hops,
             parent: self.durable.routes.parent,
-            pulse: self.durable.pulse,
+            pulse: self.durable.beats.pulse,
             sequence: self.durable.sequence,
             members,
             order,
@@ -204,7 +208,7 @@ impl Routing {
     fn finish_hop_update(&mut self, now: Timestamp) {
         self.durable.phase = Phase::Following;
         if self.is_master() {
-            self.members.be_patient(now);
+            self.expect_members(now);
         } else {
             self.members.forget_all();
         }
@@ -216,8 +220,8 @@ impl Routing {
     }
 
     pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {
-        if flood.pulse > self.durable.pulse && !self.is_master() {
-            self.durable.pulse = flood.pulse;
+        if flood.pulse > self.durable.beats.pulse && !self.is_master() {
+            self.durable.beats.pulse = flood.pulse;
             self.pulse_rose_at = now;
             if self.master_silent {
                 self.master_silent = false;
@@ -225,6 +229,15 @@ impl Routing {
             }
         }
         self.heard_order(flood.sequence, flood.order);
+        if self.durable.routes.hops.is_none()
+            && matches!(
+                self.durable.phase,
+                Phase::HopUpdate { .. } | Phase::Following
+            )
+        {
+            // Discovery has passed it by: whoever is heard often enough now is as good a neighbour.
+            self.neighbours.hear(sender, now);
+        }
         match self.durable.phase {
             Phase::Gossip => self.hear_members(now, sender, &flood.members),
             Phase::Following => {

@@ -1,0 +1,38 @@
+/// How many numbers are reserved at once, so that a restart never falls back to one already used.
+const BLOCK: u32 = 256;
+
+/// The numbers by which drones prove that they live; they only rise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Beats {
+    /// This drone's own last number.
+    pub own: u32,
+    /// The highest number of the master's own that was heard of, or used as master.
+    pub pulse: u32,
+    /// The first number that may not have been used yet.
+    reserved: u32,
+}
+
+impl Beats {
+    /// Goes on to the next number; whether a new block of them was reserved, which is to be remembered before it is
+    /// used.
+    pub(super) fn advance(&mut self, is_master: bool) -> bool {
+        self.own += 1;
+        if is_master {
+            self.pulse += 1;
+        }
+        let highest = self.own.max(if is_master { self.pulse } else { 0 });
+        let exhausted = highest >= self.reserved;
+        if exhausted {
+            self.reserved = highest + BLOCK;
+        }
+        exhausted
+    }
+
+    /// Skips whatever may have been used since this was remembered.
+    pub(super) fn skip_reserved(&mut self, is_master: bool) {
+        self.own = self.own.max(self.reserved);
+        if is_master {
+            self.pulse = self.pulse.max(self.reserved);
+        }
+    }
+}

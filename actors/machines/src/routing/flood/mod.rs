@@ -1,0 +1,269 @@
+//! Policy `flood`, after the thesis (sections 4.2 and 4.4): before there are routes every drone repeats all it knows;
+//! neighbour discovery and hop update then give each drone a parent, and from there on acknowledgements go up through
+//! the parents only and orders are repeated by the master and those who must relay.
+
+mod durable;
+mod members;
+mod neighbours;
+mod speak;
+
+use std::collections::BTreeSet;
+use std::convert::Infallible;
+use std::time::Duration;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+pub use durable::{Checkpoint, Phase};
+
+use self::members::Members;
+use self::neighbours::Neighbours;
+use super::packet::{Flood, Member, Packet};
+use super::{Event, Input, Notice, Routes, Transmit};
+use crate::identity::{Ballot, NodeId};
+use crate::machine::{Machine, Outbox, Output};
+use crate::time::Timestamp;
+use crate::wire;
+
+/// What it is built with.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Whose routing this is.
+    pub id: NodeId,
+    /// How many drones the swarm has; ids run from 0 to one below.
+    pub drones: u32,
+    /// How often a drone repeats what it knows.
+    pub period: Duration,
+    /// How often it does so once it has been going to land for its time to live: nobody waits for it any more, and
+    /// whoever it relays to has been told.
+    pub keep_alive: Duration,
+    /// How often a drone says hello during discovery.
+    pub hello_period: Duration,
+    /// How long discovery lasts.
+    pub discovery: Duration,
+    /// How many hellos in a row make a neighbour stable.
+    pub stable_after: u32,
+    /// The longest pause between two hellos in a row.
+    pub hello_gap: Duration,
+    /// How long a drone may be silent before it is taken for lost, and the longest a hop update waits.
+    pub time_to_live: Duration,
+}
+
+/// The routing of one drone, by periodic repetition.
+#[derive(Debug)]
+pub struct FloodRouting {
+    config: Config,
+    rng: ChaCha8Rng,
+    durable: Checkpoint,
+    neighbours: Neighbours,
+    members: Members,
+    /// Stable neighbours heard again since hop update began.
+    heard_again: BTreeSet<NodeId>,
+    pulse_rose_at: Timestamp,
+    master_silent: bool,
+    /// When this drone speaks next; `None` until it has something to say.
+    next_send: Option<Timestamp>,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl FloodRouting {
+    /// A routing as `checkpoint` left it; a default one knows nothing.
+    #[must_use]
+    pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
+        let mut routing = Self {
+            rng: ChaCha8Rng::seed_from_u64(seed),
+            neighbours: Neighbours::new(config.stable_after, config.hello_gap),
+            members: Members::default(),
+            heard_again: BTreeSet::new(),
+            pulse_rose_at: now,
+            master_silent: false,
+            next_send: None,
+            durable: Checkpoint::default(),
+            outbox: Outbox::new(),
+            config,
+        };
+        if let Some(checkpoint) = checkpoint {
+            routing.resume(now, checkpoint);
+        }
+        routing
+    }
+
+    /// Entries in the larger of its tables, and the most either takes.
+    #[must_use]
+    pub fn occupancy(&self) -> (usize, usize) {
+        (self.members.len(), self.config.drones as usize)
+    }
+
+    fn resume(&mut self, now: Timestamp, checkpoint: Checkpoint) {
+        self.neighbours
+            .remember(checkpoint.stable.iter().copied(), now);
+        self.durable = checkpoint;
+        self.durable.beats.skip_reserved(self.is_master());
+        if self.durable.ballot.is_some() && self.durable.phase != Phase::Stopped {
+            self.next_send = Some(now + self.phase_in(self.config.period));
+        }
+        if self.is_master() {
+            self.expect_members(now);
+        }
+        self.outbox.transmit(Transmit::Inform(Notice::Resync));
+        self.checkpoint();
+    }
+
+    /// As master: gives every member its time to live, heard of or not.
+    fn expect_members(&mut self, now: Timestamp) {
+        let own = self.config.id;
+        let members = (0..self.config.drones).map(NodeId).filter(|id| *id != own);
+        self.members.expect(members, now);
+    }
+
+    fn is_master(&self) -> bool {
+        self.durable
+            .ballot
+            .is_some_and(|ballot| ballot.master == self.config.id)
+    }
+
+    fn is_member(&self, id: NodeId) -> bool {
+        id.0 < self.config.drones
+    }
+
+    /// A random part of a period: drones do not speak in step.
+    fn phase_in(&mut self, period: Duration) -> Duration {
+        let nanos = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
+        Duration::from_nanos(self.rng.random_range(0..nanos.max(1)))
+    }
+
+    fn inform(&mut self, notice: Notice) {
+        self.outbox.transmit(Transmit::Inform(notice));
+    }
+
+    fn checkpoint(&mut self) {
+        self.durable.stable = self.neighbours.stable().collect();
+        let checkpoint = super::Checkpoint::Flood(self.durable.clone());
+        self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
+    }
+
+    fn start_speaking(&mut self, now: Timestamp) {
+        if self.next_send.is_none() {
+            self.next_send = Some(now + self.phase_in(self.config.period));
+        }
+    }
+
+    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
+        let Ok(packet) = wire::decode_packet(payload) else {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        };
+        if !self.is_member(sender) || !self.follow(now, ballot) {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        }
+        match packet {
+            Packet::Hello { remaining } => self.heard_hello(now, sender, remaining),
+            Packet::HopUpdate { hops, routing_list } => {
+                self.heard_hop_update(now, sender, hops, &routing_list);
+            }
+            Packet::Flood(flood) => self.heard_flood(now, sender, flood),
+            Packet::Tree(_) => self.outbox.event(Event::Ignored(sender)),
+        }
+    }
+
+    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
+    fn follow(&mut self, now: Timestamp, ballot: Ballot) -> bool {
+        match self.durable.ballot {
+            Some(own) if own == ballot => true,
+            Some(own) if !ballot.beats(&own) => false,
+            _ => {
+                self.durable.ballot = Some(ballot);
+                self.pulse_rose_at = now;
+                self.start_speaking(now);
+                self.checkpoint();
+                true
+            }
+        }
+    }
+
+    fn resync(&mut self) {
+        if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
+            let sequence = self.durable.sequence;
+            self.inform(Notice::Order {
+                ballot,
+                sequence,
+                order,
+            });
+        }
+        match self.durable.phase {
+            Phase::Gossip | Phase::Stopped => {}
+            Phase::Discovery { .. } => self.inform(Notice::DiscoveryStarted),
+            Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
+            Phase::Following => self.inform(Notice::RoutesReady),
+        }
+        let members: Vec<_> = self.members.iter().collect();
+        let silent: Vec<_> = self.members.silent().collect();
+        for member in members {
+            self.inform(Notice::Progress {
+                member: member.id,
+                acknowledged: member.acknowledged,
+                landing: member.landing,
+            });
+        }
+        for id in silent {
+            self.inform(Notice::Silent(id));
+        }
+        if self.master_silent {
+            self.inform(Notice::MasterSilent);
+        }
+    }
+}
+
+impl Machine for FloodRouting {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Heard {
+                sender,
+                ballot,
+                payload,
+            } => self.heard(now, sender, ballot, &payload),
+            Input::Lead(ballot) => {
+                self.durable.ballot = Some(ballot);
+                self.start_speaking(now);
+                self.checkpoint();
+            }
+            Input::Publish { sequence, order } if sequence > self.durable.sequence => {
+                self.durable.sequence = sequence;
+                self.durable.order = Some(order);
+                self.checkpoint();
+            }
+            Input::Acknowledge { sequence } if sequence > self.durable.acknowledged => {
+                self.durable.acknowledged = sequence;
+                self.checkpoint();
+            }
+            Input::Publish { .. } | Input::Acknowledge { .. } => {}
+            Input::Discover => self.start_discovery(now, self.config.discovery),
+            Input::Land => {
+                self.durable.landing.get_or_insert(now);
+                self.checkpoint();
+            }
+            Input::Stop => self.stop(),
+            Input::Resync => self.resync(),
+        }
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        while let Some(due) = self.next_send.filter(|due| *due <= now) {
+            self.next_send = self.speak(now, due);
+        }
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.poll(self.next_send)
+    }
+}
+
+#[cfg(test)]
+mod tests;

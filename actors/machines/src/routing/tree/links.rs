@@ -1,0 +1,132 @@
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use crate::identity::{NodeId, NodeSet};
+use crate::routing::packet::Tree;
+use crate::time::Timestamp;
+
+/// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
+const LOSS_MEMORY: u32 = 50;
+/// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
+const LOST: f64 = 1e-6;
+/// How unlikely it must be that it is silent for as long as it takes to prefer another.
+const STALE: f64 = 1e-2;
+/// However lossy a link is, it is given up after this many beacons.
+const BEACONS_MAX: f64 = 30.0;
+
+/// What is known of each neighbour, from the frames of its own that were heard.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Links(BTreeMap<NodeId, Link>);
+
+/// What is known of one neighbour.
+#[derive(Debug, Clone)]
+pub(super) struct Link {
+    pub(super) heard_at: Timestamp,
+    /// Whether the neighbour has heard this drone too: only then the link counts.
+    pub(super) symmetric: bool,
+    /// The share of the neighbour's frames that was missed lately, told from the gaps between their numbers.
+    pub(super) loss: f64,
+    /// How many frames that was told from, up to [`LOSS_MEMORY`].
+    frames: u32,
+    /// What it said last; of the neighbours that it hears, only [`Self::symmetric`] is kept.
+    pub(super) said: Tree,
+}
+
+impl Link {
+    /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
+    fn learn(&mut self, missed: f64) {
+        self.frames = (self.frames + 1).min(LOSS_MEMORY);
+        self.loss += (missed - self.loss) / f64::from(self.frames);
+    }
+
+    /// Whether it has been silent for so long that another way would be better.
+    pub(super) fn is_stale(&self, now: Timestamp, beacon: Duration) -> bool {
+        now.since(self.heard_at) > self.patience(beacon, STALE)
+    }
+
+    /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`, by the rule of succession
+    /// where only few of its frames were heard.
+    fn patience(&self, beacon: Duration, odds: f64) -> Duration {
+        let frames = f64::from(self.frames);
+        let loss = (self.loss * frames + 1.0) / (frames + 2.0);
+        let beacons = libm::log(odds) / libm::log(loss);
+        beacon.mul_f64(beacons.ceil().min(BEACONS_MAX))
+    }
+}
+
+impl Links {
+    /// Takes in what a neighbour says; false for a number that is not newer than the last.
+    pub(super) fn hear(&mut self, own: NodeId, id: NodeId, said: Tree, now: Timestamp) -> bool {
+        let hears_us = said.hears.as_ref().map(|hears| hears.contains(own));
+        match self.0.get_mut(&id) {
+            None => {
+                let link = Link {
+                    heard_at: now,
+                    symmetric: hears_us.unwrap_or(false) || said.parent == Some(own),
+                    loss: 0.0,
+                    frames: 0,
+                    said,
+                };
+                self.0.insert(id, link);
+                true
+            }
+            Some(link) if said.beat <= link.said.beat => false,
+            Some(link) => {
+                let missed = said.beat - link.said.beat - 1;
+                for _ in 0..missed.min(LOSS_MEMORY) {
+                    link.learn(1.0);
+                }
+                link.learn(0.0);
+                link.heard_at = now;
+                link.symmetric = hears_us.unwrap_or(link.symmetric) || said.parent == Some(own);
+                link.said = said;
+                true
+            }
+        }
+    }
+
+    /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
+    /// who they were.
+    pub(super) fn forget_silent(
+        &mut self,
+        now: Timestamp,
+        time_to_live: Duration,
+        beacon: Duration,
+    ) -> Vec<NodeId> {
+        let silent: Vec<NodeId> = self
+            .0
+            .iter()
+            .filter(|(_, link)| {
+                now.since(link.heard_at) > time_to_live.max(link.patience(beacon, LOST))
+            })
+            .map(|(id, _)| *id)
+            .collect();
+        for id in &silent {
+            self.0.remove(id);
+        }
+        silent
+    }
+
+    pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
+        self.0.get(&id)
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = (NodeId, &Link)> {
+        self.0.iter().map(|(id, link)| (*id, link))
+    }
+
+    /// Neighbours that take `own` for their parent.
+    pub(super) fn children(&self, own: NodeId) -> impl Iterator<Item = (NodeId, &Link)> {
+        self.iter()
+            .filter(move |(_, link)| link.said.parent == Some(own))
+    }
+
+    /// All that are heard.
+    pub(super) fn ids(&self) -> NodeSet {
+        self.0.keys().copied().collect()
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+}

@@ -1,0 +1,569 @@
+//! Policy `tree`: what has changed is said at once, to whoever must know it, and said again until it is seen to have
+//! arrived.
+//!
+//! Each drone keeps what its neighbours last said and takes the one nearest to the master for its parent. An order
+//! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
+//! carried the order out. Hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
+//! heard in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
+//! passing it on as it comes in; that one frame serves discovery, liveness and routing.
+
+mod durable;
+mod links;
+mod speak;
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+pub use durable::Checkpoint;
+
+use self::links::{Link, Links};
+use super::packet::{Packet, Tree};
+use super::{Event, Input, Notice, Routes, Transmit};
+use crate::identity::{Ballot, NodeId, NodeSet};
+use crate::machine::{Machine, Outbox, Output};
+use crate::time::Timestamp;
+use crate::wire;
+
+/// What it is built with.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// Whose routing this is.
+    pub id: NodeId,
+    /// How many drones the swarm has; ids run from 0 to one below.
+    pub drones: u32,
+    /// How often the master's number goes out.
+    pub beacon: Duration,
+    /// How long a drone waits to hear what it said come back before it says it again; grows by half with each time.
+    pub repair: Duration,
+    /// The longest such wait.
+    pub repair_max: Duration,
+    /// How long a neighbour may be silent before its link is taken for lost.
+    pub link_time_to_live: Duration,
+    /// How long a drone may be without a way to the master, or a member without a way to this drone, before it is
+    /// taken for lost.
+    pub time_to_live: Duration,
+}
+
+/// From this share of missed frames on a leaf confirms an order with a frame of its own.
+const CONFIRM_ABOVE_LOSS: f64 = 0.005;
+
+/// The routing of one drone, along a tree.
+#[derive(Debug)]
+pub struct TreeRouting {
+    config: Config,
+    rng: ChaCha8Rng,
+    durable: Checkpoint,
+    links: Links,
+    routes: Routes,
+    /// When the way to the master was lost, and how far its number was by then.
+    orphaned: Option<(Timestamp, u32)>,
+    master_silent: bool,
+    /// A parent that answered nothing lately.
+    suspected: Option<NodeId>,
+    /// As master: who was alive when last looked, and since when each that is not has been missed.
+    missed: std::collections::BTreeMap<NodeId, Missed>,
+    /// What the protocol has been told of the members' acknowledgements: of which order, and who.
+    told: (u32, NodeSet),
+    told_landing: NodeSet,
+    /// What was last heard to be pending, and of which order.
+    pending: (u32, NodeSet),
+    /// The order that this drone's last frame told that it knows of.
+    said_sequence: u32,
+    next_beacon: Option<Timestamp>,
+    repair: Option<Repair>,
+    /// Until when acknowledgements wait for those still missing below, and of which order.
+    hold: Option<Hold>,
+    outbox: Outbox<Transmit, Event>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Missed {
+    since: Timestamp,
+    told: bool,
+}
+
+/// Something that was said and has not been seen to arrive.
+#[derive(Debug, Clone, Copy)]
+struct Repair {
+    since: Timestamp,
+    due: Timestamp,
+    pause: Duration,
+    tries: u32,
+}
+
+/// Acknowledgements of an order that wait to be merged with those still missing.
+#[derive(Debug, Clone, Copy)]
+struct Hold {
+    sequence: u32,
+    until: Timestamp,
+    is_over: bool,
+}
+
+impl TreeRouting {
+    /// A routing as `checkpoint` left it; one without knows nothing.
+    #[must_use]
+    pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
+        let mut routing = Self {
+            rng: ChaCha8Rng::seed_from_u64(seed),
+            durable: Checkpoint::default(),
+            links: Links::default(),
+            routes: Routes::default(),
+            orphaned: None,
+            master_silent: false,
+            suspected: None,
+            missed: std::collections::BTreeMap::new(),
+            told: (0, NodeSet::default()),
+            told_landing: NodeSet::default(),
+            pending: (0, NodeSet::default()),
+            said_sequence: 0,
+            next_beacon: None,
+            repair: None,
+            hold: None,
+            outbox: Outbox::new(),
+            config,
+        };
+        if let Some(checkpoint) = checkpoint {
+            routing.durable = checkpoint;
+            let is_master = routing.is_master();
+            routing.durable.beats.skip_reserved(is_master);
+            routing.inform(Notice::Resync);
+            if routing.durable.ballot.is_some() && !routing.durable.stopped {
+                routing.next_beacon = Some(now);
+            }
+            routing.update_routes(now);
+            if routing.durable.discovered {
+                routing.expect_members(now);
+            }
+            routing.checkpoint();
+        }
+        routing
+    }
+
+    /// Entries in its table of links, and the most that it takes.
+    #[must_use]
+    pub fn occupancy(&self) -> (usize, usize) {
+        (self.links.len(), self.config.drones as usize)
+    }
+
+    fn is_master(&self) -> bool {
+        self.durable
+            .ballot
+            .is_some_and(|ballot| ballot.master == self.config.id)
+    }
+
+    fn inform(&mut self, notice: Notice) {
+        self.outbox.transmit(Transmit::Inform(notice));
+    }
+
+    fn checkpoint(&mut self) {
+        let checkpoint = super::Checkpoint::Tree(self.durable.clone());
+        self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
+    }
+
+    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
+        let is_member = sender.0 < self.config.drones;
+        let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        };
+        if !is_member || self.durable.stopped || !self.obeys(now, ballot) {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        }
+        for set in [
+            &mut said.acknowledged,
+            &mut said.alive,
+            &mut said.landing,
+            &mut said.pending,
+        ] {
+            set.truncate(self.config.drones);
+        }
+        self.hear(now, sender, said);
+    }
+
+    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
+    fn obeys(&mut self, now: Timestamp, ballot: Ballot) -> bool {
+        match self.durable.ballot {
+            Some(own) if own == ballot => true,
+            Some(own) if !ballot.beats(&own) => false,
+            _ => {
+                self.durable.ballot = Some(ballot);
+                self.next_beacon.get_or_insert(now + self.config.beacon);
+                self.checkpoint();
+                true
+            }
+        }
+    }
+
+    fn hear(&mut self, now: Timestamp, sender: NodeId, said: Tree) {
+        let own = self.config.id;
+        let known = self.links.get(sender).map(|link| link.said.clone());
+        let (pulse, pending) = (said.pulse, (said.sequence, said.pending.clone()));
+        let order = said.order.clone().map(|order| (said.sequence, order));
+        if !self.links.hear(own, sender, said, now) {
+            return;
+        }
+        let news = self.take_order(order);
+        self.suspected = self.suspected.filter(|suspected| *suspected != sender);
+        self.update_routes(now);
+        self.take_pulse(now, sender, pulse);
+        self.report_members(now);
+        if self.routes.parent == Some(sender) && pending.0 == self.durable.sequence {
+            self.pending = pending;
+        }
+        self.answer(now, sender, known.as_ref(), news);
+    }
+
+    /// Takes in an order; whether it is news.
+    fn take_order(&mut self, order: Option<(u32, bytes::Bytes)>) -> bool {
+        let (Some(ballot), Some((sequence, order))) = (self.durable.ballot, order) else {
+            return false;
+        };
+        let is_news = sequence > self.durable.sequence && !self.is_master();
+        if is_news {
+            self.durable.sequence = sequence;
+            self.durable.order = Some(order.clone());
+            self.repair = None;
+            self.inform(Notice::Order {
+                ballot,
+                sequence,
+                order,
+            });
+            self.checkpoint();
+        }
+        is_news
+    }
+
+    /// A number of the master's own that has risen goes on outwards at once.
+    fn take_pulse(&mut self, now: Timestamp, sender: NodeId, pulse: u32) {
+        if self.is_master() || pulse <= self.durable.beats.pulse {
+            return;
+        }
+        self.durable.beats.pulse = pulse;
+        if self.routes.parent == Some(sender) && !self.is_settled_to_land(now) {
+            self.beacon_soon(now);
+        }
+    }
+
+    /// Brings the next beacon forward.
+    fn beacon_soon(&mut self, now: Timestamp) {
+        let soon = now + self.jitter(speak::SPREAD);
+        self.next_beacon = self.next_beacon.map(|due| due.min(soon));
+    }
+
+    /// Chooses the parent anew: the symmetric neighbour nearest to the master, then the one with the least loss; the
+    /// one it has unless another is nearer. In the place of a parent that is lost or stale it takes only a drone that
+    /// has heard more of the master since, and in the place of one that does not answer only a drone no farther from
+    /// the master than itself: the way of neither can be through this one.
+    fn update_routes(&mut self, now: Timestamp) {
+        let own = self.config.id;
+        let is_master = self.is_master();
+        let mut routes = Routes {
+            relay: self.links.children(own).next().is_some(),
+            ..Routes::default()
+        };
+        if is_master {
+            routes.hops = Some(0);
+        } else {
+            let parent = self.routes.parent;
+            let suspected = parent.filter(|parent| self.suspected == Some(*parent));
+            let stale = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| link.is_stale(now, self.config.beacon))
+            });
+            let has_newer_pulse = |link: &Link, pulse: u32| link.said.pulse > pulse;
+            let is_elsewhere = |link: &Link| match (self.orphaned, suspected, stale) {
+                (Some((_, pulse)), ..) => has_newer_pulse(link, pulse),
+                (None, Some(_), _) => link.said.hops <= self.routes.hops,
+                (None, None, Some(_)) => has_newer_pulse(link, self.durable.beats.pulse),
+                (None, None, None) => true,
+            };
+            let left = suspected.or(stale);
+            let usable = |id: NodeId, link: &Link| {
+                link.symmetric
+                    && link.said.hops.is_some()
+                    && link.said.parent != Some(own)
+                    && Some(id) != left
+                    && is_elsewhere(link)
+            };
+            let kept = left.and_then(|parent| Some((parent, self.links.get(parent)?)));
+            let best = self
+                .links
+                .iter()
+                .filter(|(id, link)| usable(*id, link))
+                .min_by(|(a_id, a), (b_id, b)| {
+                    let hops = a.said.hops.cmp(&b.said.hops);
+                    let kept = |id: &NodeId| Some(*id) != self.routes.parent;
+                    hops.then(kept(a_id).cmp(&kept(b_id)))
+                        .then(a.loss.total_cmp(&b.loss))
+                        .then(a_id.cmp(b_id))
+                })
+                .or(kept);
+            routes.parent = best.map(|(id, _)| id);
+            routes.hops = best
+                .and_then(|(_, link)| link.said.hops)
+                .map(|hops| hops.saturating_add(1));
+            let master = self.durable.ballot.map(|ballot| ballot.master);
+            routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
+            match routes.parent {
+                Some(_) => self.found_master(),
+                None => {
+                    let pulse = self.durable.beats.pulse;
+                    self.orphaned.get_or_insert((now, pulse));
+                }
+            }
+        }
+        if routes != self.routes {
+            let way_changed =
+                routes.hops != self.routes.hops || routes.parent != self.routes.parent;
+            self.routes = routes;
+            self.outbox.event(Event::Routes(self.routes.clone()));
+            if way_changed && !self.is_settled_to_land(now) {
+                self.beacon_soon(now);
+            }
+        }
+    }
+
+    fn found_master(&mut self) {
+        self.orphaned = None;
+        if self.master_silent {
+            self.master_silent = false;
+            self.inform(Notice::MasterReturned);
+        }
+    }
+
+    /// Notices who has fallen silent.
+    fn watch(&mut self, now: Timestamp) {
+        let lost = self
+            .links
+            .forget_silent(now, self.config.link_time_to_live, self.config.beacon);
+        if !lost.is_empty() {
+            self.update_routes(now);
+        }
+        self.report_members(now);
+        if !self.is_master()
+            && let Some((since, _)) = self.orphaned
+            && now.since(since) > self.config.time_to_live
+            && !self.master_silent
+        {
+            self.master_silent = true;
+            self.inform(Notice::MasterSilent);
+        }
+    }
+
+    /// As master: tells the protocol what the members' reports have changed.
+    fn report_members(&mut self, now: Timestamp) {
+        if !self.is_master() {
+            return;
+        }
+        let sequence = self.durable.sequence;
+        if self.told.0 != sequence {
+            self.told = (sequence, NodeSet::default());
+        }
+        let acknowledged = self.acknowledged_below();
+        let landing = self.below(|said| &said.landing);
+        let news: Vec<NodeId> = acknowledged
+            .iter()
+            .filter(|id| !self.told.1.contains(*id))
+            .chain(landing.iter().filter(|id| !self.told_landing.contains(*id)))
+            .collect();
+        for member in news {
+            let carried_out = acknowledged.contains(member);
+            self.inform(Notice::Progress {
+                member,
+                acknowledged: if carried_out { sequence } else { 0 },
+                landing: landing.contains(member),
+            });
+        }
+        self.told.1.extend_from(&acknowledged);
+        self.told_landing.extend_from(&landing);
+        self.miss_members(now);
+    }
+
+    /// As master: gives every member its time to live, heard of or not.
+    fn expect_members(&mut self, now: Timestamp) {
+        for id in (0..self.config.drones)
+            .map(NodeId)
+            .filter(|id| *id != self.config.id)
+        {
+            let missed = Missed {
+                since: now,
+                told: false,
+            };
+            self.missed.entry(id).or_insert(missed);
+        }
+    }
+
+    fn miss_members(&mut self, now: Timestamp) {
+        let alive = self.below(|said| &said.alive);
+        for id in alive.iter() {
+            match self.missed.insert(
+                id,
+                Missed {
+                    since: now,
+                    told: false,
+                },
+            ) {
+                Some(missed) if missed.told => self.inform(Notice::Returned(id)),
+                Some(_) => {}
+                None => self.reached(id),
+            }
+        }
+        let time_to_live = self.config.time_to_live;
+        let mut silent = Vec::new();
+        for (id, missed) in &mut self.missed {
+            if !missed.told && !alive.contains(*id) && now.since(missed.since) > time_to_live {
+                missed.told = true;
+                silent.push(*id);
+            }
+        }
+        for id in silent {
+            self.inform(Notice::Silent(id));
+        }
+    }
+
+    /// Lets it be seen through whom the master hears of a member.
+    fn reached(&mut self, member: NodeId) {
+        let own = self.config.id;
+        let via = self
+            .links
+            .children(own)
+            .find(|(_, link)| link.said.alive.contains(member))
+            .map(|(id, _)| id);
+        if let Some(via) = via {
+            self.outbox.event(Event::Reached {
+                member,
+                via,
+                out_of_range: self.links.get(member).is_none(),
+            });
+        }
+    }
+
+    /// What all children say of the drones below them, in one set.
+    fn below(&self, what: impl Fn(&Tree) -> &NodeSet) -> NodeSet {
+        let mut all = NodeSet::default();
+        for (_, link) in self.links.children(self.config.id) {
+            all.extend_from(what(&link.said));
+        }
+        all
+    }
+
+    /// Who below has carried the newest order out.
+    fn acknowledged_below(&self) -> NodeSet {
+        let mut all = NodeSet::default();
+        for (_, link) in self.links.children(self.config.id) {
+            if link.said.sequence == self.durable.sequence {
+                all.extend_from(&link.said.acknowledged);
+            }
+        }
+        all
+    }
+
+    fn jitter(&mut self, up_to: Duration) -> Duration {
+        let nanos = u64::try_from(up_to.as_nanos()).unwrap_or(u64::MAX);
+        Duration::from_nanos(self.rng.random_range(0..nanos.max(1)))
+    }
+
+    fn resync(&mut self, now: Timestamp) {
+        if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
+            let sequence = self.durable.sequence;
+            self.inform(Notice::Order {
+                ballot,
+                sequence,
+                order,
+            });
+        }
+        if self.durable.discovered {
+            self.inform(Notice::RoutesReady);
+        }
+        self.told = (0, NodeSet::default());
+        self.told_landing = NodeSet::default();
+        self.report_members(now);
+        let silent: Vec<_> = self
+            .missed
+            .iter()
+            .filter(|(_, missed)| missed.told)
+            .map(|(id, _)| *id)
+            .collect();
+        for id in silent {
+            self.inform(Notice::Silent(id));
+        }
+        if self.master_silent {
+            self.inform(Notice::MasterSilent);
+        }
+    }
+}
+
+impl Machine for TreeRouting {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Heard {
+                sender,
+                ballot,
+                payload,
+            } => self.heard(now, sender, ballot, &payload),
+            Input::Lead(ballot) => {
+                self.durable.ballot = Some(ballot);
+                self.update_routes(now);
+                self.next_beacon.get_or_insert(now);
+                self.checkpoint();
+            }
+            Input::Publish { sequence, order } if sequence > self.durable.sequence => {
+                self.durable.sequence = sequence;
+                self.durable.order = Some(order);
+                self.checkpoint();
+                self.say(now, speak::Occasion::News);
+            }
+            Input::Acknowledge { sequence } if sequence > self.durable.acknowledged => {
+                self.durable.acknowledged = sequence;
+                self.checkpoint();
+                self.acknowledge(now);
+            }
+            Input::Publish { .. } | Input::Acknowledge { .. } => {}
+            Input::Discover => {
+                self.durable.discovered = true;
+                self.expect_members(now);
+                for notice in [
+                    Notice::DiscoveryStarted,
+                    Notice::HopUpdateStarted,
+                    Notice::RoutesReady,
+                ] {
+                    self.inform(notice);
+                }
+                self.checkpoint();
+            }
+            Input::Land => {
+                self.durable.landing.get_or_insert(now);
+                self.checkpoint();
+                self.say(now, speak::Occasion::News);
+            }
+            Input::Stop => self.stop(now),
+            Input::Resync => self.resync(now),
+        }
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        self.let_go_if_due(now);
+        self.repair_if_due(now);
+        self.beacon_if_due(now);
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        let repair = self.repair.map(|repair| repair.due);
+        let hold = self
+            .hold
+            .filter(|hold| !hold.is_over)
+            .map(|hold| hold.until);
+        let deadline = [self.next_beacon, repair, hold].into_iter().flatten().min();
+        self.outbox.poll(deadline)
+    }
+}

@@ -1,0 +1,310 @@
+//! When a drone speaks, and what it says.
+
+use std::time::Duration;
+
+use super::links::Link;
+use super::{
+    CONFIRM_ABOVE_LOSS, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree, TreeRouting,
+};
+use crate::time::Timestamp;
+use crate::wire;
+
+/// Within which drones that heard the same number pass it on, so that they do not all speak at one instant.
+pub(super) const SPREAD: Duration = Duration::from_millis(5);
+
+/// How many beacons a drone that has been going to land for its time to live leaves out, less one.
+const LANDING_BEACONS: u32 = 4;
+
+/// How long acknowledgements wait for those still missing below, in repairs: a drone that has gone to another parent
+/// out of hearing is missed here until its link is given up.
+const HOLD_REPAIRS: u32 = 20;
+
+/// After how many repairs that nothing was heard of a parent it is suspected to be out of reach.
+const TRIES_MAX: u32 = 4;
+
+/// Why a drone speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Occasion {
+    /// Its time has come.
+    KeepAlive,
+    /// Something has changed that others must know.
+    News,
+    /// Something was not seen to arrive.
+    Repair,
+}
+
+impl TreeRouting {
+    /// What the drone knows, as a packet.
+    fn state(&self) -> Tree {
+        let own = self.config.id;
+        let mut acknowledged = self.acknowledged_below();
+        if self.durable.sequence > 0 && self.durable.acknowledged >= self.durable.sequence {
+            acknowledged.insert(own);
+        }
+        let mut alive = self.below(|said| &said.alive);
+        alive.insert(own);
+        let mut landing = self.below(|said| &said.landing);
+        if self.durable.landing.is_some() {
+            landing.insert(own);
+        }
+        let pending = if self.is_master() {
+            alive.difference(&acknowledged).difference(&landing)
+        } else if self.pending.0 == self.durable.sequence {
+            self.pending.1.clone()
+        } else {
+            NodeSet::default()
+        };
+        Tree {
+            beat: self.durable.beats.own,
+            hops: self.routes.hops,
+            parent: self.routes.parent,
+            pulse: self.durable.beats.pulse,
+            sequence: self.durable.sequence,
+            acknowledged,
+            alive,
+            landing,
+            hears: None,
+            pending,
+            order: self
+                .durable
+                .order
+                .clone()
+                .filter(|_| self.is_master() || self.routes.relay || self.routes.parent.is_none()),
+        }
+    }
+
+    /// Speaks now, and sets the time by which it must have been seen to arrive.
+    pub(super) fn say(&mut self, now: Timestamp, occasion: Occasion) {
+        let Some(ballot) = self.durable.ballot.filter(|_| !self.durable.stopped) else {
+            return;
+        };
+        // The master's number rises with its beacons only: each rise makes every drone speak once.
+        let raises_pulse = self.is_master() && occasion == Occasion::KeepAlive;
+        if self.durable.beats.advance(raises_pulse) {
+            self.checkpoint();
+        }
+        let mut state = self.state();
+        self.said_sequence = state.sequence;
+        if occasion == Occasion::KeepAlive {
+            state.hears = Some(self.links.ids());
+        }
+        self.outbox.transmit(Transmit::Send {
+            ballot,
+            payload: wire::encode_packet(&Packet::Tree(state)),
+            keep_alive: occasion == Occasion::KeepAlive,
+        });
+        self.set_repair(now, occasion);
+    }
+
+    fn set_repair(&mut self, now: Timestamp, occasion: Occasion) {
+        if !self.is_anyone_behind() {
+            self.repair = None;
+            return;
+        }
+        let (since, pause, tries) = match (occasion, self.repair) {
+            (Occasion::Repair, Some(repair)) => {
+                let pause = (repair.pause * 3 / 2).min(self.config.repair_max);
+                (repair.since, pause, repair.tries + 1)
+            }
+            (Occasion::KeepAlive, Some(_)) => return,
+            _ => (now, self.config.repair, 0),
+        };
+        let due = now + pause / 2 + self.jitter(pause);
+        self.repair = Some(Repair {
+            since,
+            due,
+            pause,
+            tries,
+        });
+    }
+
+    /// Whether the parent or a child has not been seen to know what this drone has for it.
+    fn is_anyone_behind(&self) -> bool {
+        self.is_parent_behind()
+            || self
+                .links
+                .children(self.config.id)
+                .any(|(_, link)| self.is_child_behind(link))
+    }
+
+    fn is_parent_behind(&self) -> bool {
+        let Some(parent) = self.routes.parent.and_then(|parent| self.links.get(parent)) else {
+            return false;
+        };
+        let said = &parent.said;
+        if said.sequence > self.durable.sequence || !self.may_acknowledge() {
+            return false;
+        }
+        said.sequence < self.durable.sequence
+            || !said.acknowledged.is_superset(&self.state().acknowledged)
+    }
+
+    /// A leaf over a link that loses next to nothing is trusted to have heard an order.
+    fn is_child_behind(&self, child: &Link) -> bool {
+        let is_leaf = child.said.alive.len() <= 1;
+        child.said.sequence < self.durable.sequence && !(is_leaf && child.loss < CONFIRM_ABOVE_LOSS)
+    }
+
+    /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
+    fn is_complete(&self) -> bool {
+        let state = self.state();
+        let awaited = state.alive.difference(&state.landing);
+        self.durable.sequence > 0 && state.acknowledged.is_superset(&awaited)
+    }
+
+    /// Whether what has come in so far may be passed on: all of it has, or what is missing was waited for long enough.
+    fn may_acknowledge(&self) -> bool {
+        let waited = self
+            .hold
+            .is_some_and(|hold| hold.is_over && hold.sequence == self.durable.sequence);
+        waited || self.is_complete()
+    }
+
+    /// Acknowledges, or begins to wait for what is still missing below.
+    pub(super) fn acknowledge(&mut self, now: Timestamp) {
+        if self.is_master() || self.state().acknowledged.is_empty() {
+            return;
+        }
+        if self.may_acknowledge() {
+            if self.is_parent_behind() {
+                self.say(now, Occasion::News);
+            }
+        } else if self
+            .hold
+            .is_none_or(|hold| hold.sequence != self.durable.sequence)
+        {
+            self.hold = Some(Hold {
+                sequence: self.durable.sequence,
+                until: now + self.config.repair * HOLD_REPAIRS,
+                is_over: false,
+            });
+        }
+    }
+
+    pub(super) fn let_go_if_due(&mut self, now: Timestamp) {
+        if let Some(hold) = &mut self.hold
+            && !hold.is_over
+            && hold.until <= now
+        {
+            hold.is_over = true;
+            self.acknowledge(now);
+        }
+    }
+
+    /// What a neighbour's words, and those that it had said before, call for.
+    pub(super) fn answer(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        before: Option<&Tree>,
+        news: bool,
+    ) {
+        if news {
+            let has_children = self.links.children(self.config.id).next().is_some();
+            let loss = self.links.get(sender).map_or(0.0, |link| link.loss);
+            if has_children {
+                self.say(now, Occasion::News);
+            } else if loss >= CONFIRM_ABOVE_LOSS {
+                // Not at once: the drone may have carried the order out by then and say both in one.
+                self.hurry_repair(now);
+            }
+            return;
+        }
+        let Some(link) = self.links.get(sender) else {
+            return;
+        };
+        let is_child = link.said.parent == Some(self.config.id);
+        let is_parent = self.routes.parent == Some(sender);
+        let is_behind = link.said.sequence < self.durable.sequence;
+        let has_progressed = before.is_none_or(|before| {
+            before.acknowledged != link.said.acknowledged || before.sequence != link.said.sequence
+        });
+        // A child that repeats itself has not heard that it was understood.
+        let repeats_itself = !has_progressed && link.said.hears.is_none();
+        // A parent that speaks again, while this drone has not yet said that it knows the order, waits for that.
+        let awaits_word = link.said.hears.is_none() && self.said_sequence < self.durable.sequence;
+        if is_child && (is_behind || repeats_itself)
+            || is_parent && (awaits_word || self.is_missed())
+        {
+            self.hurry_repair(now);
+            return;
+        }
+        if is_child && has_progressed {
+            self.acknowledge(now);
+        }
+        if !self.is_anyone_behind() {
+            self.repair = None;
+        }
+    }
+
+    /// Whether the master misses, and the parent does not have, what this drone could tell.
+    fn is_missed(&self) -> bool {
+        let own = NodeSet::from_iter([self.config.id]);
+        let missed = self.pending.0 == self.durable.sequence && self.pending.1.is_superset(&own);
+        missed && self.is_parent_behind()
+    }
+
+    /// Answers soon, once for all that ask.
+    fn hurry_repair(&mut self, now: Timestamp) {
+        let due = now + self.jitter(self.config.repair / 4);
+        let pause = self.config.repair;
+        match &mut self.repair {
+            Some(repair) => repair.due = repair.due.min(due),
+            None => {
+                self.repair = Some(Repair {
+                    since: now,
+                    due,
+                    pause,
+                    tries: 0,
+                });
+            }
+        }
+    }
+
+    pub(super) fn repair_if_due(&mut self, now: Timestamp) {
+        let Some(repair) = self.repair.filter(|repair| repair.due <= now) else {
+            return;
+        };
+        let parent = self.routes.parent.and_then(|parent| self.links.get(parent));
+        if repair.tries >= TRIES_MAX && parent.is_some_and(|link| link.heard_at < repair.since) {
+            self.suspected = self.routes.parent;
+            self.update_routes(now);
+        }
+        self.say(now, Occasion::Repair);
+    }
+
+    pub(super) fn beacon_if_due(&mut self, now: Timestamp) {
+        if self.next_beacon.is_none_or(|due| due > now) {
+            return;
+        }
+        self.watch(now);
+        self.say(now, Occasion::KeepAlive);
+        // A drone that hears the master's number passes it on before its own time comes.
+        let pause = if self.is_settled_to_land(now) {
+            self.config.beacon * LANDING_BEACONS
+        } else if self.is_master() {
+            self.config.beacon
+        } else {
+            self.config.beacon * 5 / 4 + self.jitter(self.config.beacon / 8)
+        };
+        self.next_beacon = Some(now + pause);
+    }
+
+    /// Whether the drone has been going to land for so long that nobody needs it any more.
+    pub(super) fn is_settled_to_land(&self, now: Timestamp) -> bool {
+        self.durable
+            .landing
+            .is_some_and(|since| now.since(since) > self.config.time_to_live)
+    }
+
+    /// Says for the last time how far this drone has got.
+    pub(super) fn stop(&mut self, now: Timestamp) {
+        if !self.durable.stopped {
+            self.say(now, Occasion::News);
+            self.durable.stopped = true;
+            self.next_beacon = None;
+            self.repair = None;
+            self.checkpoint();
+        }
+    }
+}
