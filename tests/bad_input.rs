@@ -104,6 +104,41 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["inf is not", "metres, a number from 0.01"],
         ),
         (
+            "range_m = 300",
+            "range_m = 300\nmodel = \"friis\"",
+            &["unknown variant `friis`", "\"80211a\""],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nmodel = \"nakagami\"\nnakagami_m = 0.4",
+            &["0.4 is not", "a shape from 0.5 to 100"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nnakagami_m = 1",
+            &["only the model \"nakagami\" has a shape", "nakagami_m"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nmedium = \"aloha\"",
+            &["unknown variant `aloha`", "\"csma\""],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nmedium = \"csma\"\nlatency_us = 100",
+            &["takes its airtime", "latency_us"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nmedium = \"csma\"\nqueue_max = 0",
+            &["0 is not", "a whole number from 1 to 1000000"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nqueue_max = 5",
+            &["there is no queue", "queue_max"],
+        ),
+        (
             "spacing_m = 160",
             "spacing_m = -160",
             &["-160 is not", "metres, a number from 0.01"],

@@ -15,20 +15,60 @@ pub trait Transport {
     /// The largest datagram that it takes, in bytes.
     fn datagram_max(&self) -> usize;
 
-    /// Sends one datagram from `from` to whoever can hear it.
+    /// Sends one datagram from `from`: to whoever can hear it, or to one drone. Whether it gets there is told by
+    /// what [`Self::poll_event`] hands out, if at all.
     ///
     /// # Errors
     /// When the datagram can't be sent; nothing was sent then.
-    fn broadcast(
+    fn send(
         &mut self,
         now: Timestamp,
         from: NodeId,
+        to: Destination,
         datagram: &Bytes,
     ) -> Result<(), SendError>;
 
-    /// The next arrival that is known of, in the order in which they became known. One that lies in the future is
-    /// for the caller to keep until then; a transport over a real network knows of none before it is there.
-    fn poll_arrival(&mut self) -> Option<Arrival>;
+    /// When [`Self::handle_timeout`] is to be called next; nothing when no time is waited for. Ask again after every
+    /// call that changes the transport.
+    fn next_timeout(&self) -> Option<Timestamp> {
+        None
+    }
+
+    /// Does whatever was due by `now`; early or repeated calls do nothing.
+    fn handle_timeout(&mut self, _now: Timestamp) {}
+
+    /// The next event that is known of, in the order in which they became known. One that lies in the future is for
+    /// the caller to keep until then; a transport over a real network knows of none before it is there.
+    fn poll_event(&mut self) -> Option<Event>;
+}
+
+/// For whom a datagram is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Destination {
+    /// For whoever can hear it. Nobody acknowledges it, and nothing is known of what became of it.
+    Broadcast,
+    /// For one drone. An [`Event::Outcome`] follows, whatever becomes of it.
+    To(NodeId),
+}
+
+/// What came of datagrams.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// A datagram comes in.
+    Arrival(Arrival),
+    /// What became of a datagram for one drone, as its sender knows.
+    Outcome(Outcome),
+}
+
+impl Event {
+    /// When.
+    #[must_use]
+    pub const fn at(&self) -> Timestamp {
+        match self {
+            Self::Arrival(arrival) => arrival.at,
+            Self::Outcome(outcome) => outcome.at,
+        }
+    }
 }
 
 /// A datagram that arrives.
@@ -40,6 +80,30 @@ pub struct Arrival {
     pub to: NodeId,
     /// What.
     pub datagram: Bytes,
+}
+
+/// What a sender learns of a datagram that it sent to one drone.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Outcome {
+    /// When it learns that.
+    pub at: Timestamp,
+    /// Who sent it.
+    pub from: NodeId,
+    /// For whom it was.
+    pub to: NodeId,
+    /// What was sent.
+    pub datagram: Bytes,
+    /// What became of it.
+    pub fate: Fate,
+}
+
+/// What became of a datagram for one drone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fate {
+    /// It arrived, and the sender knows.
+    Delivered,
+    /// The sender stopped trying; it may have arrived all the same, where only the acknowledgements were lost.
+    GivenUp,
 }
 
 /// Why a datagram was not sent: the caller's fault each.
@@ -56,4 +120,7 @@ pub enum SendError {
     /// The transport knows no such sender.
     #[error("drone {0} has no place in this medium")]
     UnknownSender(NodeId),
+    /// The transport knows no such receiver.
+    #[error("drone {0}, for whom it is, has no place in this medium")]
+    UnknownReceiver(NodeId),
 }

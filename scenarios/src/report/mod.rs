@@ -174,7 +174,7 @@ pub struct Violation {
 pub struct Flight {
     /// The waypoints of the mission.
     pub waypoints: Vec<Ned>,
-    /// How far a radio reaches, in metres.
+    /// How far a radio reaches, in metres; with fading, how far it would without.
     pub range_m: f64,
     /// Each drone, in the order of their ids.
     pub drones: Vec<FlightOfDrone>,

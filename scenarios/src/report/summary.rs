@@ -54,7 +54,7 @@ pub(crate) fn summary(
         .collect();
     let flight = Flight {
         waypoints: scenario.waypoints.to_vec(),
-        range_m: scenario.radio.range_m,
+        range_m: scenario.radio.propagation.range_m(),
         drones: drawn,
     };
     (report, flight)

@@ -1,4 +1,4 @@
-use std::num::NonZeroU32;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,11 +14,11 @@ use muster_machines::time::Timestamp;
 use muster_machines::wire;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
-use muster_transport::sim;
+use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
 use super::file::{Override, Source};
-use super::raw::{ActorName, Raw, Whole};
+use super::raw::{ActorName, MediumName, ModelName, Raw};
 use super::{Fault, FaultKind, Limits, Protocol, Scenario};
 use crate::vehicle::Landing;
 
@@ -52,9 +52,7 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
     check_layers(&source, &raw, &layout, &waypoints)?;
     let limits = limits(&raw, separation, &layout, &waypoints, vehicle, landing);
     let faults = faults(&source, &raw)?;
-    let microseconds = |value: Option<Whole<0, 60_000_000>>, default: u64| {
-        Duration::from_micros(value.map_or(default, |value| value.0))
-    };
+    let radio = radio(&source, &raw)?;
     Ok(Scenario {
         name: path.display().to_string(),
         overrides: overrides
@@ -65,13 +63,7 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
         seed: raw.seed.get_ref().0,
         layout,
         waypoints,
-        radio: sim::Config {
-            range_m: raw.radio.range_m.0,
-            loss: raw.radio.loss.0,
-            latency: microseconds(raw.radio.latency_us, LATENCY_US),
-            jitter: microseconds(raw.radio.jitter_us, JITTER_US),
-            datagram_max: wire::DATAGRAM_MAX,
-        },
+        radio,
         protocol,
         vehicle,
         landing,
@@ -93,6 +85,56 @@ const DURATION_MAX_S: f64 = 604_800.0;
 const LATENCY_US: u64 = 231;
 /// What a sender's own program adds, at most.
 const JITTER_US: u64 = 1_000;
+/// How many datagrams wait in a radio: 15 ms of airtime, more than a drone has to say at once.
+const QUEUE_MAX: NonZeroUsize = NonZeroUsize::new(64).expect("64 is not 0");
+/// A line of sight and some reflections; one of the two shapes that were compared with ns-3.
+const NAKAGAMI_M: f64 = 3.0;
+
+fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
+    let radio = &raw.radio;
+    let range_m = radio.range_m.0;
+    let shape = radio.nakagami_m.as_ref();
+    let propagation = match (radio.model, shape) {
+        (ModelName::Nakagami, shape) => Propagation::Nakagami {
+            range_m,
+            shape: shape.map_or(NAKAGAMI_M, |shape| shape.get_ref().0),
+        },
+        (_, Some(shape)) => {
+            let message = "only the model \"nakagami\" has a shape";
+            return Err(source.error(shape.span(), message));
+        }
+        (ModelName::Range, None) => Propagation::Range { range_m },
+        (ModelName::Ieee80211a, None) => Propagation::Ieee80211a { range_m },
+    };
+    let jitter = Duration::from_micros(radio.jitter_us.map_or(JITTER_US, |it| it.0));
+    let (latency, queue_max) = (radio.latency_us.as_ref(), radio.queue_max.as_ref());
+    let access = match (radio.medium, latency, queue_max) {
+        (MediumName::Ideal, latency, None) => {
+            let latency_us = latency.map_or(LATENCY_US, |it| it.get_ref().0);
+            let latency = Duration::from_micros(latency_us);
+            Access::Ideal { latency, jitter }
+        }
+        (MediumName::Ideal, _, Some(queue_max)) => {
+            let message = "on an ideal medium nothing waits, so there is no queue";
+            return Err(source.error(queue_max.span(), message));
+        }
+        (MediumName::Csma, Some(latency), _) => {
+            let message = "on a shared medium a frame takes its airtime and its turn, no latency";
+            return Err(source.error(latency.span(), message));
+        }
+        (MediumName::Csma, None, queue_max) => {
+            let queue_max = queue_max.and_then(|it| NonZeroUsize::new(to_usize(it.get_ref().0)));
+            let queue_max = queue_max.unwrap_or(QUEUE_MAX);
+            Access::Csma { jitter, queue_max }
+        }
+    };
+    Ok(sim::Config {
+        propagation,
+        loss: radio.loss.0,
+        access,
+        datagram_max: wire::DATAGRAM_MAX,
+    })
+}
 
 fn layout(source: &Source, raw: &Raw, separation: Separation) -> Result<Layout, BadInput> {
     let drones = u32::try_from(raw.formation.drones.get_ref().0)

@@ -35,14 +35,30 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     ("radio", "a table with `range_m`"),
     ("radio.range_m", "metres, a number from 0.01 to 100000"),
+    (
+        "radio.model",
+        "\"range\", \"80211a\" or \"nakagami\": how the chance to be heard falls with the distance",
+    ),
+    (
+        "radio.nakagami_m",
+        "a shape from 0.5 to 100, with the model \"nakagami\"",
+    ),
     ("radio.loss", "a share from 0 to 1"),
     (
+        "radio.medium",
+        "\"ideal\" or \"csma\": how radios share the medium",
+    ),
+    (
         "radio.latency_us",
-        "microseconds, a whole number from 0 to 60000000",
+        "microseconds, a whole number from 0 to 60000000, with the medium \"ideal\"",
     ),
     (
         "radio.jitter_us",
         "microseconds, a whole number from 0 to 60000000",
+    ),
+    (
+        "radio.queue_max",
+        "a whole number from 1 to 1000000, with the medium \"csma\"",
     ),
     ("protocol", "a table with `policy`"),
     ("protocol.policy", "\"flood\" or \"tree\""),
@@ -196,9 +212,33 @@ pub(super) struct Mission {
 pub(super) struct Radio {
     pub(super) range_m: Length,
     #[serde(default)]
+    pub(super) model: ModelName,
+    pub(super) nakagami_m: Option<Spanned<Shape>>,
+    #[serde(default)]
     pub(super) loss: Share,
-    pub(super) latency_us: Option<Whole<0, 60_000_000>>,
+    #[serde(default)]
+    pub(super) medium: MediumName,
+    pub(super) latency_us: Option<Spanned<Whole<0, 60_000_000>>>,
     pub(super) jitter_us: Option<Whole<0, 60_000_000>>,
+    pub(super) queue_max: Option<Spanned<Whole<1, 1_000_000>>>,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ModelName {
+    #[default]
+    Range,
+    #[serde(rename = "80211a")]
+    Ieee80211a,
+    Nakagami,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum MediumName {
+    #[default]
+    Ideal,
+    Csma,
 }
 
 #[derive(Debug, Deserialize)]
@@ -351,6 +391,11 @@ number!(
     Instant,
     |v| (0.0..=604_800.0).contains(&v),
     "a time from 0 to 604800 (a week)"
+);
+number!(
+    Shape,
+    |v| (0.5..=100.0).contains(&v),
+    "a shape from 0.5 to 100"
 );
 number!(Share, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1");
 number!(

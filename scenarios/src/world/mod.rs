@@ -22,8 +22,8 @@ use muster_machines::msp::{self, Demand};
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
-use muster_transport::Transport;
 use muster_transport::sim::Medium;
+use muster_transport::{Destination, Event, Transport};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -63,6 +63,8 @@ pub(crate) enum What {
 #[derive(Debug)]
 enum Planned {
     Fly,
+    /// The medium has something to do.
+    Medium,
     Arrive {
         to: NodeId,
         datagram: Bytes,
@@ -95,6 +97,8 @@ pub(crate) struct World {
     heap: Heap<Planned>,
     inbox: VecDeque<(NodeId, Envelope)>,
     medium: Medium,
+    /// When the medium is woken next, as far as that is planned.
+    medium_wakes: Option<Timestamp>,
     drones: Vec<Drone>,
     vehicles: Vec<Vehicle>,
     airborne: usize,
@@ -133,6 +137,7 @@ impl World {
             heap,
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
+            medium_wakes: None,
             drones: (0..u64::from(drones))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
                 .collect(),
@@ -207,6 +212,7 @@ impl World {
                 let master = self.recorder.centre();
                 self.post(master, Envelope::Mission(mission::Input::Fly));
             }
+            Planned::Medium => self.wake_medium(),
             Planned::Arrive { to, datagram } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
@@ -292,11 +298,36 @@ impl World {
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
         self.recorder.sent(drone);
         self.medium
-            .broadcast(self.now, drone, frame)
+            .send(self.now, drone, Destination::Broadcast, frame)
             .expect("a radio sends no more than a datagram, and every drone has a place");
-        while let Some(arrival) = self.medium.poll_arrival() {
-            let (to, datagram) = (arrival.to, arrival.datagram);
-            self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+        self.follow_medium();
+    }
+
+    fn wake_medium(&mut self) {
+        // Another wake-up may have been planned before this one, and have done its work.
+        if self.medium_wakes == Some(self.now) {
+            self.medium_wakes = None;
+            self.medium.handle_timeout(self.now);
+            self.follow_medium();
+        }
+    }
+
+    /// Plans what the medium says will come, and when it is to be asked again.
+    fn follow_medium(&mut self) {
+        while let Some(event) = self.medium.poll_event() {
+            match event {
+                Event::Arrival(arrival) => {
+                    let (to, datagram) = (arrival.to, arrival.datagram);
+                    self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+                }
+                Event::Outcome(_) => unreachable!("radios broadcast, and a broadcast has none"),
+            }
+        }
+        if let Some(next) = self.medium.next_timeout()
+            && self.medium_wakes.is_none_or(|planned| next < planned)
+        {
+            self.medium_wakes = Some(next);
+            self.heap.plan(next, Planned::Medium);
         }
     }
 

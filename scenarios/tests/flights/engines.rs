@@ -54,6 +54,20 @@ fn both_engines_agree_under_loss() {
 }
 
 #[test]
+fn both_engines_agree_on_a_medium_that_fades_and_is_shared() {
+    let radio = [
+        "radio.medium=csma",
+        "radio.model=nakagami",
+        "radio.nakagami_m=3",
+    ];
+    let shared = scenario("thesis-1.toml", &radio);
+    let report = on_both_engines(&shared);
+    assert_all_finished(&report);
+    let ideal = fly(&scenario("thesis-1.toml", &[]), Engine::Events);
+    assert_ne!(report.trace, ideal.trace);
+}
+
+#[test]
 fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
     let trace =
         |overrides: &[&str]| fly(&scenario("thesis-1.toml", overrides), Engine::Events).trace;

@@ -39,6 +39,10 @@ impl Grid {
         }
     }
 
+    pub(super) fn place_of(&self, id: NodeId) -> Option<Ned> {
+        self.places.get(id.0 as usize).copied()
+    }
+
     /// Overwrites `found` with the radios in range of `from`, lowest first.
     pub(super) fn in_range(&self, from: NodeId, found: &mut Vec<NodeId>) -> Result<(), SendError> {
         found.clear();

@@ -1,46 +1,97 @@
-//! A simulated broadcast medium: radios at places, a range, a latency, a loss.
+//! A simulated medium: radios at places, what each hears of the others, and when.
 
+mod air;
+mod csma;
+mod gamma;
 mod grid;
+mod ideal;
+mod propagation;
 
 use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::time::Duration;
 
 use bytes::Bytes;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
-use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 
-use self::grid::Grid;
-use crate::{Arrival, SendError, Transport};
+use self::air::Air;
+use self::csma::Csma;
+use self::ideal::Ideal;
+pub use self::propagation::Propagation;
+use crate::{Destination, Event, SendError, Transport};
 
 /// What a medium is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config {
-    /// How far a radio reaches, in metres; beyond it nothing is heard, within it all but what is lost.
-    pub range_m: f64,
-    /// The share of frames that each receiver misses, drawn for each frame and receiver; 0 to 1.
+    /// How far radios carry.
+    pub propagation: Propagation,
+    /// The share of frames that each receiver misses besides, drawn for each frame and receiver; 0 to 1.
     pub loss: f64,
-    /// How long a frame takes at least.
-    pub latency: Duration,
-    /// How much longer it may take, drawn for each frame and receiver.
-    pub jitter: Duration,
+    /// How radios share the medium.
+    pub access: Access,
     /// The largest datagram, in bytes.
     pub datagram_max: usize,
 }
 
-/// A broadcast medium that carries datagrams between places.
+/// How radios share the medium.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// They need not: frames never wait for each other and never collide.
+    Ideal {
+        /// How long a frame takes at least.
+        latency: Duration,
+        /// How much longer it may take, drawn for each frame and receiver.
+        jitter: Duration,
+    },
+    /// As in 802.11a at 6 Mb/s: frames take their airtime, radios sense the carrier and back off, hidden terminals
+    /// collide, a radio that sends does not hear, and what is for one drone is acknowledged and tried up to 8 times.
+    Csma {
+        /// How much longer the sender's own program may take before it hands a frame to its radio, drawn for each
+        /// frame. Without it, drones that answer the same frame do so at one instant and collide.
+        jitter: Duration,
+        /// The most datagrams that wait in a radio, the one that is being sent included; one more is dropped.
+        queue_max: NonZeroUsize,
+    },
+}
+
+/// What radios that share a medium have done, all of them together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Frames with a datagram that went on the air, those sent again included.
+    pub datagrams: u64,
+    /// Acknowledgements that did.
+    pub acknowledgements: u64,
+    /// Frames that were sent again for want of one.
+    pub retries: u64,
+    /// Datagrams for one drone that were given up after the last try.
+    pub given_up: u64,
+    /// Datagrams that found the queue full.
+    pub dropped: u64,
+    /// Frames that a radio heard and could not make out: others were in the air, or it was sending itself.
+    pub collided: u64,
+    /// Frames that a radio made out and that were lost on it, by the configured share.
+    pub lost: u64,
+}
+
+/// A medium that carries datagrams between places.
 ///
-/// A broadcast costs as much as the radios in range, whatever the size of the swarm: they are looked up in a grid of
-/// cells as wide as the range. Lots are drawn from the medium's own generator, for the receivers in rising order.
+/// A frame costs as much as the radios in reach, whatever the size of the swarm: they are looked up in a grid of
+/// cells as wide as the reach. Lots are drawn from the medium's own generator, for the receivers in rising order.
 #[derive(Debug)]
 pub struct Medium {
-    config: Config,
-    rng: ChaCha8Rng,
-    grid: Grid,
-    arrivals: VecDeque<Arrival>,
-    in_range: Vec<NodeId>,
+    datagram_max: usize,
+    air: Air,
+    sharing: Sharing,
+    events: VecDeque<Event>,
+}
+
+#[derive(Debug)]
+enum Sharing {
+    Ideal(Ideal),
+    Csma(Box<Csma>),
 }
 
 impl Medium {
@@ -48,72 +99,81 @@ impl Medium {
     #[must_use]
     pub fn new(config: Config, rng: ChaCha8Rng, places: &[Ned]) -> Self {
         Self {
-            grid: Grid::new(config.range_m, places),
-            arrivals: VecDeque::new(),
-            in_range: Vec::new(),
-            config,
-            rng,
+            datagram_max: config.datagram_max,
+            air: Air::new(&config, rng, places),
+            sharing: match config.access {
+                Access::Ideal { latency, jitter } => Sharing::Ideal(Ideal::new(latency, jitter)),
+                Access::Csma { jitter, queue_max } => {
+                    Sharing::Csma(Box::new(Csma::new(jitter, queue_max, places.len())))
+                }
+            },
+            events: VecDeque::new(),
         }
     }
 
-    /// Puts a drone's radio elsewhere.
+    /// Puts a drone's radio elsewhere. Who hears a frame is decided when it begins.
     ///
     /// # Panics
     /// When the medium was built without that drone.
     pub fn place(&mut self, id: NodeId, place: Ned) {
-        self.grid.place(id, place);
+        self.air.place(id, place);
     }
 
-    fn is_lost(&mut self) -> bool {
-        self.config.loss > 0.0 && self.rng.random::<f64>() < self.config.loss
-    }
-
-    fn travel_time(&mut self) -> Duration {
-        let jitter = u64::try_from(self.config.jitter.as_nanos()).unwrap_or(u64::MAX);
-        let extra = if jitter > 0 {
-            self.rng.next_u64() % jitter
-        } else {
-            0
-        };
-        self.config.latency + Duration::from_nanos(extra)
+    /// What the radios have done so far; an ideal medium does not count.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        match &self.sharing {
+            Sharing::Ideal(_) => Counters::default(),
+            Sharing::Csma(csma) => csma.counters(),
+        }
     }
 }
 
 impl Transport for Medium {
     fn datagram_max(&self) -> usize {
-        self.config.datagram_max
+        self.datagram_max
     }
 
-    fn broadcast(
+    fn send(
         &mut self,
         now: Timestamp,
         from: NodeId,
+        to: Destination,
         datagram: &Bytes,
     ) -> Result<(), SendError> {
-        if datagram.len() > self.config.datagram_max {
+        if datagram.len() > self.datagram_max {
             return Err(SendError::TooLong {
                 len: datagram.len(),
-                max: self.config.datagram_max,
+                max: self.datagram_max,
             });
         }
-        let mut in_range = std::mem::take(&mut self.in_range);
-        self.grid.in_range(from, &mut in_range)?;
-        for to in in_range.drain(..) {
-            if !self.is_lost() {
-                let at = now + self.travel_time();
-                self.arrivals.push_back(Arrival {
-                    at,
-                    to,
-                    datagram: datagram.clone(),
-                });
-            }
+        if let Destination::To(to) = to
+            && !self.air.knows(to)
+        {
+            return Err(SendError::UnknownReceiver(to));
         }
-        self.in_range = in_range;
-        Ok(())
+        let (air, events) = (&mut self.air, &mut self.events);
+        match &mut self.sharing {
+            Sharing::Ideal(ideal) => ideal.send(now, from, to, datagram, air, events),
+            Sharing::Csma(csma) => csma.send(now, from, to, datagram, air, events),
+        }
     }
 
-    fn poll_arrival(&mut self) -> Option<Arrival> {
-        self.arrivals.pop_front()
+    fn next_timeout(&self) -> Option<Timestamp> {
+        match &self.sharing {
+            Sharing::Ideal(_) => None,
+            Sharing::Csma(csma) => csma.next_timeout(),
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if let Sharing::Csma(csma) = &mut self.sharing {
+            csma.handle_timeout(now, &mut self.air, &mut self.events);
+        }
+    }
+
+    fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
     }
 }
 

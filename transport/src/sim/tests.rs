@@ -2,14 +2,18 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 
 use super::*;
+use crate::{Arrival, Fate};
 
 const CONFIG: Config = Config {
-    range_m: 300.0,
+    propagation: Propagation::Range { range_m: RANGE_M },
     loss: 0.0,
-    latency: Duration::from_micros(200),
-    jitter: Duration::from_micros(100),
+    access: Access::Ideal {
+        latency: Duration::from_micros(200),
+        jitter: Duration::from_micros(100),
+    },
     datagram_max: 100,
 };
+const RANGE_M: f64 = 300.0;
 
 fn medium(config: Config, seed: u64, places: &[Ned]) -> Medium {
     Medium::new(config, ChaCha8Rng::seed_from_u64(seed), places)
@@ -21,12 +25,22 @@ fn line(count: u32, spacing_m: f64) -> Vec<Ned> {
         .collect()
 }
 
-fn arrivals(medium: &mut Medium, from: u32) -> Vec<Arrival> {
+fn send(medium: &mut Medium, from: u32, to: Destination) -> Vec<Event> {
     let datagram = Bytes::from_static(b"datagram");
     medium
-        .broadcast(Timestamp::ZERO, NodeId(from), &datagram)
+        .send(Timestamp::ZERO, NodeId(from), to, &datagram)
         .unwrap();
-    std::iter::from_fn(|| medium.poll_arrival()).collect()
+    std::iter::from_fn(|| medium.poll_event()).collect()
+}
+
+fn arrivals(medium: &mut Medium, from: u32) -> Vec<Arrival> {
+    send(medium, from, Destination::Broadcast)
+        .into_iter()
+        .filter_map(|event| match event {
+            Event::Arrival(arrival) => Some(arrival),
+            Event::Outcome(_) => None,
+        })
+        .collect()
 }
 
 fn heard_by(medium: &mut Medium, from: u32) -> Vec<u32> {
@@ -97,11 +111,55 @@ fn the_seed_decides_every_draw() {
 fn what_is_too_long_or_from_nowhere_is_not_sent() {
     let mut medium = medium(CONFIG, 1, &line(2, 1.0));
     let long = Bytes::from(vec![0; 101]);
-    let refused = medium.broadcast(Timestamp::ZERO, NodeId(0), &long);
+    let refused = medium.send(Timestamp::ZERO, NodeId(0), Destination::Broadcast, &long);
     assert_eq!(refused, Err(SendError::TooLong { len: 101, max: 100 }));
-    let refused = medium.broadcast(Timestamp::ZERO, NodeId(2), &Bytes::new());
+    let refused = medium.send(
+        Timestamp::ZERO,
+        NodeId(2),
+        Destination::Broadcast,
+        &Bytes::new(),
+    );
     assert_eq!(refused, Err(SendError::UnknownSender(NodeId(2))));
-    assert_eq!(medium.poll_arrival(), None);
+    assert_eq!(medium.poll_event(), None);
+}
+
+#[test]
+fn without_medium_access_what_is_for_one_drone_is_tried_once() {
+    let mut medium = medium(CONFIG, 1, &line(3, 200.0));
+    let fate = |medium: &mut Medium, to: u32| {
+        let events = send(medium, 0, Destination::To(NodeId(to)));
+        match &events[..] {
+            [Event::Arrival(arrival), Event::Outcome(outcome)] => {
+                assert_eq!(arrival.to, NodeId(to));
+                assert_eq!(arrival.at, outcome.at);
+                outcome.fate
+            }
+            [Event::Outcome(outcome)] => outcome.fate,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(fate(&mut medium, 1), Fate::Delivered);
+    assert_eq!(fate(&mut medium, 2), Fate::GivenUp);
+}
+
+#[test]
+fn the_ancestors_curve_and_fading_are_drawn_for_each_frame() {
+    let nakagami = Propagation::Nakagami {
+        range_m: RANGE_M,
+        shape: 1.0,
+    };
+    for propagation in [Propagation::Ieee80211a { range_m: 1_400.0 }, nakagami] {
+        let config = Config {
+            propagation,
+            ..CONFIG
+        };
+        let mut medium = medium(config, 3, &line(2, 500.0));
+        let heard: usize = (0..10_000).map(|_| arrivals(&mut medium, 0).len()).sum();
+        let expected = 10_000.0 * propagation.delivery(500.0);
+        // The standard deviation is 36 at most.
+        let differs = (f64::from(u32::try_from(heard).unwrap()) - expected).abs();
+        assert!(differs < 150.0, "{heard} for {expected}");
+    }
 }
 
 proptest! {
@@ -120,7 +178,7 @@ proptest! {
         for (from, place) in (0..).zip(&places) {
             let near: Vec<u32> = (0..)
                 .zip(&places)
-                .filter(|(id, other)| *id != from && other.distance_m(*place) <= CONFIG.range_m)
+                .filter(|(id, other)| *id != from && other.distance_m(*place) <= RANGE_M)
                 .map(|(id, _)| id)
                 .collect();
             prop_assert_eq!(heard_by(&mut medium, from), near);

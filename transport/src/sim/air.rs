@@ -1,0 +1,59 @@
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::Config;
+use super::grid::Grid;
+use super::propagation::Curve;
+use crate::SendError;
+
+/// What lies between the radios: where they are, how far they carry, and the lots that are drawn for it.
+#[derive(Debug)]
+pub(super) struct Air {
+    pub(super) rng: ChaCha8Rng,
+    grid: Grid,
+    curve: Curve,
+    loss: f64,
+}
+
+impl Air {
+    pub(super) fn new(config: &Config, rng: ChaCha8Rng, places: &[Ned]) -> Self {
+        let curve = Curve::new(config.propagation);
+        Self {
+            grid: Grid::new(curve.reach_m(), places),
+            curve,
+            loss: config.loss,
+            rng,
+        }
+    }
+
+    pub(super) fn place(&mut self, id: NodeId, place: Ned) {
+        self.grid.place(id, place);
+    }
+
+    pub(super) fn knows(&self, id: NodeId) -> bool {
+        self.grid.place_of(id).is_some()
+    }
+
+    /// Overwrites `found` with the radios that may hear `from`, lowest first.
+    pub(super) fn in_reach(&self, from: NodeId, found: &mut Vec<NodeId>) -> Result<(), SendError> {
+        self.grid.in_range(from, found)
+    }
+
+    /// Draws whether a frame gets from one radio to another that may hear it.
+    pub(super) fn carries(&mut self, from: NodeId, to: NodeId) -> bool {
+        if self.curve.is_certain() {
+            return true;
+        }
+        let (Some(here), Some(there)) = (self.grid.place_of(from), self.grid.place_of(to)) else {
+            return false;
+        };
+        self.curve.is_heard(here.distance_m(there), &mut self.rng)
+    }
+
+    /// Draws whether a frame that got there is lost all the same.
+    pub(super) fn is_lost(&mut self) -> bool {
+        self.loss > 0.0 && self.rng.random::<f64>() < self.loss
+    }
+}

@@ -1,0 +1,86 @@
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::Bytes;
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use rand::Rng;
+
+use super::air::Air;
+use crate::{Arrival, Destination, Event, Fate, Outcome, SendError};
+
+/// A medium that nobody has to share: every frame takes its time and disturbs no other.
+///
+/// What arrives, and when, is known as soon as a frame is sent. A frame for one drone is tried once, and its sender
+/// knows what became of it when it arrives, or would have.
+#[derive(Debug)]
+pub(super) struct Ideal {
+    latency: Duration,
+    jitter: Duration,
+    in_reach: Vec<NodeId>,
+}
+
+impl Ideal {
+    pub(super) const fn new(latency: Duration, jitter: Duration) -> Self {
+        Self {
+            latency,
+            jitter,
+            in_reach: Vec::new(),
+        }
+    }
+
+    pub(super) fn send(
+        &mut self,
+        now: Timestamp,
+        from: NodeId,
+        to: Destination,
+        datagram: &Bytes,
+        air: &mut Air,
+        events: &mut VecDeque<Event>,
+    ) -> Result<(), SendError> {
+        let mut in_reach = std::mem::take(&mut self.in_reach);
+        air.in_reach(from, &mut in_reach)?;
+        match to {
+            Destination::Broadcast => {
+                for to in in_reach.drain(..) {
+                    if air.carries(from, to) && !air.is_lost() {
+                        let at = now + self.travel_time(air);
+                        let datagram = datagram.clone();
+                        events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                    }
+                }
+            }
+            Destination::To(to) => {
+                let is_heard =
+                    in_reach.binary_search(&to).is_ok() && air.carries(from, to) && !air.is_lost();
+                let at = now + self.travel_time(air);
+                let datagram = datagram.clone();
+                let mut fate = Fate::GivenUp;
+                if is_heard {
+                    fate = Fate::Delivered;
+                    let datagram = datagram.clone();
+                    events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                }
+                events.push_back(Event::Outcome(Outcome {
+                    at,
+                    from,
+                    to,
+                    datagram,
+                    fate,
+                }));
+            }
+        }
+        self.in_reach = in_reach;
+        Ok(())
+    }
+
+    fn travel_time(&self, air: &mut Air) -> Duration {
+        let jitter = u64::try_from(self.jitter.as_nanos()).unwrap_or(u64::MAX);
+        let extra = if jitter > 0 {
+            air.rng.next_u64() % jitter
+        } else {
+            0
+        };
+        self.latency + Duration::from_nanos(extra)
+    }
+}
