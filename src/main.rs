@@ -1,15 +1,19 @@
 //! The operator's command: arguments and printing, nothing else.
 
+mod campaign;
 mod check;
 mod completions;
 mod sim;
+mod terminal;
 
 use std::io;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use miette::{Diagnostic, GraphicalReportHandler};
 use muster_runtime::diagnostic::BadInput;
+use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::WriteError;
 
@@ -32,6 +36,8 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Sim(sim::Arguments),
+    Campaign(campaign::Arguments),
+    CampaignMerge(campaign::MergeArguments),
     Check(check::Arguments),
     Completions(completions::Arguments),
 }
@@ -53,6 +59,13 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// What was just written can't be read back.
+    #[error("can't read {}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
     /// Nobody reads what is printed, or it can't be.
     #[error("can't write to standard output")]
     Print(#[from] io::Error),
@@ -64,9 +77,22 @@ impl From<BadInput> for Failure {
     }
 }
 
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Self {
+        match error {
+            CampaignError::Refused(input) => input.into(),
+            CampaignError::Run(error) => error.into(),
+            CampaignError::Write(error) => error.into(),
+            CampaignError::Read { path, source } => Self::Read { path, source },
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let ended = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
+        Command::Campaign(arguments) => campaign::run(&arguments),
+        Command::CampaignMerge(arguments) => campaign::merge(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
