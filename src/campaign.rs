@@ -20,8 +20,8 @@ use crate::{Ended, Failure, terminal};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster campaign scenarios/thesis-1.toml --seeds 0..20
-  muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --vary formation.drones=5,7
-  muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2 --jobs 2
+  muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --jobs 2
+  muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
 
 A run that breaks a rule has its row, and the command ends with exit code 3.
 At most 10,000,000 runs and 10,000 combinations.")]

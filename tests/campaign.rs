@@ -245,7 +245,7 @@ fn the_folder_of_another_campaign_is_refused_and_left_alone() {
     );
     write(&scenario.replace("range_m = 300", "range_m = 310"), mission);
     refused(asked, "said something else");
-    let moved = mission.replacen("39.", "39.0", 1);
+    let moved = mission.replacen("39.336211", "39.336311", 1);
     assert_ne!(moved, mission);
     write(scenario, &moved);
     refused(asked, "said something else");
