@@ -20,7 +20,7 @@ use crate::{Ended, Failure, terminal};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster campaign scenarios/thesis-1.toml --seeds 0..20
-  muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --jobs 2
+  muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --out runs/loss
   muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
 
 A run that breaks a rule has its row, and the command ends with exit code 3.
@@ -60,7 +60,7 @@ pub(crate) struct Arguments {
 /// Put the shards of a campaign together, to the bytes of one that was not divided.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example, after `muster campaign … --shard 1/2 --out part-1` and `… --shard 2/2 --out part-2`:
+    after_help = "Example, of two shards flown with --out part-1 and --out part-2:
   muster campaign-merge part-1 part-2 --out whole"
 )]
 pub(crate) struct MergeArguments {
