@@ -5,7 +5,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
 use muster_scenarios::scenario;
 
-use crate::{Ended, Failure};
+use crate::{Ended, Failure, terminal};
 
 /// Check scenario and mission files without flying anything.
 ///
@@ -24,7 +24,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut unusable = Vec::new();
     for file in &arguments.files {
         match describe(file) {
-            Ok(description) => crate::print(&format!("{}: {description}\n", file.display()))?,
+            Ok(description) => terminal::print(&format!("{}: {description}\n", file.display()))?,
             Err(error) => unusable.push(error),
         }
     }

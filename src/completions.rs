@@ -1,7 +1,7 @@
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
-use crate::{Ended, Failure};
+use crate::{Ended, Failure, terminal};
 
 /// Print a script that completes this command's arguments in a shell.
 #[derive(Debug, Args)]
@@ -17,6 +17,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut command = crate::Arguments::command();
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "muster", &mut script);
-    crate::print(&String::from_utf8_lossy(&script))?;
+    terminal::print(&String::from_utf8_lossy(&script))?;
     Ok(Ended::Well)
 }

@@ -1,15 +1,19 @@
 //! The operator's command: arguments and printing, nothing else.
 
+mod campaign;
 mod check;
 mod completions;
 mod sim;
+mod terminal;
 
-use std::io::{self, Write};
+use std::io;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use miette::{Diagnostic, GraphicalReportHandler};
 use muster_runtime::diagnostic::BadInput;
+use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::WriteError;
 
@@ -22,7 +26,8 @@ use muster_scenarios::report::WriteError;
     version,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 all is well; 1 something failed on this machine; 2 a file or an argument can't be \
-                  used; 3 a rule that must always hold was broken; 4 all came down safely but the mission was not flown to its end.\n\nStart with: muster sim scenarios/thesis-2.toml"
+                  used; 3 a rule that must always hold was broken; 4 all came down safely but the mission \
+                  was not flown to its end.\n\nStart with: muster sim scenarios/thesis-2.toml"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -32,6 +37,8 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Sim(sim::Arguments),
+    Campaign(campaign::Arguments),
+    CampaignMerge(campaign::MergeArguments),
     Check(check::Arguments),
     Completions(completions::Arguments),
 }
@@ -54,6 +61,13 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// What was just written can't be read back.
+    #[error("can't read {}", path.display())]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
     #[error("can't write to standard output")]
     Print(#[from] io::Error),
 }
@@ -64,18 +78,22 @@ impl From<BadInput> for Failure {
     }
 }
 
-/// Prints on standard output. Whoever has stopped reading has seen enough: that is no failure, and what the command
-/// found out is told by its exit code all the same.
-fn print(text: &str) -> io::Result<()> {
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        written => written,
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Self {
+        match error {
+            CampaignError::Refused(input) => input.into(),
+            CampaignError::Run(error) => error.into(),
+            CampaignError::Write(error) => error.into(),
+            CampaignError::Read { path, source } => Self::Read { path, source },
+        }
     }
 }
 
 fn main() -> ExitCode {
     let ended = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
+        Command::Campaign(arguments) => campaign::run(&arguments),
+        Command::CampaignMerge(arguments) => campaign::merge(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

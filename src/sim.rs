@@ -1,15 +1,14 @@
-use std::io::{self, IsTerminal};
+use std::io;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::engine::{self, Engine, Watcher};
-use muster_scenarios::report::{self, Colour, Report, Written};
+use muster_scenarios::report::{self, Report, Written};
 use muster_scenarios::scenario::{self, Override, Scenario};
 
-use crate::{Ended, Failure};
+use crate::{Ended, Failure, terminal};
 
 /// Fly a scenario in simulation and show what came of it.
 ///
@@ -41,7 +40,7 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum EngineName {
+pub(crate) enum EngineName {
     /// The supervision tree of actors that flies, in virtual time.
     Actors,
     /// The same state machines without actors: faster, for many or large runs.
@@ -66,13 +65,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         .clone()
         .unwrap_or_else(|| default_folder(&scenario));
     check_folder(&out)?;
-    let bar = progress_bar();
+    let bar = terminal::progress_bar(
+        "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
+    );
     let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
     bar.finish_and_clear();
     let written = report::write(&out, &report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;
-        crate::print(&format!("{json}\n"))?;
+        terminal::print(&format!("{json}\n"))?;
     } else {
         print(&report, &written)?;
     }
@@ -106,21 +107,6 @@ fn check_folder(out: &Path) -> Result<(), BadInput> {
     })
 }
 
-fn progress_bar() -> ProgressBar {
-    let target = if io::stderr().is_terminal() {
-        ProgressDrawTarget::stderr()
-    } else {
-        ProgressDrawTarget::hidden()
-    };
-    let style = ProgressStyle::with_template(
-        "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
-    )
-    .expect("the template is a constant");
-    let bar = ProgressBar::with_draw_target(None, target).with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
-}
-
 fn watch(bar: &ProgressBar) -> Watcher {
     let bar = bar.clone();
     Box::new(move |progress| {
@@ -131,18 +117,12 @@ fn watch(bar: &ProgressBar) -> Watcher {
 }
 
 fn print(report: &Report, written: &Written) -> io::Result<()> {
-    let colour = if io::stdout().is_terminal()
-        && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty())
-    {
-        Colour::Always
-    } else {
-        Colour::Never
-    };
+    let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
     let mut text = report::table(report, width, colour);
     for path in [&written.html, &written.json, &written.tracks] {
         text.push_str(&format!("\n wrote {}", path.display()));
     }
     text.push('\n');
-    crate::print(&text)
+    terminal::print(&text)
 }

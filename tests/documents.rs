@@ -83,7 +83,7 @@ fn every_command_in_the_documents_runs() {
 #[test]
 fn the_examples_in_the_help_run() {
     let folder = fresh_folder();
-    for subcommand in ["sim", "check", "completions"] {
+    for subcommand in ["sim", "campaign", "campaign-merge", "check", "completions"] {
         let help = Command::cargo_bin("muster")
             .unwrap()
             .args([subcommand, "--help"])
@@ -96,6 +96,9 @@ fn the_examples_in_the_help_run() {
             .map(|line| line.split(['|', '>']).next().unwrap())
             .collect();
         assert!(!examples.is_empty(), "{subcommand} shows no example");
+        if subcommand == "campaign-merge" {
+            fly_the_parts_to_merge(folder.path());
+        }
         for example in examples {
             // A shell would spread the pattern.
             let example = example
@@ -111,6 +114,23 @@ fn the_examples_in_the_help_run() {
                 .assert()
                 .success();
         }
+    }
+}
+
+fn fly_the_parts_to_merge(folder: &Path) {
+    for part in ["1", "2"] {
+        Command::cargo_bin("muster")
+            .unwrap()
+            .current_dir(folder)
+            .args(["campaign", "scenarios/thesis-1.toml", "--seeds", "0..2"])
+            .args([
+                "--shard",
+                &format!("{part}/2"),
+                "--out",
+                &format!("part-{part}"),
+            ])
+            .assert()
+            .success();
     }
 }
 

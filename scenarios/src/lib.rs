@@ -1,5 +1,6 @@
-//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers and reports.
+//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers, reports and campaigns.
 
+pub mod campaign;
 mod checkers;
 pub mod engine;
 pub mod report;

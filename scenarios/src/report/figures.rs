@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Barrier, DroneReport, Report, Role};
+use super::{Barrier, DroneReport, Engine, Report, Role};
 
 /// What a drone did for the swarm's radio, as it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,6 +62,12 @@ impl Report {
         mean(self.barriers.iter().map(Barrier::wait_s))
     }
 
+    /// The mean of the frames sent during the waits at the waypoints; nothing without a waypoint.
+    #[must_use]
+    pub fn mean_transmissions(&self) -> Option<f64> {
+        mean(self.barriers.iter().map(|it| count(it.transmissions)))
+    }
+
     /// The mean of the waypoint delays that there are.
     #[must_use]
     pub fn mean_waypoint_delay_s(&self) -> Option<f64> {
@@ -95,22 +101,25 @@ impl Report {
     /// The command that repeats the run, to be typed into a POSIX shell.
     #[must_use]
     pub fn command(&self) -> String {
-        let mut command = format!(
-            "muster sim {} --seed {} --engine {}",
-            quoted(&self.scenario),
-            self.seed,
-            self.engine
-        );
-        for change in &self.overrides {
-            command.push_str(" --set ");
-            command.push_str(&quoted(change));
-        }
-        command
+        command(&self.scenario, self.seed, self.engine, &self.overrides)
     }
 }
 
+/// The command that makes a run, to be typed into a POSIX shell.
+pub(crate) fn command(scenario: &str, seed: u64, engine: Engine, overrides: &[String]) -> String {
+    let mut command = format!(
+        "muster sim {} --seed {seed} --engine {engine}",
+        quoted(scenario)
+    );
+    for change in overrides {
+        command.push_str(" --set ");
+        command.push_str(&quoted(change));
+    }
+    command
+}
+
 /// `text` as one word of a POSIX shell.
-fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(plain) {
         return text.to_owned();
@@ -131,15 +140,15 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     clippy::cast_precision_loss,
     reason = "a run has far fewer than 2^52 frames"
 )]
-pub(super) fn count(number: u64) -> f64 {
+pub(crate) fn count(number: u64) -> f64 {
     number as f64
 }
 
 /// What stands where there is no figure.
-pub(super) const NOTHING: &str = "–";
+pub(crate) const NOTHING: &str = "–";
 
 /// `value` with `decimals` digits after the point, thousands apart, and a minus sign that is one.
-pub(super) fn figure(value: f64, decimals: usize) -> String {
+pub(crate) fn figure(value: f64, decimals: usize) -> String {
     let digits = format!("{:.decimals$}", value.abs());
     let (whole, fraction) = digits.split_at(digits.find('.').unwrap_or(digits.len()));
     let mut text = String::new();
@@ -156,12 +165,12 @@ pub(super) fn figure(value: f64, decimals: usize) -> String {
 }
 
 /// Likewise, or [`NOTHING`].
-pub(super) fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
+pub(crate) fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| NOTHING.to_owned(), |value| figure(value, decimals))
 }
 
 /// `number` of `thing`, which takes an s for other than one.
-pub(super) fn plural(number: usize, thing: &str) -> String {
+pub(crate) fn plural(number: usize, thing: &str) -> String {
     let ending = if number == 1 { "" } else { "s" };
     format!("{number} {thing}{ending}")
 }

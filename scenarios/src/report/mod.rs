@@ -1,12 +1,12 @@
 //! What is kept of a run: figures for a program, pictures and tables for a person.
 
-mod figures;
+pub(crate) mod figures;
 mod flight;
-mod html;
+pub(crate) mod html;
 #[cfg(test)]
-mod sample;
+pub(crate) mod sample;
 mod summary;
-mod table;
+pub(crate) mod table;
 mod tracks;
 mod write;
 
@@ -22,9 +22,11 @@ pub use write::{REPORT_HTML, REPORT_JSON, TRACKS_CSV, WriteError, Written, write
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
+pub(crate) use figures::command;
 pub(crate) use summary::summary;
+pub(crate) use write::{Complete, Draft, make_folder};
 
 /// The figures of a run: what `--json` prints and `report.json` holds.
 ///
@@ -64,7 +66,7 @@ pub struct Report {
 }
 
 /// What runs the drones of a simulation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Engine {
     /// The supervision tree that flies, in virtual time.

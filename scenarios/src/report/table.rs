@@ -17,7 +17,7 @@ pub enum Colour {
     Always,
 }
 
-const STYLE: TableStyle =
+pub(crate) const STYLE: TableStyle =
     TableStyle::new().header_separator(LineStyle::none().fill('─').junction('─'));
 
 /// The columns, named in two lines, and whether each holds numbers.
@@ -255,11 +255,11 @@ fn in_words(violation: &Violation) -> String {
     )
 }
 
-const GREEN: &str = "\x1b[32m";
-const RED: &str = "\x1b[31m";
+pub(crate) const GREEN: &str = "\x1b[32m";
+pub(crate) const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";
 
-fn painted(text: &str, paint: &str, colour: Colour) -> String {
+pub(crate) fn painted(text: &str, paint: &str, colour: Colour) -> String {
     match colour {
         Colour::Never => text.to_owned(),
         Colour::Always => format!("{paint}{text}{PLAIN}"),

@@ -1,7 +1,8 @@
 //! A report's way to the disk.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::io::{self, BufWriter, IntoInnerError, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
@@ -54,6 +55,15 @@ pub enum WriteError {
     },
 }
 
+impl WriteError {
+    pub(crate) fn file(path: &Path, source: io::Error) -> Self {
+        Self::File {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
 /// Writes the files of a report into the folder `dir`, which is made if need be.
 ///
 /// All of them are complete on the disk, under other names, before the first takes its place, and each takes its
@@ -68,9 +78,9 @@ pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<Written, Wr
     let json = json(report);
 
     make_folder(dir)?;
-    let html = Draft::new(dir, REPORT_HTML, html.as_bytes())?;
-    let tracks = Draft::new(dir, TRACKS_CSV, &tracks)?;
-    let json = Draft::new(dir, REPORT_JSON, &json)?;
+    let html = Complete::new(dir, REPORT_HTML, html.as_bytes())?;
+    let tracks = Complete::new(dir, TRACKS_CSV, &tracks)?;
+    let json = Complete::new(dir, REPORT_JSON, &json)?;
     Ok(Written {
         html: html.publish()?,
         tracks: tracks.publish()?,
@@ -85,7 +95,7 @@ fn json(report: &Report) -> Vec<u8> {
     json
 }
 
-fn make_folder(dir: &Path) -> Result<(), WriteError> {
+pub(crate) fn make_folder(dir: &Path) -> Result<(), WriteError> {
     let path = dir.to_owned();
     match fs::create_dir_all(dir) {
         Ok(()) => Ok(()),
@@ -94,31 +104,78 @@ fn make_folder(dir: &Path) -> Result<(), WriteError> {
     }
 }
 
-/// A file that is complete and not in its place yet; dropped, it is removed.
-struct Draft {
-    file: NamedTempFile,
+/// A file that is being written under another name than its own; dropped, it is removed.
+pub(crate) struct Draft {
+    writer: BufWriter<NamedTempFile>,
     path: PathBuf,
 }
 
+/// How the other names of drafts begin.
+const DRAFT_PREFIX: &str = ".muster-";
+
 impl Draft {
-    fn new(dir: &Path, name: &str, content: &[u8]) -> Result<Self, WriteError> {
+    pub(crate) fn create(dir: &Path, name: &str) -> Result<Self, WriteError> {
         let path = dir.join(name);
-        let filled = || {
-            // Created by hand: a temporary file of the library's could be read by its owner alone.
-            let mut file = tempfile::Builder::new()
-                .prefix(".muster-")
-                .make_in(dir, |path| File::create_new(path))?;
-            file.write_all(content)?;
-            file.as_file().sync_all()?;
-            Ok(file)
-        };
-        match filled() {
-            Ok(file) => Ok(Self { file, path }),
+        // Created by hand: a temporary file of the library's could be read by its owner alone.
+        let made = tempfile::Builder::new()
+            .prefix(DRAFT_PREFIX)
+            .make_in(dir, |path| File::create_new(path));
+        match made {
+            Ok(file) => Ok(Self {
+                writer: BufWriter::new(file),
+                path,
+            }),
             Err(source) => Err(WriteError::File { path, source }),
         }
     }
 
-    fn publish(self) -> Result<PathBuf, WriteError> {
+    /// Puts what was written on the disk.
+    pub(crate) fn complete(self) -> Result<Complete, WriteError> {
+        let path = self.path;
+        let synced = self
+            .writer
+            .into_inner()
+            .map_err(IntoInnerError::into_error)
+            .and_then(|file| file.as_file().sync_all().map(|()| file));
+        match synced {
+            Ok(file) => Ok(Complete { file, path }),
+            Err(source) => Err(WriteError::File { path, source }),
+        }
+    }
+
+    /// Whether a file is a draft by its name.
+    pub(crate) fn is_name(name: &OsStr) -> bool {
+        name.as_encoded_bytes().starts_with(DRAFT_PREFIX.as_bytes())
+    }
+}
+
+impl Write for Draft {
+    fn write(&mut self, content: &[u8]) -> io::Result<usize> {
+        self.writer.write(content)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// A file that is complete and not in its place yet; dropped, it is removed.
+pub(crate) struct Complete {
+    file: NamedTempFile,
+    path: PathBuf,
+}
+
+impl Complete {
+    /// A file with all its content.
+    pub(crate) fn new(dir: &Path, name: &str, content: &[u8]) -> Result<Self, WriteError> {
+        let mut draft = Draft::create(dir, name)?;
+        match draft.write_all(content) {
+            Ok(()) => draft.complete(),
+            Err(error) => Err(WriteError::file(&draft.path, error)),
+        }
+    }
+
+    pub(crate) fn publish(self) -> Result<PathBuf, WriteError> {
         match self.file.persist(&self.path) {
             Ok(_) => Ok(self.path),
             Err(refused) => Err(WriteError::File {

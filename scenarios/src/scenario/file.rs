@@ -24,7 +24,19 @@ impl Override {
         }
     }
 
-    pub(super) fn is_seed(&self) -> bool {
+    /// The field, with its table, as in `radio.range_m`.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        &self.key
+    }
+
+    /// Its value as it was written.
+    #[must_use]
+    pub fn value(&self) -> &str {
+        &self.value
+    }
+
+    pub(crate) fn is_seed(&self) -> bool {
         self.key == "seed"
     }
 }

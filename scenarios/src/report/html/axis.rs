@@ -2,7 +2,7 @@
 
 /// A stretch of numbers laid out along a stretch of pixels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Axis {
+pub(crate) struct Axis {
     from: f64,
     start_px: f64,
     px_per_unit: f64,
@@ -10,7 +10,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// `from` at `start_px` and `to` at `end_px`, which may be on either side.
-    pub(super) fn new((from, to): (f64, f64), (start_px, end_px): (f64, f64)) -> Self {
+    pub(crate) fn new((from, to): (f64, f64), (start_px, end_px): (f64, f64)) -> Self {
         let span = if to > from { to - from } else { 1.0 };
         Self {
             from,
@@ -20,13 +20,13 @@ impl Axis {
     }
 
     /// Where `value` stands.
-    pub(super) fn px(&self, value: f64) -> f64 {
+    pub(crate) fn px(&self, value: f64) -> f64 {
         self.start_px + (value - self.from) * self.px_per_unit
     }
 }
 
 /// Round numbers from `from` to `to`, about `number` of them: multiples of 1, 2 or 5 times a power of ten.
-pub(super) fn ticks(from: f64, to: f64, number: f64) -> Vec<f64> {
+pub(crate) fn ticks(from: f64, to: f64, number: f64) -> Vec<f64> {
     let span = to - from;
     if !(span.is_finite() && span > 0.0) {
         return vec![from];
@@ -47,7 +47,7 @@ fn round_step(rough: f64) -> f64 {
 }
 
 /// Digits after the point that tell `ticks` apart.
-pub(super) fn decimals(ticks: &[f64]) -> usize {
+pub(crate) fn decimals(ticks: &[f64]) -> usize {
     let step = match ticks {
         [first, second, ..] => second - first,
         _ => 1.0,
@@ -61,7 +61,7 @@ pub(super) fn decimals(ticks: &[f64]) -> usize {
 }
 
 /// Every how many of labels `pitch_px` apart one is written, if a label takes `label_px`.
-pub(super) fn stride(pitch_px: f64, label_px: f64) -> usize {
+pub(crate) fn stride(pitch_px: f64, label_px: f64) -> usize {
     [1, 2, 5, 10, 20, 25, 50, 100]
         .into_iter()
         .find(|&every| f64::from(every) * pitch_px >= label_px)
@@ -69,7 +69,7 @@ pub(super) fn stride(pitch_px: f64, label_px: f64) -> usize {
 }
 
 /// A coordinate as it is written into a picture: to a tenth of a pixel.
-pub(super) fn px(value: f64) -> f64 {
+pub(crate) fn px(value: f64) -> f64 {
     (value * 10.0).round() / 10.0 + 0.0
 }
 

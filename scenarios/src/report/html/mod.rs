@@ -1,6 +1,6 @@
 //! The page that shows a run: one file, without scripts, that opens from disk and asks the network for nothing.
 
-mod axis;
+pub(crate) mod axis;
 mod bars;
 mod map;
 mod tables;
@@ -24,6 +24,16 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
 /// Every text that comes from the run is escaped.
 #[must_use]
 pub fn page(report: &Report, flight: &Flight) -> String {
+    let title = format!("{}, seed {}", report.name(), report.seed);
+    document(
+        &title,
+        "",
+        &html! { (head(report)) (sections(report, flight)) },
+    )
+}
+
+/// A page in this style, with `style` besides.
+pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -32,10 +42,10 @@ pub fn page(report: &Report, flight: &Flight) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
-                title { (report.name()) ", seed " (report.seed) " – muster" }
-                style { (PreEscaped(STYLE)) }
+                title { (title) " – muster" }
+                style { (PreEscaped(STYLE)) (PreEscaped(style)) }
             }
-            body { main { (head(report)) (sections(report, flight)) } }
+            body { main { (content) } }
         }
     }
     .into_string()

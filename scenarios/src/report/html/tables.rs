@@ -59,12 +59,10 @@ pub(super) fn barriers(report: &Report) -> Markup {
                     }
                 }
                 tfoot {
-                    @let transmissions = report.barriers.iter().map(|barrier| count(barrier.transmissions));
-                    @let mean = transmissions.sum::<f64>() / count(report.barriers.len() as u64);
                     tr {
                         th { "Mean" } td {} td {}
                         td.n { (figure_or_nothing(report.mean_wait_s(), 2)) }
-                        td.n { (figure(mean, 0)) }
+                        td.n { (figure_or_nothing(report.mean_transmissions(), 0)) }
                     }
                 }
             }

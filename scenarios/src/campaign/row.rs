@@ -1,0 +1,267 @@
+//! What is kept of one run.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::plan::Campaign;
+use crate::report::{DroneReport, Engine, Report};
+
+/// A line of `runs.jsonl`; `runs.csv` has the same, with a column for each varied field.
+///
+/// Nothing in it depends on when, where or how fast it was run. Times and lengths are rounded to millionths, which
+/// JSON readers of any kind read back as they were written.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Its place in the campaign's list, from 0.
+    pub run: u64,
+    /// Which combination of varied values, from 0.
+    pub combination: u64,
+    /// The varied fields' values.
+    pub varied: BTreeMap<String, String>,
+    /// The seed of every random draw.
+    pub seed: u64,
+    /// What ran the drones.
+    pub engine: Engine,
+    /// BLAKE3 of everything observable, in hexadecimal.
+    pub trace: String,
+    /// How long the run lasted, in simulated seconds.
+    pub simulated_s: f64,
+    /// How many drones there were.
+    pub drones: u64,
+    /// How many of them flew and came down.
+    pub landed: u64,
+    /// The flight time of the drone that led, in seconds; nothing if it has none.
+    pub flight_time_master_s: Option<f64>,
+    /// The mean of the flight times that there are.
+    pub flight_time_mean_s: Option<f64>,
+    /// The longest of them.
+    pub flight_time_max_s: Option<f64>,
+    /// Frames let in, the mean over the drones.
+    pub messages_received_mean: f64,
+    /// Frames sent, the mean over the drones.
+    pub messages_sent_mean: f64,
+    /// How many waypoints the swarm waited at.
+    pub barriers: u64,
+    /// From the last arrival to the last departure, in seconds, the mean over the barriers.
+    pub waypoint_wait_mean_s: Option<f64>,
+    /// Frames sent by anyone between the two, the mean over the barriers.
+    pub transmissions_per_barrier: Option<f64>,
+    /// From a drone's own arrival to its own departure, in seconds, the mean of the drones' means.
+    pub waypoint_delay_mean_s: Option<f64>,
+    /// The closest that two flying drones came, in metres.
+    pub min_separation_m: Option<f64>,
+    /// How often an actor of any drone was restarted.
+    pub restarts: u64,
+    /// How often a rule was broken; the first ends the run.
+    pub violations: u64,
+    /// The number of the first rule that was broken.
+    pub rule: Option<u8>,
+    /// What happened then.
+    pub violation: Option<String>,
+}
+
+/// The columns of `runs.csv` before those of the varied fields and after them.
+const COLUMNS: (&[&str], &[&str]) = (
+    &["run", "combination"],
+    &[
+        "seed",
+        "engine",
+        "trace",
+        "simulated_s",
+        "drones",
+        "landed",
+        "flight_time_master_s",
+        "flight_time_mean_s",
+        "flight_time_max_s",
+        "messages_received_mean",
+        "messages_sent_mean",
+        "barriers",
+        "waypoint_wait_mean_s",
+        "transmissions_per_barrier",
+        "waypoint_delay_mean_s",
+        "min_separation_m",
+        "restarts",
+        "violations",
+        "rule",
+        "violation",
+    ],
+);
+
+impl Row {
+    /// The row of the run at `run` of a campaign's list.
+    #[must_use]
+    pub(super) fn new(campaign: &Campaign, run: u64, report: &Report) -> Self {
+        let (combination, seed) = campaign.run(run);
+        let flight_times = || report.drones.iter().filter_map(|drone| drone.flight_time_s);
+        let master = report.master().and_then(|drone| drone.flight_time_s);
+        let transmissions = report.mean_transmissions();
+        let first = report.violations.first();
+        Self {
+            run,
+            combination,
+            varied: varied(campaign, combination),
+            seed,
+            engine: report.engine,
+            trace: report.trace.clone(),
+            simulated_s: rounded(report.simulated_s),
+            drones: report.drones.len() as u64,
+            landed: flight_times().count() as u64,
+            flight_time_master_s: master.map(rounded),
+            flight_time_mean_s: report.means.flight_time_s.map(rounded),
+            flight_time_max_s: flight_times().reduce(f64::max).map(rounded),
+            messages_received_mean: rounded(report.means.messages_received),
+            messages_sent_mean: rounded(report.mean_messages_sent().unwrap_or_default()),
+            barriers: report.barriers.len() as u64,
+            waypoint_wait_mean_s: report.mean_wait_s().map(rounded),
+            transmissions_per_barrier: transmissions.map(rounded),
+            waypoint_delay_mean_s: report.mean_waypoint_delay_s().map(rounded),
+            min_separation_m: report.min_separation_m.map(rounded),
+            restarts: report.drones.iter().map(restarts).sum(),
+            violations: report.violations.len() as u64,
+            rule: first.map(|violation| violation.rule),
+            violation: first.map(|violation| violation.what.clone()),
+        }
+    }
+
+    /// Whether it is the row of the run at `run` of a campaign's list.
+    pub(super) fn belongs_to(&self, campaign: &Campaign, run: u64) -> bool {
+        let (combination, seed) = campaign.run(run);
+        (self.run, self.combination, self.seed, self.engine)
+            == (run, combination, seed, campaign.engine)
+            && self.varied == varied(campaign, combination)
+    }
+
+    /// Whether a rule was broken, which ended the run before its time.
+    #[must_use]
+    pub const fn is_broken(&self) -> bool {
+        self.violations > 0
+    }
+
+    /// Its fields as they stand in `runs.csv`.
+    pub(super) fn record(&self, campaign: &Campaign) -> Vec<String> {
+        let varied = campaign.varied(self.combination);
+        let mut fields = vec![self.run.to_string(), self.combination.to_string()];
+        fields.extend(varied.iter().map(|change| change.value().to_owned()));
+        fields.extend([
+            self.seed.to_string(),
+            self.engine.to_string(),
+            self.trace.clone(),
+            self.simulated_s.to_string(),
+            self.drones.to_string(),
+            self.landed.to_string(),
+            or_empty(self.flight_time_master_s),
+            or_empty(self.flight_time_mean_s),
+            or_empty(self.flight_time_max_s),
+            self.messages_received_mean.to_string(),
+            self.messages_sent_mean.to_string(),
+            self.barriers.to_string(),
+            or_empty(self.waypoint_wait_mean_s),
+            or_empty(self.transmissions_per_barrier),
+            or_empty(self.waypoint_delay_mean_s),
+            or_empty(self.min_separation_m),
+            self.restarts.to_string(),
+            self.violations.to_string(),
+            or_empty(self.rule),
+            or_empty(self.violation.as_deref()),
+        ]);
+        fields
+    }
+}
+
+/// The heading of `runs.csv`.
+pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
+    let (before, after) = COLUMNS;
+    let owned = |names: &[&str]| {
+        names
+            .iter()
+            .map(|name| (*name).to_owned())
+            .collect::<Vec<_>>()
+    };
+    let mut names = owned(before);
+    names.extend(
+        campaign
+            .vary
+            .iter()
+            .map(|variation| variation.key().to_owned()),
+    );
+    names.extend(owned(after));
+    names
+}
+
+/// A value as it stands in a table for programs; nothing is an empty field.
+pub(super) fn or_empty(value: Option<impl ToString>) -> String {
+    value.map(|value| value.to_string()).unwrap_or_default()
+}
+
+fn varied(campaign: &Campaign, combination: u64) -> BTreeMap<String, String> {
+    campaign
+        .varied(combination)
+        .into_iter()
+        .map(|change| (change.key().to_owned(), change.value().to_owned()))
+        .collect()
+}
+
+fn restarts(drone: &DroneReport) -> u64 {
+    u64::from(drone.restarts)
+}
+
+/// To a millionth: with at most 15 digits in all, a decimal number and a float stand for each other exactly.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::campaign::plan;
+    use crate::report::sample;
+
+    /// The row of a made-up run without trouble, or of one with.
+    pub(in crate::campaign) fn row(campaign: &Campaign, run: u64, troubled: bool) -> Row {
+        let (mut report, _) = if troubled {
+            sample::troubled()
+        } else {
+            sample::swarm(5)
+        };
+        report.engine = Engine::Events;
+        Row::new(campaign, run, &report)
+    }
+
+    #[test]
+    fn a_row_reads_back_as_it_was_written() {
+        let campaign = plan::tests::campaign();
+        for troubled in [false, true] {
+            let row = row(&campaign, 7, troubled);
+            let line = serde_json::to_string(&row).unwrap();
+            assert_eq!(serde_json::from_str::<Row>(&line).unwrap(), row);
+            assert!(row.belongs_to(&campaign, 7));
+            assert!(!row.belongs_to(&campaign, 8));
+        }
+    }
+
+    #[test]
+    fn a_record_has_a_field_for_each_column() {
+        let campaign = plan::tests::campaign();
+        let names = heading(&campaign);
+        let record = row(&campaign, 29, true).record(&campaign);
+        assert_eq!(names.len(), record.len());
+        let field = |name: &str| &record[names.iter().position(|it| it == name).unwrap()];
+        assert_eq!(field("radio.loss"), "0.2");
+        assert_eq!(field("seed"), "14");
+        assert_eq!(field("rule"), "3");
+        assert_eq!(field("drones"), "6");
+        assert_eq!(field("landed"), "5");
+    }
+
+    #[test]
+    fn a_row_holds_nothing_that_differs_from_run_to_run() {
+        let campaign = plan::tests::campaign();
+        let (mut report, _) = sample::swarm(5);
+        let first = Row::new(&campaign, 0, &report);
+        report.wall_s *= 2.0;
+        report.scenario = "elsewhere.toml".to_owned();
+        assert_eq!(Row::new(&campaign, 0, &report), first);
+    }
+}

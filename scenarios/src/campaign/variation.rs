@@ -1,0 +1,87 @@
+use std::fmt;
+use std::str::FromStr;
+
+use crate::scenario::Override;
+
+/// A field of a scenario and the values that it takes in turn: at least one, each once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Variation {
+    values: Vec<Override>,
+}
+
+impl Variation {
+    /// The field, as in `radio.loss`.
+    #[must_use]
+    pub fn key(&self) -> &str {
+        self.values[0].key()
+    }
+
+    /// Each value, in the order in which they were given.
+    #[must_use]
+    pub fn values(&self) -> &[Override] {
+        &self.values
+    }
+}
+
+impl fmt::Display for Variation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let values: Vec<_> = self.values.iter().map(Override::value).collect();
+        write!(f, "{}={}", self.key(), values.join(","))
+    }
+}
+
+impl FromStr for Variation {
+    type Err = String;
+
+    /// From `key=v1,v2,…`, the key with its table; no value holds a comma.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (key, list) = text.split_once('=').ok_or_else(|| {
+            format!("`{text}` has no `=`; use key=value,value, as in radio.loss=0,0.1")
+        })?;
+        let mut values: Vec<Override> = Vec::new();
+        for value in list.split(',').map(str::trim) {
+            if value.is_empty() {
+                return Err(format!("`{text}` has an empty value; use key=value,value"));
+            }
+            let value: Override = format!("{key}={value}").parse()?;
+            if values.contains(&value) {
+                return Err(format!("`{text}` has the value {} twice", value.value()));
+            }
+            values.push(value);
+        }
+        if values[0].is_seed() {
+            return Err("the seed is varied by --seeds, as in --seeds 0..100".to_owned());
+        }
+        Ok(Self { values })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_keep_their_order_and_lose_their_blanks() {
+        let variation: Variation = "radio.loss = 0.2, 0,0.1".parse().unwrap();
+        assert_eq!(variation.key(), "radio.loss");
+        assert_eq!(variation.to_string(), "radio.loss=0.2,0,0.1");
+        assert_eq!(variation.to_string().parse(), Ok(variation));
+    }
+
+    #[test]
+    fn a_variation_without_values_or_of_no_field_is_refused() {
+        for text in [
+            "",
+            "radio.loss",
+            "radio.loss=",
+            "radio.loss=0,",
+            "radio.loss=,0",
+            "radio.loss=0,0",
+            "loss=0,1",
+            "seed=1,2",
+            "faults.at_s=1",
+        ] {
+            assert!(text.parse::<Variation>().is_err(), "{text}");
+        }
+    }
+}

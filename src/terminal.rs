@@ -1,0 +1,38 @@
+//! What commands show, and in which colours.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use muster_scenarios::report::Colour;
+
+/// A bar on standard error; nothing at all where that is no terminal.
+pub(crate) fn progress_bar(template: &'static str) -> ProgressBar {
+    let target = if io::stderr().is_terminal() {
+        ProgressDrawTarget::stderr()
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let style = ProgressStyle::with_template(template).expect("the template is a constant");
+    let bar = ProgressBar::with_draw_target(None, target).with_style(style);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}
+
+/// Colours for a terminal, unless its user wants none.
+pub(crate) fn colour(out: &impl IsTerminal) -> Colour {
+    if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty()) {
+        Colour::Always
+    } else {
+        Colour::Never
+    }
+}
+
+/// Prints on standard output. Whoever has stopped reading has seen enough: that is no failure, and what the command
+/// found out is told by its exit code all the same.
+pub(crate) fn print(text: &str) -> io::Result<()> {
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written,
+    }
+}
