@@ -191,7 +191,7 @@ impl Mission {
                 let to = at_waypoint(0)?;
                 Some(Goal::TakeOff {
                     to,
-                    transit_altitude_m: to.altitude_m() + self.layer_m(),
+                    transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
                 })
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -200,7 +200,7 @@ impl Mission {
             }
             State::MovingToLand => {
                 let at = self.durable.land_at;
-                let altitude_m = at.altitude_m() + self.layer_m();
+                let altitude_m = at.altitude_m() + self.landing_layer_m();
                 let to = layout.place(id, at).at_altitude(altitude_m);
                 Some(Goal::TransitTo { to })
             }
@@ -214,8 +214,15 @@ impl Mission {
         }
     }
 
-    fn layer_m(&self) -> f64 {
-        self.config.layout.layers_m(&self.durable.plan)[self.config.id.0 as usize]
+    /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
+    fn landing_layer_m(&self) -> f64 {
+        let layout = &self.config.layout;
+        let slot = self.config.id.0 as usize;
+        if self.durable.plan.last() == Some(&self.durable.land_at) {
+            layout.landing_layers_m()[slot]
+        } else {
+            layout.layers_m(&self.durable.plan)[slot]
+        }
     }
 
     fn land(&mut self, reason: LandingReason) {
