@@ -13,7 +13,7 @@ pub enum Assignment {
     Greedy,
 }
 
-/// How many drones are assigned optimally unless something else is asked for, and the most that can be: half a second.
+/// How many drones are assigned optimally unless something else is asked for, and the most that can be.
 pub const OPTIMAL_MAX: u32 = 300;
 
 impl Assignment {
