@@ -179,6 +179,66 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             "policy = \"fld\"",
             &["unknown variant `fld`", "\"flood\""],
         ),
+        (
+            "kind = \"linear\"",
+            "kind = \"hexagonal\"",
+            &["unknown variant `hexagonal`", "\"compact-mesh\""],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"linear\"\nclusters = 2",
+            &["only a formation of the kind \"split-up\" has `clusters`"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"circular\"\ncluster_distance_m = 400",
+            &["only a formation of the kind \"split-up\" has `cluster_distance_m`"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"split-up\"\nclusters = 6",
+            &["6 is not", "a whole number from 2 to 5"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"split-up\"\nclusters = 5",
+            &["5 clusters around a master take 6 drones", "there are 5"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"split-up\"\ncluster_distance_m = 0",
+            &["0 is not", "metres, a number from 0.01"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"compact-mesh\"\nseed = 4",
+            &["only a formation of the kind \"random\" has `seed`"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"random\"\nseed = -4",
+            &["-4 is not", "formation.seed"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"linear\"\nground = \"heap\"",
+            &["unknown variant `heap`", "\"grid\""],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"linear\"\nassignment = \"optimal\"",
+            &["there is nothing to assign", "formation.assignment"],
+        ),
+        (
+            "drones = 5",
+            "drones = 301\nground = \"grid\"\nassignment = \"optimal\"",
+            &["301 drones are too many to assign optimally, 300 the most"],
+        ),
+        (
+            "kind = \"linear\"",
+            "kind = \"linear\"\nground = \"line\"\nassignment = \"best\"",
+            &["unknown variant `best`", "\"greedy\""],
+        ),
         ("[radio]", "[radoi]", &["unknown field `radoi`", "`radio`"]),
         ("[radio]", "[radio", &["[radio", "key = value"]),
         ("seed = 1", "seed = 1\nseed = 2", &["duplicate key"]),

@@ -1,10 +1,10 @@
-use std::num::{NonZeroU32, NonZeroUsize};
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::cell::Address;
-use muster_machines::formation::{Formation, Layout, Separation};
+use muster_machines::formation::{Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation;
@@ -18,6 +18,7 @@ use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
 use super::file::{Override, Source};
+use super::formation;
 use super::raw::{ActorName, MediumName, ModelName, Raw};
 use super::{Fault, FaultKind, Limits, Protocol, Scenario};
 use crate::vehicle::Landing;
@@ -44,7 +45,7 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
             .separation_vertical_m
             .map_or(SEPARATION_M, |it| it.0),
     };
-    let layout = Arc::new(layout(&source, &raw, separation)?);
+    let layout = Arc::new(formation::layout(&source, &raw, separation)?);
     let vehicle = vehicle(&raw);
     let landing = landing(&raw, vehicle);
     let protocol = protocol(&source, &raw)?;
@@ -53,6 +54,14 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
     let limits = limits(&raw, separation, &layout, &waypoints, vehicle, landing);
     let faults = faults(&source, &raw)?;
     let radio = radio(&source, &raw)?;
+    let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
+    if layout.exposed() > 0 {
+        notes.push(format!(
+            "{} times a drone's way from or to the ground leads below others that climb or descend through it: keep \
+             the losses small while the swarm takes off",
+            layout.exposed()
+        ));
+    }
     Ok(Scenario {
         name: path.display().to_string(),
         overrides: overrides
@@ -68,15 +77,13 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
         vehicle,
         landing,
         limits,
-        notes: mission.notes().iter().map(ToString::to_string).collect(),
+        notes,
         faults,
     })
 }
 
 /// The least distance between flying drones, over ground or in height.
 const SEPARATION_M: f64 = 5.0;
-/// How far apart drones stand on the ground.
-const GAP_M: f64 = 10.0;
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
 const ALTITUDE_MAX_M: f64 = 120.0;
 /// The longest that a run may take, whatever its mission, in seconds: a week.
@@ -134,39 +141,6 @@ fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
         access,
         datagram_max: wire::DATAGRAM_MAX,
     })
-}
-
-fn layout(source: &Source, raw: &Raw, separation: Separation) -> Result<Layout, BadInput> {
-    let drones = u32::try_from(raw.formation.drones.get_ref().0)
-        .ok()
-        .and_then(NonZeroU32::new)
-        .expect("read as a number from 1 to 100000");
-    let spacing = &raw.formation.spacing_m;
-    let spacing_m = spacing.get_ref().0;
-    if spacing_m < separation.horizontal_m {
-        let message = format!(
-            "slots {spacing_m} m apart are nearer than drones may come, {} m",
-            separation.horizontal_m
-        );
-        return Err(source.error(spacing.span(), &message));
-    }
-    let gap_m = raw
-        .formation
-        .gap_m
-        .as_ref()
-        .map_or(GAP_M, |gap| gap.get_ref().0);
-    let gap_span = raw.formation.gap_m.as_ref().unwrap_or(spacing).span();
-    // Half a metre more than needed, for the turn in which drones draw together costs a little.
-    if gap_m > spacing_m || gap_m < separation.horizontal_m + 0.5 {
-        let message = format!(
-            "drones {gap_m} m apart on the ground; that takes from {} m to the spacing, {spacing_m} m",
-            separation.horizontal_m + 0.5
-        );
-        return Err(source.error(gap_span, &message));
-    }
-    let heading_rad = raw.formation.heading_deg.0.to_radians();
-    let formation = Formation::new(raw.formation.kind.into(), drones, spacing_m, heading_rad);
-    Ok(Layout::new(formation, gap_m, separation))
 }
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
@@ -277,8 +251,7 @@ fn check_layers(
 ) -> Result<(), BadInput> {
     let altitude_max = raw.limits.altitude_max_m.as_ref();
     let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
-    let layers_m = layout.layers_m(waypoints);
-    let layer_m = layers_m.iter().copied().fold(0.0, f64::max);
+    let layer_m = layout.highest_layer_m(waypoints);
     let highest = waypoints
         .iter()
         .map(|it| it.altitude_m())
@@ -319,19 +292,15 @@ fn limits(
         .windows(2)
         .map(|pair| leg_s(pair[0], pair[1]))
         .collect();
-    let layer_m = layout
-        .layers_m(waypoints)
-        .iter()
-        .copied()
-        .fold(0.0, f64::max);
+    let layer_m = layout.highest_layer_m(waypoints);
     let over_home = waypoints[0].altitude_m() + layer_m;
     let farthest_s = (0..layout.formation().drones())
         .map(NodeId)
         .map(|id| {
-            leg_s(
-                layout.place(id, waypoints[0]),
-                layout.slot(id, waypoints[0]),
-            )
+            let slot = layout.slot(id, waypoints[0]);
+            let stand = layout.stand(id, waypoints[0]);
+            let place = layout.place(id, waypoints[0]);
+            leg_s(stand, slot).max(leg_s(slot, place))
         })
         .fold(0.0, f64::max)
         + over_home / speed;

@@ -1,6 +1,7 @@
 //! What is simulated: a scenario, as parsed.
 
 mod file;
+mod formation;
 mod load;
 mod raw;
 
@@ -71,8 +72,7 @@ impl Scenario {
             .windows(2)
             .map(|leg| leg[0].horizontal_distance_m(leg[1]))
             .sum();
-        let layers_m = self.layout.layers_m(&self.waypoints);
-        let layer_m = layers_m.iter().copied().fold(0.0, f64::max);
+        let layer_m = self.layout.highest_layer_m(&self.waypoints);
         let layers = if layer_m > 0.0 {
             format!("layers up to {layer_m} m above it")
         } else {

@@ -3,7 +3,6 @@
 
 use std::path::PathBuf;
 
-use muster_machines::formation::Kind;
 use muster_machines::mission::Liveness;
 use serde::Deserialize;
 use toml::Spanned;
@@ -14,7 +13,10 @@ use super::Policy;
 pub(super) const FIELDS: &[(&str, &str)] = &[
     ("seed", "a whole number from 0 to 9223372036854775807"),
     ("formation", "a table with `kind`, `drones` and `spacing_m`"),
-    ("formation.kind", "\"linear\""),
+    (
+        "formation.kind",
+        "\"linear\", \"circular\", \"random\", \"split-up\", \"compact-mesh\", \"regular-matrix\" or \"compact-matrix\"",
+    ),
     ("formation.drones", "a whole number from 1 to 100000"),
     (
         "formation.spacing_m",
@@ -27,6 +29,23 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "formation.gap_m",
         "metres, a number from 0.01 to 100000, at most `spacing_m`",
+    ),
+    ("formation.ground", "\"gathered\", \"line\" or \"grid\""),
+    (
+        "formation.assignment",
+        "\"optimal\" (for up to 300 drones) or \"greedy\", where `ground` is \"line\" or \"grid\"",
+    ),
+    (
+        "formation.clusters",
+        "a whole number from 2 to 5, where `kind` is \"split-up\"",
+    ),
+    (
+        "formation.cluster_distance_m",
+        "metres, a number from 0.01 to 100000, where `kind` is \"split-up\"",
+    ),
+    (
+        "formation.seed",
+        "a whole number from 0 to 9223372036854775807, where `kind` is \"random\"",
     ),
     ("mission", "a table with `file`"),
     (
@@ -185,20 +204,40 @@ pub(super) struct Formation {
     #[serde(default)]
     pub(super) heading_deg: Heading,
     pub(super) gap_m: Option<Spanned<Length>>,
+    #[serde(default)]
+    pub(super) ground: GroundName,
+    pub(super) assignment: Option<Spanned<AssignmentName>>,
+    pub(super) clusters: Option<Spanned<Whole<2, 5>>>,
+    pub(super) cluster_distance_m: Option<Spanned<Length>>,
+    pub(super) seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FormationKind {
     Linear,
+    Circular,
+    Random,
+    SplitUp,
+    CompactMesh,
+    RegularMatrix,
+    CompactMatrix,
 }
 
-impl From<FormationKind> for Kind {
-    fn from(kind: FormationKind) -> Self {
-        match kind {
-            FormationKind::Linear => Self::Linear,
-        }
-    }
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum GroundName {
+    #[default]
+    Gathered,
+    Line,
+    Grid,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum AssignmentName {
+    Optimal,
+    Greedy,
 }
 
 #[derive(Debug, Deserialize)]

@@ -117,7 +117,7 @@ impl World {
         let drones = layout.formation().drones();
         let home = scenario.waypoints[0].at_altitude(0.0);
         let places: Vec<_> = (0..drones)
-            .map(|id| layout.place(NodeId(id), home))
+            .map(|id| layout.stand(NodeId(id), home))
             .collect();
         let generator = |stream: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);

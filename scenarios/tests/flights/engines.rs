@@ -42,7 +42,8 @@ fn assert_all_finished(report: &Report) {
 
 #[test]
 fn both_engines_fly_the_shipped_scenarios_alike() {
-    for name in ["thesis-1.toml", "thesis-2.toml"] {
+    for experiment in 1..=5 {
+        let name = &format!("thesis-{experiment}.toml");
         assert_all_finished(&on_both_engines(&scenario(name, &[])));
     }
 }

@@ -68,8 +68,8 @@ fn flight_time_s(drone: &DroneReport) -> f64 {
 }
 
 #[test]
-fn flight_times_and_messages_agree_with_tables_9_and_10() {
-    for row in rows("tables-9-10.csv") {
+fn flight_times_and_messages_agree_with_tables_9_to_13() {
+    for row in rows("tables-9-13.csv") {
         let name = row[0].as_str();
         let [master_s, maximum_s, mean_s, received] =
             [1, 2, 3, 4].map(|column| row[column].parse::<f64>().unwrap());
@@ -92,29 +92,25 @@ fn flight_times_and_messages_agree_with_tables_9_and_10() {
 #[test]
 fn every_flight_time_obeys_the_law_of_the_five_experiments() {
     // A slave d metres from the master takes d / 10 + 12.4 s longer than it.
-    for row in rows("tables-9-10.csv") {
+    for row in rows("tables-9-13.csv") {
         let master_s: f64 = row[1].parse().unwrap();
-        let report = fly(&scenario(&row[0], &[]), Engine::Events);
-        let centre = report.drones.len() / 2;
-        for (index, drone) in report.drones.iter().enumerate() {
-            let slots = u32::try_from(index.abs_diff(centre)).unwrap();
-            let law_s = match slots {
-                0 => master_s,
-                _ => master_s + f64::from(slots) * 160.0 / 10.0 + 12.4,
+        let scenario = scenario(&row[0], &[]);
+        let slots = scenario.layout.formation().slots().iter();
+        let report = fly(&scenario, Engine::Events);
+        for (drone, slot) in report.drones.iter().zip(slots) {
+            let law_s = match drone.role {
+                Role::Master => master_s,
+                Role::Slave => master_s + slot.0.norm() / 10.0 + 12.4,
             };
-            assert_within(
-                0.03,
-                flight_time_s(drone),
-                law_s,
-                &format!("{} drone {index}", row[0]),
-            );
+            let what = format!("{} drone {}", row[0], drone.id);
+            assert_within(0.03, flight_time_s(drone), law_s, &what);
         }
     }
 }
 
 #[test]
 fn no_two_drones_come_too_close_whatever_the_seed() {
-    for name in ["thesis-1.toml", "thesis-2.toml"] {
+    for name in rows("tables-9-13.csv").iter().map(|row| row[0].as_str()) {
         for seed in 0..100 {
             let report = fly(&scenario(name, &[&format!("seed={seed}")]), Engine::Events);
             assert_eq!(report.violations, [], "{name}, seed {seed}");

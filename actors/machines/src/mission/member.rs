@@ -14,7 +14,7 @@ impl Mission {
                 waypoints,
             } => self.store_plan(sequence, index, count, &waypoints),
             Order::TakeOff => self.take_off(now, sequence),
-            Order::Move { waypoint } => self.open(now, sequence, waypoint),
+            Order::Move { waypoint } => self.open(sequence, waypoint),
             Order::Land { at } => self.go_to_land(now, sequence, at),
         }
     }
@@ -46,7 +46,7 @@ impl Mission {
         self.pursue_goal();
     }
 
-    fn open(&mut self, now: Timestamp, sequence: u32, waypoint: u16) {
+    fn open(&mut self, sequence: u32, waypoint: u16) {
         if !self.durable.state.is_following() || usize::from(waypoint) >= self.durable.plan.len() {
             self.outbox.event(Event::Refused);
             return;
@@ -57,7 +57,7 @@ impl Mission {
         }
         if self.durable.state == State::TakingOff {
             // In its slot, and the swarm goes on: routes come of themselves, or were missed.
-            self.leave_for(now, 0);
+            self.enter(State::WaypointReached { waypoint: 0 });
         }
         self.durable.opened = self.durable.opened.max(Some(waypoint));
         self.durable.pending = Some(sequence);

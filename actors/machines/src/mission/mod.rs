@@ -189,9 +189,9 @@ impl Mission {
             State::Start | State::SetUp => None,
             State::TakingOff => {
                 let to = at_waypoint(0)?;
-                let altitude_m = to.altitude_m() + self.layer_m();
                 Some(Goal::TakeOff {
-                    to: to.at_altitude(altitude_m),
+                    to,
+                    transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
                 })
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -200,7 +200,7 @@ impl Mission {
             }
             State::MovingToLand => {
                 let at = self.durable.land_at;
-                let altitude_m = at.altitude_m() + self.layer_m();
+                let altitude_m = at.altitude_m() + self.landing_layer_m();
                 let to = layout.place(id, at).at_altitude(altitude_m);
                 Some(Goal::TransitTo { to })
             }
@@ -214,8 +214,15 @@ impl Mission {
         }
     }
 
-    fn layer_m(&self) -> f64 {
-        self.config.layout.layers_m(&self.durable.plan)[self.config.id.0 as usize]
+    /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
+    fn landing_layer_m(&self) -> f64 {
+        let layout = &self.config.layout;
+        let slot = self.config.id.0 as usize;
+        if self.durable.plan.last() == Some(&self.durable.land_at) {
+            layout.landing_layers_m()[slot]
+        } else {
+            layout.layers_m(&self.durable.plan)[slot]
+        }
     }
 
     fn land(&mut self, reason: LandingReason) {
@@ -262,14 +269,14 @@ impl Mission {
             }
             RoutingNotice::MasterSilent => self.master_silent = true,
             RoutingNotice::MasterReturned => self.master_silent = false,
-            RoutingNotice::DiscoveryStarted => self.routes_are(now, RoutesPhase::Discovery),
-            RoutingNotice::HopUpdateStarted => self.routes_are(now, RoutesPhase::HopUpdate),
-            RoutingNotice::RoutesReady => self.routes_are(now, RoutesPhase::Ready),
+            RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
+            RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
+            RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
             RoutingNotice::Resync => self.repeat_to_routing(),
         }
     }
 
-    fn routes_are(&mut self, now: Timestamp, phase: RoutesPhase) {
+    fn routes_are(&mut self, phase: RoutesPhase) {
         self.durable.routes = self.durable.routes.max(phase);
         let in_its_slot = match self.durable.state {
             State::TakingOff => self.durable.pending.is_none(),
@@ -277,18 +284,17 @@ impl Mission {
             _ => false,
         };
         if in_its_slot {
-            self.enter_routes_state(now);
+            self.enter_routes_state();
         }
     }
 
     /// Does what the routing's progress asks of a drone in its slot.
-    fn enter_routes_state(&mut self, now: Timestamp) {
+    fn enter_routes_state(&mut self) {
         match self.durable.routes {
             RoutesPhase::None => {}
             RoutesPhase::Discovery => self.enter(State::NeighbourDiscovery),
             RoutesPhase::HopUpdate => self.enter(State::HopUpdate),
-            // From the layer in which it came to its slot.
-            RoutesPhase::Ready => self.leave_for(now, 0),
+            RoutesPhase::Ready => self.enter(State::WaypointReached { waypoint: 0 }),
         }
     }
 
@@ -300,7 +306,7 @@ impl Mission {
                     self.durable.limit = None;
                 }
                 self.carried_out();
-                self.enter_routes_state(now);
+                self.enter_routes_state();
             }
             State::MovingToWaypoint { waypoint } => {
                 // Nobody who lives takes longer to arrive than a leg may take.

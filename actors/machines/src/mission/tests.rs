@@ -118,13 +118,6 @@ fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
     ] {
         hears(&mut slave, 30.0, notice);
     }
-    // It comes down to its slot from the layer in which it took off.
-    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 0 });
-    told(
-        &mut slave,
-        31.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
     assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
     slave
 }
@@ -211,9 +204,7 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
     ] {
         hears(&mut master, 23.0, notice);
     }
-    hears(&mut master, 32.0, RoutingNotice::RoutesReady);
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    let opened = told(&mut master, 32.0, arrived);
+    let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
     assert_eq!(orders(&opened), [Order::Move { waypoint: 0 }]);
     assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
     let transmits = hears(&mut master, 33.0, progress(2, 3));

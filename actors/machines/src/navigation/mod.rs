@@ -27,10 +27,12 @@ pub struct Config {
 /// Where a mission wants its drone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {
-    /// Arm, climb straight up to the height of `to`, fly level there.
+    /// Arm, climb straight up to a height, fly level to above `to`, go there.
     TakeOff {
-        /// Where.
+        /// The slot.
         to: Ned,
+        /// The height at which the way is flown, in metres above home.
+        transit_altitude_m: f64,
     },
     /// Fly straight there.
     FlyTo {
@@ -184,10 +186,16 @@ impl Navigation {
                 self.demand(Demand::Arm);
                 return;
             }
+            Goal::TakeOff {
+                to,
+                transit_altitude_m,
+            } => vec![
+                start.at_altitude(transit_altitude_m),
+                to.at_altitude(transit_altitude_m),
+                to,
+            ],
             Goal::FlyTo { to } => vec![to],
-            Goal::TakeOff { to } | Goal::TransitTo { to } => {
-                vec![start.at_altitude(to.altitude_m()), to]
-            }
+            Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Land => Vec::new(),
         };
         self.progress(Progress::Flying(corners.into()));

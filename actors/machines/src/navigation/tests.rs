@@ -51,20 +51,28 @@ fn at_rest_at(position: Ned) -> Input {
 }
 
 #[test]
-fn a_take_off_arms_climbs_and_crosses() {
+fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
     let mut navigation = Navigation::new(CONFIG, None);
-    let to = Ned::new(0.0, 100.0, -30.0);
-    let goal = Goal::TakeOff { to };
+    let to = Ned::new(0.0, 100.0, -25.0);
+    let goal = Goal::TakeOff {
+        to,
+        transit_altitude_m: 30.0,
+    };
     let asks = told(&mut navigation, Input::Goal(goal));
     assert_eq!(asks, [Transmit::Demand(Demand::Report)]);
     let arms = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
     assert_eq!(arms, [Transmit::Demand(Demand::Arm)]);
     let climb = Ned::new(0.0, 0.0, -30.0);
+    let cross = Ned::new(0.0, 100.0, -30.0);
     assert_eq!(
         leg(&told(&mut navigation, at_rest_at(Ned::HOME))),
         (climb, 2.5)
     );
-    assert_eq!(leg(&told(&mut navigation, at_rest_at(climb))), (to, 10.0));
+    assert_eq!(
+        leg(&told(&mut navigation, at_rest_at(climb))),
+        (cross, 10.0)
+    );
+    assert_eq!(leg(&told(&mut navigation, at_rest_at(cross))), (to, 1.5));
     let arrived = told(&mut navigation, at_rest_at(to));
     assert_eq!(arrived, [Transmit::Inform(Notice::Arrived)]);
 }

@@ -1,0 +1,79 @@
+use pathfinding::matrix::Matrix;
+use pathfinding::prelude::kuhn_munkres_min;
+
+use crate::geometry::Ned;
+
+/// Who stands where.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Assignment {
+    /// Such that the squared distances from the places to the slots sum up to the least there is; of assignments that
+    /// share it, one with short ways. By the Hungarian method, which costs n³ steps: for [`OPTIMAL_MAX`] drones.
+    Optimal,
+    /// Whoever has the slot farthest out chooses first, and takes the nearest place that is free; n² steps.
+    Greedy,
+}
+
+/// How many drones are assigned optimally unless something else is asked for, and the most that can be.
+pub const OPTIMAL_MAX: u32 = 300;
+
+impl Assignment {
+    /// What so many drones are assigned by if nothing else is asked for.
+    #[must_use]
+    pub const fn for_drones(drones: u32) -> Self {
+        if drones <= OPTIMAL_MAX {
+            Self::Optimal
+        } else {
+            Self::Greedy
+        }
+    }
+
+    /// The places in the order of the slots that they are assigned to.
+    pub(super) fn assign(self, places: &[Ned], slots: &[Ned]) -> Vec<Ned> {
+        let chosen = match self {
+            Self::Optimal => optimal(places, slots),
+            Self::Greedy => greedy(places, slots),
+        };
+        chosen.into_iter().map(|place| places[place]).collect()
+    }
+}
+
+fn optimal(places: &[Ned], slots: &[Ned]) -> Vec<usize> {
+    let costs = slots
+        .iter()
+        .map(|slot| places.iter().map(|place| cost(*place, *slot)));
+    match Matrix::from_rows(costs) {
+        Ok(costs) => kuhn_munkres_min(&costs).1,
+        // There are no slots.
+        Err(_) => Vec::new(),
+    }
+}
+
+/// In square millimetres, and one for each millimetre of way: short ways decide where the squares are as good as equal.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "places are at most some thousand kilometres apart"
+)]
+fn cost(place: Ned, slot: Ned) -> i128 {
+    let distance_mm = place.horizontal_distance_m(slot) * 1_000.0;
+    (distance_mm * distance_mm + distance_mm).round() as i128
+}
+
+fn greedy(places: &[Ned], slots: &[Ned]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..slots.len()).collect();
+    let reach_m = |slot: usize| slots[slot].horizontal_distance_m(Ned::HOME);
+    order.sort_by(|a, b| reach_m(*b).total_cmp(&reach_m(*a)).then(a.cmp(b)));
+    let mut free: Vec<usize> = (0..places.len()).collect();
+    let mut chosen = vec![0; slots.len()];
+    for slot in order {
+        let distance_m = |place: &usize| places[*place].horizontal_distance_m(slots[slot]);
+        let nearest = free
+            .iter()
+            .enumerate()
+            .min_by(|(_, a), (_, b)| distance_m(a).total_cmp(&distance_m(b)));
+        if let Some((index, _)) = nearest {
+            // Keeps the order, so that of two places as near the first is taken.
+            chosen[slot] = free.remove(index);
+        }
+    }
+    chosen
+}

@@ -1,0 +1,77 @@
+use std::f64::consts::PI;
+use std::num::NonZeroU32;
+
+use super::assignment::Assignment;
+use super::crossings::{Crossing, crossings, ways};
+use super::layers::Stack;
+use super::{Formation, Kind};
+use crate::geometry::Ned;
+
+/// How drones stand on the ground before they take off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ground {
+    /// As they will land: the formation drawn together, each drone at its own slot's place.
+    Gathered,
+    /// In a line, each drone at the place that it is assigned.
+    Line(Assignment),
+    /// In rows, as many columns as rows or one more, each drone at the place that it is assigned.
+    Grid(Assignment),
+}
+
+/// By how much an arrangement on the ground may be turned against the formation's heading, the best first where they
+/// come to the same.
+///
+/// A right angle keeps drones of a line out of each other's way, none at all those of a ring; half of it helps
+/// formations that have both, for no drone then passes over where another one climbs.
+const TURNS_RAD: [f64; 5] = [PI / 2.0, 0.0, PI / 4.0, -PI / 4.0, PI / 8.0];
+
+/// Places on the ground for all drones of a formation, as displacements from its centre, and what their ways to the
+/// slots and back ask for.
+#[derive(Debug)]
+pub(super) struct Places {
+    pub(super) places: Vec<Ned>,
+    pub(super) crossings: Vec<Crossing>,
+    pub(super) stack: Stack,
+}
+
+impl Places {
+    /// An arrangement whose places are `gap_m` apart, turned as fewest ends of ways are exposed and fewest layers
+    /// needed, where ways nearer than `near_m` cross.
+    pub(super) fn new(ground: Ground, formation: &Formation, gap_m: f64, near_m: f64) -> Self {
+        let mut best: Option<Self> = None;
+        for turn_rad in TURNS_RAD {
+            let places = ground.places(formation, gap_m, turn_rad);
+            let crossings = crossings(&ways(&places, formation.slots()), near_m);
+            let stack = Stack::of(places.len(), &crossings, 0);
+            let cost = |stack: &Stack| (stack.exposed, stack.highest());
+            if best
+                .as_ref()
+                .is_none_or(|best| cost(&stack) < cost(&best.stack))
+            {
+                best = Some(Self {
+                    places,
+                    crossings,
+                    stack,
+                });
+            }
+            if best.as_ref().is_some_and(|it| cost(&it.stack) == (0, 0)) {
+                break;
+            }
+        }
+        best.expect("there is a turn to be tried")
+    }
+}
+
+impl Ground {
+    fn places(self, formation: &Formation, gap_m: f64, turn_rad: f64) -> Vec<Ned> {
+        let drones = NonZeroU32::new(formation.drones()).expect("a formation has drones");
+        let (kind, assignment) = match self {
+            Self::Gathered => return formation.drawn_together(gap_m, turn_rad),
+            Self::Line(assignment) => (Kind::Linear, assignment),
+            Self::Grid(assignment) => (Kind::RegularMatrix, assignment),
+        };
+        let turned_rad = formation.heading_rad + turn_rad;
+        let arrangement = Formation::new(kind, drones, gap_m, turned_rad);
+        assignment.assign(arrangement.slots(), formation.slots())
+    }
+}

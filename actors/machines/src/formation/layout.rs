@@ -1,0 +1,178 @@
+use std::sync::Arc;
+
+use nalgebra::Vector2;
+
+use super::crossings::passings;
+use super::ground::Places;
+use super::layers::Stack;
+use super::{Formation, Ground, Layers};
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+
+/// How far apart flying drones must be: far enough over ground or far enough in height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Separation {
+    /// Metres over ground.
+    pub horizontal_m: f64,
+    /// Metres in height.
+    pub vertical_m: f64,
+}
+
+/// What is kept beyond either minimum, in metres, so that rounding never matters.
+const MARGIN_M: f64 = 0.5;
+
+impl Separation {
+    fn near_m(self) -> f64 {
+        self.horizontal_m + MARGIN_M
+    }
+
+    fn heights_m(self, stack: &Stack) -> impl Iterator<Item = f64> {
+        let pitch_m = self.vertical_m + MARGIN_M;
+        let layers = stack.layers.iter();
+        layers.map(move |layer| f64::from(*layer) * pitch_m)
+    }
+}
+
+/// A formation with all that follows from it for a drone's flight; shared by the drones of a simulation.
+///
+/// Ways between ground and slots are compared when they may be flown under the same order, because a swarm goes on
+/// only once all its members have arrived. Drones whose ways cross fly them in different layers. Layers only go up:
+/// what the mission's author took for a safe height stays the lowest.
+#[derive(Debug)]
+pub struct Layout {
+    formation: Formation,
+    separation: Separation,
+    gap_m: f64,
+    ground: Option<Ways>,
+    landing: Ways,
+    layers: Layers,
+}
+
+/// Places on the ground, and the layer in which the way between them and the slots is flown.
+#[derive(Debug)]
+struct Ways {
+    arranged: Places,
+    layers_m: Arc<[f64]>,
+}
+
+impl Ways {
+    fn new(ground: Ground, formation: &Formation, gap_m: f64, separation: Separation) -> Self {
+        let arranged = Places::new(ground, formation, gap_m, separation.near_m());
+        Self {
+            layers_m: separation.heights_m(&arranged.stack).collect(),
+            arranged,
+        }
+    }
+}
+
+impl Layout {
+    /// The layout of a formation whose drones stand and land `gap_m` metres apart.
+    #[must_use]
+    pub fn new(formation: Formation, gap_m: f64, separation: Separation) -> Self {
+        Self {
+            landing: Ways::new(Ground::Gathered, &formation, gap_m, separation),
+            ground: None,
+            layers: Layers::default(),
+            formation,
+            separation,
+            gap_m,
+        }
+    }
+
+    /// The same, but for how the drones stand before take-off.
+    #[must_use]
+    pub fn standing(mut self, ground: Ground) -> Self {
+        self.ground = (ground != Ground::Gathered)
+            .then(|| Ways::new(ground, &self.formation, self.gap_m, self.separation));
+        self
+    }
+
+    /// The slots in the air.
+    #[must_use]
+    pub const fn formation(&self) -> &Formation {
+        &self.formation
+    }
+
+    /// Where a drone flies when the formation's centre is at `waypoint`.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn slot(&self, id: NodeId, waypoint: Ned) -> Ned {
+        waypoint + self.formation.slots()[id.0 as usize]
+    }
+
+    /// Where a drone stands before take-off when the swarm starts from `home`; at the height of `home`.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn stand(&self, id: NodeId, home: Ned) -> Ned {
+        home + self.take_off().arranged.places[id.0 as usize]
+    }
+
+    /// Where a drone lands when the formation's centre lands at `centre`; at the height of `centre`.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn place(&self, id: NodeId, centre: Ned) -> Ned {
+        centre + self.landing.arranged.places[id.0 as usize]
+    }
+
+    fn take_off(&self) -> &Ways {
+        self.ground.as_ref().unwrap_or(&self.landing)
+    }
+
+    /// Each drone's altitude layer on its way from where it stands to its slot, in metres above the slot.
+    #[must_use]
+    pub fn take_off_layers_m(&self) -> &[f64] {
+        &self.take_off().layers_m
+    }
+
+    /// Each drone's altitude layer on its way from its slot at the mission's last waypoint to where it lands, in
+    /// metres above the slot.
+    #[must_use]
+    pub fn landing_layers_m(&self) -> &[f64] {
+        &self.landing.layers_m
+    }
+
+    /// Each drone's altitude layer for a mission: how many metres above the mission's altitude it flies whenever it
+    /// is not in lockstep with its swarm. It differs for drones of which one, flying a leg alone, passes the slot of
+    /// the other, and for those whose ways to the landing places cross; 0 for those in nobody's way.
+    #[must_use]
+    pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
+        self.layers.of(waypoints, || {
+            let legs: Vec<Vector2<f64>> = waypoints
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]).0.xy())
+                .collect();
+            let slots = self.formation.slots();
+            let mut crossings = self.landing.arranged.crossings.clone();
+            crossings.extend(passings(slots, &legs, self.separation.near_m()));
+            let stack = Stack::of(slots.len(), &crossings, 1);
+            self.separation.heights_m(&stack).collect()
+        })
+    }
+
+    /// The highest layer of all, in metres above the mission's altitude.
+    #[must_use]
+    pub fn highest_layer_m(&self, waypoints: &[Ned]) -> f64 {
+        let layers_m = self.layers_m(waypoints);
+        let all = self.take_off_layers_m().iter();
+        let all = all.chain(self.landing_layers_m()).chain(layers_m.iter());
+        all.copied().fold(0.0, f64::max)
+    }
+
+    /// How many ends of drones' ways to and from the ground others must fly over below them: whoever takes off or
+    /// lands there relies on the others' having been told at the same time.
+    #[must_use]
+    pub fn exposed(&self) -> usize {
+        let ground = self.ground.iter();
+        self.landing.arranged.stack.exposed
+            + ground.map(|it| it.arranged.stack.exposed).sum::<usize>()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,236 @@
+use std::num::NonZeroU32;
+
+use proptest::prelude::*;
+
+use super::super::assignment::Assignment;
+use super::super::tests::kinds;
+use super::super::{Kind, OPTIMAL_MAX};
+use super::*;
+
+const SEPARATION: Separation = Separation {
+    horizontal_m: 5.0,
+    vertical_m: 5.0,
+};
+
+fn formation(kind: Kind, drones: u32, spacing_m: f64, heading_rad: f64) -> Formation {
+    let drones = NonZeroU32::new(drones).unwrap();
+    Formation::new(kind, drones, spacing_m, heading_rad)
+}
+
+fn line(drones: u32, spacing_m: f64, heading_rad: f64) -> Formation {
+    formation(Kind::Linear, drones, spacing_m, heading_rad)
+}
+
+fn nearest_m(places: &[Ned]) -> f64 {
+    super::super::crossings::nearest_pair_m(places).unwrap_or(f64::INFINITY)
+}
+
+fn grounds() -> impl Strategy<Value = Ground> {
+    prop_oneof![
+        Just(Ground::Gathered),
+        Just(Ground::Line(Assignment::Optimal)),
+        Just(Ground::Grid(Assignment::Greedy)),
+        Just(Ground::Grid(Assignment::Optimal)),
+    ]
+}
+
+#[test]
+fn a_line_across_the_legs_needs_no_layers() {
+    let layout = Layout::new(line(15, 160.0, 0.0), 10.0, SEPARATION);
+    let north = [Ned::new(0.0, 0.0, -25.0), Ned::new(400.0, 100.0, -25.0)];
+    assert_eq!(*layout.layers_m(&north), [0.0; 15]);
+    assert_eq!(layout.take_off_layers_m(), [0.0; 15]);
+}
+
+#[test]
+fn a_line_along_the_legs_has_a_layer_for_each_drone() {
+    let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION);
+    let east = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 1_000.0, -25.0)];
+    let mut layers = layout.layers_m(&east).to_vec();
+    layers.sort_by(f64::total_cmp);
+    assert_eq!(layers, [5.5, 11.0, 16.5, 22.0]);
+    assert_eq!(
+        layout.landing_layers_m(),
+        [0.0; 4],
+        "in lockstep nobody passes anybody"
+    );
+}
+
+#[test]
+fn only_neighbours_on_a_short_leg_share_no_layer() {
+    let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION);
+    let east = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 170.0, -25.0)];
+    assert_eq!(*layout.layers_m(&east), [5.5, 11.0, 5.5, 11.0]);
+}
+
+#[test]
+fn gathered_swarms_of_forty_need_four_layers_at_most_and_expose_nobody() {
+    for kind in [
+        Kind::Linear,
+        Kind::Circular,
+        Kind::Random { seed: 1 },
+        Kind::CompactMesh,
+        Kind::RegularMatrix,
+        Kind::CompactMatrix,
+    ] {
+        for drones in 1..=40 {
+            let layout = Layout::new(formation(kind, drones, 100.0, 0.0), 10.0, SEPARATION);
+            let highest_m = layout.highest_layer_m(&[]);
+            assert!(highest_m <= 4.0 * 5.5, "{kind:?}, {drones}: {highest_m} m");
+            assert_eq!(layout.exposed(), 0, "{kind:?}, {drones}");
+        }
+    }
+}
+
+#[test]
+fn a_line_and_a_circle_need_no_layers_to_take_off() {
+    for kind in [Kind::Linear, Kind::Circular] {
+        for drones in [2, 7, 40, 200] {
+            let layout = Layout::new(formation(kind, drones, 100.0, 0.3), 10.0, SEPARATION);
+            assert!(layout.take_off_layers_m().iter().all(|layer| *layer == 0.0));
+        }
+    }
+}
+
+#[test]
+fn a_thousand_drones_are_laid_out() {
+    let waypoints: Vec<Ned> = (0..9)
+        .map(|leg| Ned::new(f64::from(leg) * 300.0, f64::from(leg % 2) * 90.0, -25.0))
+        .collect();
+    let formation = formation(Kind::CompactMesh, 1_000, 40.0, 0.0);
+    let layout = Layout::new(formation, 10.0, SEPARATION)
+        .standing(Ground::Grid(Assignment::for_drones(1_000)));
+    assert_eq!(layout.layers_m(&waypoints).len(), 1_000);
+}
+
+#[test]
+fn large_swarms_are_assigned_greedily() {
+    assert_eq!(Assignment::for_drones(OPTIMAL_MAX), Assignment::Optimal);
+    assert_eq!(Assignment::for_drones(OPTIMAL_MAX + 1), Assignment::Greedy);
+}
+
+/// The least sum of squared distances over all assignments, in m².
+fn least_m2(places: &mut Vec<Ned>, slots: &[Ned]) -> f64 {
+    let Some((slot, rest)) = slots.split_first() else {
+        return 0.0;
+    };
+    let mut least = f64::INFINITY;
+    for index in 0..places.len() {
+        let place = places.remove(index);
+        let cost = place.horizontal_distance_m(*slot).powi(2) + least_m2(places, rest);
+        least = least.min(cost);
+        places.insert(index, place);
+    }
+    least
+}
+
+fn sum_m2(places: &[Ned], slots: &[Ned]) -> f64 {
+    let pairs = places.iter().zip(slots);
+    pairs
+        .map(|(a, b)| a.horizontal_distance_m(*b).powi(2))
+        .sum()
+}
+
+/// Where a drone is over ground and in height on its way, from its place on the ground to its slot, in steps of a
+/// part of it.
+fn along(ground: Ned, slot: Ned, layer_m: f64) -> impl Iterator<Item = Ned> {
+    let level = (0..=100).map(move |part| {
+        let way = Ned((slot.0 - ground.0) * (f64::from(part) / 100.0));
+        (ground + way).at_altitude(25.0 + layer_m)
+    });
+    let climb =
+        (0..=50).map(move |part| ground.at_altitude((25.0 + layer_m) * f64::from(part) / 50.0));
+    let descent =
+        (0..=10).map(move |part| slot.at_altitude(25.0 + layer_m * f64::from(part) / 10.0));
+    climb.chain(level).chain(descent)
+}
+
+proptest! {
+    #[test]
+    fn places_on_the_ground_are_the_gap_apart(
+        kind in kinds(),
+        ground in grounds(),
+        drones in 1_u32..40,
+        gap_m in 6.0..100.0_f64,
+    ) {
+        let layout = Layout::new(formation(kind, drones, 160.0, 0.5), gap_m, SEPARATION).standing(ground);
+        let all = |place: &dyn Fn(NodeId) -> Ned| (0..drones).map(NodeId).map(place).collect::<Vec<_>>();
+        for places in [
+            all(&|id| layout.stand(id, Ned::HOME)),
+            all(&|id| layout.place(id, Ned::HOME)),
+        ] {
+            prop_assert!(nearest_m(&places) >= gap_m * (1.0 - 1e-9));
+        }
+    }
+
+    #[test]
+    fn no_assignment_is_better_than_the_optimal_one(
+        kind in kinds(),
+        drones in 1_u32..7,
+        turn_rad in 0.0..6.3_f64,
+    ) {
+        let slots = formation(kind, drones, 100.0, 0.0);
+        let mut places = line(drones, 10.0, turn_rad).slots().to_vec();
+        let assigned = Assignment::Optimal.assign(&places, slots.slots());
+        let least = least_m2(&mut places, slots.slots());
+        prop_assert!(sum_m2(&assigned, slots.slots()) <= least + 1.0, "square metres");
+        let greedy = Assignment::Greedy.assign(&places, slots.slots());
+        prop_assert!(sum_m2(&greedy, slots.slots()) >= least - 1e-6);
+        prop_assert!(nearest_m(&greedy) >= 9.999 || drones == 1, "each place is taken once");
+    }
+
+    #[test]
+    fn where_nobody_is_exposed_every_drone_may_be_anywhere_on_its_way(
+        kind in kinds(),
+        drones in 2_u32..16,
+        spacing_m in 20.0..200.0_f64,
+    ) {
+        let layout = Layout::new(formation(kind, drones, spacing_m, 0.2), 10.0, SEPARATION);
+        prop_assume!(layout.exposed() == 0);
+        let ways: Vec<Vec<Ned>> = (0..drones).map(|id| {
+            let slot = layout.slot(NodeId(id), Ned::HOME);
+            let layer_m = layout.landing_layers_m()[id as usize];
+            along(layout.place(NodeId(id), Ned::HOME), slot, layer_m).collect()
+        }).collect();
+        for (a, way) in ways.iter().enumerate() {
+            for (b, other) in ways[..a].iter().enumerate() {
+                for here in way {
+                    for there in other {
+                        let apart = here.horizontal_distance_m(*there) >= 5.0
+                            || here.vertical_distance_m(*there) >= 5.0;
+                        prop_assert!(apart, "{a} and {b}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn drones_whose_ways_cross_differ_by_the_vertical_minimum(
+        heading_rad in 0.0..3.2_f64,
+        legs in prop::collection::vec((0.0..6.3_f64, 20.0..600.0_f64), 1..5),
+    ) {
+        let layout = Layout::new(line(6, 40.0, heading_rad), 10.0, SEPARATION);
+        let mut waypoints = vec![Ned::new(0.0, 0.0, -25.0)];
+        for (course, length_m) in legs {
+            let last = waypoints[waypoints.len() - 1];
+            waypoints.push(last + Ned::new(length_m, 0.0, 0.0).turned(course));
+        }
+        let layers = layout.layers_m(&waypoints);
+        let slots = layout.formation().slots();
+        for leg in waypoints.windows(2) {
+            let way = leg[1] - leg[0];
+            for a in 0..6 {
+                for b in 0..a {
+                    // One stands at its slot, the other flies its whole leg past it.
+                    let nearest = (0..=200).map(|part| {
+                        let flown = Ned(way.0 * (f64::from(part) / 200.0));
+                        (slots[b] + flown).horizontal_distance_m(slots[a])
+                    }).fold(f64::INFINITY, f64::min);
+                    let apart = (layers[a] - layers[b]).abs() >= 5.0;
+                    prop_assert!(apart || nearest >= 5.0, "{a} and {b}: {nearest} m");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Every formation takes off, flies a mission, gathers and lands, and nobody comes too close to anybody.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+use muster_scenarios::scenario::Scenario;
+
+use crate::support::{fly, scenario};
+
+/// Each kind with what it takes to hang together over a radio of 300 m: from the middle of a circle its master must
+/// hear somebody on it.
+const KINDS: [&[&str]; 8] = [
+    &["formation.kind=linear"],
+    &["formation.kind=circular", "formation.spacing_m=40"],
+    &["formation.kind=random"],
+    &["formation.kind=split-up", "formation.clusters=2"],
+    &["formation.kind=split-up", "formation.clusters=5"],
+    &["formation.kind=compact-mesh"],
+    &["formation.kind=regular-matrix"],
+    &["formation.kind=compact-matrix"],
+];
+
+fn with(kind: &[&str], drones: u32, more: &[&str]) -> Scenario {
+    let drones = format!("formation.drones={drones}");
+    let overrides = [
+        &[&drones, "formation.spacing_m=80", "protocol.liveness=pulse"],
+        kind,
+        more,
+    ];
+    scenario("thesis-1.toml", &overrides.concat())
+}
+
+fn assert_flown(report: &Report, what: &str) {
+    assert_eq!(report.violations, [], "{what}");
+    for drone in &report.drones {
+        assert_eq!(drone.state, "finished", "{what}, drone {}", drone.id);
+        assert_eq!(drone.landed_because, None, "{what}, drone {}", drone.id);
+    }
+}
+
+#[test]
+fn every_formation_flies_and_lands_without_a_violation() {
+    for kind in KINDS {
+        for drones in [6, 9, 14, 21] {
+            let what = format!("{kind:?}, {drones} drones");
+            assert_flown(&fly(&with(kind, drones, &[]), Engine::Events), &what);
+        }
+    }
+}
+
+#[test]
+fn forty_drones_fly_in_the_densest_formations() {
+    for kind in &KINDS[5..] {
+        let what = format!("{kind:?}, 40 drones");
+        assert_flown(&fly(&with(kind, 40, &[]), Engine::Events), &what);
+    }
+}
+
+#[test]
+fn the_smallest_swarms_fly_too() {
+    let any_number = KINDS.iter().filter(|kind| !kind[0].ends_with("split-up"));
+    for kind in any_number {
+        for drones in 1..=5 {
+            let what = format!("{kind:?}, {drones} drones");
+            assert_flown(&fly(&with(kind, drones, &[]), Engine::Events), &what);
+        }
+    }
+}
+
+#[test]
+fn drones_that_stand_in_lines_and_grids_take_off_to_every_formation() {
+    for kind in KINDS {
+        for ground in ["line", "grid"] {
+            for assignment in ["optimal", "greedy"] {
+                let ground = format!("formation.ground={ground}");
+                let assignment = format!("formation.assignment={assignment}");
+                let standing = with(kind, 14, &[&ground, &assignment]);
+                let what = format!("{kind:?}, {ground}, {assignment}");
+                assert_flown(&fly(&standing, Engine::Events), &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn formations_keep_apart_whatever_the_seed_the_heading_and_the_losses() {
+    for kind in KINDS {
+        for (seed, heading) in [(1, 30), (2, 75), (3, -120)] {
+            let more = [
+                &*format!("seed={seed}"),
+                &*format!("formation.heading_deg={heading}"),
+                "radio.loss=0.2",
+            ];
+            let what = format!("{kind:?}, {more:?}");
+            let report = fly(&with(kind, 12, &more), Engine::Events);
+            assert_eq!(report.violations, [], "{what}");
+        }
+    }
+}
+
+#[test]
+fn both_engines_fly_formations_alike() {
+    for kind in KINDS {
+        let scenario = with(kind, 8, &["formation.ground=grid"]);
+        let actors = fly(&scenario, Engine::Actors);
+        let events = fly(&scenario, Engine::Events);
+        assert_eq!(actors.trace, events.trace, "{kind:?}");
+        assert_flown(&actors, &format!("{kind:?}"));
+    }
+}
+
+#[test]
+fn only_the_master_joins_the_clusters_of_a_swarm_that_is_split_up() {
+    for clusters in 2..=5 {
+        let clusters = format!("formation.clusters={clusters}");
+        let kind = ["formation.kind=split-up", &clusters];
+        let report = fly(&with(&kind, 17, &[]), Engine::Events);
+        assert_flown(&report, &clusters);
+        let heads = report.drones.iter().filter(|drone| drone.parent == Some(0));
+        assert!(heads.count() >= 2, "{clusters}");
+        for drone in report.drones.iter().skip(1) {
+            let cluster = |id: u32| {
+                (1..)
+                    .zip(cluster_bounds(16, &clusters))
+                    .find(|(_, ids)| ids.contains(&id))
+            };
+            let parent = drone.parent.unwrap();
+            assert!(
+                parent == 0 || cluster(parent) == cluster(drone.id),
+                "{clusters}: drone {} obeys through {parent}",
+                drone.id
+            );
+        }
+    }
+}
+
+/// The ids of each cluster.
+fn cluster_bounds(members: u32, clusters: &str) -> Vec<std::ops::Range<u32>> {
+    let count: u32 = clusters.rsplit('=').next().unwrap().parse().unwrap();
+    let mut first = 1;
+    (0..count)
+        .map(|cluster| {
+            let ids = first..first + members / count + u32::from(cluster < members % count);
+            first = ids.end;
+            ids
+        })
+        .collect()
+}
