@@ -1,11 +1,13 @@
+use std::collections::BTreeSet;
+
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Event, State};
 use muster_machines::time::Timestamp;
 
 use super::Violation;
 
-/// Rule 3: waypoints open one by one, each once every live member that is not landing has reached the one before;
-/// no drone skips one.
+/// Rule 3: waypoints open one by one, each once every live member of the master's part that is not landing has reached
+/// the one before; no drone skips one. The master's part is whoever can be reached from it by radio, over others too.
 #[derive(Debug)]
 pub(crate) struct BarrierChecker {
     opened: Option<u16>,
@@ -31,10 +33,11 @@ impl BarrierChecker {
         now: Timestamp,
         drone: NodeId,
         event: &Event,
+        part: impl FnOnce() -> BTreeSet<NodeId>,
     ) -> Option<Violation> {
         match *event {
             Event::State(state) => self.enters(now, drone, state),
-            Event::Opened { waypoint } => self.opens(now, drone, waypoint),
+            Event::Opened { waypoint } => self.opens(now, drone, waypoint, &part()),
             _ => None,
         }
     }
@@ -63,7 +66,13 @@ impl BarrierChecker {
         }
     }
 
-    fn opens(&mut self, now: Timestamp, master: NodeId, waypoint: u16) -> Option<Violation> {
+    fn opens(
+        &mut self,
+        now: Timestamp,
+        master: NodeId,
+        waypoint: u16,
+        part: &BTreeSet<NodeId>,
+    ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
         self.opened = Some(waypoint);
         if waypoint != next {
@@ -80,6 +89,7 @@ impl BarrierChecker {
             .zip(&self.drones)
             .filter(|(_, drone)| drone.state.is_following() && drone.reached < Some(before))
             .map(|(id, _)| id)
+            .filter(|id| part.contains(id))
             .collect();
         (!behind.is_empty()).then(|| Violation {
             rule: 3,
@@ -96,12 +106,24 @@ impl BarrierChecker {
 mod tests {
     use super::*;
 
+    fn observe(
+        checker: &mut BarrierChecker,
+        now: Timestamp,
+        drone: NodeId,
+        event: &Event,
+    ) -> Option<Violation> {
+        checker.observe(now, drone, event, || [NodeId(0), NodeId(1)].into())
+    }
+
     const REACHED_0: Event = Event::State(State::WaypointReached { waypoint: 0 });
 
     fn checker_at_waypoint_0() -> BarrierChecker {
         let mut checker = BarrierChecker::new(2);
         for event in [REACHED_0, Event::Opened { waypoint: 0 }] {
-            assert_eq!(checker.observe(Timestamp::ZERO, NodeId(0), &event), None);
+            assert_eq!(
+                observe(&mut checker, Timestamp::ZERO, NodeId(0), &event),
+                None
+            );
         }
         checker
     }
@@ -111,10 +133,15 @@ mod tests {
         let mut checker = checker_at_waypoint_0();
         let on_the_way = Event::State(State::HopUpdate);
         assert_eq!(
-            checker.observe(Timestamp::ZERO, NodeId(1), &on_the_way),
+            observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way),
             None
         );
-        let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
+        let found = observe(
+            &mut checker,
+            Timestamp::ZERO,
+            NodeId(0),
+            &Event::Opened { waypoint: 1 },
+        );
         assert_eq!(
             found.map(|violation| violation.drones),
             Some(vec![NodeId(1)])
@@ -126,11 +153,21 @@ mod tests {
         let mut checker = checker_at_waypoint_0();
         for state in [State::HopUpdate, State::Landing] {
             assert_eq!(
-                checker.observe(Timestamp::ZERO, NodeId(1), &Event::State(state)),
+                observe(
+                    &mut checker,
+                    Timestamp::ZERO,
+                    NodeId(1),
+                    &Event::State(state)
+                ),
                 None
             );
         }
-        let found = checker.observe(Timestamp::ZERO, NodeId(0), &Event::Opened { waypoint: 1 });
+        let found = observe(
+            &mut checker,
+            Timestamp::ZERO,
+            NodeId(0),
+            &Event::Opened { waypoint: 1 },
+        );
         assert_eq!(found, None);
     }
 
@@ -138,16 +175,18 @@ mod tests {
     fn a_skipped_waypoint_is_found() {
         let mut checker = checker_at_waypoint_0();
         let leaps = Event::State(State::MovingToWaypoint { waypoint: 2 });
-        assert!(
-            checker
-                .observe(Timestamp::ZERO, NodeId(0), &leaps)
-                .is_some()
-        );
+        assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &leaps).is_some());
         let opens = Event::Opened { waypoint: 2 };
-        assert!(
-            checker
-                .observe(Timestamp::ZERO, NodeId(0), &opens)
-                .is_some()
-        );
+        assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &opens).is_some());
+    }
+
+    #[test]
+    fn nobody_waits_for_a_drone_that_no_radio_reaches() {
+        let mut checker = checker_at_waypoint_0();
+        let on_the_way = Event::State(State::HopUpdate);
+        observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);
+        let opens = Event::Opened { waypoint: 1 };
+        let found = checker.observe(Timestamp::ZERO, NodeId(0), &opens, || [NodeId(0)].into());
+        assert_eq!(found, None);
     }
 }

@@ -9,7 +9,7 @@ mod heap;
 mod recorder;
 mod trace;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -104,6 +104,7 @@ pub(crate) struct World {
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
+    range_m: f64,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -148,6 +149,7 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones as usize, layout.formation().centre()),
+            range_m: scenario.radio.propagation.range_m(),
             barrier: BarrierChecker::new(drones as usize),
             separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
             bounds: BoundsChecker {
@@ -400,7 +402,9 @@ impl World {
             .value(self.now, drone, Kind::Observed, observation);
         match observation {
             Observation::Mission(event) => {
-                let found = self.barrier.observe(self.now, drone, event);
+                let (now, range_m, vehicles) = (self.now, self.range_m, &self.vehicles);
+                let part = || part_of(drone, range_m, now, vehicles);
+                let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
             }
@@ -480,6 +484,25 @@ impl World {
     fn drone(&mut self, id: NodeId) -> &mut Drone {
         &mut self.drones[id.0 as usize]
     }
+}
+
+/// Whom radios of a range reach from a drone, over others too; itself among them.
+fn part_of(drone: NodeId, range_m: f64, now: Timestamp, vehicles: &[Vehicle]) -> BTreeSet<NodeId> {
+    let places: Vec<_> = vehicles
+        .iter()
+        .map(|vehicle| vehicle.motion().position(now))
+        .collect();
+    let mut part = BTreeSet::from([drone]);
+    let mut to_look_at = vec![drone];
+    while let Some(id) = to_look_at.pop() {
+        let here = places[id.0 as usize];
+        for (other, place) in (0..).map(NodeId).zip(&places) {
+            if place.distance_m(here) <= range_m && part.insert(other) {
+                to_look_at.push(other);
+            }
+        }
+    }
+    part
 }
 
 /// What each drone of a scenario is built with, drone 0 first.

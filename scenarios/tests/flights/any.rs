@@ -1,0 +1,72 @@
+//! Whatever a scenario is made of, no rule is broken.
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_scenarios::engine::Engine;
+use muster_scenarios::scenario::{Fault, FaultKind, Scenario};
+use rand::seq::IndexedRandom;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::support::{fly, scenario};
+
+const KINDS: [&str; 7] = [
+    "linear",
+    "circular",
+    "random",
+    "split-up",
+    "compact-mesh",
+    "regular-matrix",
+    "compact-matrix",
+];
+
+/// A scenario drawn from all that there is to choose: shape, size, heading, mission, radio, protocol, crashes.
+fn any(draw: u64) -> Scenario {
+    let mut rng = ChaCha8Rng::seed_from_u64(draw);
+    let mut pick = |choices: &[&str]| (*choices.choose(&mut rng).unwrap()).to_owned();
+    let kind = pick(&KINDS);
+    let fields = [
+        format!("formation.kind={kind}"),
+        format!("formation.spacing_m={}", pick(&["20", "40", "80", "160"])),
+        format!(
+            "mission.file=missions/{}",
+            pick(&["albufera.plan", "river.waypoints"])
+        ),
+        format!("radio.loss={}", pick(&["0", "0", "0.1", "0.2", "0.3"])),
+        format!("radio.medium={}", pick(&["ideal", "csma"])),
+        format!("protocol.policy={}", pick(&["flood", "tree"])),
+        format!("protocol.liveness={}", pick(&["pulse", "thesis"])),
+    ];
+    let fewest = if kind == "split-up" { 6 } else { 1 };
+    let drones = rng.random_range(fewest..14);
+    let numbers = [
+        format!("formation.drones={drones}"),
+        format!("formation.heading_deg={}", rng.random_range(-90..=90)),
+        format!("seed={draw}"),
+    ];
+    let overrides: Vec<&str> = fields.iter().chain(&numbers).map(String::as_str).collect();
+    let mut scenario = scenario("thesis-1.toml", &overrides);
+    scenario.faults = (0..rng.random_range(0..4))
+        .map(|_| Fault {
+            at: Timestamp::from_secs_f64(rng.random_range(0.0..400.0)),
+            drone: NodeId(rng.random_range(0..drones)),
+            kind: FaultKind::CrashActor(*Address::ALL.choose(&mut rng).unwrap()),
+        })
+        .collect();
+    scenario
+}
+
+#[test]
+fn no_drawn_scenario_breaks_a_rule_and_the_engines_agree_on_all() {
+    for draw in 0..120 {
+        let scenario = any(draw);
+        let report = fly(&scenario, Engine::Events);
+        assert_eq!(report.violations, [], "draw {draw}: {scenario:?}");
+        assert!(report.mission_completed, "draw {draw}: {scenario:?}");
+        if draw % 4 == 0 {
+            let actors = fly(&scenario, Engine::Actors);
+            assert_eq!(actors.trace, report.trace, "draw {draw}: {scenario:?}");
+        }
+    }
+}
