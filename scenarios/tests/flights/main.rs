@@ -7,3 +7,4 @@ mod engines;
 mod formations;
 mod support;
 mod thesis;
+mod tree;

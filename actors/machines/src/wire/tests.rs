@@ -62,6 +62,27 @@ fn packets_have_these_bytes() {
 }
 
 #[test]
+fn a_packet_of_policy_tree_has_these_bytes() {
+    let tree = Packet::Tree(Tree {
+        beat: 300,
+        hops: Some(1),
+        parent: Some(NodeId(7)),
+        pulse: 2,
+        sequence: 3,
+        acknowledged: [NodeId(0), NodeId(9)].into_iter().collect(),
+        alive: [NodeId(1)].into_iter().collect(),
+        landing: NodeSet::default(),
+        hears: Some([NodeId(2)].into_iter().collect()),
+        pending: NodeSet::default(),
+        order: Some(bytes::Bytes::from_static(&[1])),
+    });
+    assert_eq!(
+        hex(&encode_packet(&tree)),
+        "03ac0201010107020302010201020001010400010101"
+    );
+}
+
+#[test]
 fn orders_have_these_bytes() {
     let plan = Order::Plan {
         index: 0,
@@ -128,6 +149,10 @@ fn a_payload_with_something_after_it_is_none() {
     assert_eq!(decode_order(&[9]), Err(PayloadError));
 }
 
+fn ids_below_200() -> impl Strategy<Value = Vec<NodeId>> {
+    prop::collection::vec((0_u32..200).prop_map(NodeId), 0..20)
+}
+
 fn any_packet() -> impl Strategy<Value = Packet> {
     let hello = any::<u32>().prop_map(|ms| Packet::Hello {
         remaining: Duration::from_millis(ms.into()),
@@ -159,10 +184,56 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                 order: order.map(Into::into),
             })
         });
-    prop_oneof![hello, hop_update, flood]
+    let set = || ids_below_200().prop_map(NodeSet::from_iter);
+    let tree = (
+        any::<[u32; 3]>(),
+        any::<(Option<u16>, Option<u32>, Option<Vec<u8>>)>(),
+        (set(), set(), set(), prop::option::of(set()), set()),
+    )
+        .prop_map(|([beat, pulse, sequence], (hops, parent, order), sets)| {
+            let (acknowledged, alive, landing, hears, pending) = sets;
+            Packet::Tree(Tree {
+                beat,
+                hops,
+                parent: parent.map(NodeId),
+                pulse,
+                sequence,
+                acknowledged,
+                alive,
+                landing,
+                hears,
+                pending,
+                order: order.map(Into::into),
+            })
+        });
+    prop_oneof![hello, hop_update, flood, tree]
 }
 
 proptest! {
+    #[test]
+    fn a_set_of_drones_is_a_set(
+        a in ids_below_200(),
+        b in ids_below_200(),
+        end in 0_u32..250,
+    ) {
+        use std::collections::BTreeSet;
+        let (set_a, set_b): (BTreeSet<_>, BTreeSet<_>) =
+            (a.iter().copied().collect(), b.iter().copied().collect());
+        let mut bits: NodeSet = a.into_iter().collect();
+        let others: NodeSet = b.into_iter().collect();
+        prop_assert_eq!(bits.len(), set_a.len());
+        prop_assert_eq!(bits.is_superset(&others), set_a.is_superset(&set_b));
+        let difference: BTreeSet<_> = bits.difference(&others).iter().collect();
+        prop_assert_eq!(difference, &set_a - &set_b);
+        bits.extend_from(&others);
+        prop_assert_eq!(bits.iter().collect::<BTreeSet<_>>(), &set_a | &set_b);
+        prop_assert_eq!(&NodeSet::from_bytes(bits.as_bytes()), &bits);
+        bits.truncate(end);
+        let below: BTreeSet<_> = (&set_a | &set_b).into_iter().filter(|id| id.0 < end).collect();
+        prop_assert_eq!(&bits.iter().collect::<BTreeSet<_>>(), &below);
+        prop_assert_eq!(bits, below.into_iter().collect::<NodeSet>(), "one form for one set");
+    }
+
     #[test]
     fn any_packet_is_read_back(packet in any_packet()) {
         prop_assert_eq!(decode_packet(&encode_packet(&packet)), Ok(packet));
