@@ -6,10 +6,11 @@
 
 mod drone;
 mod heap;
+mod part;
 mod recorder;
 mod trace;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -29,6 +30,7 @@ use rand_chacha::ChaCha8Rng;
 
 use self::drone::Drone;
 use self::heap::Heap;
+use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::trace::{Kind, Trace};
 use crate::checkers::{BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed};
@@ -484,25 +486,6 @@ impl World {
     fn drone(&mut self, id: NodeId) -> &mut Drone {
         &mut self.drones[id.0 as usize]
     }
-}
-
-/// Whom radios of a range reach from a drone, over others too; itself among them.
-fn part_of(drone: NodeId, range_m: f64, now: Timestamp, vehicles: &[Vehicle]) -> BTreeSet<NodeId> {
-    let places: Vec<_> = vehicles
-        .iter()
-        .map(|vehicle| vehicle.motion().position(now))
-        .collect();
-    let mut part = BTreeSet::from([drone]);
-    let mut to_look_at = vec![drone];
-    while let Some(id) = to_look_at.pop() {
-        let here = places[id.0 as usize];
-        for (other, place) in (0..).map(NodeId).zip(&places) {
-            if place.distance_m(here) <= range_m && part.insert(other) {
-                to_look_at.push(other);
-            }
-        }
-    }
-    part
 }
 
 /// What each drone of a scenario is built with, drone 0 first.

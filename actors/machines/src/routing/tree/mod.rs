@@ -9,8 +9,10 @@
 
 mod durable;
 mod links;
+mod members;
 mod speak;
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::time::Duration;
 
@@ -20,6 +22,7 @@ use rand_chacha::ChaCha8Rng;
 pub use durable::Checkpoint;
 
 use self::links::{Link, Links};
+use self::members::Missed;
 use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId, NodeSet};
@@ -64,7 +67,7 @@ pub struct TreeRouting {
     /// A parent that answered nothing lately.
     suspected: Option<NodeId>,
     /// As master: who was alive when last looked, and since when each that is not has been missed.
-    missed: std::collections::BTreeMap<NodeId, Missed>,
+    missed: BTreeMap<NodeId, Missed>,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
     told: (u32, NodeSet),
     told_landing: NodeSet,
@@ -77,12 +80,6 @@ pub struct TreeRouting {
     /// Until when acknowledgements wait for those still missing below, and of which order.
     hold: Option<Hold>,
     outbox: Outbox<Transmit, Event>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Missed {
-    since: Timestamp,
-    told: bool,
 }
 
 /// Something that was said and has not been seen to arrive.
@@ -114,7 +111,7 @@ impl TreeRouting {
             orphaned: None,
             master_silent: false,
             suspected: None,
-            missed: std::collections::BTreeMap::new(),
+            missed: BTreeMap::new(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
             pending: (0, NodeSet::default()),
@@ -351,94 +348,6 @@ impl TreeRouting {
         {
             self.master_silent = true;
             self.inform(Notice::MasterSilent);
-        }
-    }
-
-    /// As master: tells the protocol what the members' reports have changed.
-    fn report_members(&mut self, now: Timestamp) {
-        if !self.is_master() {
-            return;
-        }
-        let sequence = self.durable.sequence;
-        if self.told.0 != sequence {
-            self.told = (sequence, NodeSet::default());
-        }
-        let acknowledged = self.acknowledged_below();
-        let landing = self.below(|said| &said.landing);
-        let news: Vec<NodeId> = acknowledged
-            .iter()
-            .filter(|id| !self.told.1.contains(*id))
-            .chain(landing.iter().filter(|id| !self.told_landing.contains(*id)))
-            .collect();
-        for member in news {
-            let carried_out = acknowledged.contains(member);
-            self.inform(Notice::Progress {
-                member,
-                acknowledged: if carried_out { sequence } else { 0 },
-                landing: landing.contains(member),
-            });
-        }
-        self.told.1.extend_from(&acknowledged);
-        self.told_landing.extend_from(&landing);
-        self.miss_members(now);
-    }
-
-    /// As master: gives every member its time to live, heard of or not.
-    fn expect_members(&mut self, now: Timestamp) {
-        for id in (0..self.config.drones)
-            .map(NodeId)
-            .filter(|id| *id != self.config.id)
-        {
-            let missed = Missed {
-                since: now,
-                told: false,
-            };
-            self.missed.entry(id).or_insert(missed);
-        }
-    }
-
-    fn miss_members(&mut self, now: Timestamp) {
-        let alive = self.below(|said| &said.alive);
-        for id in alive.iter() {
-            match self.missed.insert(
-                id,
-                Missed {
-                    since: now,
-                    told: false,
-                },
-            ) {
-                Some(missed) if missed.told => self.inform(Notice::Returned(id)),
-                Some(_) => {}
-                None => self.reached(id),
-            }
-        }
-        let time_to_live = self.config.time_to_live;
-        let mut silent = Vec::new();
-        for (id, missed) in &mut self.missed {
-            if !missed.told && !alive.contains(*id) && now.since(missed.since) > time_to_live {
-                missed.told = true;
-                silent.push(*id);
-            }
-        }
-        for id in silent {
-            self.inform(Notice::Silent(id));
-        }
-    }
-
-    /// Lets it be seen through whom the master hears of a member.
-    fn reached(&mut self, member: NodeId) {
-        let own = self.config.id;
-        let via = self
-            .links
-            .children(own)
-            .find(|(_, link)| link.said.alive.contains(member))
-            .map(|(id, _)| id);
-        if let Some(via) = via {
-            self.outbox.event(Event::Reached {
-                member,
-                via,
-                out_of_range: self.links.get(member).is_none(),
-            });
         }
     }
 
