@@ -369,6 +369,40 @@ fn take_off_and_the_way_to_land_have_limits() {
 }
 
 #[test]
+fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
+    let mut config = config(0, Liveness::Pulse);
+    let drones = NonZeroU32::new(40).unwrap();
+    let separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let formation = Formation::new(Kind::CompactMatrix, drones, 40.0, 0.0);
+    config.layout = Arc::new(Layout::new(formation, 10.0, separation));
+    let layers_m = config.layout.landing_layers_m();
+    let (id, layer_m) = (0..)
+        .zip(layers_m)
+        .find(|(_, layer_m)| **layer_m > 0.0)
+        .expect("a matrix of 40 needs layers");
+    config.id = NodeId(id);
+    let expected_m = 25.0 + layer_m;
+    let mut slave = Mission::new(config, None);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    told(
+        &mut slave,
+        20.0,
+        Input::Navigation(NavigationNotice::Arrived),
+    );
+    let at = waypoints()[2];
+    let said = ordered(&mut slave, 3, &Order::Land { at });
+    let goal = said.iter().find_map(|transmit| match transmit {
+        Transmit::Goal(Goal::TransitTo { to }) => Some(to.altitude_m()),
+        _ => None,
+    });
+    assert_eq!(goal, Some(expected_m));
+}
+
+#[test]
 fn every_part_of_a_long_mission_has_its_limit() {
     let mut config = config(1, Liveness::Pulse);
     config.mission = vec![Ned::new(0.0, 0.0, -25.0); wire::PLAN_PART_MAX * 2 + 1].into();
