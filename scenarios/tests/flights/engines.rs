@@ -145,6 +145,39 @@ fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
 }
 
 #[test]
+fn a_drone_is_landed_even_if_its_actors_fail_while_others_of_it_are_down() {
+    for (first, last) in [
+        (Address::Msp, Address::Navigation),
+        (Address::Routing, Address::Mission),
+        (Address::Mission, Address::Navigation),
+    ] {
+        let mut scenario = scenario("thesis-1.toml", &[]);
+        // The fifth failure's back-off is 80 ms; the sixth comes within it.
+        scenario.faults = (0..5)
+            .map(|index| crash(150.0 + f64::from(index), 0, first))
+            .chain([crash(154.01, 0, last)])
+            .collect();
+        let report = on_both_engines(&scenario);
+        assert_eq!(report.violations, [], "{first}, {last}");
+        assert!(report.mission_completed, "{first}, {last}");
+        let waited = report.barriers.iter().map(|it| it.moving_s - it.arrived_s);
+        assert!(waited.fold(0.0, f64::max) < 8.0, "{first}, {last}");
+    }
+}
+
+#[test]
+fn a_member_lost_before_its_master_s_routing_restarts_holds_nobody_up() {
+    let mut scenario = scenario("thesis-1.toml", &["formation.drones=3"]);
+    scenario.faults = (0..6)
+        .map(|index| crash(150.0 + 0.3 * f64::from(index), 0, Address::Mission))
+        .chain([crash(152.0, 1, Address::Routing)])
+        .collect();
+    let report = on_both_engines(&scenario);
+    assert_eq!(report.violations, []);
+    assert!(report.mission_completed);
+}
+
+#[test]
 fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
     for actor in Address::ALL {
         let mut scenario = scenario("thesis-1.toml", &[]);
