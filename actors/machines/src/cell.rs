@@ -400,6 +400,9 @@ impl From<mission::Transmit> for Effect {
             Transmit::Goal(goal) => {
                 return Self::Post(Envelope::Navigation(navigation::Input::Goal(goal)));
             }
+            Transmit::Locate => {
+                return Self::Post(Envelope::Navigation(navigation::Input::Locate));
+            }
         };
         Self::Post(Envelope::Routing(input))
     }

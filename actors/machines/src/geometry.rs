@@ -72,6 +72,21 @@ impl Ned {
     }
 }
 
+/// A velocity in the swarm's local frame: metres a second north, east and down.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Velocity(pub Vector3<f64>);
+
+impl Velocity {
+    /// At rest.
+    pub const ZERO: Self = Self(Vector3::new(0.0, 0.0, 0.0));
+
+    /// Metres a second north, east and down.
+    #[must_use]
+    pub const fn new(north_mps: f64, east_mps: f64, down_mps: f64) -> Self {
+        Self(Vector3::new(north_mps, east_mps, down_mps))
+    }
+}
+
 impl Add for Ned {
     type Output = Self;
 

@@ -3,7 +3,9 @@
 //! The machine behind it is either the link to a real flight controller or a simulated one, which only the scenario
 //! runner has.
 
-use crate::geometry::Ned;
+use std::time::Duration;
+
+use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
 
 /// What a link is asked for.
@@ -31,6 +33,19 @@ pub enum Setpoint {
         /// Along the leg, in m/s².
         acceleration_mps2: f64,
     },
+    /// For vehicles that take moving targets: get to a place that moves, and move along with it.
+    Track {
+        /// Where the place is now.
+        to: Ned,
+        /// How it moves.
+        velocity: Velocity,
+        /// The highest speed, in m/s.
+        speed_mps: f64,
+        /// The highest acceleration, in m/s².
+        acceleration_mps2: f64,
+        /// For how long it may be thought to move so; the vehicle comes to rest then unless it is told more.
+        hold: Duration,
+    },
 }
 
 /// How a vehicle is.
@@ -38,6 +53,8 @@ pub enum Setpoint {
 pub struct Telemetry {
     /// Where it is.
     pub position: Ned,
+    /// How it moves.
+    pub velocity: Velocity,
     /// Where it would be at rest if it braked now; its position when it is at rest.
     pub stop: Ned,
     /// Whether it stands still.

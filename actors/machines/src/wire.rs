@@ -17,9 +17,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::geometry::Ned;
+use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
-use crate::mission::Order;
+use crate::mission::{Order, Step};
 use crate::routing::{Flood, Member, Packet, Tree};
 
 /// The version of the frame that this program speaks.
@@ -324,10 +324,29 @@ enum WireOrder {
     },
     Land {
         at: [i32; 3],
+        changes: u16,
+    },
+    Reform {
+        change: u16,
+        step: WireStep,
+    },
+    Follow {
+        at: [i32; 3],
+        velocity: [i32; 3],
+    },
+    Assemble {
+        at: [i32; 3],
     },
 }
 
-/// Writes an order of the mission; places are rounded to millimetres.
+#[derive(Serialize, Deserialize)]
+enum WireStep {
+    Climb,
+    Cross,
+    Descend,
+}
+
+/// Writes an order of the mission; places are rounded to millimetres, velocities to millimetres a second.
 #[must_use]
 pub fn encode_order(order: &Order) -> Vec<u8> {
     let wire = match order {
@@ -344,7 +363,23 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
         Order::Move { waypoint } => WireOrder::Move {
             waypoint: *waypoint,
         },
-        Order::Land { at } => WireOrder::Land {
+        Order::Land { at, changes } => WireOrder::Land {
+            at: to_millimetres(*at),
+            changes: *changes,
+        },
+        Order::Reform { change, step } => WireOrder::Reform {
+            change: *change,
+            step: match step {
+                Step::Climb => WireStep::Climb,
+                Step::Cross => WireStep::Cross,
+                Step::Descend => WireStep::Descend,
+            },
+        },
+        Order::Follow { at, velocity } => WireOrder::Follow {
+            at: to_millimetres(*at),
+            velocity: to_millimetres(Ned(velocity.0)),
+        },
+        Order::Assemble { at } => WireOrder::Assemble {
             at: to_millimetres(*at),
         },
     };
@@ -368,7 +403,23 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
         },
         WireOrder::TakeOff => Order::TakeOff,
         WireOrder::Move { waypoint } => Order::Move { waypoint },
-        WireOrder::Land { at } => Order::Land {
+        WireOrder::Land { at, changes } => Order::Land {
+            at: from_millimetres(at),
+            changes,
+        },
+        WireOrder::Reform { change, step } => Order::Reform {
+            change,
+            step: match step {
+                WireStep::Climb => Step::Climb,
+                WireStep::Cross => Step::Cross,
+                WireStep::Descend => Step::Descend,
+            },
+        },
+        WireOrder::Follow { at, velocity } => Order::Follow {
+            at: from_millimetres(at),
+            velocity: Velocity(from_millimetres(velocity).0),
+        },
+        WireOrder::Assemble { at } => Order::Assemble {
             at: from_millimetres(at),
         },
     })

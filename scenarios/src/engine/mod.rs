@@ -67,10 +67,9 @@ struct Meter {
 impl Meter {
     fn new(scenario: &Scenario, watcher: Watcher) -> Self {
         let drones = u64::from(scenario.layout.formation().drones());
-        let steps = scenario.waypoints.len() as u64 + 1;
         Self {
             watcher,
-            total: drones * steps,
+            total: drones * scenario.steps(),
             told_s: None,
         }
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Barrier, DroneReport, Engine, Report, Role};
+use super::{Barrier, DroneReport, Engine, FormationChange, Report, Role};
 
 /// What a drone did for the swarm's radio, as it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -49,7 +49,22 @@ impl Barrier {
     }
 }
 
+impl FormationChange {
+    /// Seconds from the first drone's start to the last one's arrival; nothing if none got there.
+    #[must_use]
+    pub fn took_s(&self) -> Option<f64> {
+        self.done_s.map(|done_s| done_s - self.begun_s)
+    }
+}
+
 impl Report {
+    /// How many changes of formation took all drones to their new slots.
+    #[must_use]
+    pub fn changes_made(&self) -> usize {
+        let all = |change: &&FormationChange| change.drones as usize == self.drones.len();
+        self.changes.iter().filter(all).count()
+    }
+
     /// The drone that led, the one with the lowest id if several did in turn.
     #[must_use]
     pub fn master(&self) -> Option<&DroneReport> {

@@ -2,6 +2,7 @@
 
 pub(crate) mod figures;
 mod flight;
+mod following;
 pub(crate) mod html;
 #[cfg(test)]
 pub(crate) mod sample;
@@ -53,6 +54,10 @@ pub struct Report {
     pub means: Means,
     /// Each waypoint at which the swarm waited for its members.
     pub barriers: Vec<Barrier>,
+    /// Each change of formation in flight.
+    pub changes: Vec<FormationChange>,
+    /// How well the others kept formation on a master that was followed; nothing where none was.
+    pub following: Option<FormationError>,
     /// The master's own view of who is out of its range and who bridges to them.
     pub bridges: Vec<Bridge>,
     /// Frames that radios did not let in, by reason.
@@ -109,6 +114,8 @@ pub struct DroneReport {
     pub messages_received: u64,
     /// From its own arrival at a waypoint to its own departure, the mean over its waypoints.
     pub waypoint_delay_s: Option<f64>,
+    /// How well it kept formation on a master that it followed.
+    pub following: Option<FormationError>,
     /// What it was doing at the end.
     pub state: String,
     /// Why it came down, if not because its mission was over.
@@ -147,6 +154,37 @@ pub struct Barrier {
     pub moving_s: f64,
     /// Frames that were sent by anyone between the two.
     pub transmissions: u64,
+}
+
+/// A change of formation in flight.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FormationChange {
+    /// At which waypoint.
+    pub waypoint: u16,
+    /// The formation that it led to.
+    pub to: &'static str,
+    /// When the first drone began it.
+    pub begun_s: f64,
+    /// When the last drone was in its new slot; nothing if none got there.
+    pub done_s: Option<f64>,
+    /// How many drones got to their new slots.
+    pub drones: u32,
+    /// The highest altitude sector that was flown, in metres above the waypoint.
+    pub sector_max_m: f64,
+}
+
+/// How far drones were from their slots around a master that they followed: straight distances in metres, ten a second
+/// from when each began to follow until it was called to assemble.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FormationError {
+    /// For how long that was, all drones together, in simulated seconds.
+    pub followed_s: f64,
+    /// The mean.
+    pub mean_m: f64,
+    /// 95 of 100 were at most this.
+    pub p95_m: f64,
+    /// The largest.
+    pub max_m: f64,
 }
 
 /// A neighbour of the master that passes on the acknowledgements of drones out of the master's range.

@@ -65,6 +65,8 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         },
         drones: reports,
         barriers: script.barriers(drones),
+        changes: vec![],
+        following: None,
         min_separation_m: (drones > 1).then_some(GATHERED_M - 0.13),
         violations: vec![],
     };
@@ -261,5 +263,6 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         state: "finished".to_owned(),
         landed_because: None,
         restarts: 0,
+        following: None,
     }
 }

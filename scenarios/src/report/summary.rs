@@ -3,8 +3,10 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
 
+use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, Means, Report, Role, Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means, Report,
+    Role, Violation,
 };
 use crate::scenario::Scenario;
 use crate::world::{Outcome, Record, track};
@@ -17,10 +19,14 @@ pub(crate) fn summary(
     wall: Duration,
 ) -> (Report, Flight) {
     let recorder = &outcome.recorder;
+    let distances_m = distances_m(scenario, outcome);
     let drones: Vec<DroneReport> = (0..)
         .map(NodeId)
-        .zip(recorder.drones())
-        .map(|(id, record)| drone(id, recorder.centre(), record))
+        .zip(recorder.drones().iter().zip(&distances_m))
+        .map(|(id, (record, distances_m))| DroneReport {
+            following: error(distances_m.clone()),
+            ..drone(id, recorder.centre(), record)
+        })
         .collect();
     let report = Report {
         scenario: scenario.name.clone(),
@@ -33,6 +39,8 @@ pub(crate) fn summary(
         means: means(&drones),
         drones,
         barriers: barriers(outcome),
+        changes: changes(scenario, outcome),
+        following: error(distances_m.concat()),
         bridges: bridges(outcome),
         dropped: recorder
             .dropped()
@@ -82,6 +90,7 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
         messages_sent: record.sent,
         messages_received: record.received,
         waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
+        following: None,
         state: state(record),
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),
         restarts: record.restarts,
@@ -145,8 +154,30 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
         .collect()
 }
 
-/// Whether the last waypoint was reached and left.
+fn changes(scenario: &Scenario, outcome: &Outcome) -> Vec<FormationChange> {
+    let made = outcome.recorder.changes().iter();
+    made.map(|(index, made)| {
+        let change = &scenario.changes[usize::from(*index)];
+        FormationChange {
+            waypoint: change.waypoint(),
+            to: change.layout().formation().kind().name(),
+            begun_s: made.begun.as_secs_f64(),
+            done_s: made.done.map(|at| at.as_secs_f64()),
+            drones: made.drones,
+            sector_max_m: change.sectors_m().iter().copied().fold(0.0, f64::max),
+        }
+    })
+    .collect()
+}
+
+/// Whether the last waypoint was reached and left, or the swarm assembled around the master that it followed.
 fn is_completed(scenario: &Scenario, outcome: &Outcome) -> bool {
+    if scenario.follow.is_some() {
+        let master = &outcome.recorder.drones()[outcome.recorder.centre().0 as usize];
+        let assembled = |state: &State| *state == State::Assembling;
+        return master.states.iter().any(|(_, state)| assembled(state))
+            && master.reason == Some(LandingReason::MissionOver);
+    }
     let last = u16::try_from(scenario.waypoints.len() - 1).ok();
     let crossing = last.and_then(|last| outcome.recorder.barriers().get(&last));
     crossing.is_some_and(|crossing| crossing.moving.is_some())

@@ -5,8 +5,8 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
-use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, ranges};
-use super::{DroneReport, Report, Role, Violation};
+use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges};
+use super::{DroneReport, FormationChange, FormationError, Report, Role, Violation};
 
 /// Whether text is coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -168,6 +168,12 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
         "barriers",
         format!("{}{}", report.barriers.len(), wait.unwrap_or_default()),
     ));
+    if let Some(error) = &report.following {
+        lines.push(("following", kept_formation(error)));
+    }
+    if let Some(changes) = made_changes(report) {
+        lines.push(("changes", changes));
+    }
     if let Some(beyond) = beyond_the_master(report) {
         lines.push(("relaying", beyond));
     }
@@ -187,6 +193,33 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     }
     lines.push(("trace", report.trace.clone()));
     lines
+}
+
+/// How well the others kept formation on the master.
+fn kept_formation(error: &FormationError) -> String {
+    format!(
+        "formation kept to {} m in the mean, {} m for 95 of 100, {} m at most",
+        figure(error.mean_m, 2),
+        figure(error.p95_m, 2),
+        figure(error.max_m, 2)
+    )
+}
+
+/// How the changes of formation went, if there were any.
+fn made_changes(report: &Report) -> Option<String> {
+    let longest_s = report
+        .changes
+        .iter()
+        .filter_map(FormationChange::took_s)
+        .reduce(f64::max)?;
+    let made = report.changes_made();
+    let of = report.changes.len();
+    let made = if made == of {
+        format!("{}, all drones there", plural(of, "change"))
+    } else {
+        format!("all drones there after {made} of {}", plural(of, "change"))
+    };
+    Some(format!("{made}, {} s at most", figure(longest_s, 1)))
 }
 
 /// Whom the master does not hear, and through whom it hears of them.

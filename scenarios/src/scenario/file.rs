@@ -56,10 +56,11 @@ impl std::str::FromStr for Override {
             format!("`{text}` has no `=`; use key=value, as in radio.range_m=250")
         })?;
         let key = key.trim();
-        if key.starts_with("faults") {
-            return Err(
-                "faults are not set one by one; write them into the scenario file".to_owned(),
-            );
+        let of_a_list = |list: &str| key.strip_prefix(list).is_some_and(|it| it.starts_with('.'));
+        if let Some(list) = LISTS.into_iter().find(|list| of_a_list(list)) {
+            return Err(format!(
+                "`{list}` is a list, whose entries are not set one by one; write them into the scenario file"
+            ));
         }
         if FIELDS.iter().any(|(known, _)| *known == key) {
             Ok(Self {
@@ -153,6 +154,9 @@ impl Source {
         }
     }
 }
+
+/// Fields that hold any number of tables.
+const LISTS: [&str; 3] = ["faults", "changes", "follow.pilot"];
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
 

@@ -2,13 +2,15 @@ use std::num::NonZeroU32;
 use std::ops::Range;
 
 use muster_machines::formation::{
-    Assignment, Formation, Ground, Kind, Layout, OPTIMAL_MAX, Separation,
+    Assignment, Change, Formation, Ground, Kind, Layout, OPTIMAL_MAX, Separation,
 };
 use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;
-use super::raw::{AssignmentName, FormationKind, GroundName, Raw};
+use super::raw::{
+    self, AssignmentName, FormationKind, GroundName, Length, ProtocolKind, Raw, Whole,
+};
 
 /// How far apart drones stand on the ground.
 const GAP_M: f64 = 10.0;
@@ -48,29 +50,125 @@ pub(super) fn layout(
         );
         return Err(source.error(gap_span, &message));
     }
-    let kind = kind(source, raw)?;
+    let kind = kind(source, raw, &Shape::of(&raw.formation))?;
     let ground = ground(source, raw, drones.get())?;
     let heading_rad = raw.formation.heading_deg.0.to_radians();
     let formation = Formation::new(kind, drones, spacing_m, heading_rad);
     Ok(Layout::new(formation, gap_m, separation).standing(ground))
 }
 
-fn kind(source: &Source, raw: &Raw) -> Result<Kind, BadInput> {
-    let formation = &raw.formation;
+/// What a formation is like, at take-off or after a change.
+struct Shape<'a> {
+    kind: FormationKind,
+    clusters: Option<&'a Spanned<Whole<2, 5>>>,
+    cluster_distance_m: Option<&'a Spanned<Length>>,
+    seed: Option<&'a Spanned<Whole<0, { i64::MAX as u64 }>>>,
+}
+
+impl<'a> Shape<'a> {
+    fn of(formation: &'a raw::Formation) -> Self {
+        Self {
+            kind: formation.kind,
+            clusters: formation.clusters.as_ref(),
+            cluster_distance_m: formation.cluster_distance_m.as_ref(),
+            seed: formation.seed.as_ref(),
+        }
+    }
+
+    fn after(change: &'a raw::Change) -> Self {
+        Self {
+            kind: change.kind,
+            clusters: change.clusters.as_ref(),
+            cluster_distance_m: change.cluster_distance_m.as_ref(),
+            seed: change.seed.as_ref(),
+        }
+    }
+}
+
+/// The changes of formation on the way.
+pub(super) fn changes(
+    source: &Source,
+    raw: &Raw,
+    layout: &Layout,
+    waypoints: usize,
+) -> Result<Vec<Change>, BadInput> {
+    let mut changes: Vec<Change> = Vec::new();
+    for change in &raw.changes {
+        let waypoint = change.waypoint.get_ref().0;
+        let refuse = |message: &str| Err(source.error(change.waypoint.span(), message));
+        let last = if raw.protocol.kind == ProtocolKind::Follow {
+            0
+        } else {
+            waypoints - 1
+        };
+        if waypoint > last as u64 {
+            return refuse(&match raw.protocol.kind {
+                ProtocolKind::Follow => {
+                    "a swarm that follows its master changes formation at waypoint 0 only"
+                        .to_owned()
+                }
+                ProtocolKind::Muscop => format!("the mission's last waypoint is {last}"),
+            });
+        }
+        let waypoint = u16::try_from(waypoint).unwrap_or(u16::MAX);
+        let before = changes.last();
+        if before.is_some_and(|before| waypoint < before.waypoint()) {
+            return refuse("the change before this one is made at a later waypoint");
+        }
+        let layout = before.map_or(layout, Change::layout);
+        let formation = formation_after(source, raw, layout, change)?;
+        changes.push(Change::new(waypoint, layout, formation));
+    }
+    Ok(changes)
+}
+
+fn formation_after(
+    source: &Source,
+    raw: &Raw,
+    before: &Layout,
+    change: &raw::Change,
+) -> Result<Formation, BadInput> {
+    let spacing = change
+        .spacing_m
+        .as_ref()
+        .unwrap_or(&raw.formation.spacing_m);
+    let spacing_m = spacing.get_ref().0;
+    // The drones will land as far apart as they stood.
+    let gap_m = raw.formation.gap_m.as_ref();
+    let gap_m = gap_m.map_or(GAP_M, |gap| gap.get_ref().0);
+    if spacing_m < gap_m {
+        let message = format!(
+            "slots {spacing_m} m apart are nearer than the drones stand on the ground, {gap_m} m"
+        );
+        return Err(source.error(spacing.span(), &message));
+    }
+    let kind = kind(source, raw, &Shape::after(change))?;
+    let heading = change.heading_deg.unwrap_or(raw.formation.heading_deg);
+    let drones = NonZeroU32::new(before.formation().drones());
+    let drones = drones.expect("a layout has drones");
+    Ok(Formation::new(
+        kind,
+        drones,
+        spacing_m,
+        heading.0.to_radians(),
+    ))
+}
+
+fn kind(source: &Source, raw: &Raw, formation: &Shape<'_>) -> Result<Kind, BadInput> {
     let refuse = |field: &str, span: Range<usize>, kind: &str| {
         let message = format!("only a formation of the kind \"{kind}\" has `{field}`");
         Err(source.error(span, &message))
     };
     if formation.kind != FormationKind::SplitUp {
-        if let Some(clusters) = &formation.clusters {
+        if let Some(clusters) = formation.clusters {
             return refuse("clusters", clusters.span(), "split-up");
         }
-        if let Some(distance) = &formation.cluster_distance_m {
+        if let Some(distance) = formation.cluster_distance_m {
             return refuse("cluster_distance_m", distance.span(), "split-up");
         }
     }
     if formation.kind != FormationKind::Random
-        && let Some(seed) = &formation.seed
+        && let Some(seed) = formation.seed
     {
         return refuse("seed", seed.span(), "random");
     }
@@ -78,17 +176,17 @@ fn kind(source: &Source, raw: &Raw) -> Result<Kind, BadInput> {
         FormationKind::Linear => Kind::Linear,
         FormationKind::Circular => Kind::Circular,
         FormationKind::Random => Kind::Random {
-            seed: formation.seed.as_ref().unwrap_or(&raw.seed).get_ref().0,
+            seed: formation.seed.unwrap_or(&raw.seed).get_ref().0,
         },
-        FormationKind::SplitUp => split_up(source, raw)?,
+        FormationKind::SplitUp => split_up(source, raw, formation)?,
         FormationKind::CompactMesh => Kind::CompactMesh,
         FormationKind::RegularMatrix => Kind::RegularMatrix,
         FormationKind::CompactMatrix => Kind::CompactMatrix,
     })
 }
 
-fn split_up(source: &Source, raw: &Raw) -> Result<Kind, BadInput> {
-    let clusters = raw.formation.clusters.as_ref();
+fn split_up(source: &Source, raw: &Raw, formation: &Shape<'_>) -> Result<Kind, BadInput> {
+    let clusters = formation.clusters;
     let count = clusters.map_or(CLUSTERS, |it| to_u32(it.get_ref().0));
     let drones = &raw.formation.drones;
     if u64::from(count) >= drones.get_ref().0 {
@@ -100,7 +198,7 @@ fn split_up(source: &Source, raw: &Raw) -> Result<Kind, BadInput> {
         );
         return Err(source.error(span, &message));
     }
-    let distance = raw.formation.cluster_distance_m.as_ref();
+    let distance = formation.cluster_distance_m;
     let distance_m = distance.map_or(raw.radio.range_m.0 * CLUSTER_DISTANCE_RANGES, |it| {
         it.get_ref().0
     });

@@ -4,12 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::cell::Address;
-use muster_machines::formation::{Layout, Separation};
+use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation;
 use muster_machines::routing::{Flood, Member, Packet};
-use muster_machines::supervision::RestartLimits;
 use muster_machines::time::Timestamp;
 use muster_machines::wire;
 use muster_runtime::diagnostic::BadInput;
@@ -18,9 +17,11 @@ use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
 use super::file::{Override, Source};
+use super::follow::follow;
 use super::formation;
+use super::limits::{Course, check_layers, limits};
 use super::raw::{ActorName, MediumName, ModelName, Raw};
-use super::{Fault, FaultKind, Limits, Protocol, Scenario};
+use super::{Fault, FaultKind, Protocol, Scenario};
 use crate::vehicle::Landing;
 
 /// Reads a scenario and the mission that it names; `overrides` replace what the file says.
@@ -46,12 +47,23 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
             .map_or(SEPARATION_M, |it| it.0),
     };
     let layout = Arc::new(formation::layout(&source, &raw, separation)?);
+    let changes: Arc<[Change]> =
+        formation::changes(&source, &raw, &layout, waypoints.len())?.into();
     let vehicle = vehicle(&raw);
+    let follow = follow(&source, &raw, vehicle)?;
     let landing = landing(&raw, vehicle);
+    let course = Course {
+        layout: &layout,
+        changes: &changes,
+        waypoints: &waypoints,
+        vehicle: follow.as_ref().map_or(vehicle, |follow| follow.master),
+        landing,
+        land_after: follow.as_ref().and_then(|follow| follow.land_after),
+    };
+    check_layers(&source, &raw, &course)?;
+    let limits = limits(&raw, separation, &course);
     let protocol = protocol(&source, &raw)?;
     check_datagrams(&source, &raw)?;
-    check_layers(&source, &raw, &layout, &waypoints)?;
-    let limits = limits(&raw, separation, &layout, &waypoints, vehicle, landing);
     let faults = faults(&source, &raw)?;
     let radio = radio(&source, &raw)?;
     let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
@@ -71,9 +83,11 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
             .collect(),
         seed: raw.seed.get_ref().0,
         layout,
+        changes,
         waypoints,
         radio,
         protocol,
+        follow,
         vehicle,
         landing,
         limits,
@@ -84,10 +98,6 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
 
 /// The least distance between flying drones, over ground or in height.
 const SEPARATION_M: f64 = 5.0;
-/// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
-const ALTITUDE_MAX_M: f64 = 120.0;
-/// The longest that a run may take, whatever its mission, in seconds: a week.
-const DURATION_MAX_S: f64 = 604_800.0;
 /// An unloaded hop of a 64-byte datagram over 802.11a, as measured with ns-3.
 const LATENCY_US: u64 = 231;
 /// What a sender's own program adds, at most.
@@ -242,104 +252,7 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
     Err(source.error(drones.span(), &message))
 }
 
-/// Refuses a mission that leaves no room for the altitude layers that its formation needs.
-fn check_layers(
-    source: &Source,
-    raw: &Raw,
-    layout: &Layout,
-    waypoints: &[Ned],
-) -> Result<(), BadInput> {
-    let altitude_max = raw.limits.altitude_max_m.as_ref();
-    let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
-    let layer_m = layout.highest_layer_m(waypoints);
-    let highest = waypoints
-        .iter()
-        .map(|it| it.altitude_m())
-        .fold(0.0, f64::max);
-    if highest + layer_m <= altitude_max_m {
-        return Ok(());
-    }
-    let place = altitude_max.map_or_else(|| raw.mission.file.span(), Spanned::span);
-    let message = format!(
-        "the mission flies at up to {highest} m and this formation needs layers up to {layer_m} m above it, which \
-         is over the limit of {altitude_max_m} m"
-    );
-    Err(source.error(place, &message))
-}
-
-fn limits(
-    raw: &Raw,
-    separation: Separation,
-    layout: &Layout,
-    waypoints: &[Ned],
-    vehicle: navigation::Config,
-    landing: Landing,
-) -> Limits {
-    let seconds = |value: Option<super::raw::Seconds>, default: f64| {
-        Duration::from_secs_f64(value.map_or(default, |value| value.0))
-    };
-    let speed = vehicle
-        .speed_mps
-        .min(vehicle.climb_mps)
-        .min(vehicle.descent_mps);
-    let ramp_s = vehicle.speed_mps / vehicle.acceleration_mps2;
-    let leg_s = |from: Ned, to: Ned| {
-        from.horizontal_distance_m(to) / vehicle.speed_mps
-            + from.vertical_distance_m(to) / speed
-            + 2.0 * ramp_s
-    };
-    let legs: Vec<f64> = waypoints
-        .windows(2)
-        .map(|pair| leg_s(pair[0], pair[1]))
-        .collect();
-    let layer_m = layout.highest_layer_m(waypoints);
-    let over_home = waypoints[0].altitude_m() + layer_m;
-    let farthest_s = (0..layout.formation().drones())
-        .map(NodeId)
-        .map(|id| {
-            let slot = layout.slot(id, waypoints[0]);
-            let stand = layout.stand(id, waypoints[0]);
-            let place = layout.place(id, waypoints[0]);
-            leg_s(stand, slot).max(leg_s(slot, place))
-        })
-        .fold(0.0, f64::max)
-        + over_home / speed;
-    let longest_s = legs.iter().copied().fold(farthest_s, f64::max);
-    let highest = waypoints
-        .iter()
-        .map(|it| it.altitude_m())
-        .fold(over_home, f64::max);
-    let landing_s = (highest + layer_m) / landing.final_mps.min(landing.descent_mps);
-    let set_up = seconds(raw.limits.set_up_s, 30.0);
-    let take_off = seconds(
-        raw.limits.take_off_s,
-        (2.0 * farthest_s + 60.0).min(DURATION_MAX_S),
-    );
-    let leg = seconds(
-        raw.limits.leg_s,
-        (2.0 * longest_s + 60.0).min(DURATION_MAX_S),
-    );
-    let flight_s = 2.0 * (legs.iter().sum::<f64>() + farthest_s + landing_s);
-    let duration_s = set_up.as_secs_f64() + take_off.as_secs_f64() + flight_s + 300.0;
-    let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
-    Limits {
-        separation,
-        duration: seconds(raw.limits.duration_s, duration_s.min(DURATION_MAX_S)),
-        set_up,
-        take_off,
-        leg,
-        waypoints_max: mission_file::WAYPOINTS_MAX + 1,
-        waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
-        restarts: RestartLimits {
-            restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
-            window: seconds(raw.limits.restart_window_s, 30.0),
-            back_off: Duration::from_millis(10),
-            back_off_max: Duration::from_secs(1),
-        },
-    }
-}
-
-fn to_usize(value: u64) -> usize {
+pub(super) fn to_usize(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }
 

@@ -1,7 +1,9 @@
 //! What is simulated: a scenario, as parsed.
 
 mod file;
+mod follow;
 mod formation;
+mod limits;
 mod load;
 mod raw;
 
@@ -9,10 +11,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::cell::{Address, Blueprint};
-use muster_machines::formation::{Layout, Separation};
-use muster_machines::geometry::Ned;
+use muster_machines::formation::{Change, Layout, Separation};
+use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::Liveness;
+use muster_machines::mission::{Following, Liveness};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -42,12 +44,16 @@ pub struct Scenario {
     pub seed: u64,
     /// Who flies where.
     pub layout: Arc<Layout>,
+    /// The changes of formation on the way, in order.
+    pub changes: Arc<[Change]>,
     /// The waypoints of the centre of the formation; 0 is over home.
     pub waypoints: Arc<[Ned]>,
     /// What the medium is like.
     pub radio: sim::Config,
     /// How the swarm talks.
     pub protocol: Protocol,
+    /// How the master is followed, where it does not lead from waypoint to waypoint.
+    pub follow: Option<Follow>,
     /// How the vehicles fly.
     pub vehicle: navigation::Config,
     /// How they come down.
@@ -72,7 +78,7 @@ impl Scenario {
             .windows(2)
             .map(|leg| leg[0].horizontal_distance_m(leg[1]))
             .sum();
-        let layer_m = self.layout.highest_layer_m(&self.waypoints);
+        let layer_m = limits::highest_layer_m(&self.layout, &self.changes, &self.waypoints);
         let layers = if layer_m > 0.0 {
             format!("layers up to {layer_m} m above it")
         } else {
@@ -85,6 +91,16 @@ impl Scenario {
             self.waypoints.len(),
             self.limits.duration.as_secs_f64(),
         )
+    }
+
+    /// How many waypoints a drone reaches, take-off and landing counted as one each.
+    pub(crate) fn steps(&self) -> u64 {
+        let stops = if self.follow.is_some() {
+            1
+        } else {
+            self.waypoints.len()
+        };
+        (stops + self.changes.len() + 1) as u64
     }
 
     fn routing(&self, id: NodeId) -> routing::Config {
@@ -141,20 +157,25 @@ impl Scenario {
                 } else {
                     Arc::default()
                 },
+                changes: Arc::clone(&self.changes),
+                following: self.follow.as_ref().map(|follow| follow.following),
                 liveness: protocol.liveness,
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,
                 waypoints_max: self.limits.waypoints_max,
             },
-            navigation: self.vehicle,
+            navigation: match &self.follow {
+                Some(follow) if leads => follow.master,
+                _ => self.vehicle,
+            },
             link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
         }
     }
 }
 
 /// How many frames of one sender a radio lets in each period: a drone that keeps to the protocol sends one.
-const BUDGET_PER_PERIOD: u32 = 4;
+const BUDGET_PER_PERIOD: u32 = 20;
 /// How many of them may come at once.
 const BUDGET_BURST: u32 = 16;
 
@@ -183,6 +204,28 @@ pub struct Protocol {
     pub beacon: Duration,
     /// How long a drone waits before it repeats what was not seen to arrive, policy `tree`.
     pub repair: Duration,
+}
+
+/// How a master is followed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Follow {
+    /// What it tells the others, and how often.
+    pub following: Following,
+    /// How it flies, so that the others can keep up.
+    pub master: navigation::Config,
+    /// What its pilot does, if it is flown by hand.
+    pub pilot: Vec<Sticks>,
+    /// When the operator ends the flight, from when the following began; otherwise it ends with the mission.
+    pub land_after: Option<Duration>,
+}
+
+/// Where a pilot's sticks are from some time on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sticks {
+    /// From when the following began.
+    pub after: Duration,
+    /// How the vehicle is to move.
+    pub velocity: Velocity,
 }
 
 /// How orders and acknowledgements spread.

@@ -47,6 +47,36 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "formation.seed",
         "a whole number from 0 to 9223372036854775807, where `kind` is \"random\"",
     ),
+    (
+        "changes",
+        "changes of formation in flight, `[{ waypoint = 1, kind = \"circular\" }, …]` or tables begun by `[[changes]]`, in \
+         the order of their waypoints",
+    ),
+    (
+        "changes.waypoint",
+        "the number of a waypoint of the mission, 0 being where the take-off ends",
+    ),
+    (
+        "changes.kind",
+        "\"linear\", \"circular\", \"random\", \"split-up\", \"compact-mesh\", \"regular-matrix\" or \"compact-matrix\"",
+    ),
+    ("changes.spacing_m", "metres, a number from 0.01 to 100000"),
+    (
+        "changes.heading_deg",
+        "degrees clockwise from north, a number from -360 to 360",
+    ),
+    (
+        "changes.clusters",
+        "a whole number from 2 to 5, where `kind` is \"split-up\"",
+    ),
+    (
+        "changes.cluster_distance_m",
+        "metres, a number from 0.01 to 100000, where `kind` is \"split-up\"",
+    ),
+    (
+        "changes.seed",
+        "a whole number from 0 to 9223372036854775807, where `kind` is \"random\"",
+    ),
     ("mission", "a table with `file`"),
     (
         "mission.file",
@@ -80,6 +110,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "a whole number from 1 to 1000000, with the medium \"csma\"",
     ),
     ("protocol", "a table with `policy`"),
+    (
+        "protocol.kind",
+        "\"muscop\", from waypoint to waypoint, or \"follow\", after a master that waits for nobody",
+    ),
     ("protocol.policy", "\"flood\" or \"tree\""),
     ("protocol.liveness", "\"pulse\" or \"thesis\""),
     ("protocol.parameters", "\"quiet\""),
@@ -115,6 +149,41 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "protocol.repair_ms",
         "milliseconds, a whole number from 1 to 3600000",
+    ),
+    ("follow", "a table, where `protocol.kind` is \"follow\""),
+    (
+        "follow.period_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "follow.hold_ms",
+        "milliseconds, a whole number from 1 to 3600000, above `period_ms`",
+    ),
+    (
+        "follow.speed_mps",
+        "m/s, a number from 0.01 to 100, at most `vehicle.speed_mps`",
+    ),
+    (
+        "follow.acceleration_mps2",
+        "m/s², a number from 0.01 to 100, at most `vehicle.acceleration_mps2`",
+    ),
+    (
+        "follow.pilot",
+        "what a pilot does, tables begun by `[[follow.pilot]]` with `after_s`, `north_mps`, `east_mps` and `climb_mps`",
+    ),
+    (
+        "follow.pilot.after_s",
+        "seconds after the following began, a number from 0 to 604800, not before the one above",
+    ),
+    ("follow.pilot.north_mps", "m/s, a number from -100 to 100"),
+    ("follow.pilot.east_mps", "m/s, a number from -100 to 100"),
+    (
+        "follow.pilot.climb_mps",
+        "m/s upwards, a number from -100 to 100",
+    ),
+    (
+        "follow.land_after_s",
+        "seconds after the following began, a number from 0 to 604800, where a pilot flies",
     ),
     ("vehicle", "a table"),
     ("vehicle.speed_mps", "m/s, a number from 0.01 to 100"),
@@ -184,9 +253,12 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
 pub(super) struct Raw {
     pub(super) seed: Spanned<Whole<0, { i64::MAX as u64 }>>,
     pub(super) formation: Formation,
+    #[serde(default)]
+    pub(super) changes: Vec<Change>,
     pub(super) mission: Mission,
     pub(super) radio: Radio,
     pub(super) protocol: Protocol,
+    pub(super) follow: Option<Spanned<Follow>>,
     #[serde(default)]
     pub(super) vehicle: Vehicle,
     #[serde(default)]
@@ -207,6 +279,18 @@ pub(super) struct Formation {
     #[serde(default)]
     pub(super) ground: GroundName,
     pub(super) assignment: Option<Spanned<AssignmentName>>,
+    pub(super) clusters: Option<Spanned<Whole<2, 5>>>,
+    pub(super) cluster_distance_m: Option<Spanned<Length>>,
+    pub(super) seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[[changes]]`")]
+pub(super) struct Change {
+    pub(super) waypoint: Spanned<Whole<0, 65_534>>,
+    pub(super) kind: FormationKind,
+    pub(super) spacing_m: Option<Spanned<Length>>,
+    pub(super) heading_deg: Option<Heading>,
     pub(super) clusters: Option<Spanned<Whole<2, 5>>>,
     pub(super) cluster_distance_m: Option<Spanned<Length>>,
     pub(super) seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
@@ -283,6 +367,8 @@ pub(super) enum MediumName {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[protocol]`")]
 pub(super) struct Protocol {
+    #[serde(default)]
+    pub(super) kind: ProtocolKind,
     pub(super) policy: Spanned<PolicyName>,
     #[serde(default)]
     pub(super) liveness: LivenessName,
@@ -297,6 +383,38 @@ pub(super) struct Protocol {
     pub(super) time_to_live_ms: Option<Spanned<Milliseconds>>,
     pub(super) beacon_ms: Option<Milliseconds>,
     pub(super) repair_ms: Option<Milliseconds>,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ProtocolKind {
+    #[default]
+    Muscop,
+    Follow,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[follow]`")]
+pub(super) struct Follow {
+    pub(super) period_ms: Option<Milliseconds>,
+    pub(super) hold_ms: Option<Spanned<Milliseconds>>,
+    pub(super) speed_mps: Option<Spanned<Rate>>,
+    pub(super) acceleration_mps2: Option<Spanned<Rate>>,
+    #[serde(default)]
+    pub(super) pilot: Vec<Sticks>,
+    pub(super) land_after_s: Option<Spanned<Instant>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[[follow.pilot]]`")]
+pub(super) struct Sticks {
+    pub(super) after_s: Spanned<Instant>,
+    #[serde(default)]
+    pub(super) north_mps: Deflection,
+    #[serde(default)]
+    pub(super) east_mps: Deflection,
+    #[serde(default)]
+    pub(super) climb_mps: Deflection,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -435,6 +553,11 @@ number!(
     Shape,
     |v| (0.5..=100.0).contains(&v),
     "a shape from 0.5 to 100"
+);
+number!(
+    Deflection,
+    |v| (-100.0..=100.0).contains(&v),
+    "a speed from -100 to 100"
 );
 number!(Share, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1");
 number!(

@@ -1,8 +1,11 @@
 //! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
 
 mod motion;
+mod tracking;
 
-use muster_machines::geometry::Ned;
+use std::time::Duration;
+
+use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::msp::{Demand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 
@@ -20,6 +23,9 @@ pub struct Landing {
     /// In m/s².
     pub acceleration_mps2: f64,
 }
+
+/// Longer than any flight: sticks stay where they are.
+const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 
 /// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
 #[derive(Debug)]
@@ -60,6 +66,7 @@ impl Vehicle {
     pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
         Telemetry {
             position: self.motion.position(now),
+            velocity: self.motion.velocity(now).map_or(Velocity::ZERO, Velocity),
             stop: self.motion.stop(now),
             at_rest: self.motion.is_at_rest(now),
             armed: self.armed,
@@ -89,6 +96,21 @@ impl Vehicle {
                 self.motion.fly(to, speed_mps, acceleration_mps2);
                 true
             }
+            Demand::Fly(Setpoint::Track {
+                to,
+                velocity,
+                speed_mps,
+                acceleration_mps2,
+                hold,
+            }) => {
+                self.target = None;
+                let limits = tracking::Limits {
+                    speed_mps,
+                    acceleration_mps2,
+                };
+                self.motion.track(now, (to, velocity), limits, hold);
+                true
+            }
             Demand::Land => {
                 self.target = None;
                 self.is_landing = true;
@@ -109,6 +131,22 @@ impl Vehicle {
                 true
             }
         }
+    }
+
+    /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed.
+    pub(crate) fn steer(
+        &mut self,
+        now: Timestamp,
+        velocity: Velocity,
+        acceleration_mps2: f64,
+    ) -> bool {
+        let obeys = self.armed && !self.is_landing;
+        if obeys {
+            self.target = None;
+            self.motion
+                .steer(now, velocity, acceleration_mps2, STICKS_HOLD);
+        }
+        obeys
     }
 
     /// Its motion has come to its end: a landing ends disarmed.

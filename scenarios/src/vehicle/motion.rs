@@ -45,7 +45,7 @@ impl Piece {
 pub(crate) struct Motion {
     start: Vector3<f64>,
     /// The acceleration of the leg that is flown, in m/s², with which it can brake.
-    braking_mps2: f64,
+    pub(super) braking_mps2: f64,
     pieces: Vec<Piece>,
 }
 
@@ -137,7 +137,8 @@ impl Motion {
         }
     }
 
-    fn velocity(&self, at: Timestamp) -> Option<Vector3<f64>> {
+    /// In m/s; nothing at rest.
+    pub(crate) fn velocity(&self, at: Timestamp) -> Option<Vector3<f64>> {
         let piece = self
             .pieces
             .iter()
@@ -146,14 +147,19 @@ impl Motion {
         Some(piece.velocity(at)).filter(|velocity| velocity.norm() > 0.0)
     }
 
-    /// Drops all that is planned after `at` and comes to rest as fast as the leg allows.
-    pub(crate) fn brake(&mut self, at: Timestamp) {
-        let velocity = self.velocity(at);
-        let position = self.position(at).0;
+    /// Drops all that is planned after `at`.
+    pub(super) fn cut(&mut self, at: Timestamp) {
         self.pieces.retain(|piece| piece.start < at);
         if let Some(last) = self.pieces.last_mut() {
             last.end = last.end.min(at);
         }
+    }
+
+    /// Drops all that is planned after `at` and comes to rest as fast as the leg allows.
+    pub(crate) fn brake(&mut self, at: Timestamp) {
+        let velocity = self.velocity(at);
+        let position = self.position(at).0;
+        self.cut(at);
         match velocity {
             Some(velocity) => {
                 let speed = velocity.norm();
@@ -203,7 +209,7 @@ impl Motion {
         self.push(end, to.0, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
-    fn push(
+    pub(super) fn push(
         &mut self,
         start: Timestamp,
         from: Vector3<f64>,

@@ -130,3 +130,87 @@ fn a_span_of_time_is_covered_without_gaps_rests_included() {
         }
     }
 }
+
+fn track(north_m: f64, north_mps: f64) -> Demand {
+    Demand::Fly(Setpoint::Track {
+        to: Ned::new(north_m, 0.0, -20.0),
+        velocity: Velocity::new(north_mps, 0.0, 0.0),
+        speed_mps: 12.0,
+        acceleration_mps2: 2.0,
+        hold: Duration::from_secs(60),
+    })
+}
+
+#[test]
+fn a_place_that_moves_is_caught_up_with_and_kept() {
+    for behind_m in [-40.0, -3.0, 0.0, 0.5, 25.0] {
+        let mut vehicle = hovering();
+        assert!(vehicle.obey(at(5.0), track(behind_m, 10.0)));
+        let place_m = |at_s: f64| behind_m + 10.0 * (at_s - 5.0);
+        for at_s in [55.0, 60.0, 64.9] {
+            let telemetry = vehicle.telemetry(at(at_s));
+            assert!(
+                close(telemetry.position.north_m(), place_m(at_s)),
+                "{behind_m}: {} instead of {}",
+                telemetry.position.north_m(),
+                place_m(at_s)
+            );
+            assert!(close(telemetry.velocity.0.x, 10.0));
+        }
+    }
+}
+
+#[test]
+fn a_vehicle_after_a_place_that_moves_keeps_to_its_limits() {
+    let mut vehicle = hovering();
+    let mut before: Option<Velocity> = None;
+    vehicle.obey(at(0.0), track(80.0, 11.0));
+    for tick in 0..800 {
+        let velocity = vehicle.telemetry(at(f64::from(tick) / 10.0)).velocity;
+        assert!(velocity.0.norm() <= 12.0 + 1e-6, "{velocity:?}");
+        if let Some(before) = before {
+            let change = (velocity.0 - before.0).norm();
+            assert!(change <= 0.2 + 1e-6, "{change} in a tenth of a second");
+        }
+        before = Some(velocity);
+    }
+}
+
+#[test]
+fn a_vehicle_that_is_told_no_more_where_its_place_is_comes_to_rest() {
+    let mut vehicle = hovering();
+    vehicle.obey(at(0.0), track(0.0, 10.0));
+    let end = vehicle.motion().end_time().unwrap();
+    assert!(
+        end > at(60.0) && end <= at(65.001),
+        "60 s and braking: {end}"
+    );
+    assert!(vehicle.telemetry(end).at_rest);
+}
+
+#[test]
+fn sticks_are_obeyed_until_they_are_moved_again() {
+    let mut vehicle = hovering();
+    assert!(vehicle.steer(at(1.0), Velocity::new(8.0, 0.0, 0.0), 2.0));
+    let telemetry = vehicle.telemetry(at(100.0));
+    assert!(close(telemetry.velocity.0.x, 8.0));
+    assert!(close(telemetry.position.north_m(), 16.0 + 8.0 * 95.0));
+    vehicle.steer(at(100.0), Velocity::ZERO, 2.0);
+    assert!(vehicle.telemetry(at(104.1)).at_rest);
+    vehicle.obey(at(105.0), Demand::Land);
+    assert!(!vehicle.steer(at(106.0), Velocity::new(8.0, 0.0, 0.0), 2.0));
+}
+
+#[test]
+fn pieces_of_a_tracked_motion_meet() {
+    let mut vehicle = hovering();
+    for tick in 0..50 {
+        let now = f64::from(tick) * 0.2;
+        vehicle.obey(at(now), track(10.0 * now + 1.0, 10.0));
+    }
+    for pair in vehicle.motion().pieces().windows(2) {
+        let gap = pair[0].position(pair[0].end) - pair[1].position(pair[1].start);
+        assert!(gap.norm() < 1e-6, "{gap:?}");
+        assert_eq!(pair[0].end, pair[1].start);
+    }
+}

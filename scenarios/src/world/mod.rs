@@ -17,8 +17,10 @@ use bytes::Bytes;
 use muster_machines::cell::{
     Address, Blueprint, Checkpoints, Effect, Envelope, Observation, Reaction, last_resort,
 };
+use muster_machines::geometry::Velocity;
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
+use muster_machines::mission::State;
 use muster_machines::msp::{self, Demand};
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
@@ -34,7 +36,7 @@ use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::trace::{Kind, Trace};
 use crate::checkers::{BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed};
-use crate::scenario::{FaultKind, Scenario};
+use crate::scenario::{FaultKind, Follow, Scenario};
 use crate::vehicle::Vehicle;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
@@ -89,6 +91,10 @@ enum Planned {
         drone: NodeId,
         address: Address,
     },
+    /// The master's pilot moves the sticks.
+    Steer(Velocity),
+    /// The operator ends the flight.
+    Land,
 }
 
 /// A world in the middle of a run.
@@ -107,6 +113,8 @@ pub(crate) struct World {
     trace: Trace,
     recorder: Recorder,
     range_m: f64,
+    /// What is to happen once the master is followed.
+    follow: Option<Follow>,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -152,6 +160,7 @@ impl World {
             trace: Trace::new(),
             recorder: Recorder::new(drones as usize, layout.formation().centre()),
             range_m: scenario.radio.propagation.range_m(),
+            follow: scenario.follow.clone(),
             barrier: BarrierChecker::new(drones as usize),
             separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
             bounds: BoundsChecker {
@@ -242,6 +251,11 @@ impl World {
                     address,
                     what: What::Restart,
                 });
+            }
+            Planned::Steer(velocity) => self.steer(velocity),
+            Planned::Land => {
+                let master = self.recorder.centre();
+                self.post(master, Envelope::Mission(mission::Input::Land));
             }
             Planned::Crash { drone, address } => {
                 return self.drone(drone).is_up(address).then_some(Task {
@@ -353,12 +367,49 @@ impl World {
             self.airborne += 1;
         }
         if moves {
-            let end = self.vehicles[index].motion().end_time().unwrap_or(self.now);
-            let generation = self.drone(drone).next_motion();
-            self.heap
-                .plan(end, Planned::ComeToRest { drone, generation });
+            self.plan_rest(drone);
         } else {
             self.report_telemetry(drone);
+        }
+    }
+
+    /// Plans the end of the motion that a vehicle has just begun.
+    fn plan_rest(&mut self, drone: NodeId) {
+        let motion = self.vehicles[drone.0 as usize].motion();
+        let end = motion.end_time().unwrap_or(self.now);
+        let generation = self.drone(drone).next_motion();
+        self.heap
+            .plan(end, Planned::ComeToRest { drone, generation });
+    }
+
+    /// The master is followed from now on: its pilot takes over, if it has one.
+    fn follow_begins(&mut self) {
+        let Some(follow) = self.follow.take() else {
+            return;
+        };
+        for sticks in &follow.pilot {
+            let at = self.now + sticks.after;
+            self.heap.plan(at, Planned::Steer(sticks.velocity));
+        }
+        if let Some(after) = follow.land_after {
+            self.heap.plan(self.now + after, Planned::Land);
+        }
+        self.follow = Some(follow);
+    }
+
+    fn steer(&mut self, velocity: Velocity) {
+        let master = self.recorder.centre();
+        let acceleration_mps2 = self
+            .follow
+            .as_ref()
+            .map_or(0.0, |follow| follow.master.acceleration_mps2);
+        self.trace
+            .value(self.now, master, Kind::Steered, &velocity.0);
+        let found = self.separation.path_ends(self.now, master, &self.vehicles);
+        self.find(found);
+        let vehicle = &mut self.vehicles[master.0 as usize];
+        if vehicle.steer(self.now, velocity, acceleration_mps2) {
+            self.plan_rest(master);
         }
     }
 
@@ -409,6 +460,11 @@ impl World {
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
+                if drone == self.recorder.centre()
+                    && *event == mission::Event::State(State::Following)
+                {
+                    self.follow_begins();
+                }
             }
             Observation::Routing(event) => self.recorder.routing(drone, event),
             Observation::Radio(event) => self.recorder.radio(event),

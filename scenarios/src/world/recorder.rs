@@ -16,6 +16,7 @@ pub(crate) struct Recorder {
     centre: NodeId,
     drones: Vec<Record>,
     barriers: BTreeMap<u16, Crossing>,
+    changes: BTreeMap<u16, Change>,
     /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
     out_of_range: BTreeMap<NodeId, NodeId>,
     sent: u64,
@@ -44,6 +45,14 @@ pub(crate) struct Record {
 pub(crate) struct Crossing {
     pub(crate) arrived: Option<(Timestamp, u64)>,
     pub(crate) moving: Option<(Timestamp, u64)>,
+}
+
+/// A change of formation: when the first drone began it, when the last was done, and how many were.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Change {
+    pub(crate) begun: Timestamp,
+    pub(crate) done: Option<Timestamp>,
+    pub(crate) drones: u32,
 }
 
 /// All that came of a run.
@@ -75,6 +84,7 @@ impl Recorder {
             centre,
             drones: vec![record; drones],
             barriers: BTreeMap::new(),
+            changes: BTreeMap::new(),
             out_of_range: BTreeMap::new(),
             sent: 0,
             dropped: BTreeMap::new(),
@@ -93,6 +103,10 @@ impl Recorder {
 
     pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
         &self.barriers
+    }
+
+    pub(crate) const fn changes(&self) -> &BTreeMap<u16, Change> {
+        &self.changes
     }
 
     /// The master's own view of who is out of its range, and through whom it hears of them.
@@ -158,6 +172,20 @@ impl Recorder {
         if let Some(State::WaypointReached { waypoint }) = before {
             self.barriers.entry(waypoint).or_default().moving = Some((now, sent));
         }
+        if let State::ChangingFormation { change, .. } = state {
+            self.changes.entry(change).or_insert(Change {
+                begun: now,
+                done: None,
+                drones: 0,
+            });
+        }
+        if let (Some(State::ChangingFormation { change, .. }), State::WaypointReached { .. }) =
+            (before, state)
+            && let Some(change) = self.changes.get_mut(&change)
+        {
+            change.done = Some(now);
+            change.drones += 1;
+        }
         if let State::WaypointReached { waypoint } = state {
             self.barriers.entry(waypoint).or_default().arrived = Some((now, sent));
             self.steps_done += 1;
@@ -206,6 +234,9 @@ const fn is_in_discovery_or_beyond(state: State) -> bool {
             | State::HopUpdate
             | State::MovingToWaypoint { .. }
             | State::WaypointReached { .. }
+            | State::ChangingFormation { .. }
+            | State::Following
+            | State::Assembling
     )
 }
 
@@ -216,6 +247,16 @@ impl Record {
             .iter()
             .find(|(_, state)| is_in_discovery_or_beyond(*state))
             .map(|(at, _)| *at)
+    }
+
+    /// When it kept formation on a master that it followed, or was that master: from when until when.
+    pub(crate) fn following(&self, ended: Timestamp) -> Option<std::ops::Range<Timestamp>> {
+        let begins = self
+            .states
+            .iter()
+            .position(|(_, state)| *state == State::Following)?;
+        let until = self.states.get(begins + 1).map_or(ended, |(at, _)| *at);
+        Some(self.states[begins].0..until)
     }
 
     /// Its own waits at waypoints, from arrival to departure.

@@ -28,6 +28,7 @@ pub(crate) enum Kind {
     Failed,
     Started,
     Undeliverable,
+    Steered,
 }
 
 impl Trace {

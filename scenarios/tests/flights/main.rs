@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod any;
+mod changes;
 mod engines;
+mod follow;
 mod formations;
 mod support;
 mod thesis;

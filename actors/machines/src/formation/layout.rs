@@ -22,11 +22,11 @@ pub struct Separation {
 const MARGIN_M: f64 = 0.5;
 
 impl Separation {
-    fn near_m(self) -> f64 {
+    pub(super) fn near_m(self) -> f64 {
         self.horizontal_m + MARGIN_M
     }
 
-    fn heights_m(self, stack: &Stack) -> impl Iterator<Item = f64> {
+    pub(super) fn heights_m(self, stack: &Stack) -> impl Iterator<Item = f64> {
         let pitch_m = self.vertical_m + MARGIN_M;
         let layers = stack.layers.iter();
         layers.map(move |layer| f64::from(*layer) * pitch_m)
@@ -85,6 +85,16 @@ impl Layout {
         self.ground = (ground != Ground::Gathered)
             .then(|| Ways::new(ground, &self.formation, self.gap_m, self.separation));
         self
+    }
+
+    /// How far apart drones must be.
+    pub(super) const fn separation(&self) -> Separation {
+        self.separation
+    }
+
+    /// How far apart drones stand and land, in metres.
+    pub(super) const fn gap_m(&self) -> f64 {
+        self.gap_m
     }
 
     /// The slots in the air.

@@ -1,6 +1,7 @@
 //! Where each drone has its place: slots in the air, places on the ground, altitude layers.
 
 mod assignment;
+mod change;
 mod circular;
 mod crossings;
 mod ground;
@@ -16,6 +17,7 @@ mod split_up;
 use std::num::NonZeroU32;
 
 pub use assignment::{Assignment, OPTIMAL_MAX};
+pub use change::Change;
 pub use ground::Ground;
 pub use layers::Layers;
 pub use layout::{Layout, Separation};
@@ -51,11 +53,28 @@ pub enum Kind {
     CompactMatrix,
 }
 
+impl Kind {
+    /// Its name in files and reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Circular => "circular",
+            Self::Random { .. } => "random",
+            Self::SplitUp { .. } => "split-up",
+            Self::CompactMesh => "compact-mesh",
+            Self::RegularMatrix => "regular-matrix",
+            Self::CompactMatrix => "compact-matrix",
+        }
+    }
+}
+
 /// The slots of a swarm, as displacements from the centre of its formation.
 ///
-/// Drone `i` has slot `i`. All slots are distinct and at least the spacing apart; the centre slot is at the origin.
+/// Drone `i` has slot `i`, in a formation that a swarm takes off in. All slots are distinct and at least the spacing apart; the centre slot is at the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formation {
+    kind: Kind,
     slots: Vec<Ned>,
     centre: NodeId,
     ranks: Vec<u32>,
@@ -81,6 +100,7 @@ impl Formation {
             Kind::CompactMatrix => matrix::compact(drones, spacing_m),
         };
         Self {
+            kind,
             centre: NodeId(shape.centre),
             ranks: ranks(&shape),
             heading_rad,
@@ -91,6 +111,44 @@ impl Formation {
                 .map(|slot| slot.turned(heading_rad))
                 .collect(),
         }
+    }
+
+    /// The same slots for a swarm that comes from another formation: its master keeps the centre slot, and the others
+    /// get those that they reach with the least sum of squared ways.
+    ///
+    /// # Panics
+    /// When the two have not the same number of slots.
+    #[must_use]
+    fn taken_from(mut self, other: &Self) -> Self {
+        assert_eq!(self.drones(), other.drones(), "a change keeps all drones");
+        let assignment = Assignment::for_drones(self.drones());
+        let led = |formation: &Self| -> Vec<Ned> {
+            let slots = formation.slots.iter().zip(0..);
+            let led = slots.filter(|(_, id)| NodeId(*id) != formation.centre);
+            led.map(|(slot, _)| *slot).collect()
+        };
+        let mut given = assignment.assign(&led(&self), &led(other)).into_iter();
+        let centre = self.slots[self.centre.0 as usize];
+        let slots: Vec<Ned> = (0..other.drones())
+            .map(|id| {
+                let next = (NodeId(id) != other.centre).then(|| given.next());
+                next.flatten().unwrap_or(centre)
+            })
+            .collect();
+        let rank_of = |slot: &Ned| {
+            let index = self.slots.iter().position(|other| other == slot);
+            index.map_or(0, |index| self.ranks[index])
+        };
+        self.ranks = slots.iter().map(rank_of).collect();
+        self.slots = slots;
+        self.centre = other.centre;
+        self
+    }
+
+    /// Its shape.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        self.kind
     }
 
     /// How many slots there are.

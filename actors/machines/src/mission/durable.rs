@@ -3,6 +3,7 @@ use std::fmt;
 
 use bytes::Bytes;
 
+use super::order::Step;
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
@@ -31,6 +32,17 @@ pub enum State {
         /// Which one.
         waypoint: u16,
     },
+    /// At a waypoint, changing formation with the swarm.
+    ChangingFormation {
+        /// Which change, the first one being 0.
+        change: u16,
+        /// Which step of it.
+        step: Step,
+    },
+    /// Keeping formation on the master as it moves; the master: moving, and followed.
+    Following,
+    /// On the way to its slot around a master that has stopped, or there.
+    Assembling,
     /// On the way to its landing place.
     MovingToLand,
     /// Descending.
@@ -48,7 +60,10 @@ impl State {
             | Self::NeighbourDiscovery
             | Self::HopUpdate
             | Self::WaypointReached { .. }
-            | Self::MovingToWaypoint { .. } => true,
+            | Self::MovingToWaypoint { .. }
+            | Self::ChangingFormation { .. }
+            | Self::Following
+            | Self::Assembling => true,
             Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => {
                 false
             }
@@ -64,6 +79,9 @@ impl State {
                 | Self::NeighbourDiscovery
                 | Self::HopUpdate
                 | Self::WaypointReached { .. }
+                | Self::ChangingFormation { .. }
+                | Self::Following
+                | Self::Assembling
         )
     }
 }
@@ -78,6 +96,13 @@ impl fmt::Display for State {
             Self::HopUpdate => f.write_str("hop update"),
             Self::WaypointReached { waypoint } => write!(f, "waypoint {waypoint} reached"),
             Self::MovingToWaypoint { waypoint } => write!(f, "moving to waypoint {waypoint}"),
+            Self::ChangingFormation { step, .. } => f.write_str(match step {
+                Step::Climb => "changing formation: climbing",
+                Step::Cross => "changing formation: crossing",
+                Step::Descend => "changing formation: descending",
+            }),
+            Self::Following => f.write_str("following"),
+            Self::Assembling => f.write_str("assembling"),
             Self::MovingToLand => f.write_str("moving to land"),
             Self::Landing => f.write_str("landing"),
             Self::Finished => f.write_str("finished"),
@@ -98,12 +123,16 @@ pub struct Checkpoint {
     pub routes: RoutesPhase,
     /// The highest waypoint that was opened.
     pub opened: Option<u16>,
+    /// How many changes of formation have been made.
+    pub changes: u16,
     /// The order that is being carried out; acknowledged once it is.
     pub pending: Option<u32>,
     /// The newest order that is carried out; 0 before the first.
     pub acknowledged: u32,
     /// Where the centre of the formation lands.
     pub land_at: Ned,
+    /// Where the swarm assembled around its master after following it.
+    pub assembled_at: Option<Ned>,
     /// By when what the drone waits for must have happened.
     pub limit: Option<Timestamp>,
     /// What only a master has.
@@ -133,6 +162,21 @@ pub struct Lead {
     pub order: Bytes,
     /// The other drones of the swarm.
     pub members: BTreeMap<NodeId, Awaited>,
+    /// What only a master has that is followed.
+    pub followed: Option<Followed>,
+}
+
+/// What a master knows that is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Followed {
+    /// Which waypoint it makes for, where nobody flies it by hand.
+    pub bound_for: u16,
+    /// When it next tells the others where it is.
+    pub next_fix: Timestamp,
+    /// Where it was when it last did.
+    pub at: Ned,
+    /// Whether it is to stop, so that all can land.
+    pub is_ending: bool,
 }
 
 /// Whether a master waits for a member.

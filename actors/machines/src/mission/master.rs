@@ -1,7 +1,7 @@
 //! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
 //! one before.
 
-use super::{Awaited, Event, LandingReason, Lead, Mission, Order, State, Transmit};
+use super::{Awaited, Event, LandingReason, Lead, Mission, Order, State, Step, Transmit};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
@@ -47,11 +47,16 @@ impl Mission {
         }
     }
 
-    fn give_order(&mut self, order: &Order) {
+    pub(super) fn give_order(&mut self, order: &Order) {
+        self.announce(order);
+        self.durable.pending = self.durable.lead.as_ref().map(|lead| lead.sequence);
+    }
+
+    /// Gives an order that nobody needs to carry out before the next.
+    pub(super) fn announce(&mut self, order: &Order) {
         if let Some(lead) = &mut self.durable.lead {
             lead.sequence += 1;
             lead.order = wire::encode_order(order).into();
-            self.durable.pending = Some(lead.sequence);
             self.outbox.transmit(Transmit::Publish {
                 sequence: lead.sequence,
                 order: lead.order.clone(),
@@ -124,6 +129,12 @@ impl Mission {
                 self.outbox.transmit(Transmit::Discover);
             }
             State::WaypointReached { waypoint } => self.go_on_from(now, waypoint),
+            State::ChangingFormation { change, step } => {
+                if let Some(step) = step.next() {
+                    self.order_step(now, change, step);
+                }
+            }
+            State::Assembling => self.land_where_assembled(),
             _ => {}
         }
     }
@@ -148,7 +159,11 @@ impl Mission {
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
         let next = waypoint + 1;
-        if usize::from(next) < self.durable.plan.len() {
+        if self.changes_before(next) > self.durable.changes {
+            self.order_step(now, self.durable.changes, Step::Climb);
+        } else if self.config.following.is_some() {
+            self.start_being_followed(now);
+        } else if usize::from(next) < self.durable.plan.len() {
             self.durable.opened = Some(next);
             self.give_order(&Order::Move { waypoint: next });
             self.outbox.event(Event::Opened { waypoint: next });
@@ -159,8 +174,12 @@ impl Mission {
         }
     }
 
-    fn gather_at(&mut self, centre: Ned) {
-        self.give_order(&Order::Land { at: centre });
+    pub(super) fn gather_at(&mut self, centre: Ned) {
+        let changes = self.durable.changes;
+        self.give_order(&Order::Land {
+            at: centre,
+            changes,
+        });
     }
 
     /// Flies without the members that did not get ready in time.
@@ -180,11 +199,15 @@ impl Mission {
         if self.durable.lead.is_none() || !self.durable.state.is_following() {
             return;
         }
+        let waypoint = |waypoint: u16| self.durable.plan.get(usize::from(waypoint)).copied();
         let bound_for = match self.durable.state {
-            State::MovingToWaypoint { waypoint } | State::WaypointReached { waypoint } => waypoint,
-            _ => 0,
+            State::MovingToWaypoint { waypoint: next }
+            | State::WaypointReached { waypoint: next } => waypoint(next),
+            State::ChangingFormation { change, .. } => waypoint(self.waypoint_of(change)),
+            State::Following | State::Assembling => self.followed_at(),
+            _ => waypoint(0),
         };
-        if let Some(centre) = self.durable.plan.get(usize::from(bound_for)).copied() {
+        if let Some(centre) = bound_for {
             self.gather_at(centre);
         }
     }

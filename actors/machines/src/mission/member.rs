@@ -7,6 +7,11 @@ use crate::wire::PLAN_PART_MAX;
 
 impl Mission {
     pub(super) fn obey(&mut self, now: Timestamp, sequence: u32, order: Order) {
+        let is_known =
+            sequence <= self.durable.acknowledged || self.durable.pending == Some(sequence);
+        if is_known {
+            return;
+        }
         match order {
             Order::Plan {
                 index,
@@ -15,7 +20,10 @@ impl Mission {
             } => self.store_plan(sequence, index, count, &waypoints),
             Order::TakeOff => self.take_off(now, sequence),
             Order::Move { waypoint } => self.open(sequence, waypoint),
-            Order::Land { at } => self.go_to_land(now, sequence, at),
+            Order::Land { at, changes } => self.go_to_land(now, sequence, at, changes),
+            Order::Reform { change, step } => self.take_step(now, sequence, change, step),
+            Order::Follow { at, velocity } => self.keep_formation(at, velocity),
+            Order::Assemble { at } => self.assemble(now, sequence, at),
         }
     }
 
@@ -51,7 +59,11 @@ impl Mission {
             self.outbox.event(Event::Refused);
             return;
         }
-        if self.durable.state == State::TakingOff && self.durable.pending.is_some() {
+        let is_changing = matches!(self.durable.state, State::ChangingFormation { .. });
+        if self.is_taking_off()
+            || is_changing
+            || self.durable.changes < self.changes_before(waypoint)
+        {
             self.land(LandingReason::Late);
             return;
         }
@@ -63,13 +75,19 @@ impl Mission {
         self.durable.pending = Some(sequence);
     }
 
-    fn go_to_land(&mut self, now: Timestamp, sequence: u32, at: Ned) {
-        if !self.durable.state.is_following() {
+    /// Whether the drone is still on the way to its slot.
+    pub(super) fn is_taking_off(&self) -> bool {
+        self.durable.state == State::TakingOff && self.durable.pending.is_some()
+    }
+
+    fn go_to_land(&mut self, now: Timestamp, sequence: u32, at: Ned, changes: u16) {
+        if !self.durable.state.is_following() || usize::from(changes) > self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
         }
         self.durable.pending = Some(sequence);
         self.durable.land_at = at;
+        self.durable.changes = changes;
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);
         self.outbox

@@ -1,6 +1,8 @@
 //! The swarm protocol: who leads, what the swarm does next, and when a drone comes down.
 
+mod change;
 mod durable;
+mod follow;
 mod master;
 mod member;
 mod order;
@@ -11,10 +13,11 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-pub use durable::{Awaited, Checkpoint, Lead, RoutesPhase, State};
-pub use order::Order;
+pub use durable::{Awaited, Checkpoint, Followed, Lead, RoutesPhase, State};
+pub use follow::Following;
+pub use order::{Order, Step};
 
-use crate::formation::Layout;
+use crate::formation::{Change, Layout};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Outbox, Output};
@@ -32,6 +35,10 @@ pub struct Config {
     pub layout: Arc<Layout>,
     /// The waypoints to lead the swarm along; none for a drone that was given no mission.
     pub mission: Arc<[Ned]>,
+    /// The changes of formation on the way, in the order in which they are made.
+    pub changes: Arc<[Change]>,
+    /// How the master is followed, where it does not lead from waypoint to waypoint.
+    pub following: Option<Following>,
     /// When a silent master or member counts as lost.
     pub liveness: Liveness,
     /// How long the master waits for members that do not get ready on the ground.
@@ -58,6 +65,8 @@ pub enum Liveness {
 pub enum Input {
     /// By the operator, to the drone at the centre slot: lead the swarm along its mission.
     Fly,
+    /// By the operator, to a master that is followed: stop, let all assemble, and land.
+    Land,
     /// By the routing.
     Routing(RoutingNotice),
     /// By the navigation.
@@ -93,6 +102,8 @@ pub enum Transmit {
     Resync,
     /// To the navigation.
     Goal(Goal),
+    /// To the navigation: tell me where I am.
+    Locate,
 }
 
 /// Why a drone comes down.
@@ -177,10 +188,18 @@ impl Mission {
         }
     }
 
+    /// Who flies, stands and lands where, as of now.
+    fn layout(&self) -> &Layout {
+        match self.durable.changes.checked_sub(1) {
+            Some(last) => self.config.changes[usize::from(last)].layout(),
+            None => &self.config.layout,
+        }
+    }
+
     /// Where the drone's state wants it to be.
     fn goal(&self) -> Option<Goal> {
         let id = self.config.id;
-        let layout = &self.config.layout;
+        let layout = self.layout();
         let at_waypoint = |waypoint: u16| {
             let waypoint = *self.durable.plan.get(usize::from(waypoint))?;
             Some(layout.slot(id, waypoint))
@@ -197,6 +216,16 @@ impl Mission {
             State::NeighbourDiscovery | State::HopUpdate => None,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
                 at_waypoint(waypoint).map(|to| Goal::FlyTo { to })
+            }
+            State::ChangingFormation { change, step } => {
+                let to = self.corner(change, step)?;
+                Some(Goal::FlyTo { to })
+            }
+            State::Following => self.goal_as_followed(),
+            State::Assembling => {
+                let at = self.durable.assembled_at?;
+                let to = layout.slot(id, at);
+                Some(Goal::FlyTo { to })
             }
             State::MovingToLand => {
                 let at = self.durable.land_at;
@@ -216,9 +245,10 @@ impl Mission {
 
     /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
     fn landing_layer_m(&self) -> f64 {
-        let layout = &self.config.layout;
+        let layout = self.layout();
         let slot = self.config.id.0 as usize;
-        if self.durable.plan.last() == Some(&self.durable.land_at) {
+        let land_at = Some(self.durable.land_at);
+        if self.durable.plan.last().copied() == land_at || self.durable.assembled_at == land_at {
             layout.landing_layers_m()[slot]
         } else {
             layout.layers_m(&self.durable.plan)[slot]
@@ -314,6 +344,9 @@ impl Mission {
                 self.durable.limit = waits.then(|| now + self.config.leg_limit);
                 self.enter(State::WaypointReached { waypoint });
             }
+            State::ChangingFormation { change, step } => self.stepped(now, change, step),
+            State::Following => self.arrived_as_followed(now),
+            State::Assembling => self.carried_out(),
             State::MovingToLand => {
                 self.durable.limit = None;
                 self.enter(State::Landing);
@@ -394,11 +427,15 @@ impl Machine for Mission {
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
             Input::Fly => self.fly(now),
+            Input::Land => self.end_following(),
             Input::Routing(notice) => {
                 self.hear_routing(now, notice);
                 self.react(now);
             }
             Input::Navigation(NavigationNotice::Arrived) => self.arrived(now),
+            Input::Navigation(NavigationNotice::At { position, velocity }) => {
+                self.located(now, position, velocity);
+            }
             Input::Navigation(NavigationNotice::Landed) => self.landed(),
             Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
             Input::GiveUp => self.give_up(),
@@ -408,9 +445,10 @@ impl Machine for Mission {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        self.locate_if_due(now);
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
-            if self.durable.pending.is_some() {
+            if self.durable.pending.is_some() || self.durable.state == State::Following {
                 // It is this drone that is late.
                 self.abandon_swarm();
                 self.land(LandingReason::Overdue);
@@ -423,7 +461,8 @@ impl Machine for Mission {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.durable.limit)
+        let deadlines = [self.durable.limit, self.next_fix()];
+        self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }
 

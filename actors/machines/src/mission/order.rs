@@ -1,4 +1,4 @@
-use crate::geometry::Ned;
+use crate::geometry::{Ned, Velocity};
 
 /// What a master tells its swarm to do, one order after the other.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,5 +23,49 @@ pub enum Order {
     Land {
         /// Where the centre of the formation lands, at the height of the last waypoint.
         at: Ned,
+        /// How many changes of formation have been made: which formation's places are landed on.
+        changes: u16,
     },
+    /// Take a step of a change of formation; carried out once it is taken.
+    Reform {
+        /// Which change, the first one being 0.
+        change: u16,
+        /// Which step of it.
+        step: Step,
+    },
+    /// Keep formation on a centre that moves; replaced by the next such order, and never acknowledged.
+    Follow {
+        /// Where the centre of the formation is.
+        at: Ned,
+        /// How it moves.
+        velocity: Velocity,
+    },
+    /// End the following: be in the slot around a centre at rest; carried out once there.
+    Assemble {
+        /// Where the centre of the formation is.
+        at: Ned,
+    },
+}
+
+/// A step of a change of formation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Step {
+    /// Climb into the sector.
+    Climb,
+    /// Fly level to above the new slot.
+    Cross,
+    /// Descend into the new slot.
+    Descend,
+}
+
+impl Step {
+    /// The step after this one.
+    #[must_use]
+    pub const fn next(self) -> Option<Self> {
+        match self {
+            Self::Climb => Some(Self::Cross),
+            Self::Cross => Some(Self::Descend),
+            Self::Descend => None,
+        }
+    }
 }

@@ -1,3 +1,6 @@
+mod change;
+mod follow;
+
 use std::num::NonZeroU32;
 
 use super::*;
@@ -28,6 +31,8 @@ fn config(id: u32, liveness: Liveness) -> Config {
         id: NodeId(id),
         layout: Arc::new(Layout::new(formation, 10.0, separation)),
         mission: waypoints().into(),
+        changes: Arc::default(),
+        following: None,
         liveness,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
@@ -91,6 +96,10 @@ fn orders(transmits: &[Transmit]) -> Vec<Order> {
         _ => None,
     });
     published.collect()
+}
+
+fn land_at(at: Ned) -> Order {
+    Order::Land { at, changes: 0 }
 }
 
 fn whole_plan() -> Order {
@@ -309,7 +318,7 @@ fn a_leg_that_takes_too_long_ends_in_a_landing() {
 fn a_master_that_must_land_takes_its_swarm_down_with_it() {
     let mut master = master_taking_off();
     let transmits = told(&mut master, 20.0, Input::GiveUp);
-    assert_eq!(orders(&transmits), [Order::Land { at: waypoints()[0] }]);
+    assert_eq!(orders(&transmits), [land_at(waypoints()[0])]);
     assert_eq!(master.durable.state, State::Landing);
 }
 
@@ -362,7 +371,7 @@ fn take_off_and_the_way_to_land_have_limits() {
     stimulate(&mut slave, 61.0, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::Landing);
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
-    ordered(&mut slave, 5, &Order::Land { at: waypoints()[0] });
+    ordered(&mut slave, 5, &land_at(waypoints()[0]));
     assert_eq!(slave.durable.state, State::MovingToLand);
     stimulate(&mut slave, 101.0, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::Landing);
@@ -394,7 +403,7 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
         Input::Navigation(NavigationNotice::Arrived),
     );
     let at = waypoints()[2];
-    let said = ordered(&mut slave, 3, &Order::Land { at });
+    let said = ordered(&mut slave, 3, &land_at(at));
     let goal = said.iter().find_map(|transmit| match transmit {
         Transmit::Goal(Goal::TransitTo { to }) => Some(to.altitude_m()),
         _ => None,

@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
+use std::time::Duration;
 
-use crate::geometry::Ned;
+use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
 use crate::time::Timestamp;
@@ -44,6 +45,19 @@ pub enum Goal {
         /// Where.
         to: Ned,
     },
+    /// Be at a place that moves, and move along with it.
+    Track {
+        /// Where it is now.
+        to: Ned,
+        /// How it moves.
+        velocity: Velocity,
+        /// For how long it may be thought to move so; the drone comes to rest then unless it is told more.
+        hold: Duration,
+    },
+    /// Come to rest.
+    Hold,
+    /// Leave the vehicle to the pilot.
+    Yield,
     /// Come down on the spot and disarm.
     Land,
 }
@@ -53,6 +67,8 @@ pub enum Goal {
 pub enum Input {
     /// By the mission: go there; the same goal again only asks whether it is reached.
     Goal(Goal),
+    /// By the mission: tell where the drone is.
+    Locate,
     /// By the flight controller's link.
     Telemetry(Telemetry),
     /// By the link, restarted: tell me again what I should do.
@@ -69,10 +85,17 @@ pub enum Transmit {
 }
 
 /// What a navigation lets its mission know.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notice {
     /// The goal is reached and the drone is at rest.
     Arrived,
+    /// Where the drone was when it was asked.
+    At {
+        /// Where.
+        position: Ned,
+        /// How it moved.
+        velocity: Velocity,
+    },
     /// The drone is on the ground and disarmed.
     Landed,
     /// This navigation restarted: tell me again where to go.
@@ -112,6 +135,8 @@ pub enum Progress {
 pub struct Navigation {
     config: Config,
     durable: Checkpoint,
+    /// Whether the mission waits to be told where the drone is.
+    locating: bool,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -122,6 +147,7 @@ impl Navigation {
         let mut navigation = Self {
             config,
             durable: Checkpoint::default(),
+            locating: false,
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -147,6 +173,9 @@ impl Navigation {
     }
 
     fn take_goal(&mut self, goal: Goal) {
+        if let Goal::Track { to, velocity, hold } = goal {
+            return self.track(goal, to, velocity, hold);
+        }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
             self.progress(Progress::Planning);
@@ -158,6 +187,19 @@ impl Navigation {
         }
     }
 
+    /// A moving place needs no legs: the vehicle is told at once.
+    fn track(&mut self, goal: Goal, to: Ned, velocity: Velocity, hold: Duration) {
+        self.durable.goal = Some(goal);
+        self.progress(Progress::Flying(VecDeque::new()));
+        self.demand(Demand::Fly(Setpoint::Track {
+            to,
+            velocity,
+            speed_mps: self.config.speed_mps,
+            acceleration_mps2: self.config.acceleration_mps2,
+            hold,
+        }));
+    }
+
     fn inform_done(&mut self, goal: Goal) {
         self.inform(if goal == Goal::Land {
             Notice::Landed
@@ -167,6 +209,16 @@ impl Navigation {
     }
 
     fn hear(&mut self, telemetry: &Telemetry) {
+        if std::mem::take(&mut self.locating) {
+            self.inform(Notice::At {
+                position: telemetry.position,
+                velocity: telemetry.velocity,
+            });
+        }
+        self.pursue(telemetry);
+    }
+
+    fn pursue(&mut self, telemetry: &Telemetry) {
         let Some(goal) = self.durable.goal else {
             return;
         };
@@ -174,6 +226,7 @@ impl Navigation {
             Progress::Done => {}
             Progress::Planning => self.plan(goal, telemetry),
             Progress::Flying(_) if goal == Goal::Land => self.watch_landing(telemetry),
+            Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
             Progress::Flying(corners) => self.watch_legs(goal, corners, telemetry),
         }
     }
@@ -196,10 +249,11 @@ impl Navigation {
             ],
             Goal::FlyTo { to } => vec![to],
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
-            Goal::Land => Vec::new(),
+            Goal::Hold => vec![start],
+            Goal::Land | Goal::Track { .. } | Goal::Yield => Vec::new(),
         };
         self.progress(Progress::Flying(corners.into()));
-        self.hear(telemetry);
+        self.pursue(telemetry);
     }
 
     fn watch_landing(&mut self, telemetry: &Telemetry) {
@@ -248,7 +302,11 @@ impl Navigation {
             self.config.descent_mps
         };
         // A share of zero divides to infinity, which no minimum takes.
-        let speed_mps = (self.config.speed_mps / over_ground).min(vertical_mps / climbing.abs());
+        let speed_mps = if length_m > 0.0 {
+            (self.config.speed_mps / over_ground).min(vertical_mps / climbing.abs())
+        } else {
+            self.config.speed_mps
+        };
         Setpoint::Leg {
             to,
             speed_mps,
@@ -266,6 +324,10 @@ impl Machine for Navigation {
     fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
             Input::Goal(goal) => self.take_goal(goal),
+            Input::Locate => {
+                self.locating = true;
+                self.demand(Demand::Report);
+            }
             Input::Telemetry(telemetry) => self.hear(&telemetry),
             Input::Resync => self.demand(Demand::Report),
         }

@@ -10,6 +10,7 @@ const CONFIG: Config = Config {
 
 const ON_THE_GROUND: Telemetry = Telemetry {
     position: Ned::HOME,
+    velocity: Velocity::ZERO,
     stop: Ned::HOME,
     at_rest: true,
     armed: false,
@@ -80,9 +81,9 @@ fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
 #[test]
 fn a_slanting_leg_is_as_fast_as_climb_and_ground_speed_allow() {
     let navigation = Navigation::new(CONFIG, None);
-    let speed = |to: Ned| {
-        let Setpoint::Leg { speed_mps, .. } = navigation.leg(Ned::HOME, to);
-        speed_mps
+    let speed = |to: Ned| match navigation.leg(Ned::HOME, to) {
+        Setpoint::Leg { speed_mps, .. } => speed_mps,
+        other => panic!("a leg should have been laid, not {other:?}"),
     };
     // Up 3 for each 4 ahead: 2.5 m/s up is 5/3 of that along the leg.
     assert!((speed(Ned::new(4.0, 0.0, -3.0)) - 2.5 * 5.0 / 3.0).abs() < 1e-9);
@@ -140,4 +141,72 @@ fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
     assert!(told(&mut navigation, Input::Telemetry(coming_down)).is_empty());
     let landed = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
     assert_eq!(landed, [Transmit::Inform(Notice::Landed)]);
+}
+
+const MOVING: Goal = Goal::Track {
+    to: Ned::HOME,
+    velocity: Velocity::new(10.0, 0.0, 0.0),
+    hold: Duration::from_secs(1),
+};
+
+#[test]
+fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let track = Transmit::Demand(Demand::Fly(Setpoint::Track {
+        to: Ned::HOME,
+        velocity: Velocity::new(10.0, 0.0, 0.0),
+        speed_mps: CONFIG.speed_mps,
+        acceleration_mps2: CONFIG.acceleration_mps2,
+        hold: Duration::from_secs(1),
+    }));
+    // The same goal again is a newer report: the place has moved on since.
+    for _ in 0..2 {
+        assert_eq!(told(&mut navigation, Input::Goal(MOVING)), [track.clone()]);
+    }
+    assert_eq!(told(&mut navigation, at_rest_at(Ned::HOME)), []);
+}
+
+#[test]
+fn a_drone_that_is_to_hold_comes_to_rest_where_it_can_and_says_so() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    told(&mut navigation, Input::Goal(MOVING));
+    let asked = told(&mut navigation, Input::Goal(Goal::Hold));
+    assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
+    let stop = Ned::new(50.0, 0.0, 0.0);
+    let moving = Telemetry {
+        velocity: Velocity::new(10.0, 0.0, 0.0),
+        stop,
+        at_rest: false,
+        armed: true,
+        ..ON_THE_GROUND
+    };
+    let (to, speed_mps) = leg(&told(&mut navigation, Input::Telemetry(moving)));
+    assert_eq!(to, stop);
+    assert!(speed_mps.is_finite());
+    let arrived = told(&mut navigation, at_rest_at(stop));
+    assert_eq!(arrived, [Transmit::Inform(Notice::Arrived)]);
+}
+
+#[test]
+fn a_pilot_is_left_alone() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    told(&mut navigation, Input::Goal(Goal::Yield));
+    assert_eq!(told(&mut navigation, at_rest_at(Ned::HOME)), []);
+}
+
+#[test]
+fn whoever_asks_where_the_drone_is_is_told_once() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let asked = told(&mut navigation, Input::Locate);
+    assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
+    let at = Ned::new(1.0, 2.0, -3.0);
+    let notice = Notice::At {
+        position: at,
+        velocity: Velocity::ZERO,
+    };
+    assert_eq!(
+        told(&mut navigation, at_rest_at(at)),
+        [Transmit::Inform(notice)]
+    );
+    assert_eq!(told(&mut navigation, at_rest_at(at)), []);
 }

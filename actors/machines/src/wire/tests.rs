@@ -94,8 +94,28 @@ fn orders_have_these_bytes() {
     assert_eq!(hex(&encode_order(&Order::Move { waypoint: 300 })), "02ac02");
     let land = Order::Land {
         at: Ned::new(0.001, 0.0, 0.0),
+        changes: 2,
     };
-    assert_eq!(hex(&encode_order(&land)), "03020000");
+    assert_eq!(hex(&encode_order(&land)), "0302000002");
+    for (step, bytes) in [
+        (Step::Climb, "040100"),
+        (Step::Cross, "040101"),
+        (Step::Descend, "040102"),
+    ] {
+        let reform = Order::Reform { change: 1, step };
+        assert_eq!(hex(&encode_order(&reform)), bytes);
+        assert_eq!(decode_order(&encode_order(&reform)), Ok(reform));
+    }
+    let at = Ned::new(1.0, -1.0, -25.0);
+    let follow = Order::Follow {
+        at,
+        velocity: Velocity::new(10.0, 0.0, -0.001),
+    };
+    assert_eq!(hex(&encode_order(&follow)), "05d00fcf0fcf8603a09c010001");
+    assert_eq!(decode_order(&encode_order(&follow)), Ok(follow));
+    let assemble = Order::Assemble { at };
+    assert_eq!(hex(&encode_order(&assemble)), "06d00fcf0fcf8603");
+    assert_eq!(decode_order(&encode_order(&assemble)), Ok(assemble));
 }
 
 #[test]
@@ -249,7 +269,8 @@ proptest! {
     #[test]
     fn places_survive_to_the_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
         let at = Ned::new(place[0], place[1], place[2]);
-        let Ok(Order::Land { at: read }) = decode_order(&encode_order(&Order::Land { at })) else {
+        let land = Order::Land { at, changes: 0 };
+        let Ok(Order::Land { at: read, .. }) = decode_order(&encode_order(&land)) else {
             panic!("a landing is read back as one");
         };
         prop_assert!((read.0 - at.0).amax() <= 0.000_501);

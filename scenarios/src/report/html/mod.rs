@@ -145,6 +145,26 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             }
             (tables::barriers(report))
         }
+        @if report.following.is_some() {
+            section {
+                h2 { "Formation kept" }
+                p.about {
+                    "How far each drone was from its slot around the master that it followed, ten times a second, in "
+                    "metres."
+                }
+                (tables::following(report))
+            }
+        }
+        @if !report.changes.is_empty() {
+            section {
+                h2 { "Changes of formation" }
+                p.about {
+                    "All climb into their altitude sectors, all cross, all descend into their new slots; each step "
+                    "begins when all have done the one before."
+                }
+                (tables::changes(report))
+            }
+        }
         section { h2 { "Drones" } (tables::swarm(report)) }
         section {
             h2 { "Run it again" }

@@ -3,8 +3,8 @@
 use maud::{Markup, html};
 
 use super::map::swatch;
-use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing, ranges};
-use crate::report::{DroneReport, Kind, Report};
+use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing, plural, ranges};
+use crate::report::{DroneReport, FormationError, Kind, Report};
 
 /// Above this many drones, their table is folded.
 const OPEN_MAX: usize = 40;
@@ -63,6 +63,81 @@ pub(super) fn barriers(report: &Report) -> Markup {
                         th { "Mean" } td {} td {}
                         td.n { (figure_or_nothing(report.mean_wait_s(), 2)) }
                         td.n { (figure_or_nothing(report.mean_transmissions(), 0)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How well each drone kept formation on the master.
+pub(super) fn following(report: &Report) -> Markup {
+    let row = |error: &FormationError| {
+        html! {
+            td.n { (figure(error.mean_m, 2)) }
+            td.n { (figure(error.p95_m, 2)) }
+            td.n { (figure(error.max_m, 2)) }
+            td.n { (figure(error.followed_s, 1)) }
+        }
+    };
+    html! {
+        details open[report.drones.len() <= OPEN_MAX] {
+            summary { "Each drone" }
+            div.scroll {
+                table {
+                    thead {
+                        tr {
+                            th.n { "Drone" }
+                            th.n { "Mean,\u{a0}m" }
+                            th.n { "95\u{a0}of\u{a0}100 within,\u{a0}m" }
+                            th.n { "Most,\u{a0}m" }
+                            th.n { "Followed,\u{a0}s" }
+                        }
+                    }
+                    tbody {
+                        @for drone in &report.drones {
+                            @if let Some(error) = &drone.following {
+                                tr { td.n { (drone.id) } (row(error)) }
+                            }
+                        }
+                    }
+                    tfoot {
+                        @if let Some(error) = &report.following { tr { th { "All" } (row(error)) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Every change of formation.
+pub(super) fn changes(report: &Report) -> Markup {
+    html! {
+        details open[report.changes.len() <= OPEN_MAX] {
+            summary { (plural(report.changes.len(), "change")) }
+            div.scroll {
+                table {
+                    thead {
+                        tr {
+                            th { "To" }
+                            th.n { "At waypoint" }
+                            th.n { "Begun,\u{a0}s" }
+                            th.n { "Took,\u{a0}s" }
+                            th.n { "Drones there" }
+                            th.n { "Highest sector,\u{a0}m" }
+                        }
+                    }
+                    tbody {
+                        @for change in &report.changes {
+                            tr {
+                                td { (change.to) }
+                                td.n { (change.waypoint) }
+                                td.n { (figure(change.begun_s, 1)) }
+                                td.n { (figure_or_nothing(change.took_s(), 1)) }
+                                td.n { (change.drones) }
+                                td.n { (figure(change.sector_max_m, 1)) }
+                            }
+                        }
                     }
                 }
             }

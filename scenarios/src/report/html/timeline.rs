@@ -20,7 +20,7 @@ const SHORTEST_PX: f64 = 0.8;
 type Phase = (&'static str, &'static str);
 
 /// Every phase, in the order of a mission.
-const PHASES: [Phase; 10] = [
+const PHASES: [Phase; 13] = [
     ("p-start", "start"),
     ("p-setup", "set-up"),
     ("p-takeoff", "taking off"),
@@ -28,6 +28,9 @@ const PHASES: [Phase; 10] = [
     ("p-hops", "hop update"),
     ("p-moving", "moving to a waypoint"),
     ("p-waiting", "waiting at a waypoint"),
+    ("p-changing", "changing formation"),
+    ("p-following", "following"),
+    ("p-assembling", "assembling"),
     ("p-toland", "moving to land"),
     ("p-landing", "landing"),
     ("p-finished", "finished"),
@@ -42,9 +45,12 @@ const fn phase(state: State) -> Phase {
         State::HopUpdate => 4,
         State::MovingToWaypoint { .. } => 5,
         State::WaypointReached { .. } => 6,
-        State::MovingToLand => 7,
-        State::Landing => 8,
-        State::Finished => 9,
+        State::ChangingFormation { .. } => 7,
+        State::Following => 8,
+        State::Assembling => 9,
+        State::MovingToLand => 10,
+        State::Landing => 11,
+        State::Finished => 12,
     }]
 }
 

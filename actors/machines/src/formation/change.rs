@@ -1,0 +1,170 @@
+use super::crossings::{crossings, ways};
+use super::layers::Stack;
+use super::{Formation, Layout};
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+
+/// A change of formation in flight, at a waypoint, through altitude sectors: all climb into their sectors, all cross,
+/// all descend into their new slots, and each step begins only once all have done the one before.
+///
+/// Drones whose ways come close to each other have different sectors, so that nobody's delay matters; the lowest
+/// sector is the height of the slots.
+#[derive(Debug)]
+pub struct Change {
+    waypoint: u16,
+    from: Vec<Ned>,
+    layout: Layout,
+    sectors_m: Vec<f64>,
+}
+
+impl Change {
+    /// A change at `waypoint` from the formation of `before` to `formation`, whose master keeps its place and whose
+    /// other slots go to whoever has the shortest ways; places on the ground and separation stay as they were.
+    ///
+    /// # Panics
+    /// When the two formations have not the same number of drones.
+    #[must_use]
+    pub fn new(waypoint: u16, before: &Layout, formation: Formation) -> Self {
+        let formation = formation.taken_from(before.formation());
+        let from = before.formation().slots().to_vec();
+        let separation = before.separation();
+        let crossings = crossings(&ways(&from, formation.slots()), separation.near_m());
+        let stack = Stack::of(from.len(), &crossings, 0);
+        Self {
+            waypoint,
+            from,
+            sectors_m: separation.heights_m(&stack).collect(),
+            layout: Layout::new(formation, before.gap_m(), separation),
+        }
+    }
+
+    /// Where the centre of the formation is meanwhile: the number of a waypoint.
+    #[must_use]
+    pub const fn waypoint(&self) -> u16 {
+        self.waypoint
+    }
+
+    /// The layout from then on.
+    #[must_use]
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Each drone's sector, in metres above its slots.
+    #[must_use]
+    pub fn sectors_m(&self) -> &[f64] {
+        &self.sectors_m
+    }
+
+    /// The corners of a drone's way when the formation's centre is at `waypoint`: in its sector above its old slot, in
+    /// its sector above its new one, and there.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn way(&self, id: NodeId, waypoint: Ned) -> [Ned; 3] {
+        let index = id.0 as usize;
+        let sector_m = waypoint.altitude_m() + self.sectors_m[index];
+        let (old, new) = (
+            waypoint + self.from[index],
+            waypoint + self.layout.formation().slots()[index],
+        );
+        [old.at_altitude(sector_m), new.at_altitude(sector_m), new]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroU32;
+
+    use super::*;
+    use crate::formation::{Kind, Separation};
+
+    const KINDS: [Kind; 7] = [
+        Kind::Linear,
+        Kind::Circular,
+        Kind::Random { seed: 3 },
+        Kind::SplitUp {
+            clusters: NonZeroU32::new(2).unwrap(),
+            distance_m: 320.0,
+        },
+        Kind::CompactMesh,
+        Kind::RegularMatrix,
+        Kind::CompactMatrix,
+    ];
+    const SEPARATION: Separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+
+    fn formation(kind: Kind, drones: u32) -> Formation {
+        Formation::new(kind, NonZeroU32::new(drones).unwrap(), 40.0, 0.3)
+    }
+
+    fn layout(kind: Kind, drones: u32) -> Layout {
+        Layout::new(formation(kind, drones), 10.0, SEPARATION)
+    }
+
+    fn each_pair(mut look: impl FnMut(Kind, Change)) {
+        for from in KINDS {
+            for to in KINDS {
+                look(to, Change::new(1, &layout(from, 9), formation(to, 9)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_new_slots_are_those_of_the_formation_and_the_master_keeps_the_centre() {
+        each_pair(|to, change| {
+            let ours = change.layout.formation();
+            let theirs = formation(to, 9);
+            assert_eq!(ours.slots()[ours.centre().0 as usize], Ned::HOME);
+            assert_eq!(ours.ranks()[ours.centre().0 as usize], 0);
+            let sorted = |formation: &Formation| {
+                let mut slots: Vec<_> = formation
+                    .slots()
+                    .iter()
+                    .zip(formation.ranks())
+                    .map(|(slot, rank)| (*rank, format!("{:?}", slot.0)))
+                    .collect();
+                slots.sort();
+                slots
+            };
+            assert_eq!(sorted(ours), sorted(&theirs), "slots with their ranks");
+        });
+    }
+
+    #[test]
+    fn two_whose_ways_come_close_have_different_sectors() {
+        each_pair(|to, change| {
+            let ways: Vec<[Ned; 3]> = (0..9)
+                .map(|id| change.way(NodeId(id), Ned::new(100.0, 0.0, -25.0)))
+                .collect();
+            for (a, one) in ways.iter().enumerate() {
+                for other in &ways[..a] {
+                    let apart_m = one[0].vertical_distance_m(other[0]);
+                    // Wherever each is on its way.
+                    let steps = || (0..=50).map(|step| f64::from(step) / 50.0);
+                    let on = |way: &[Ned; 3], share| Ned(way[0].0.lerp(&way[1].0, share));
+                    let nearest_m = steps()
+                        .flat_map(|i| steps().map(move |j| (i, j)))
+                        .map(|(i, j)| on(one, i).horizontal_distance_m(on(other, j)))
+                        .fold(f64::INFINITY, f64::min);
+                    assert!(nearest_m >= 5.0 || apart_m >= 5.0, "to {to:?}");
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn a_change_to_the_same_formation_moves_nobody() {
+        for kind in KINDS {
+            let change = Change::new(0, &layout(kind, 9), formation(kind, 9));
+            let at = Ned::new(0.0, 0.0, -25.0);
+            for id in (0..9).map(NodeId) {
+                let [above_old, above_new, new] = change.way(id, at);
+                assert_eq!((above_old, above_new), (new, new), "{kind:?}");
+            }
+        }
+    }
+}

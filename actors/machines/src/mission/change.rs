@@ -1,0 +1,87 @@
+//! A change of formation at a waypoint, step by step: what the master orders and what the others do.
+
+use super::{Event, LandingReason, Mission, Order, State, Step};
+use crate::geometry::Ned;
+use crate::time::Timestamp;
+
+impl Mission {
+    /// How many changes of formation are made before the swarm makes for a waypoint.
+    pub(super) fn changes_before(&self, waypoint: u16) -> u16 {
+        let changes = self.config.changes.iter();
+        (0..)
+            .zip(changes.take_while(|change| change.waypoint() < waypoint))
+            .last()
+            .map_or(0, |(last, _)| last + 1)
+    }
+
+    /// At which waypoint a change is made.
+    pub(super) fn waypoint_of(&self, change: u16) -> u16 {
+        let change = self.config.changes.get(usize::from(change));
+        change.map_or(0, |change| change.waypoint())
+    }
+
+    /// Where a step of a change leads this drone.
+    pub(super) fn corner(&self, change: u16, step: Step) -> Option<Ned> {
+        let change = self.config.changes.get(usize::from(change))?;
+        let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
+        let [above_old, above_new, new] = change.way(self.config.id, *waypoint);
+        Some(match step {
+            Step::Climb => above_old,
+            Step::Cross => above_new,
+            Step::Descend => new,
+        })
+    }
+
+    /// As master: orders a step and takes it.
+    pub(super) fn order_step(&mut self, now: Timestamp, change: u16, step: Step) {
+        self.give_order(&Order::Reform { change, step });
+        self.step(now, change, step);
+    }
+
+    fn step(&mut self, now: Timestamp, change: u16, step: Step) {
+        self.enter(State::ChangingFormation { change, step });
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.pursue_goal();
+    }
+
+    /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way.
+    pub(super) fn take_step(&mut self, now: Timestamp, sequence: u32, change: u16, step: Step) {
+        if !self.durable.state.is_following()
+            || usize::from(change) >= self.config.changes.len()
+            || change < self.durable.changes
+        {
+            self.outbox.event(Event::Refused);
+            return;
+        }
+        let waypoint = self.waypoint_of(change);
+        let is_ready = match self.durable.state {
+            State::WaypointReached { waypoint: at } => {
+                step == Step::Climb && at == waypoint && change == self.durable.changes
+            }
+            State::ChangingFormation {
+                change: current,
+                step: last,
+            } => current == change && last.next() == Some(step) && self.durable.pending.is_none(),
+            _ => false,
+        };
+        if !is_ready {
+            self.land(LandingReason::Late);
+            return;
+        }
+        self.durable.pending = Some(sequence);
+        self.step(now, change, step);
+    }
+
+    /// A step has been taken.
+    pub(super) fn stepped(&mut self, now: Timestamp, change: u16, step: Step) {
+        // Nobody who lives takes longer for a step than a leg may take.
+        let waits = self.durable.lead.is_some();
+        self.durable.limit = waits.then(|| now + self.config.leg_limit);
+        if step.next().is_none() {
+            self.durable.changes = change + 1;
+            let waypoint = self.waypoint_of(change);
+            self.enter(State::WaypointReached { waypoint });
+        }
+        self.carried_out();
+    }
+}

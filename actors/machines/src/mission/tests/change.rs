@@ -1,0 +1,125 @@
+//! Changes of formation, step by step.
+
+use super::*;
+use crate::mission::Step;
+
+/// Drone `id` of a line of three that becomes a matrix at waypoint 0.
+fn config_with_a_change(id: u32) -> Config {
+    let mut config = config(id, Liveness::Pulse);
+    let drones = NonZeroU32::new(3).unwrap();
+    let matrix = Formation::new(Kind::CompactMatrix, drones, 100.0, 0.0);
+    config.changes = Arc::new([Change::new(0, &config.layout, matrix)]);
+    config
+}
+
+fn step_of_change(step: Step) -> Order {
+    Order::Reform { change: 0, step }
+}
+
+fn slave_in_its_slot() -> Mission {
+    let mut slave = Mission::new(config_with_a_change(0), None);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    arrives(&mut slave, 20.0);
+    ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    slave
+}
+
+fn arrives(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
+    told(mission, at_s, Input::Navigation(NavigationNotice::Arrived))
+}
+
+fn goal(transmits: &[Transmit]) -> Option<Goal> {
+    transmits.iter().find_map(|transmit| match transmit {
+        Transmit::Goal(goal) => Some(*goal),
+        _ => None,
+    })
+}
+
+#[test]
+fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
+    let mut slave = slave_in_its_slot();
+    let corners = slave.config.changes[0].way(NodeId(0), waypoints()[0]);
+    let steps = [Step::Climb, Step::Cross, Step::Descend];
+    for ((sequence, step), to) in (4..).zip(steps).zip(corners) {
+        let said = ordered(&mut slave, sequence, &step_of_change(step));
+        assert_eq!(goal(&said), Some(Goal::FlyTo { to }));
+        assert!(!said.contains(&Transmit::Acknowledge { sequence }));
+        let said = arrives(&mut slave, 30.0);
+        assert!(said.contains(&Transmit::Acknowledge { sequence }));
+    }
+    assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
+    let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });
+    let slot = slave.config.changes[0]
+        .layout()
+        .slot(NodeId(0), waypoints()[1]);
+    assert_eq!(goal(&said), Some(Goal::FlyTo { to: slot }));
+}
+
+#[test]
+fn a_slave_that_missed_a_step_lands_instead_of_flying_into_the_others() {
+    let mut slave = slave_in_its_slot();
+    let said = ordered(&mut slave, 5, &step_of_change(Step::Cross));
+    assert_eq!(goal(&said), Some(Goal::Land));
+    let mut slave = slave_in_its_slot();
+    ordered(&mut slave, 4, &step_of_change(Step::Climb));
+    let said = ordered(&mut slave, 5, &step_of_change(Step::Cross));
+    assert_eq!(goal(&said), Some(Goal::Land), "it is still climbing");
+    let mut slave = slave_in_its_slot();
+    let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });
+    assert_eq!(goal(&said), Some(Goal::Land), "the others have changed");
+}
+
+#[test]
+fn a_change_that_is_none_is_refused() {
+    for change in [1, u16::MAX] {
+        let mut slave = slave_in_its_slot();
+        let step = Step::Climb;
+        assert_eq!(ordered(&mut slave, 4, &Order::Reform { change, step }), []);
+    }
+    let mut slave = slave_in_its_slot();
+    let at = waypoints()[0];
+    let changes = 2;
+    assert_eq!(ordered(&mut slave, 4, &Order::Land { at, changes }), []);
+}
+
+#[test]
+fn a_master_orders_each_step_once_all_have_taken_the_one_before() {
+    let mut master = Mission::new(config_with_a_change(1), None);
+    told(&mut master, 0.0, Input::Fly);
+    hears(&mut master, 1.0, progress(0, 1));
+    hears(&mut master, 1.0, progress(2, 1));
+    arrives(&mut master, 20.0);
+    hears(&mut master, 20.0, progress(0, 2));
+    hears(&mut master, 20.0, progress(2, 2));
+    let said = hears(&mut master, 30.0, RoutingNotice::RoutesReady);
+    assert_eq!(orders(&said), [Order::Move { waypoint: 0 }]);
+    hears(&mut master, 31.0, progress(0, 3));
+    let mut said = hears(&mut master, 31.0, progress(2, 3));
+    for (sequence, step) in (4..).zip([Step::Climb, Step::Cross, Step::Descend]) {
+        assert_eq!(orders(&said), [step_of_change(step)]);
+        assert_eq!(orders(&arrives(&mut master, 40.0)), []);
+        hears(&mut master, 41.0, progress(0, sequence));
+        said = hears(&mut master, 41.0, progress(2, sequence));
+    }
+    assert_eq!(orders(&said), [Order::Move { waypoint: 1 }]);
+}
+
+#[test]
+fn a_master_goes_on_without_a_member_that_never_takes_the_step() {
+    let mut master = Mission::new(config_with_a_change(1), None);
+    told(&mut master, 0.0, Input::Fly);
+    hears(&mut master, 1.0, progress(0, 1));
+    hears(&mut master, 1.0, progress(2, 1));
+    arrives(&mut master, 20.0);
+    hears(&mut master, 20.0, progress(0, 2));
+    hears(&mut master, 20.0, progress(2, 2));
+    hears(&mut master, 30.0, RoutingNotice::RoutesReady);
+    hears(&mut master, 31.0, progress(0, 3));
+    hears(&mut master, 31.0, progress(2, 3));
+    arrives(&mut master, 40.0);
+    hears(&mut master, 41.0, progress(0, 4));
+    let (said, events) = stimulate(&mut master, 200.0, Stimulus::Timeout);
+    assert_eq!(orders(&said), [step_of_change(Step::Cross)]);
+    assert!(events.contains(&Event::LeftOut(NodeId(2))));
+}

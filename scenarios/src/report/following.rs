@@ -1,0 +1,85 @@
+//! How well drones kept formation on a master that they followed.
+
+use std::time::Duration;
+
+use muster_machines::formation::Layout;
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+
+use super::FormationError;
+use super::figures::count;
+use crate::scenario::Scenario;
+use crate::world::Outcome;
+
+/// How often a drone's place is compared with its slot.
+const SAMPLE_EVERY: Duration = Duration::from_millis(100);
+
+/// Each drone's distances from its slot while it followed, in metres; none for the master and for whoever never did.
+pub(super) fn distances_m(scenario: &Scenario, outcome: &Outcome) -> Vec<Vec<f64>> {
+    let centre = outcome.recorder.centre();
+    let layout = scenario
+        .changes
+        .last()
+        .map_or(&*scenario.layout, |change| change.layout());
+    (0..)
+        .map(NodeId)
+        .zip(outcome.recorder.drones())
+        .map(|(id, _)| {
+            if id == centre {
+                Vec::new()
+            } else {
+                of_drone(id, layout, outcome)
+            }
+        })
+        .collect()
+}
+
+fn of_drone(id: NodeId, layout: &Layout, outcome: &Outcome) -> Vec<f64> {
+    let centre = outcome.recorder.centre();
+    let record = |id: NodeId| &outcome.recorder.drones()[id.0 as usize];
+    let (Some(own), Some(masters)) = (
+        record(id).following(outcome.ended),
+        record(centre).following(outcome.ended),
+    ) else {
+        return Vec::new();
+    };
+    let place = |id: NodeId, at| outcome.vehicles[id.0 as usize].motion().position(at);
+    let until = own.end.min(masters.end);
+    std::iter::successors(Some(own.start), |at| Some(*at + SAMPLE_EVERY))
+        .take_while(|at| *at < until)
+        .map(|at| {
+            let slot: Ned = layout.slot(id, place(centre, at));
+            slot.distance_m(place(id, at))
+        })
+        .collect()
+}
+
+/// What distances come to; nothing where there are none.
+pub(super) fn error(mut distances_m: Vec<f64>) -> Option<FormationError> {
+    distances_m.sort_by(f64::total_cmp);
+    let number = distances_m.len();
+    let max_m = *distances_m.last()?;
+    // The smallest value that at least 95 of 100 do not exceed.
+    let p95_m = distances_m[(number * 95).div_ceil(100) - 1];
+    let number = count(number as u64);
+    Some(FormationError {
+        followed_s: number * SAMPLE_EVERY.as_secs_f64(),
+        mean_m: distances_m.iter().sum::<f64>() / number,
+        p95_m,
+        max_m,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ninety_five_of_a_hundred_are_within_the_95th_percentile() {
+        let error = error((1..=100).rev().map(f64::from).collect()).unwrap();
+        assert_eq!((error.p95_m, error.max_m), (95.0, 100.0));
+        assert_eq!((error.mean_m, error.followed_s), (50.5, 10.0));
+        assert_eq!(super::error(vec![2.0]).unwrap().p95_m, 2.0);
+        assert_eq!(super::error(Vec::new()), None);
+    }
+}

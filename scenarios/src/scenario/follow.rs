@@ -1,0 +1,137 @@
+use std::time::Duration;
+
+use muster_machines::geometry::Velocity;
+use muster_machines::mission::Following;
+use muster_machines::navigation;
+use muster_runtime::diagnostic::BadInput;
+use toml::Spanned;
+
+use super::file::Source;
+use super::raw::{self, ProtocolKind, Raw};
+use super::{Follow, Sticks};
+
+/// How often a master tells where it is: 5 Hz.
+const PERIOD_MS: u64 = 200;
+/// For how long the others go on without being told: five such periods.
+const HOLD_MS: u64 = 1_000;
+/// What share of its speed and of its acceleration a master uses, so that the others can catch up.
+const SPEED_SHARE: f64 = 0.8;
+const ACCELERATION_SHARE: f64 = 0.5;
+
+/// How the master is followed, if the protocol says that it is.
+pub(super) fn follow(
+    source: &Source,
+    raw: &Raw,
+    vehicle: navigation::Config,
+) -> Result<Option<Follow>, BadInput> {
+    let unset = raw::Follow::default();
+    let fields = match (&raw.follow, raw.protocol.kind) {
+        (Some(table), ProtocolKind::Muscop) => {
+            let message = "only the protocol \"follow\" has a table `[follow]`";
+            return Err(source.error(table.span(), message));
+        }
+        (None, ProtocolKind::Muscop) => return Ok(None),
+        (Some(table), ProtocolKind::Follow) => table.get_ref(),
+        (None, ProtocolKind::Follow) => &unset,
+    };
+    let place = || raw.protocol.policy.span();
+    let period = Duration::from_millis(fields.period_ms.map_or(PERIOD_MS, |it| it.0));
+    let hold_ms = fields.hold_ms.as_ref();
+    let hold = Duration::from_millis(hold_ms.map_or(HOLD_MS, |it| it.get_ref().0));
+    if hold <= period {
+        let message = "every drone would stop between two orders: the hold is not above the period";
+        let span = hold_ms.map_or_else(place, Spanned::span);
+        return Err(source.error(span, message));
+    }
+    let master = navigation::Config {
+        speed_mps: at_most(
+            source,
+            fields.speed_mps.as_ref(),
+            vehicle.speed_mps,
+            SPEED_SHARE,
+        )?,
+        acceleration_mps2: at_most(
+            source,
+            fields.acceleration_mps2.as_ref(),
+            vehicle.acceleration_mps2,
+            ACCELERATION_SHARE,
+        )?,
+        ..vehicle
+    };
+    let pilot = pilot(source, fields, vehicle)?;
+    let land_after = match (&fields.land_after_s, pilot.last()) {
+        (None, None) => None,
+        (Some(land), None) => {
+            let message = "without a pilot the flight ends with the mission";
+            return Err(source.error(land.span(), message));
+        }
+        (None, Some(_)) => {
+            let span = raw.follow.as_ref().map_or_else(place, Spanned::span);
+            return Err(source.error(span, "missing field `land_after_s`"));
+        }
+        (Some(land), Some(last)) => {
+            let after = Duration::from_secs_f64(land.get_ref().0);
+            if after < last.after {
+                let message = "the flight would end before the pilot has done all that is listed";
+                return Err(source.error(land.span(), message));
+            }
+            Some(after)
+        }
+    };
+    let following = Following {
+        period,
+        hold,
+        is_piloted: !pilot.is_empty(),
+    };
+    Ok(Some(Follow {
+        following,
+        master,
+        pilot,
+        land_after,
+    }))
+}
+
+fn at_most(
+    source: &Source,
+    asked: Option<&Spanned<raw::Rate>>,
+    most: f64,
+    share: f64,
+) -> Result<f64, BadInput> {
+    match asked {
+        None => Ok(most * share),
+        Some(asked) if asked.get_ref().0 <= most => Ok(asked.get_ref().0),
+        Some(asked) => {
+            let message = format!("nobody could keep up: the others' is {most}");
+            Err(source.error(asked.span(), &message))
+        }
+    }
+}
+
+fn pilot(
+    source: &Source,
+    fields: &raw::Follow,
+    vehicle: navigation::Config,
+) -> Result<Vec<Sticks>, BadInput> {
+    let mut pilot: Vec<Sticks> = Vec::new();
+    for sticks in &fields.pilot {
+        let refuse = |message: &str| Err(source.error(sticks.after_s.span(), message));
+        let after = Duration::from_secs_f64(sticks.after_s.get_ref().0);
+        if pilot.last().is_some_and(|before| after < before.after) {
+            return refuse("the entry before this one is later");
+        }
+        let (north, east, climb) = (sticks.north_mps.0, sticks.east_mps.0, sticks.climb_mps.0);
+        let velocity = Velocity::new(north, east, -climb);
+        if velocity.0.xy().norm() > vehicle.speed_mps {
+            let most = vehicle.speed_mps;
+            return refuse(&format!("the vehicle flies at up to {most} m/s"));
+        }
+        if climb > vehicle.climb_mps || -climb > vehicle.descent_mps {
+            return refuse(&format!(
+                "the vehicle climbs at up to {} m/s and descends at up to {} m/s",
+                vehicle.climb_mps, vehicle.descent_mps
+            ));
+        }
+        pilot.push(Sticks { after, velocity });
+    }
+    Ok(pilot)
+}

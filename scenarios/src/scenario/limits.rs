@@ -1,0 +1,176 @@
+use std::time::Duration;
+
+use muster_machines::formation::{Change, Layout, Separation};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::navigation;
+use muster_machines::supervision::RestartLimits;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::mission_file;
+use toml::Spanned;
+
+use super::Limits;
+use super::file::Source;
+use super::load::to_usize;
+use super::raw::{Raw, Seconds};
+use crate::vehicle::Landing;
+
+/// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
+const ALTITUDE_MAX_M: f64 = 120.0;
+/// The longest that a run may take, whatever its mission, in seconds: a week.
+const DURATION_MAX_S: f64 = 604_800.0;
+
+/// All that a swarm will fly, and how fast.
+pub(super) struct Course<'a> {
+    pub(super) layout: &'a Layout,
+    pub(super) changes: &'a [Change],
+    pub(super) waypoints: &'a [Ned],
+    /// The slowest of its vehicles.
+    pub(super) vehicle: navigation::Config,
+    pub(super) landing: Landing,
+    /// When the operator ends the flight, if not the mission does.
+    pub(super) land_after: Option<Duration>,
+}
+
+/// The highest that any drone flies above the mission, in metres.
+pub(super) fn highest_layer_m(layout: &Layout, changes: &[Change], waypoints: &[Ned]) -> f64 {
+    let layouts = std::iter::once(layout).chain(changes.iter().map(Change::layout));
+    let layers_m = layouts.map(|layout| layout.highest_layer_m(waypoints));
+    let sectors_m = changes.iter().flat_map(Change::sectors_m).copied();
+    layers_m.chain(sectors_m).fold(0.0, f64::max)
+}
+
+impl Course<'_> {
+    fn highest_layer_m(&self) -> f64 {
+        highest_layer_m(self.layout, self.changes, self.waypoints)
+    }
+
+    fn highest_waypoint_m(&self) -> f64 {
+        let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
+        altitudes_m.fold(0.0, f64::max)
+    }
+
+    fn drones(&self) -> impl Iterator<Item = NodeId> + use<> {
+        (0..self.layout.formation().drones()).map(NodeId)
+    }
+
+    fn slowest_mps(&self) -> f64 {
+        let vehicle = self.vehicle;
+        vehicle
+            .speed_mps
+            .min(vehicle.climb_mps)
+            .min(vehicle.descent_mps)
+    }
+
+    /// How long a leg takes at most, in seconds.
+    fn leg_s(&self, from: Ned, to: Ned) -> f64 {
+        let vehicle = self.vehicle;
+        from.horizontal_distance_m(to) / vehicle.speed_mps
+            + from.vertical_distance_m(to) / self.slowest_mps()
+            + 2.0 * vehicle.speed_mps / vehicle.acceleration_mps2
+    }
+
+    /// How long each of the mission's legs takes.
+    fn legs_s(&self) -> impl Iterator<Item = f64> {
+        let pairs = self.waypoints.windows(2);
+        pairs.map(|pair| self.leg_s(pair[0], pair[1]))
+    }
+
+    /// How long the longest step of each change of formation takes.
+    fn changes_s(&self) -> impl Iterator<Item = f64> {
+        self.changes.iter().map(|change| {
+            let at = self.waypoints[usize::from(change.waypoint())];
+            let steps = self.drones().flat_map(|id| {
+                let [above_old, above_new, new] = change.way(id, at);
+                [(above_old, above_new), (above_new, new)]
+            });
+            steps
+                .map(|(from, to)| self.leg_s(from, to))
+                .fold(0.0, f64::max)
+        })
+    }
+
+    /// How long the longest way between ground and slot takes.
+    fn farthest_s(&self) -> f64 {
+        let home = self.waypoints[0];
+        let last = self.changes.last().map_or(self.layout, Change::layout);
+        let ways = self.drones().flat_map(|id| {
+            [
+                (self.layout.stand(id, home), self.layout.slot(id, home)),
+                (last.slot(id, home), last.place(id, home)),
+            ]
+        });
+        let longest_s = ways
+            .map(|(from, to)| self.leg_s(from, to))
+            .fold(0.0, f64::max);
+        longest_s + (home.altitude_m() + self.highest_layer_m()) / self.slowest_mps()
+    }
+
+    fn landing_s(&self) -> f64 {
+        let over_home_m = self.waypoints[0].altitude_m() + self.highest_layer_m();
+        let highest_m = self.highest_waypoint_m().max(over_home_m) + self.highest_layer_m();
+        highest_m / self.landing.final_mps.min(self.landing.descent_mps)
+    }
+
+    /// How long all between take-off and the ground should take.
+    fn flight_s(&self) -> f64 {
+        let course_s = match self.land_after {
+            Some(after) => after.as_secs_f64(),
+            None => self.legs_s().sum(),
+        };
+        course_s + 3.0 * self.changes_s().sum::<f64>() + self.farthest_s() + self.landing_s()
+    }
+}
+
+/// Refuses a mission that leaves no room for the altitude layers that its formations need.
+pub(super) fn check_layers(
+    source: &Source,
+    raw: &Raw,
+    course: &Course<'_>,
+) -> Result<(), BadInput> {
+    let altitude_max = raw.limits.altitude_max_m.as_ref();
+    let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
+    let layer_m = course.highest_layer_m();
+    let highest_m = course.highest_waypoint_m();
+    if highest_m + layer_m <= altitude_max_m {
+        return Ok(());
+    }
+    let place = altitude_max.map_or_else(|| raw.mission.file.span(), Spanned::span);
+    let message = format!(
+        "the mission flies at up to {highest_m} m and this formation needs layers up to {layer_m} m above it, which \
+         is over the limit of {altitude_max_m} m"
+    );
+    Err(source.error(place, &message))
+}
+
+pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> Limits {
+    let seconds = |value: Option<Seconds>, default: f64| {
+        let seconds = value.map_or(default.min(DURATION_MAX_S), |value| value.0);
+        Duration::from_secs_f64(seconds)
+    };
+    let farthest_s = course.farthest_s();
+    let longest_s = course
+        .legs_s()
+        .chain(course.changes_s())
+        .fold(farthest_s, f64::max);
+    let set_up = seconds(raw.limits.set_up_s, 30.0);
+    let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
+    let on_the_ground_s = set_up.as_secs_f64() + take_off.as_secs_f64();
+    let duration_s = on_the_ground_s + 2.0 * course.flight_s() + 300.0;
+    let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
+    Limits {
+        separation,
+        duration: seconds(raw.limits.duration_s, duration_s),
+        set_up,
+        take_off,
+        leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
+        waypoints_max: mission_file::WAYPOINTS_MAX + 1,
+        waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
+        restarts: RestartLimits {
+            restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
+            window: seconds(raw.limits.restart_window_s, 30.0),
+            back_off: Duration::from_millis(10),
+            back_off_max: Duration::from_secs(1),
+        },
+    }
+}

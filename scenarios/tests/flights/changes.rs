@@ -1,0 +1,96 @@
+//! Changes of formation in flight, through altitude sectors.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+
+use crate::support::{fly, scenario};
+
+fn assert_changed(report: &Report, what: &str) {
+    assert_eq!(report.violations, [], "{what}");
+    assert!(report.mission_completed, "{what}");
+    assert_eq!(report.changes_made(), report.changes.len(), "{what}");
+    for drone in &report.drones {
+        assert_eq!(drone.state, "finished", "{what}");
+        assert_eq!(drone.landed_because, None, "{what}, drone {}", drone.id);
+    }
+}
+
+#[test]
+fn nine_drones_change_from_each_formation_to_each_other_one_and_back() {
+    let scenario = scenario("shake-up.toml", &[]);
+    let formations = std::iter::once(&*scenario.layout)
+        .chain(scenario.changes.iter().map(|change| change.layout()))
+        .map(|layout| layout.formation().kind().name());
+    let formations: Vec<_> = formations.collect();
+    let mut pairs: Vec<_> = formations
+        .windows(2)
+        .map(|pair| (pair[0], pair[1]))
+        .collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    assert_eq!(pairs.len(), 42, "each of seven to each of the six others");
+    let actors = fly(&scenario, Engine::Actors);
+    assert_eq!(actors.changes.len(), 42);
+    assert_changed(&actors, "shake-up");
+    assert_eq!(actors.trace, fly(&scenario, Engine::Events).trace);
+}
+
+#[test]
+fn losses_delay_changes_and_bring_nobody_close() {
+    for seed in 0..5 {
+        let fields = ["radio.loss=0.3", &format!("seed={seed}")];
+        let report = fly(&scenario("shake-up.toml", &fields), Engine::Events);
+        assert_changed(&report, &format!("seed {seed}"));
+    }
+}
+
+const ON_THE_WAY: &str = r#"changes=[
+    { waypoint = 0, kind = "circular", spacing_m = 60 }, { waypoint = 2, kind = "split-up", clusters = 3 },
+    { waypoint = 2, kind = "compact-matrix", heading_deg = 30 }, { waypoint = 7, kind = "random", seed = 5 },
+]"#;
+
+#[test]
+fn changes_are_made_where_they_are_asked_for_whatever_the_number_of_drones() {
+    for drones in [4, 9, 16, 30] {
+        for policy in ["flood", "tree"] {
+            let fields = [
+                &*format!("formation.drones={drones}"),
+                &*format!("protocol.policy={policy}"),
+                "protocol.liveness=pulse",
+                "formation.spacing_m=40",
+                "limits.altitude_max_m=400",
+                "formation.kind=compact-mesh",
+                ON_THE_WAY,
+            ];
+            let report = fly(&scenario("thesis-1.toml", &fields), Engine::Events);
+            let what = format!("{drones} drones, {policy}");
+            assert_changed(&report, &what);
+            let at: Vec<_> = report.changes.iter().map(|it| it.waypoint).collect();
+            assert_eq!(at, [0, 2, 2, 7], "{what}");
+            assert_eq!(report.barriers.len(), 8, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_change_goes_on_when_any_actor_fails_in_the_middle_of_it() {
+    for actor in ["radio", "routing", "mission", "navigation", "msp"] {
+        for drone in [0, 4] {
+            // The third change lasts from 148 to 182 s.
+            for at_s in [150, 160, 172] {
+                let fault =
+                    format!("faults=[{{ at_s = {at_s}, drone = {drone}, crash = \"{actor}\" }}]");
+                let report = fly(&scenario("shake-up.toml", &[&fault]), Engine::Events);
+                assert_changed(&report, &fault);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_swarm_may_change_formation_before_it_follows_its_master() {
+    let changes = r#"changes=[{ waypoint = 0, kind = "regular-matrix", spacing_m = 140 }]"#;
+    let report = fly(&scenario("follow.toml", &[changes]), Engine::Events);
+    assert_changed(&report, changes);
+    assert!(report.following.unwrap().p95_m <= 2.0);
+}

@@ -1,0 +1,103 @@
+//! Drones keep formation on a master that waits for nobody, beyond its radio's reach.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+
+use crate::support::{fly, scenario};
+
+fn assert_all_down_together(report: &Report) {
+    assert_eq!(report.violations, []);
+    assert!(report.mission_completed);
+    for drone in &report.drones {
+        assert_eq!(drone.state, "finished");
+        assert_eq!(drone.landed_because, None, "drone {}", drone.id);
+    }
+}
+
+#[test]
+fn slaves_seven_hops_away_keep_formation_on_a_master_at_ten_metres_a_second() {
+    for (loss, limit_m) in [("0", 2.0), ("0.1", 4.0)] {
+        for seed in 0..5 {
+            let fields = [
+                &*format!("radio.loss={loss}"),
+                &*format!("seed={seed}"),
+                // The 802.11a curve has losses of its own.
+                if loss == "0" {
+                    "radio.model=range"
+                } else {
+                    "radio.model=80211a"
+                },
+            ];
+            let report = fly(&scenario("follow.toml", &fields), Engine::Events);
+            assert_all_down_together(&report);
+            let error = report.following.unwrap();
+            assert!(
+                error.p95_m <= limit_m,
+                "{fields:?}: {} m for 95 of 100",
+                error.p95_m
+            );
+            let slaves = report.drones.iter().filter(|drone| drone.id != 7);
+            for slave in slaves {
+                let error = slave.following.unwrap();
+                assert!(error.p95_m <= limit_m, "{fields:?}: drone {}", slave.id);
+                assert!(error.followed_s > 280.0, "drone {} followed", slave.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_master_flown_by_hand_is_followed_as_well() {
+    let scenario = scenario("follow-by-hand.toml", &[]);
+    let report = fly(&scenario, Engine::Events);
+    assert_all_down_together(&report);
+    assert!(report.following.unwrap().p95_m <= 2.0);
+    assert!(report.drones[0].flight_time_s.unwrap() > 150.0);
+}
+
+#[test]
+fn flood_carries_the_protocol_too_only_later() {
+    let overrides = ["protocol.policy=flood", "formation.drones=5"];
+    let report = fly(&scenario("follow.toml", &overrides), Engine::Events);
+    assert_all_down_together(&report);
+    // A tenth of a second a hop at ten metres a second, and a hop is a period at most.
+    let error = report.following.unwrap();
+    assert!(error.max_m <= 8.0, "{} m", error.max_m);
+    assert!(error.p95_m > 0.5, "{} m", error.p95_m);
+}
+
+#[test]
+fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
+    let faults = r#"faults=[
+        { at_s = 80, drone = 7, crash = "mission" }, { at_s = 90, drone = 3, crash = "mission" },
+        { at_s = 100, drone = 7, crash = "navigation" }, { at_s = 110, drone = 11, crash = "navigation" },
+        { at_s = 120, drone = 7, crash = "routing" }, { at_s = 130, drone = 5, crash = "routing" },
+        { at_s = 140, drone = 7, crash = "msp" }, { at_s = 150, drone = 9, crash = "msp" },
+        { at_s = 160, drone = 7, crash = "radio" }, { at_s = 170, drone = 9, crash = "radio" },
+    ]"#;
+    for overrides in [&[][..], &[faults]] {
+        let scenario = scenario("follow.toml", overrides);
+        let actors = fly(&scenario, Engine::Actors);
+        let events = fly(&scenario, Engine::Events);
+        assert_eq!(actors.trace, events.trace);
+        assert_all_down_together(&actors);
+        assert!(actors.following.unwrap().p95_m <= 2.0);
+    }
+}
+
+#[test]
+fn slaves_of_a_master_that_fell_silent_come_down() {
+    let crashes: Vec<_> = (0..8)
+        .map(|times| format!("{{ at_s = {}, drone = 7, crash = \"radio\" }}", 100 + times))
+        .collect();
+    let faults = format!("faults=[{}]", crashes.join(", "));
+    let report = fly(&scenario("follow.toml", &[&faults]), Engine::Events);
+    assert_eq!(report.violations, []);
+    assert!(!report.mission_completed);
+    assert!(
+        report
+            .drones
+            .iter()
+            .all(|drone| drone.flight_time_s.is_some())
+    );
+}
