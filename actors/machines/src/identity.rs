@@ -31,10 +31,25 @@ pub struct Ballot {
 }
 
 impl Ballot {
+    /// The term of the reign that the operator starts.
+    pub const FIRST_TERM: u32 = 1;
+
+    /// Whether the reign began by an election, and not by the operator.
+    #[must_use]
+    pub const fn is_elected(&self) -> bool {
+        self.term > Self::FIRST_TERM
+    }
+
     /// Whether a drone that obeys `other` must turn to this one.
     #[must_use]
     pub fn beats(&self, other: &Self) -> bool {
         self.term > other.term || (self.term == other.term && self.rank < other.rank)
+    }
+}
+
+impl fmt::Display for Ballot {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "drone {}'s ballot of term {}", self.master, self.term)
     }
 }
 

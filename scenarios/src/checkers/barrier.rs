@@ -10,7 +10,10 @@ use super::Violation;
 /// the one before; no drone skips one. The master's part is whoever can be reached from it by radio, over others too.
 #[derive(Debug)]
 pub(crate) struct BarrierChecker {
+    /// The highest waypoint opened, by whomever.
     opened: Option<u16>,
+    /// Who opened a waypoint last, and which.
+    last: Option<(NodeId, u16)>,
     drones: Vec<Progress>,
 }
 
@@ -24,6 +27,7 @@ impl BarrierChecker {
     pub(crate) fn new(drones: usize) -> Self {
         Self {
             opened: None,
+            last: None,
             drones: vec![Progress::default(); drones],
         }
     }
@@ -74,8 +78,13 @@ impl BarrierChecker {
         part: &BTreeSet<NodeId>,
     ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
-        self.opened = Some(waypoint);
-        if waypoint != next {
+        self.opened = self.opened.max(Some(waypoint));
+        // Whoever was elected may not know, or not be told by anyone in its part, how far the master before it had got.
+        let is_next = match self.last.replace((master, waypoint)) {
+            Some((last, opened)) if last == master => waypoint == opened + 1,
+            _ => waypoint <= next,
+        };
+        if !is_next {
             return Some(Violation {
                 rule: 3,
                 at: now,

@@ -4,11 +4,13 @@
 
 mod barrier;
 mod bounds;
+mod election;
 mod landing;
 mod separation;
 
 pub(crate) use barrier::BarrierChecker;
 pub(crate) use bounds::BoundsChecker;
+pub(crate) use election::ElectionChecker;
 pub(crate) use landing::check_landed;
 pub(crate) use separation::SeparationChecker;
 

@@ -103,7 +103,9 @@ fn state(record: &Record) -> String {
         .states
         .last()
         .map_or(State::Start, |(_, state)| *state);
-    if record.given_up && record.disarmed.is_some() && last != State::Finished {
+    if record.killed.is_some() {
+        format!("killed while {last}")
+    } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
         format!("on the ground, an actor given up while {last}")
     } else {
         last.to_string()

@@ -3,13 +3,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation;
 use muster_machines::routing::{Flood, Member, Packet};
-use muster_machines::time::Timestamp;
 use muster_machines::wire;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
@@ -17,11 +15,12 @@ use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
 use super::file::{Override, Source};
+use super::faults::faults;
 use super::follow::follow;
 use super::formation;
 use super::limits::{Course, check_layers, limits};
-use super::raw::{ActorName, MediumName, ModelName, Raw};
-use super::{Fault, FaultKind, Protocol, Scenario};
+use super::raw::{MediumName, ModelName, Raw};
+use super::{Protocol, Scenario};
 use crate::vehicle::Landing;
 
 /// Reads a scenario and the mission that it names; `overrides` replace what the file says.
@@ -188,6 +187,7 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
     let protocol = Protocol {
         policy: (*raw.protocol.policy.get_ref()).into(),
         liveness: raw.protocol.liveness.into(),
+        succession: raw.protocol.succession.into(),
         period: milliseconds(raw.protocol.period_ms, 200),
         keep_alive: milliseconds(raw.protocol.keep_alive_ms, 1_000),
         hello_period: milliseconds(raw.protocol.hello_period_ms, 500),
@@ -254,29 +254,4 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
 
 pub(super) fn to_usize(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
-}
-
-fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
-    let drones = raw.formation.drones.get_ref().0;
-    raw.faults
-        .iter()
-        .map(|fault| {
-            let drone = fault.drone.get_ref().0;
-            if drone >= drones {
-                let message = format!("there is no drone {drone} in a swarm of {drones}");
-                return Err(source.error(fault.drone.span(), &message));
-            }
-            Ok(Fault {
-                at: Timestamp::from_secs_f64(fault.at_s.0),
-                drone: NodeId(u32::try_from(drone).unwrap_or(u32::MAX)),
-                kind: FaultKind::CrashActor(match fault.crash {
-                    ActorName::Radio => Address::Radio,
-                    ActorName::Routing => Address::Routing,
-                    ActorName::Mission => Address::Mission,
-                    ActorName::Navigation => Address::Navigation,
-                    ActorName::Msp => Address::Msp,
-                }),
-            })
-        })
-        .collect()
 }

@@ -1,5 +1,6 @@
 //! What is simulated: a scenario, as parsed.
 
+mod faults;
 mod file;
 mod follow;
 mod formation;
@@ -14,7 +15,7 @@ use muster_machines::cell::{Address, Blueprint};
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Following, Liveness};
+use muster_machines::mission::{Following, Liveness, Succession};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -160,6 +161,7 @@ impl Scenario {
                 changes: Arc::clone(&self.changes),
                 following: self.follow.as_ref().map(|follow| follow.following),
                 liveness: protocol.liveness,
+                succession: protocol.succession,
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,
@@ -186,6 +188,8 @@ pub struct Protocol {
     pub policy: Policy,
     /// When a silent drone counts as lost.
     pub liveness: Liveness,
+    /// What drones do whose master is silent.
+    pub succession: Succession,
     /// How often a drone repeats what it knows.
     pub period: Duration,
     /// How often it does so once it is landing.
@@ -263,8 +267,6 @@ pub struct Limits {
 pub struct Fault {
     /// When.
     pub at: Timestamp,
-    /// To whom.
-    pub drone: NodeId,
     /// What.
     pub kind: FaultKind,
 }
@@ -272,6 +274,17 @@ pub struct Fault {
 /// What can go wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultKind {
-    /// One of the drone's actors panics.
-    CrashActor(Address),
+    /// One of a drone's actors panics.
+    CrashActor(NodeId, Address),
+    /// A drone's companion computer dies: its aircraft comes down by its controller's failsafe.
+    Kill(Target),
+}
+
+/// Whom a fault befalls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// This one.
+    Drone(NodeId),
+    /// Whoever leads by then; of several the one with the best ballot.
+    Master,
 }

@@ -3,7 +3,8 @@
 
 use std::path::PathBuf;
 
-use muster_machines::mission::Liveness;
+use muster_machines::cell::Address;
+use muster_machines::mission::{Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -116,6 +117,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     ("protocol.policy", "\"flood\" or \"tree\""),
     ("protocol.liveness", "\"pulse\" or \"thesis\""),
+    (
+        "protocol.succession",
+        "\"elect\" or \"land\": what drones do whose master is silent",
+    ),
     ("protocol.parameters", "\"quiet\""),
     (
         "protocol.period_ms",
@@ -232,7 +237,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "faults",
-        "tables, each begun by a line `[[faults]]`, with `at_s`, `drone` and `crash`",
+        "tables, each begun by a line `[[faults]]`, with `at_s`, and either `kill` or `drone` and `crash`",
     ),
     (
         "faults.at_s",
@@ -245,6 +250,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "faults.crash",
         "an actor: \"radio\", \"routing\", \"mission\", \"navigation\" or \"msp\"",
+    ),
+    (
+        "faults.kill",
+        "\"master\", or the number of a drone, from 0 to one below `formation.drones`",
     ),
 ];
 
@@ -373,6 +382,8 @@ pub(super) struct Protocol {
     #[serde(default)]
     pub(super) liveness: LivenessName,
     #[serde(default)]
+    pub(super) succession: SuccessionName,
+    #[serde(default)]
     pub(super) parameters: ParametersName,
     pub(super) period_ms: Option<Milliseconds>,
     pub(super) keep_alive_ms: Option<Milliseconds>,
@@ -435,6 +446,23 @@ impl From<PolicyName> for Policy {
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+pub(super) enum SuccessionName {
+    #[default]
+    Elect,
+    Land,
+}
+
+impl From<SuccessionName> for Succession {
+    fn from(name: SuccessionName) -> Self {
+        match name {
+            SuccessionName::Elect => Self::Elect,
+            SuccessionName::Land => Self::Land,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(super) enum LivenessName {
     #[default]
     Pulse,
@@ -486,9 +514,24 @@ pub(super) struct Limits {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
 pub(super) struct Fault {
-    pub(super) at_s: Instant,
-    pub(super) drone: Spanned<Whole<0, 99_999>>,
-    pub(super) crash: ActorName,
+    pub(super) at_s: Spanned<Instant>,
+    pub(super) drone: Option<Spanned<Whole<0, 99_999>>>,
+    pub(super) crash: Option<Spanned<ActorName>>,
+    pub(super) kill: Option<Spanned<Victim>>,
+}
+
+/// A drone by its number or by its office.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "\"master\" or the number of a drone")]
+pub(super) enum Victim {
+    Office(Office),
+    Drone(Whole<0, 99_999>),
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Office {
+    Master,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -499,6 +542,18 @@ pub(super) enum ActorName {
     Mission,
     Navigation,
     Msp,
+}
+
+impl ActorName {
+    pub(super) const fn address(self) -> Address {
+        match self {
+            Self::Radio => Address::Radio,
+            Self::Routing => Address::Routing,
+            Self::Mission => Address::Mission,
+            Self::Navigation => Address::Navigation,
+            Self::Msp => Address::Msp,
+        }
+    }
 }
 
 /// A number with bounds in its type; refused, with the bounds, where it is read.

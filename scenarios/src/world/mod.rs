@@ -35,8 +35,10 @@ use self::heap::Heap;
 use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::trace::{Kind, Trace};
-use crate::checkers::{BarrierChecker, BoundsChecker, SeparationChecker, Violation, check_landed};
-use crate::scenario::{FaultKind, Follow, Scenario};
+use crate::checkers::{
+    BarrierChecker, BoundsChecker, ElectionChecker, SeparationChecker, Violation, check_landed,
+};
+use crate::scenario::{FaultKind, Follow, Scenario, Target};
 use crate::vehicle::Vehicle;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
@@ -91,6 +93,7 @@ enum Planned {
         drone: NodeId,
         address: Address,
     },
+    Kill(Target),
     /// The master's pilot moves the sticks.
     Steer(Velocity),
     /// The operator ends the flight.
@@ -115,6 +118,7 @@ pub(crate) struct World {
     range_m: f64,
     /// What is to happen once the master is followed.
     follow: Option<Follow>,
+    election: ElectionChecker,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -138,9 +142,13 @@ impl World {
         let mut heap = Heap::new();
         heap.plan(Timestamp::ZERO, Planned::Fly);
         for fault in &scenario.faults {
-            let FaultKind::CrashActor(address) = fault.kind;
-            let drone = fault.drone;
-            heap.plan(fault.at, Planned::Crash { drone, address });
+            heap.plan(
+                fault.at,
+                match fault.kind {
+                    FaultKind::CrashActor(drone, address) => Planned::Crash { drone, address },
+                    FaultKind::Kill(target) => Planned::Kill(target),
+                },
+            );
         }
         Self {
             now: Timestamp::ZERO,
@@ -161,6 +169,7 @@ impl World {
             recorder: Recorder::new(drones as usize, layout.formation().centre()),
             range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
+            election: ElectionChecker::new(drones as usize),
             barrier: BarrierChecker::new(drones as usize),
             separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
             bounds: BoundsChecker {
@@ -251,6 +260,11 @@ impl World {
                     address,
                     what: What::Restart,
                 });
+            }
+            Planned::Kill(target) => {
+                if let Some(drone) = self.find_target(target) {
+                    self.kill(drone);
+                }
             }
             Planned::Steer(velocity) => self.steer(velocity),
             Planned::Land => {
@@ -455,7 +469,10 @@ impl World {
             .value(self.now, drone, Kind::Observed, observation);
         match observation {
             Observation::Mission(event) => {
-                let (now, range_m, vehicles) = (self.now, self.range_m, &self.vehicles);
+                let now = self.now;
+                let found = self.election.observe(now, drone, event);
+                self.find(found);
+                let (range_m, vehicles) = (self.range_m, &self.vehicles);
                 let part = || part_of(drone, range_m, now, vehicles);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
@@ -495,6 +512,33 @@ impl World {
         }
     }
 
+    /// Whom a fault befalls, if there is such a drone.
+    fn find_target(&self, target: Target) -> Option<NodeId> {
+        match target {
+            Target::Drone(drone) => Some(drone),
+            Target::Master => (0..)
+                .map(NodeId)
+                .take(self.drones.len())
+                .filter(|id| !self.drones[id.0 as usize].given_up)
+                .filter_map(|id| self.election.obeyed(id).filter(|it| it.master == id))
+                .reduce(|best, ballot| if ballot.beats(&best) { ballot } else { best })
+                .map(|ballot| ballot.master),
+        }
+    }
+
+    /// A drone's companion computer dies: nothing of it runs any more, and its flight controller brings it down.
+    fn kill(&mut self, drone: NodeId) {
+        self.trace.value(self.now, drone, Kind::Killed, &());
+        for address in Address::ALL {
+            self.drone(drone).take_down(address);
+        }
+        self.inbox.retain(|(to, _)| *to != drone);
+        self.drone(drone).given_up = true;
+        self.recorder.killed(drone, self.now);
+        self.barrier.given_up(drone);
+        self.command(drone, Demand::Land);
+    }
+
     /// An actor is about to be built.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
@@ -526,11 +570,11 @@ impl World {
         }
     }
 
-    /// Nobody is in the air, and whoever leads is down again or will never take off.
+    /// Nobody is in the air, and the swarm has flown or will never take off.
     fn is_over(&self) -> bool {
-        let master = self.recorder.centre();
-        let has_flown = self.vehicles[master.0 as usize].has_flown();
-        self.airborne == 0 && (has_flown || self.recorder.is_out_of_it(master))
+        let has_flown = self.vehicles.iter().any(Vehicle::has_flown);
+        let first = self.recorder.centre();
+        self.airborne == 0 && (has_flown || self.recorder.is_out_of_it(first))
     }
 
     fn find(&mut self, found: Option<Violation>) {

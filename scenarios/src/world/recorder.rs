@@ -32,6 +32,8 @@ pub(crate) struct Record {
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
     pub(crate) given_up: bool,
+    /// When its companion computer died.
+    pub(crate) killed: Option<Timestamp>,
     pub(crate) restarts: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
@@ -74,6 +76,7 @@ impl Recorder {
             routes: Routes::default(),
             reason: None,
             given_up: false,
+            killed: None,
             restarts: 0,
             armed: None,
             disarmed: None,
@@ -156,6 +159,10 @@ impl Recorder {
         self.record(id).given_up = true;
     }
 
+    pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {
+        self.record(id).killed = Some(now);
+    }
+
     pub(crate) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {
         match *event {
             mission::Event::State(state) => self.enters(now, id, state),
@@ -223,7 +230,7 @@ impl Recorder {
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
         let record = &self.drones[id.0 as usize];
         let last = record.states.last().map(|(_, state)| *state);
-        record.given_up || last == Some(State::Finished)
+        record.given_up || record.killed.is_some() || last == Some(State::Finished)
     }
 
     fn is_landing(&self, id: NodeId) -> bool {

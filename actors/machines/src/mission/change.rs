@@ -46,12 +46,28 @@ impl Mission {
 
     /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way.
     pub(super) fn take_step(&mut self, now: Timestamp, sequence: u32, change: u16, step: Step) {
-        if !self.durable.state.is_following()
-            || usize::from(change) >= self.config.changes.len()
-            || change < self.durable.changes
-        {
+        if !self.durable.state.is_following() || usize::from(change) >= self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
+        }
+        let at = (self.durable.changes, self.durable.state);
+        match at {
+            (done, _) if done > change => return self.acknowledge(sequence),
+            (
+                _,
+                State::ChangingFormation {
+                    change: current,
+                    step: last,
+                },
+            ) if current == change => {
+                if last > step {
+                    return self.acknowledge(sequence);
+                }
+                if last == step {
+                    return self.carry_on(sequence);
+                }
+            }
+            _ => {}
         }
         let waypoint = self.waypoint_of(change);
         let is_ready = match self.durable.state {

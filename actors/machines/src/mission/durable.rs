@@ -5,7 +5,7 @@ use bytes::Bytes;
 
 use super::order::Step;
 use crate::geometry::Ned;
-use crate::identity::NodeId;
+use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
@@ -113,6 +113,8 @@ impl fmt::Display for State {
 /// What outlives a mission.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Checkpoint {
+    /// Whom the drone obeys.
+    pub ballot: Option<Ballot>,
     /// What the drone is doing.
     pub state: State,
     /// The mission, as far as it is known.
@@ -129,6 +131,8 @@ pub struct Checkpoint {
     pub pending: Option<u32>,
     /// The newest order that is carried out; 0 before the first.
     pub acknowledged: u32,
+    /// Whether the drone flies in its own altitude layer, because there may be some it is not in lockstep with.
+    pub in_layer: bool,
     /// Where the centre of the formation lands.
     pub land_at: Ned,
     /// Where the swarm assembled around its master after following it.

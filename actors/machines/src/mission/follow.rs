@@ -124,6 +124,8 @@ impl Mission {
         if self.durable.state != State::Following {
             return;
         }
+        // Whoever was elected is not at the centre.
+        let at = at - self.layout().slot(self.config.id, Ned::HOME);
         let Some(followed) = self.followed() else {
             return;
         };

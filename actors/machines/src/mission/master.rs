@@ -7,9 +7,6 @@ use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
 use crate::wire::{self, PLAN_PART_MAX};
 
-/// The term of the reign that the operator starts.
-const FIRST_TERM: u32 = 1;
-
 impl Mission {
     pub(super) fn fly(&mut self, now: Timestamp) {
         let formation = self.config.layout.formation();
@@ -20,7 +17,10 @@ impl Mission {
             self.outbox.event(Event::Refused);
             return;
         }
-        let members = (0..formation.drones())
+        let drones = formation.drones();
+        let ballot = self.own_ballot(Ballot::FIRST_TERM);
+        self.hear_reign(ballot);
+        let members = (0..drones)
             .map(NodeId)
             .filter(|id| *id != self.config.id)
             .map(|id| (id, Awaited::default()))
@@ -33,18 +33,10 @@ impl Mission {
         self.durable.plan_complete = true;
         self.durable.limit = Some(now + self.config.set_up_limit);
         self.enter(State::SetUp);
-        self.outbox.transmit(Transmit::Lead(self.ballot()));
+        self.outbox.transmit(Transmit::Lead(ballot));
         self.order_plan_part(0);
         self.carried_out();
         self.lead(now);
-    }
-
-    fn ballot(&self) -> Ballot {
-        Ballot {
-            term: FIRST_TERM,
-            rank: 0,
-            master: self.config.id,
-        }
     }
 
     pub(super) fn give_order(&mut self, order: &Order) {
@@ -80,8 +72,7 @@ impl Mission {
 
     /// Tells a restarted routing the reign and the newest order once more.
     pub(super) fn repeat_lead(&mut self) {
-        let ballot = self.ballot();
-        if let Some(lead) = &self.durable.lead {
+        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.ballot) {
             self.outbox.transmit(Transmit::Lead(ballot));
             self.outbox.transmit(Transmit::Publish {
                 sequence: lead.sequence,

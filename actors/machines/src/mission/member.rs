@@ -43,15 +43,19 @@ impl Mission {
     }
 
     fn take_off(&mut self, now: Timestamp, sequence: u32) {
-        if self.durable.state != State::SetUp || !self.durable.plan_complete {
-            // Without the whole mission a drone stays on the ground.
-            self.outbox.event(Event::Refused);
-            return;
+        let is_the_operators = self.durable.ballot.is_some_and(|it| !it.is_elected());
+        match self.durable.state {
+            // Without the whole mission a drone stays on the ground, and at the word of a master that was elected.
+            State::SetUp if self.durable.plan_complete && is_the_operators => {
+                self.durable.pending = Some(sequence);
+                self.durable.limit = Some(now + self.config.take_off_limit);
+                self.enter(State::TakingOff);
+                self.pursue_goal();
+            }
+            State::TakingOff => self.carry_on(sequence),
+            state if state.is_following() => self.acknowledge(sequence),
+            _ => self.outbox.event(Event::Refused),
         }
-        self.durable.pending = Some(sequence);
-        self.durable.limit = Some(now + self.config.take_off_limit);
-        self.enter(State::TakingOff);
-        self.pursue_goal();
     }
 
     fn open(&mut self, sequence: u32, waypoint: u16) {
@@ -72,7 +76,20 @@ impl Mission {
             self.enter(State::WaypointReached { waypoint: 0 });
         }
         self.durable.opened = self.durable.opened.max(Some(waypoint));
-        self.durable.pending = Some(sequence);
+        if self.reached() >= Some(waypoint) {
+            // It is ahead of the master that was elected meanwhile.
+            self.acknowledge(sequence);
+        } else {
+            self.durable.pending = Some(sequence);
+        }
+    }
+
+    /// What was being carried out for an earlier master is now for this order; if it is done, that is said at once.
+    pub(super) fn carry_on(&mut self, sequence: u32) {
+        match &mut self.durable.pending {
+            Some(pending) => *pending = sequence,
+            None => self.acknowledge(sequence),
+        }
     }
 
     /// Whether the drone is still on the way to its slot.
@@ -110,7 +127,7 @@ impl Mission {
             Liveness::Thesis => self.durable.state.is_waiting(),
         };
         if self.master_silent && looks {
-            self.land(LandingReason::MasterSilent);
+            self.succeed(now);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod change;
 mod durable;
+mod election;
 mod follow;
 mod master;
 mod member;
@@ -41,6 +42,8 @@ pub struct Config {
     pub following: Option<Following>,
     /// When a silent master or member counts as lost.
     pub liveness: Liveness,
+    /// What a drone in the air does once its master counts as lost.
+    pub succession: Succession,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.
@@ -58,6 +61,15 @@ pub enum Liveness {
     Pulse,
     /// Likewise, but looked at only while waiting at a waypoint, as the thesis does.
     Thesis,
+}
+
+/// What a drone in the air does once its master counts as lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Succession {
+    /// It leads whoever hears it, unless it hears of a better claim.
+    Elect,
+    /// It lands on the spot.
+    Land,
 }
 
 /// What a mission is told.
@@ -126,6 +138,8 @@ pub enum LandingReason {
 pub enum Event {
     /// The drone is doing something else.
     State(State),
+    /// The drone obeys another ballot, perhaps its own.
+    Obeys(Ballot),
     /// As master: a waypoint was opened.
     Opened {
         /// Which one.
@@ -215,7 +229,14 @@ impl Mission {
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
-                at_waypoint(waypoint).map(|to| Goal::FlyTo { to })
+                let to = at_waypoint(waypoint)?;
+                Some(if self.durable.in_layer {
+                    let layer_m = layout.layers_m(&self.durable.plan)[id.0 as usize];
+                    let to = to.at_altitude(to.altitude_m() + layer_m);
+                    Goal::TransitTo { to }
+                } else {
+                    Goal::FlyTo { to }
+                })
             }
             State::ChangingFormation { change, step } => {
                 let to = self.corner(change, step)?;
@@ -248,7 +269,9 @@ impl Mission {
         let layout = self.layout();
         let slot = self.config.id.0 as usize;
         let land_at = Some(self.durable.land_at);
-        if self.durable.plan.last().copied() == land_at || self.durable.assembled_at == land_at {
+        let is_where_all_are =
+            self.durable.plan.last().copied() == land_at || self.durable.assembled_at == land_at;
+        if is_where_all_are && !self.durable.in_layer {
             layout.landing_layers_m()[slot]
         } else {
             layout.layers_m(&self.durable.plan)[slot]
@@ -265,16 +288,23 @@ impl Mission {
 
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
+        // After an election there may be parts of the swarm that do not fly in step with this one.
+        self.durable.in_layer = self.durable.ballot.is_some_and(|it| it.is_elected());
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }
 
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
         match notice {
+            RoutingNotice::Reign(ballot) => {
+                self.hear_reign(ballot);
+            }
             RoutingNotice::Order {
-                sequence, order, ..
+                ballot,
+                sequence,
+                order,
             } => {
-                if self.durable.lead.is_some() {
+                if !self.hear_reign(ballot) || self.durable.lead.is_some() {
                     return;
                 }
                 match wire::decode_order(&order) {
@@ -360,6 +390,12 @@ impl Mission {
     /// Acknowledges the order that was being carried out.
     fn carried_out(&mut self) {
         if let Some(sequence) = self.durable.pending.take() {
+            self.acknowledge(sequence);
+        }
+    }
+
+    fn acknowledge(&mut self, sequence: u32) {
+        if sequence > self.durable.acknowledged {
             self.durable.acknowledged = sequence;
             self.outbox.transmit(Transmit::Acknowledge { sequence });
         }

@@ -34,6 +34,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         changes: Arc::default(),
         following: None,
         liveness,
+        succession: Succession::Land,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,
@@ -468,5 +469,5 @@ fn an_order_that_is_none_is_counted_and_not_obeyed() {
     };
     let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Routing(notice)));
     assert!(transmits.is_empty());
-    assert_eq!(events[0], Event::Refused);
+    assert!(events.contains(&Event::Refused));
 }

@@ -28,6 +28,12 @@ impl Beats {
         exhausted
     }
 
+    /// The same under another master, whose number has not been heard yet.
+    #[must_use]
+    pub(super) const fn under_another_master(self) -> Self {
+        Self { pulse: 0, ..self }
+    }
+
     /// Skips whatever may have been used since this was remembered.
     pub(super) fn skip_reserved(&mut self, is_master: bool) {
         self.own = self.own.max(self.reserved);

@@ -83,6 +83,8 @@ pub enum Transmit {
 /// What a routing lets its protocol know.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Notice {
+    /// Whom this drone obeys from now on: it heard of a better ballot.
+    Reign(Ballot),
     /// There is a newer order.
     Order {
         /// Whose order it is.

@@ -173,16 +173,38 @@ impl FloodRouting {
             Some(own) if own == ballot => true,
             Some(own) if !ballot.beats(&own) => false,
             _ => {
-                self.durable.ballot = Some(ballot);
-                self.pulse_rose_at = now;
-                self.start_speaking(now);
-                self.checkpoint();
+                self.turn_to(now, ballot);
+                self.inform(Notice::Reign(ballot));
                 true
             }
         }
     }
 
+    /// Obeys another ballot than before. Orders, acknowledgements and routes were those of the reign before; until there
+    /// are routes again, everyone repeats everything.
+    fn turn_to(&mut self, now: Timestamp, ballot: Ballot) {
+        if self.durable.ballot.is_some() {
+            let stops = self.durable.phase == Phase::Stopped;
+            self.durable = Checkpoint {
+                phase: if stops { Phase::Stopped } else { Phase::Gossip },
+                landing: self.durable.landing,
+                beats: self.durable.beats.under_another_master(),
+                ..Checkpoint::default()
+            };
+            self.members.forget_all();
+            self.heard_again.clear();
+            self.master_silent = false;
+        }
+        self.durable.ballot = Some(ballot);
+        self.pulse_rose_at = now;
+        self.start_speaking(now);
+        self.checkpoint();
+    }
+
     fn resync(&mut self) {
+        if let Some(ballot) = self.durable.ballot {
+            self.inform(Notice::Reign(ballot));
+        }
         if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
             let sequence = self.durable.sequence;
             self.inform(Notice::Order {
@@ -229,9 +251,12 @@ impl Machine for FloodRouting {
                 payload,
             } => self.heard(now, sender, ballot, &payload),
             Input::Lead(ballot) => {
-                self.durable.ballot = Some(ballot);
-                self.start_speaking(now);
-                self.checkpoint();
+                if self.durable.ballot != Some(ballot) {
+                    self.turn_to(now, ballot);
+                }
+                if ballot.is_elected() {
+                    self.expect_members(now);
+                }
             }
             Input::Publish { sequence, order } if sequence > self.durable.sequence => {
                 self.durable.sequence = sequence;

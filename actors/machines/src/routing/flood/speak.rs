@@ -109,7 +109,9 @@ impl FloodRouting {
                 self.master_silent = true;
                 self.inform(Notice::MasterSilent);
             }
-        } else if self.durable.phase == Phase::Following {
+        } else if self.durable.phase == Phase::Following
+            || self.durable.ballot.is_some_and(|it| it.is_elected())
+        {
             for id in self.members.fall_silent(now, time_to_live) {
                 self.inform(Notice::Silent(id));
             }

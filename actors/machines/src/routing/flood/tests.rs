@@ -211,7 +211,7 @@ fn before_there_are_routes_everyone_repeats_everything() {
     let outcome = hears(&mut slave, at(0.0), 1, &Packet::Flood(heard));
     assert!(matches!(
         outcome.notices[..],
-        [Notice::Order { sequence: 1, .. }]
+        [Notice::Reign(_), Notice::Order { sequence: 1, .. }]
     ));
     let said = wait(&mut slave, at(0.2)).sent;
     let [Packet::Flood(said)] = said.as_slice() else {

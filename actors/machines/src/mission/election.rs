@@ -1,0 +1,148 @@
+//! Whom a drone obeys, and how it comes to lead when the master falls silent.
+//!
+//! A reign is named by its ballot. The ballot that a drone obeys never falls; whoever hears of a better one turns to it,
+//! masters included. What is being carried out goes on meanwhile: the new master begins by giving the order again that
+//! it is at itself, and whoever is there already, or farther, acknowledges at once.
+
+use super::{
+    Awaited, Event, Followed, Lead, Mission, Order, RoutesPhase, State, Succession, Transmit,
+};
+use crate::geometry::Ned;
+use crate::identity::{Ballot, NodeId};
+use crate::time::Timestamp;
+
+impl Mission {
+    /// A ballot of this drone's own; its rank is the one that it took off with, whatever the formation is now.
+    pub(super) fn own_ballot(&self, term: u32) -> Ballot {
+        let id = self.config.id;
+        Ballot {
+            term,
+            rank: self.config.layout.formation().ranks()[id.0 as usize],
+            master: id,
+        }
+    }
+
+    /// Takes in whom the routing obeys; whether this drone does so, too.
+    pub(super) fn hear_reign(&mut self, ballot: Ballot) -> bool {
+        match self.durable.ballot {
+            Some(own) if own == ballot => true,
+            Some(own) if !ballot.beats(&own) => false,
+            _ => {
+                self.turn_to(ballot);
+                true
+            }
+        }
+    }
+
+    fn turn_to(&mut self, ballot: Ballot) {
+        self.durable.ballot = Some(ballot);
+        self.outbox.event(Event::Obeys(ballot));
+        self.master_silent = false;
+        if self.durable.lead.take().is_some() && self.durable.pending.is_none() {
+            // It was the limit of its patience with the others.
+            self.durable.limit = None;
+        }
+        self.durable.acknowledged = 0;
+        // Nobody waits any more for what an earlier master asked for, but it is still to be done.
+        self.durable.pending = self.durable.pending.map(|_| 0);
+        self.durable.opened = self.durable.opened.and(self.bound_for());
+        if self.durable.routes < RoutesPhase::Ready {
+            self.durable.routes = RoutesPhase::None;
+            if let State::NeighbourDiscovery | State::HopUpdate = self.durable.state {
+                self.enter(State::TakingOff);
+            }
+        }
+    }
+
+    /// Which waypoint the drone is at or makes for.
+    fn bound_for(&self) -> Option<u16> {
+        match self.durable.state {
+            State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
+                Some(waypoint)
+            }
+            State::ChangingFormation { change, .. } => Some(self.waypoint_of(change)),
+            _ => None,
+        }
+    }
+
+    /// The highest waypoint that the drone has reached.
+    pub(super) fn reached(&self) -> Option<u16> {
+        match self.durable.state {
+            State::MovingToWaypoint { waypoint } => waypoint.checked_sub(1),
+            _ => self.bound_for(),
+        }
+    }
+
+    /// The master is silent: another is needed.
+    pub(super) fn succeed(&mut self, now: Timestamp) {
+        match self.config.succession {
+            Succession::Elect => self.claim(now),
+            Succession::Land => self.land(super::LandingReason::MasterSilent),
+        }
+    }
+
+    /// Leads from now on, under a ballot better than the one obeyed so far.
+    fn claim(&mut self, now: Timestamp) {
+        let term = self.durable.ballot.and_then(|it| it.term.checked_add(1));
+        let Some(term) = term.filter(|_| self.durable.plan_complete) else {
+            return;
+        };
+        let ballot = self.own_ballot(term);
+        self.turn_to(ballot);
+        let drones = self.config.layout.formation().drones();
+        let others = (0..drones).map(NodeId).filter(|id| *id != self.config.id);
+        self.durable.lead = Some(Lead {
+            members: others.map(|id| (id, Awaited::default())).collect(),
+            ..Lead::default()
+        });
+        self.outbox.transmit(Transmit::Lead(ballot));
+        self.order_again(now);
+        self.lead(now);
+    }
+
+    /// Gives the order that the drone itself is at.
+    fn order_again(&mut self, now: Timestamp) {
+        let (order, limit) = match self.durable.state {
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
+                (Order::TakeOff, self.config.take_off_limit)
+            }
+            // Nobody has opened the first waypoint yet.
+            State::WaypointReached { .. } if self.durable.opened.is_none() => return,
+            State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
+                (Order::Move { waypoint }, self.config.leg_limit)
+            }
+            State::ChangingFormation { change, step } => {
+                (Order::Reform { change, step }, self.config.leg_limit)
+            }
+            State::Assembling => {
+                let at = self.durable.assembled_at.unwrap_or(Ned::HOME);
+                (Order::Assemble { at }, self.config.leg_limit)
+            }
+            State::Following => return self.end_following_of_another(now),
+            State::Start
+            | State::SetUp
+            | State::MovingToLand
+            | State::Landing
+            | State::Finished => return,
+        };
+        let is_under_way = self.durable.pending.is_some();
+        self.give_order(&order);
+        if !is_under_way {
+            self.carried_out();
+        }
+        self.durable.limit = Some(now + limit);
+    }
+
+    /// Stops, for nobody knows where the master that was followed would have gone, and calls the others together.
+    fn end_following_of_another(&mut self, now: Timestamp) {
+        if let Some(lead) = &mut self.durable.lead {
+            lead.followed = Some(Followed {
+                bound_for: 0,
+                next_fix: now,
+                at: Ned::HOME,
+                is_ending: true,
+            });
+        }
+        self.pursue_goal();
+    }
+}

@@ -1,0 +1,99 @@
+use muster_machines::identity::{Ballot, NodeId};
+use muster_machines::mission::Event;
+use muster_machines::time::Timestamp;
+
+use super::Violation;
+
+/// Rule 1, (a) and (b): only the drone named in a ballot acts under it, and the ballot that a drone obeys never falls,
+/// restarts included.
+#[derive(Debug)]
+pub(crate) struct ElectionChecker {
+    obeyed: Vec<Option<Ballot>>,
+}
+
+impl ElectionChecker {
+    pub(crate) fn new(drones: usize) -> Self {
+        Self {
+            obeyed: vec![None; drones],
+        }
+    }
+
+    pub(crate) fn observe(
+        &mut self,
+        now: Timestamp,
+        drone: NodeId,
+        event: &Event,
+    ) -> Option<Violation> {
+        let obeyed = &mut self.obeyed[drone.0 as usize];
+        let violation = |what| Violation {
+            rule: 1,
+            at: now,
+            drones: vec![drone],
+            what,
+        };
+        match *event {
+            Event::Obeys(ballot) => match obeyed.replace(ballot) {
+                Some(before) if !ballot.beats(&before) => Some(violation(format!(
+                    "drone {drone} turned from {before} to {ballot}, which is no better"
+                ))),
+                _ => None,
+            },
+            Event::Opened { .. } | Event::LeftOut(_)
+                if obeyed.is_none_or(|ballot| ballot.master != drone) =>
+            {
+                let under = obeyed.map_or_else(|| "nobody".to_owned(), |ballot| ballot.to_string());
+                let what = format!("drone {drone} acted as master while it obeyed {under}");
+                Some(violation(what))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whom a drone obeys.
+    pub(crate) fn obeyed(&self, drone: NodeId) -> Option<Ballot> {
+        self.obeyed[drone.0 as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ballot(term: u32, rank: u32) -> Ballot {
+        Ballot {
+            term,
+            rank,
+            master: NodeId(rank),
+        }
+    }
+
+    fn observe(checker: &mut ElectionChecker, drone: u32, event: &Event) -> bool {
+        let found = checker.observe(Timestamp::ZERO, NodeId(drone), event);
+        found.is_some_and(|violation| violation.rule == 1)
+    }
+
+    #[test]
+    fn a_ballot_that_falls_is_found() {
+        let mut checker = ElectionChecker::new(2);
+        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(1, 0))));
+        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
+        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(2, 0))));
+        assert!(observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
+        assert!(
+            observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))),
+            "nor stays"
+        );
+    }
+
+    #[test]
+    fn whoever_acts_under_the_ballot_of_another_is_found() {
+        let mut checker = ElectionChecker::new(2);
+        let opens = Event::Opened { waypoint: 3 };
+        assert!(observe(&mut checker, 0, &opens), "nobody has a ballot yet");
+        observe(&mut checker, 0, &Event::Obeys(ballot(1, 0)));
+        assert!(!observe(&mut checker, 0, &opens));
+        observe(&mut checker, 1, &Event::Obeys(ballot(1, 0)));
+        assert!(observe(&mut checker, 1, &opens));
+        assert!(observe(&mut checker, 1, &Event::LeftOut(NodeId(0))));
+    }
+}
