@@ -7,6 +7,7 @@ use muster_machines::cell::Address;
 use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Barrier;
 use muster_machines::navigation;
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::time::Timestamp;
@@ -20,7 +21,7 @@ use super::file::{Override, Source};
 use super::follow::follow;
 use super::formation;
 use super::limits::{Course, check_layers, limits};
-use super::raw::{ActorName, MediumName, ModelName, Raw};
+use super::raw::{ActorName, MediumName, ModelName, ProtocolKind, Raw};
 use super::{Fault, FaultKind, Protocol, Scenario};
 use crate::vehicle::Landing;
 
@@ -187,6 +188,7 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
     let time_to_live = raw.protocol.time_to_live_ms.as_ref();
     let protocol = Protocol {
         policy: (*raw.protocol.policy.get_ref()).into(),
+        barrier: barrier(source, raw)?,
         liveness: raw.protocol.liveness.into(),
         period: milliseconds(raw.protocol.period_ms, 200),
         keep_alive: milliseconds(raw.protocol.keep_alive_ms, 1_000),
@@ -213,6 +215,23 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
         return Err(source.error(place(time_to_live.map(Spanned::span)), message));
     }
     Ok(protocol)
+}
+
+/// For whom a master waits; for all, where whoever is behind the others would be in their way or none is waited for.
+fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
+    let Some(name) = &raw.protocol.barrier else {
+        return Ok(Barrier::Strict);
+    };
+    let barrier = Barrier::from(*name.get_ref());
+    if barrier == Barrier::Neighbours && raw.protocol.kind == ProtocolKind::Follow {
+        let message = "a master that is followed waits for nobody at a waypoint";
+        return Err(source.error(name.span(), message));
+    }
+    if barrier == Barrier::Neighbours && !raw.changes.is_empty() {
+        let message = "a swarm changes formation only once all have arrived";
+        return Err(source.error(name.span(), message));
+    }
+    Ok(barrier)
 }
 
 /// Refuses a swarm whose lists of members would outgrow a datagram.

@@ -14,7 +14,7 @@ use muster_machines::cell::{Address, Blueprint};
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Following, Liveness};
+use muster_machines::mission::{Barrier, Following, Liveness};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -159,6 +159,7 @@ impl Scenario {
                 },
                 changes: Arc::clone(&self.changes),
                 following: self.follow.as_ref().map(|follow| follow.following),
+                barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
@@ -184,6 +185,8 @@ const BUDGET_BURST: u32 = 16;
 pub struct Protocol {
     /// How orders and acknowledgements spread.
     pub policy: Policy,
+    /// For whom a master waits at a waypoint.
+    pub barrier: Barrier,
     /// When a silent drone counts as lost.
     pub liveness: Liveness,
     /// How often a drone repeats what it knows.

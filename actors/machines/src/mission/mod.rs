@@ -39,6 +39,8 @@ pub struct Config {
     pub changes: Arc<[Change]>,
     /// How the master is followed, where it does not lead from waypoint to waypoint.
     pub following: Option<Following>,
+    /// For whom a master waits at a waypoint.
+    pub barrier: Barrier,
     /// When a silent master or member counts as lost.
     pub liveness: Liveness,
     /// How long the master waits for members that do not get ready on the ground.
@@ -49,6 +51,15 @@ pub struct Config {
     pub leg_limit: Duration,
     /// The most waypoints that a mission may have.
     pub waypoints_max: usize,
+}
+
+/// For whom a master waits at a waypoint; on the ground and for the take-off it waits for all in either case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Barrier {
+    /// For every member.
+    Strict,
+    /// For those that it hears itself, as the thesis's figures say; who is beyond them follows as it is told.
+    Neighbours,
 }
 
 /// When a silent master or member counts as lost.
@@ -291,6 +302,11 @@ impl Mission {
                 awaited.landing |= landing;
                 awaited.silent = false;
             }),
+            RoutingNotice::Hears(neighbours) => {
+                if let Some(lead) = &mut self.durable.lead {
+                    lead.neighbours = neighbours;
+                }
+            }
             RoutingNotice::Silent(member) => {
                 self.hear_member(member, |awaited| awaited.silent = true);
             }

@@ -33,6 +33,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         mission: waypoints().into(),
         changes: Arc::default(),
         following: None,
+        barrier: Barrier::Strict,
         liveness,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
