@@ -12,7 +12,7 @@ use muster_machines::navigation;
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::time::Timestamp;
 use muster_machines::wire;
-use muster_runtime::diagnostic::BadInput;
+use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
@@ -30,11 +30,20 @@ use crate::vehicle::Landing;
 /// # Errors
 /// When either file can't be used: the error names the file, shows the place and says what would be accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    let source = Source::read(path, overrides)?;
+    load_from(path, overrides, read_text)
+}
+
+/// Likewise, with each file's text from `read`.
+pub(crate) fn load_from(
+    path: &Path,
+    overrides: &[Override],
+    read: impl Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Scenario, BadInput> {
+    let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mission_path = folder.join(raw.mission.file.get_ref());
-    let mission = mission_file::load(&mission_path)?;
+    let mission = mission_file::parse(&mission_path, &read(&mission_path)?)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
 
     let separation = Separation {

@@ -27,6 +27,7 @@ use crate::vehicle::Landing;
 
 pub use file::Override;
 pub use load::load;
+pub(crate) use load::load_from;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
