@@ -129,12 +129,12 @@ fn tables(comparison: &Comparison) -> Markup {
                 tbody {
                     @for (place, experiment) in comparison.experiments.iter().enumerate() {
                         @let quantities = || experiment.quantities.iter().zip(DIGITS);
-                        tr.first {
+                        tr.same {
                             td { (place + 1) ": " (experiment.swarm) }
                             td { "thesis, table " (experiment.table) }
                             @for (quantity, digits) in quantities() { td.n { (figure(quantity.thesis, digits)) } }
                         }
-                        tr {
+                        tr.same {
                             td {} td { "ours" }
                             @for (quantity, digits) in quantities() {
                                 td.n { (figure_or_nothing(quantity.ours, digits)) }

@@ -150,3 +150,6 @@ fn shipped(name: &str, text: &str, overrides: &[Override]) -> Result<Scenario, B
         Ok(text.to_owned())
     })
 }
+
+#[cfg(test)]
+mod tests;
