@@ -284,6 +284,118 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["unknown variant `wings`", "an actor:"],
         ),
         (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 8, kind = \"circular\" }]",
+            &["the mission's last waypoint is 7", "changes.waypoint"],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 3, kind = \"circular\" }, { waypoint = 2, kind = \"linear\" }]",
+            &["the change before this one is made at a later waypoint"],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1 }]",
+            &["missing field `kind`"],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1, kind = \"star\" }]",
+            &["unknown variant `star`", "\"compact-mesh\""],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1, kind = \"circular\", spacing_m = 9 }]",
+            &[
+                "nearer than the drones stand on the ground, 10 m",
+                "changes.spacing_m",
+            ],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1, kind = \"circular\", clusters = 2 }]",
+            &["only a formation of the kind \"split-up\" has `clusters`"],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1, kind = \"split-up\", clusters = 5 }]",
+            &["5 clusters around a master take 6 drones"],
+        ),
+        (
+            "seed = 1",
+            "seed = 1\nchanges = [{ waypoint = 1, kind = \"circular\", drones = 4 }]",
+            &["unknown field `drones`"],
+        ),
+        (
+            "policy = \"flood\"",
+            "kind = \"leapfrog\"\npolicy = \"flood\"",
+            &["unknown variant `leapfrog`", "\"follow\""],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[follow]\nhold_ms = 500",
+            &["only the protocol \"follow\" has a table"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nhold_ms = 200",
+            &[
+                "every drone would stop between two orders",
+                "follow.hold_ms",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nspeed_mps = 10.5",
+            &[
+                "nobody could keep up: the others' is 10",
+                "follow.speed_mps",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nacceleration_mps2 = 3",
+            &["nobody could keep up: the others' is 1"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 3",
+            &[
+                "without a pilot the flight ends with the mission",
+                "follow.land_after_s",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[[follow.pilot]]\nafter_s = 3\nnorth_mps = 5",
+            &["missing field `land_after_s`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 2\n[[follow.pilot]]\nafter_s = 3",
+            &["the flight would end before the pilot has done all"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 20\n[[follow.pilot]]\nafter_s = 3\n[[follow.pilot]]\nafter_s = 2",
+            &["the entry before this one is later", "follow.pilot.after_s"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 20\n[[follow.pilot]]\nafter_s = 3\nnorth_mps = 8\neast_mps = 8",
+            &["the vehicle flies at up to 10 m/s"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 20\n[[follow.pilot]]\nafter_s = 3\nclimb_mps = -2",
+            &["the vehicle climbs at up to 2.5 m/s and descends at up to 1.5 m/s"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 20\n[[follow.pilot]]\nafter_s = 3\nclimb_mps = 101",
+            &["101 is not", "m/s upwards"],
+        ),
+        (
             "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[limits]\naltitude_max_m = 20",
             &["over the limit of 20 m", "altitude_max_m"],

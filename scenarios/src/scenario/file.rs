@@ -3,7 +3,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::BadInput;
-use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
+use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::raw::{FIELDS, Raw};
 
@@ -140,18 +140,23 @@ impl Source {
         match known {
             Some((_, accepted)) => format!("`{key}` is {accepted}"),
             None => {
-                let prefix = path
-                    .first()
-                    .map_or_else(String::new, |table| format!("{table}."));
-                let fields: Vec<_> = FIELDS
-                    .iter()
-                    .filter_map(|(known, _)| known.strip_prefix(&prefix))
-                    .filter(|field| !field.contains('.'))
-                    .collect();
+                let tables = (0..=path.len()).rev().map(|depth| path[..depth].join("."));
+                let mut fields = tables.map(|table| fields_of(&table));
+                let fields = fields.find(|fields| !fields.is_empty()).unwrap_or_default();
                 format!("the fields are {}", fields.join(", "))
             }
         }
     }
+}
+
+/// The fields of a table, or of the whole file, by their own names.
+fn fields_of(table: &str) -> Vec<&'static str> {
+    let own_name = |field: &'static str| match table {
+        "" => Some(field),
+        _ => field.strip_prefix(table)?.strip_prefix('.'),
+    };
+    let fields = FIELDS.iter().filter_map(|(field, _)| own_name(field));
+    fields.filter(|field| !field.contains('.')).collect()
 }
 
 /// Fields that hold any number of tables.
@@ -177,30 +182,29 @@ fn set(document: &mut DocumentMut, key: &str, value: &str) {
     }
 }
 
-/// The keys that lead to the innermost value around `span`.
-fn path_to(table: &Table, span: &Range<usize>, path: &mut Vec<String>) {
-    for (key, item) in table {
-        let around = |outer: Option<Range<usize>>| {
-            outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
-        };
-        let tables: Vec<&Table> = match item {
-            Item::Table(inner) => vec![inner],
-            Item::ArrayOfTables(inner) => inner.iter().collect(),
-            Item::Value(_) | Item::None => Vec::new(),
-        };
-        let key_span = table.key(key).and_then(toml_edit::Key::span);
-        if around(item.span()) || around(key_span) {
-            path.push(key.to_owned());
-            return;
-        }
-        for inner in tables {
-            let before = path.len();
-            path.push(key.to_owned());
-            path_to(inner, span, path);
-            if path.len() > before + 1 || around(inner.span()) {
-                return;
+/// The keys that lead to the innermost value around `span`; whether there is one.
+fn path_to(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+    let around = |outer: Option<Range<usize>>| {
+        outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
+    };
+    for (key, item) in table.iter() {
+        let inner: Vec<&dyn TableLike> = match item {
+            Item::ArrayOfTables(tables) => tables.iter().map(|it| it as _).collect(),
+            Item::Value(Value::Array(values)) => {
+                let tables = values.iter().filter_map(Value::as_inline_table);
+                tables.map(|it| it as _).collect()
             }
-            path.truncate(before);
+            _ => item.as_table_like().into_iter().collect(),
+        };
+        path.push(key.to_owned());
+        let key_span = table.key(key).and_then(toml_edit::Key::span);
+        if inner.into_iter().any(|inner| path_to(inner, span, path))
+            || around(item.span())
+            || around(key_span)
+        {
+            return true;
         }
+        path.pop();
     }
+    false
 }

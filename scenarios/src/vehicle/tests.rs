@@ -161,6 +161,20 @@ fn a_place_that_moves_is_caught_up_with_and_kept() {
 }
 
 #[test]
+fn a_place_as_fast_as_the_vehicle_is_kept_up_with_at_the_distance_that_it_has_then() {
+    let mut vehicle = hovering();
+    vehicle.obey(at(0.0), track(80.0, 12.0));
+    let behind_m = |at_s: f64| {
+        let telemetry = vehicle.telemetry(at(at_s));
+        assert!(close(telemetry.velocity.0.x, 12.0));
+        80.0 + 12.0 * at_s - telemetry.position.north_m()
+    };
+    // Six seconds to 12 m/s.
+    assert!(close(behind_m(7.0), 80.0 + 36.0));
+    assert!(close(behind_m(59.0), 80.0 + 36.0));
+}
+
+#[test]
 fn a_vehicle_after_a_place_that_moves_keeps_to_its_limits() {
     let mut vehicle = hovering();
     let mut before: Option<Velocity> = None;

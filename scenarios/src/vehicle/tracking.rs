@@ -18,56 +18,83 @@ pub(super) struct Limits {
 /// The shortest time in which a vehicle corrects where it is: twice the 5 Hz at which it is told where to be.
 const CORRECTION_MIN_S: f64 = 0.4;
 /// By how much a longer time is tried where a shorter one asks for too much, and how often.
-const CORRECTION_GROWTH: f64 = 1.25;
-const CORRECTIONS_MAX: u32 = 60;
+const CORRECTION_GROWTH: f64 = 1.1;
+const CORRECTIONS_MAX: u32 = 100;
 
-/// How a vehicle gets to a place that moves, and moves along with it from then on: one acceleration for half of the
-/// time, another for the other half.
+/// What share of the time a correction accelerates for, and brakes for; it coasts in between. The smaller, the less
+/// speed it takes.
+const SHARES: [f64; 4] = [1.0 / 2.0, 1.0 / 4.0, 1.0 / 8.0, 1.0 / 16.0];
+
+/// How a vehicle gets to a place that moves, and moves along with it from then on: it accelerates, coasts, and
+/// accelerates again.
 #[derive(Debug, Clone, Copy)]
 struct Correction {
-    seconds: f64,
-    accelerations: [Vector3<f64>; 2],
+    /// For how long each, and how.
+    pieces: [(f64, Vector3<f64>); 3],
+    /// The velocity beside the place in which it coasts.
+    coasting: Vector3<f64>,
 }
 
 impl Correction {
-    /// The one that takes away, within `seconds`, the displacement and the velocity that a vehicle has beside its
-    /// place: w T + 3/8 a₁ T² + 1/8 a₂ T² = −e and (a₁ + a₂) T / 2 = −w.
-    fn within(seconds: f64, displacement: Vector3<f64>, velocity: Vector3<f64>) -> Self {
-        let push = displacement * (4.0 / (seconds * seconds));
-        let accelerations = [
-            -push - velocity * (3.0 / seconds),
-            push + velocity / seconds,
-        ];
+    /// The one that takes away, within T = `seconds`, the displacement e and the velocity w that a vehicle has beside
+    /// its place, coasting at u for all but the `share` σ of T at either end:
+    /// e + (w + u) σT / 2 + u (1 − 2σ) T + u σT / 2 = 0.
+    fn within(
+        seconds: f64,
+        share: f64,
+        displacement: Vector3<f64>,
+        velocity: Vector3<f64>,
+    ) -> Self {
+        let end_s = seconds * share;
+        let coasting = (displacement + velocity * (end_s / 2.0)) / (-seconds * (1.0 - share));
         Self {
-            seconds,
-            accelerations,
+            pieces: [
+                (end_s, (coasting - velocity) / end_s),
+                (seconds - 2.0 * end_s, Vector3::zeros()),
+                (end_s, -coasting / end_s),
+            ],
+            coasting,
         }
     }
 
-    /// The quickest within limits, for a vehicle beside a place that moves at `along`.
+    /// The one that takes away the velocity only.
+    fn of_velocity(velocity: Vector3<f64>, acceleration_mps2: f64) -> Self {
+        let seconds = velocity.norm() / acceleration_mps2;
+        let pieces = match velocity.try_normalize(0.0) {
+            Some(direction) => [(seconds, direction * -acceleration_mps2), REST, REST],
+            None => [REST; 3],
+        };
+        Self {
+            pieces,
+            coasting: Vector3::zeros(),
+        }
+    }
+
+    /// The quickest within limits, for a vehicle beside a place that moves at `along`. A place that is as fast as the
+    /// vehicle may be can't be caught up with: it stays as far away then.
     fn quickest(
         displacement: Vector3<f64>,
         velocity: Vector3<f64>,
         along: Vector3<f64>,
         limits: Limits,
     ) -> Self {
-        let speed_max = limits.speed_mps.max((along + velocity).norm());
         let keeps_to = |it: &Self| {
-            let [first, second] = it.accelerations.map(|it| it.norm());
-            let halfway = along + velocity + it.accelerations[0] * (it.seconds / 2.0);
-            first.max(second) <= limits.acceleration_mps2 && halfway.norm() <= speed_max
+            let fits = |(_, by): &(f64, Vector3<f64>)| by.norm() <= limits.acceleration_mps2;
+            it.pieces.iter().all(fits) && (along + it.coasting).norm() <= limits.speed_mps
         };
-        let mut correction = Self::within(CORRECTION_MIN_S, displacement, velocity);
+        let mut seconds = CORRECTION_MIN_S;
         for _ in 0..CORRECTIONS_MAX {
-            if keeps_to(&correction) {
-                break;
+            let in_time = SHARES.map(|share| Self::within(seconds, share, displacement, velocity));
+            if let Some(correction) = in_time.into_iter().find(keeps_to) {
+                return correction;
             }
-            let seconds = correction.seconds * CORRECTION_GROWTH;
-            correction = Self::within(seconds, displacement, velocity);
+            seconds *= CORRECTION_GROWTH;
         }
-        correction
+        Self::of_velocity(velocity, limits.acceleration_mps2)
     }
 }
+
+const REST: (f64, Vector3<f64>) = (0.0, Vector3::new(0.0, 0.0, 0.0));
 
 impl Motion {
     /// Gets to a place that moves, moves along with it until `hold` from now, and comes to rest.
@@ -86,10 +113,12 @@ impl Motion {
         self.cut(at);
         let mut now = (at, from, own);
         let mut left_s = hold.as_secs_f64();
-        for acceleration in correction.accelerations {
-            let seconds = left_s.min(correction.seconds / 2.0);
-            now = self.accelerate(now, acceleration, seconds);
-            left_s -= seconds;
+        for (seconds, acceleration) in correction.pieces {
+            let seconds = left_s.min(seconds);
+            if seconds > 0.0 {
+                now = self.accelerate(now, acceleration, seconds);
+                left_s -= seconds;
+            }
         }
         now = self.accelerate(now, Vector3::zeros(), left_s);
         self.come_to_rest_from(now);

@@ -28,6 +28,7 @@ pub(crate) struct Recorder {
 #[derive(Debug, Clone)]
 pub(crate) struct Record {
     pub(crate) states: Vec<(Timestamp, State)>,
+    /// Its ways, as they were until the master went to land.
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
     pub(crate) given_up: bool,
@@ -194,7 +195,10 @@ impl Recorder {
 
     pub(crate) fn routing(&mut self, id: NodeId, event: &routing::Event) {
         match event {
-            routing::Event::Routes(routes) => self.record(id).routes = routes.clone(),
+            // Once the master goes to land, ways to it come apart.
+            routing::Event::Routes(routes) if !self.is_landing(self.centre) => {
+                self.record(id).routes = routes.clone();
+            }
             routing::Event::Reached {
                 member,
                 via,
@@ -220,6 +224,16 @@ impl Recorder {
         let record = &self.drones[id.0 as usize];
         let last = record.states.last().map(|(_, state)| *state);
         record.given_up || last == Some(State::Finished)
+    }
+
+    fn is_landing(&self, id: NodeId) -> bool {
+        let last = self.drones[id.0 as usize].states.last();
+        last.is_some_and(|(_, state)| {
+            matches!(
+                state,
+                State::MovingToLand | State::Landing | State::Finished
+            )
+        })
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {

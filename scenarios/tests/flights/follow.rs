@@ -94,10 +94,17 @@ fn slaves_of_a_master_that_fell_silent_come_down() {
     let report = fly(&scenario("follow.toml", &[&faults]), Engine::Events);
     assert_eq!(report.violations, []);
     assert!(!report.mission_completed);
-    assert!(
-        report
-            .drones
-            .iter()
-            .all(|drone| drone.flight_time_s.is_some())
-    );
+    for drone in &report.drones {
+        let because = match drone.id {
+            7 => "an actor could not be kept alive",
+            _ => "the master was silent",
+        };
+        assert_eq!(drone.state, "finished", "drone {}", drone.id);
+        assert_eq!(
+            drone.landed_because.as_deref(),
+            Some(because),
+            "drone {}",
+            drone.id
+        );
+    }
 }

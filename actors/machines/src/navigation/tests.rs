@@ -161,7 +161,10 @@ fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
     }));
     // The same goal again is a newer report: the place has moved on since.
     for _ in 0..2 {
-        assert_eq!(told(&mut navigation, Input::Goal(MOVING)), [track.clone()]);
+        assert_eq!(
+            told(&mut navigation, Input::Goal(MOVING)),
+            std::slice::from_ref(&track)
+        );
     }
     assert_eq!(told(&mut navigation, at_rest_at(Ned::HOME)), []);
 }
