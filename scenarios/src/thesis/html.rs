@@ -66,8 +66,8 @@ pub(super) fn page(comparison: &Comparison) -> String {
             p.about {
                 "From a drone's own arrival to its own departure, the mean over its waypoints; in full colour where "
                 "the master waits for all, in pale where it waits only for those that it hears itself (figure 36, "
-                "which has one waypoint). That one is shorter than the thesis's: all drones take equal times for equal "
-                "legs here."
+                "which has one waypoint). Where equal legs take equal times, as here, and nothing is lost, that "
+                "is two periods at most, below the thesis's."
             }
             ul.legend { (kinds()) }
             div.figures { figure { (waits(comparison)) } (waits_table(comparison)) }
