@@ -45,20 +45,19 @@ enum Command {
     Completions(completions::Arguments),
 }
 
-/// How a command ended that could do what it was asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a command ended that could do what it was asked for, from good to bad.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Ended {
     Well,
-    RuleBroken,
     MissionIncomplete,
+    RuleBroken,
 }
 
-impl Ended {
-    /// How a command ended that flew these.
-    fn of<'a>(reports: impl Iterator<Item = &'a Report> + Clone) -> Self {
-        if reports.clone().any(|report| !report.violations.is_empty()) {
+impl From<&Report> for Ended {
+    fn from(report: &Report) -> Self {
+        if !report.violations.is_empty() {
             Self::RuleBroken
-        } else if reports.clone().all(|report| report.mission_completed) {
+        } else if report.mission_completed {
             Self::Well
         } else {
             Self::MissionIncomplete

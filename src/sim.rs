@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&report, &written)?;
     }
-    Ok(Ended::of(std::iter::once(&report)))
+    Ok(Ended::from(&report))
 }
 
 fn default_folder(scenario: &Scenario) -> PathBuf {

@@ -58,7 +58,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&comparison, &written)?;
     }
-    Ok(Ended::of(comparison.reports()))
+    let ended = comparison.reports().map(Ended::from);
+    Ok(ended.max().unwrap_or(Ended::Well))
 }
 
 fn watch(bar: &ProgressBar, scenario: &Scenario) -> Watcher {

@@ -24,7 +24,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Every run of ours.
-    pub fn reports(&self) -> impl Iterator<Item = &Report> + Clone {
+    pub fn reports(&self) -> impl Iterator<Item = &Report> {
         let strict = self.experiments.iter().map(|it| &it.report);
         strict.chain([&self.neighbours])
     }
