@@ -5,6 +5,7 @@ mod check;
 mod completions;
 mod sim;
 mod terminal;
+mod thesis;
 
 use std::io;
 use std::path::PathBuf;
@@ -15,7 +16,7 @@ use miette::{Diagnostic, GraphicalReportHandler};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
-use muster_scenarios::report::WriteError;
+use muster_scenarios::report::{Report, WriteError};
 
 /// Flies swarms of drones: in simulation today, the very same drones on aircraft.
 ///
@@ -39,16 +40,29 @@ enum Command {
     Sim(sim::Arguments),
     Campaign(campaign::Arguments),
     CampaignMerge(campaign::MergeArguments),
+    Thesis(thesis::Arguments),
     Check(check::Arguments),
     Completions(completions::Arguments),
 }
 
-/// How a command ended that could do what it was asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How a command ended that could do what it was asked for, from good to bad.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Ended {
     Well,
-    RuleBroken,
     MissionIncomplete,
+    RuleBroken,
+}
+
+impl From<&Report> for Ended {
+    fn from(report: &Report) -> Self {
+        if !report.violations.is_empty() {
+            Self::RuleBroken
+        } else if report.mission_completed {
+            Self::Well
+        } else {
+            Self::MissionIncomplete
+        }
+    }
 }
 
 /// Why a command could not do what it was asked for.
@@ -94,6 +108,7 @@ fn main() -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
+        Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

@@ -77,13 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&report, &written)?;
     }
-    Ok(if !report.violations.is_empty() {
-        Ended::RuleBroken
-    } else if report.mission_completed {
-        Ended::Well
-    } else {
-        Ended::MissionIncomplete
-    })
+    Ok(Ended::from(&report))
 }
 
 fn default_folder(scenario: &Scenario) -> PathBuf {
@@ -93,7 +87,7 @@ fn default_folder(scenario: &Scenario) -> PathBuf {
 
 /// Refuses, before anything is flown, a folder that can't be written to: what there is of its path must be a folder
 /// in which files can be made.
-fn check_folder(out: &Path) -> Result<(), BadInput> {
+pub(crate) fn check_folder(out: &Path) -> Result<(), BadInput> {
     let help = "--out takes a folder, which is made if it is not there";
     let there = out.ancestors().find(|path| path.symlink_metadata().is_ok());
     let there = there

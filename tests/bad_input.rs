@@ -104,6 +104,27 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["inf is not", "metres, a number from 0.01"],
         ),
         (
+            "policy = \"flood\"",
+            "policy = \"flood\"\nbarrier = \"none\"",
+            &["unknown variant `none`", "`strict`", "`neighbours`"],
+        ),
+        (
+            "policy = \"flood\"",
+            "policy = \"flood\"\nkind = \"follow\"\nbarrier = \"neighbours\"",
+            &[
+                "a master that is followed waits for nobody at a waypoint",
+                "`protocol.barrier` is \"strict\", or \"neighbours\"",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "barrier = \"neighbours\"\n\n[[changes]]\nwaypoint = 1\nkind = \"circular\"",
+            &[
+                "a swarm changes formation only once all have arrived",
+                "`protocol.barrier` is \"strict\", or \"neighbours\"",
+            ],
+        ),
+        (
             "range_m = 300",
             "range_m = 300\nmodel = \"friis\"",
             &["unknown variant `friis`", "\"80211a\""],

@@ -83,7 +83,14 @@ fn every_command_in_the_documents_runs() {
 #[test]
 fn the_examples_in_the_help_run() {
     let folder = fresh_folder();
-    for subcommand in ["sim", "campaign", "campaign-merge", "check", "completions"] {
+    for subcommand in [
+        "sim",
+        "campaign",
+        "campaign-merge",
+        "thesis",
+        "check",
+        "completions",
+    ] {
         let help = Command::cargo_bin("muster")
             .unwrap()
             .args([subcommand, "--help"])

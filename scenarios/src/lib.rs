@@ -1,4 +1,5 @@
-//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers, reports and campaigns.
+//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers, reports, campaigns and
+//! the comparison with the thesis.
 
 pub mod campaign;
 mod checkers;
@@ -6,6 +7,7 @@ pub mod engine;
 pub mod report;
 pub mod scenario;
 mod simulated_link;
+pub mod thesis;
 mod vehicle;
 mod world;
 

@@ -147,7 +147,12 @@ pub fn load(path: &Path) -> Result<Mission, BadInput> {
     parse(path, &read_text(path)?)
 }
 
-fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
+/// Reads the text of a mission file, likewise; `path` is what errors call it.
+///
+/// # Errors
+///
+/// Those of [`load`], save that there is a text.
+pub fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
     let document = Document { path, text };
     let begins = text.trim_start();
     if begins.starts_with('{') {

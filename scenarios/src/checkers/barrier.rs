@@ -1,15 +1,17 @@
 use std::collections::BTreeSet;
 
 use muster_machines::identity::NodeId;
-use muster_machines::mission::{Event, State};
+use muster_machines::mission::{Barrier, Event, State};
 use muster_machines::time::Timestamp;
 
 use super::Violation;
 
 /// Rule 3: waypoints open one by one, each once every live member of the master's part that is not landing has reached
 /// the one before; no drone skips one. The master's part is whoever can be reached from it by radio, over others too.
+/// Where the master waits for its neighbours only, it may open one before the others have reached the one before.
 #[derive(Debug)]
 pub(crate) struct BarrierChecker {
+    barrier: Barrier,
     /// The highest waypoint opened, by whomever.
     opened: Option<u16>,
     /// Who opened a waypoint last, and which.
@@ -24,8 +26,9 @@ struct Progress {
 }
 
 impl BarrierChecker {
-    pub(crate) fn new(drones: usize) -> Self {
+    pub(crate) fn new(barrier: Barrier, drones: usize) -> Self {
         Self {
+            barrier,
             opened: None,
             last: None,
             drones: vec![Progress::default(); drones],
@@ -41,7 +44,13 @@ impl BarrierChecker {
     ) -> Option<Violation> {
         match *event {
             Event::State(state) => self.enters(now, drone, state),
-            Event::Opened { waypoint } => self.opens(now, drone, waypoint, &part()),
+            Event::Opened { waypoint } => {
+                let awaited = match self.barrier {
+                    Barrier::Strict => part(),
+                    Barrier::Neighbours => BTreeSet::new(),
+                };
+                self.opens(now, drone, waypoint, &awaited)
+            }
             _ => None,
         }
     }
@@ -75,7 +84,7 @@ impl BarrierChecker {
         now: Timestamp,
         master: NodeId,
         waypoint: u16,
-        part: &BTreeSet<NodeId>,
+        awaited: &BTreeSet<NodeId>,
     ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
         self.opened = self.opened.max(Some(waypoint));
@@ -98,7 +107,7 @@ impl BarrierChecker {
             .zip(&self.drones)
             .filter(|(_, drone)| drone.state.is_following() && drone.reached < Some(before))
             .map(|(id, _)| id)
-            .filter(|id| part.contains(id))
+            .filter(|id| awaited.contains(id))
             .collect();
         (!behind.is_empty()).then(|| Violation {
             rule: 3,
@@ -126,8 +135,8 @@ mod tests {
 
     const REACHED_0: Event = Event::State(State::WaypointReached { waypoint: 0 });
 
-    fn checker_at_waypoint_0() -> BarrierChecker {
-        let mut checker = BarrierChecker::new(2);
+    fn checker_at_waypoint_0(barrier: Barrier) -> BarrierChecker {
+        let mut checker = BarrierChecker::new(barrier, 2);
         for event in [REACHED_0, Event::Opened { waypoint: 0 }] {
             assert_eq!(
                 observe(&mut checker, Timestamp::ZERO, NodeId(0), &event),
@@ -139,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_waypoint_opened_before_all_are_there_is_found() {
-        let mut checker = checker_at_waypoint_0();
+        let mut checker = checker_at_waypoint_0(Barrier::Strict);
         let on_the_way = Event::State(State::HopUpdate);
         assert_eq!(
             observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way),
@@ -159,7 +168,7 @@ mod tests {
 
     #[test]
     fn nobody_waits_for_a_drone_that_lands() {
-        let mut checker = checker_at_waypoint_0();
+        let mut checker = checker_at_waypoint_0(Barrier::Strict);
         for state in [State::HopUpdate, State::Landing] {
             assert_eq!(
                 observe(
@@ -182,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_skipped_waypoint_is_found() {
-        let mut checker = checker_at_waypoint_0();
+        let mut checker = checker_at_waypoint_0(Barrier::Strict);
         let leaps = Event::State(State::MovingToWaypoint { waypoint: 2 });
         assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &leaps).is_some());
         let opens = Event::Opened { waypoint: 2 };
@@ -191,11 +200,24 @@ mod tests {
 
     #[test]
     fn nobody_waits_for_a_drone_that_no_radio_reaches() {
-        let mut checker = checker_at_waypoint_0();
+        let mut checker = checker_at_waypoint_0(Barrier::Strict);
         let on_the_way = Event::State(State::HopUpdate);
         observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);
         let opens = Event::Opened { waypoint: 1 };
         let found = checker.observe(Timestamp::ZERO, NodeId(0), &opens, || [NodeId(0)].into());
         assert_eq!(found, None);
+    }
+
+    #[test]
+    fn a_master_that_waits_for_its_neighbours_skips_no_waypoint_either() {
+        let mut checker = checker_at_waypoint_0(Barrier::Neighbours);
+        let on_the_way = Event::State(State::HopUpdate);
+        observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);
+        let mut opens = |waypoint| {
+            let opened = Event::Opened { waypoint };
+            observe(&mut checker, Timestamp::ZERO, NodeId(0), &opened)
+        };
+        assert_eq!(opens(1), None);
+        assert!(opens(3).is_some());
     }
 }

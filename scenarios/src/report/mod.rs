@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use figures::command;
 pub(crate) use summary::summary;
-pub(crate) use write::{Complete, Draft, make_folder};
+pub(crate) use write::{Complete, Draft, json, make_folder};
 
 /// The figures of a run: what `--json` prints and `report.json` holds.
 ///

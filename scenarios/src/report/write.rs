@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, IntoInnerError, Write};
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
 use tempfile::NamedTempFile;
 use thiserror::Error;
 
@@ -88,9 +89,9 @@ pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<Written, Wr
     })
 }
 
-fn json(report: &Report) -> Vec<u8> {
-    let mut json =
-        serde_json::to_vec_pretty(report).expect("a report holds no maps and no fallible values");
+/// A report as the text of a file.
+pub(crate) fn json(report: &impl Serialize) -> Vec<u8> {
+    let mut json = serde_json::to_vec_pretty(report).expect("reports hold no fallible values");
     json.push(b'\n');
     json
 }

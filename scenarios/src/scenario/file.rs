@@ -2,7 +2,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::raw::{FIELDS, Raw};
@@ -91,8 +91,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    pub(super) fn read(path: &Path, overrides: &[Override]) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
+    pub(super) fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
         if overrides.is_empty() {
             let shown = path.to_owned();
             return Ok(Self { shown, text });

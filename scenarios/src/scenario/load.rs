@@ -6,10 +6,11 @@ use std::time::Duration;
 use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Barrier;
 use muster_machines::navigation;
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::wire;
-use muster_runtime::diagnostic::BadInput;
+use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
@@ -19,7 +20,7 @@ use super::faults::faults;
 use super::follow::follow;
 use super::formation;
 use super::limits::{Course, check_layers, limits};
-use super::raw::{MediumName, ModelName, Raw};
+use super::raw::{MediumName, ModelName, ProtocolKind, Raw};
 use super::{Protocol, Scenario};
 use crate::vehicle::Landing;
 
@@ -28,11 +29,20 @@ use crate::vehicle::Landing;
 /// # Errors
 /// When either file can't be used: the error names the file, shows the place and says what would be accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    let source = Source::read(path, overrides)?;
+    load_from(path, overrides, read_text)
+}
+
+/// Likewise, with each file's text from `read`.
+pub(crate) fn load_from(
+    path: &Path,
+    overrides: &[Override],
+    read: impl Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Scenario, BadInput> {
+    let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mission_path = folder.join(raw.mission.file.get_ref());
-    let mission = mission_file::load(&mission_path)?;
+    let mission = mission_file::parse(&mission_path, &read(&mission_path)?)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
 
     let separation = Separation {
@@ -186,6 +196,7 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
     let time_to_live = raw.protocol.time_to_live_ms.as_ref();
     let protocol = Protocol {
         policy: (*raw.protocol.policy.get_ref()).into(),
+        barrier: barrier(source, raw)?,
         liveness: raw.protocol.liveness.into(),
         succession: raw.protocol.succession.into(),
         period: milliseconds(raw.protocol.period_ms, 200),
@@ -213,6 +224,23 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
         return Err(source.error(place(time_to_live.map(Spanned::span)), message));
     }
     Ok(protocol)
+}
+
+/// For whom a master waits; for all, where whoever is behind the others would be in their way or none is waited for.
+fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
+    let Some(name) = &raw.protocol.barrier else {
+        return Ok(Barrier::Strict);
+    };
+    let barrier = Barrier::from(*name.get_ref());
+    if barrier == Barrier::Neighbours && raw.protocol.kind == ProtocolKind::Follow {
+        let message = "a master that is followed waits for nobody at a waypoint";
+        return Err(source.error(name.span(), message));
+    }
+    if barrier == Barrier::Neighbours && !raw.changes.is_empty() {
+        let message = "a swarm changes formation only once all have arrived";
+        return Err(source.error(name.span(), message));
+    }
+    Ok(barrier)
 }
 
 /// Refuses a swarm whose lists of members would outgrow a datagram.

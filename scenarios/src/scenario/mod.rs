@@ -15,7 +15,7 @@ use muster_machines::cell::{Address, Blueprint};
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Following, Liveness, Succession};
+use muster_machines::mission::{Barrier, Following, Liveness, Succession};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -28,6 +28,7 @@ use crate::vehicle::Landing;
 
 pub use file::Override;
 pub use load::load;
+pub(crate) use load::load_from;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
@@ -160,6 +161,7 @@ impl Scenario {
                 },
                 changes: Arc::clone(&self.changes),
                 following: self.follow.as_ref().map(|follow| follow.following),
+                barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 succession: protocol.succession,
                 set_up_limit: self.limits.set_up,
@@ -186,6 +188,8 @@ const BUDGET_BURST: u32 = 16;
 pub struct Protocol {
     /// How orders and acknowledgements spread.
     pub policy: Policy,
+    /// For whom a master waits at a waypoint.
+    pub barrier: Barrier,
     /// When a silent drone counts as lost.
     pub liveness: Liveness,
     /// What drones do whose master is silent.

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use muster_machines::cell::Address;
-use muster_machines::mission::{Liveness, Succession};
+use muster_machines::mission::{Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -116,6 +116,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "\"muscop\", from waypoint to waypoint, or \"follow\", after a master that waits for nobody",
     ),
     ("protocol.policy", "\"flood\" or \"tree\""),
+    (
+        "protocol.barrier",
+        "\"strict\", or \"neighbours\" where `kind` is \"muscop\" and there are no `changes`",
+    ),
     ("protocol.liveness", "\"pulse\" or \"thesis\""),
     (
         "protocol.succession",
@@ -379,6 +383,7 @@ pub(super) struct Protocol {
     #[serde(default)]
     pub(super) kind: ProtocolKind,
     pub(super) policy: Spanned<PolicyName>,
+    pub(super) barrier: Option<Spanned<BarrierName>>,
     #[serde(default)]
     pub(super) liveness: LivenessName,
     #[serde(default)]
@@ -440,6 +445,22 @@ impl From<PolicyName> for Policy {
         match name {
             PolicyName::Flood => Self::Flood,
             PolicyName::Tree => Self::Tree,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum BarrierName {
+    Strict,
+    Neighbours,
+}
+
+impl From<BarrierName> for Barrier {
+    fn from(name: BarrierName) -> Self {
+        match name {
+            BarrierName::Strict => Self::Strict,
+            BarrierName::Neighbours => Self::Neighbours,
         }
     }
 }

@@ -170,7 +170,7 @@ impl World {
             range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
             election: ElectionChecker::new(drones as usize),
-            barrier: BarrierChecker::new(drones as usize),
+            barrier: BarrierChecker::new(scenario.protocol.barrier, drones as usize),
             separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,

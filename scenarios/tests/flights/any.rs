@@ -50,8 +50,10 @@ fn any(draw: u64) -> Scenario {
     scenario.faults = (0..rng.random_range(0..4))
         .map(|_| Fault {
             at: Timestamp::from_secs_f64(rng.random_range(0.0..400.0)),
-            drone: NodeId(rng.random_range(0..drones)),
-            kind: FaultKind::CrashActor(*Address::ALL.choose(&mut rng).unwrap()),
+            kind: FaultKind::CrashActor(
+                NodeId(rng.random_range(0..drones)),
+                *Address::ALL.choose(&mut rng).unwrap(),
+            ),
         })
         .collect();
     scenario

@@ -27,8 +27,7 @@ fn on_both_engines(scenario: &Scenario) -> Report {
 fn crash(at_s: f64, drone: u32, actor: Address) -> Fault {
     Fault {
         at: Timestamp::from_secs_f64(at_s),
-        drone: NodeId(drone),
-        kind: FaultKind::CrashActor(actor),
+        kind: FaultKind::CrashActor(NodeId(drone), actor),
     }
 }
 

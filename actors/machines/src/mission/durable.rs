@@ -3,9 +3,10 @@ use std::fmt;
 
 use bytes::Bytes;
 
+use super::Barrier;
 use super::order::Step;
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
@@ -166,6 +167,8 @@ pub struct Lead {
     pub order: Bytes,
     /// The other drones of the swarm.
     pub members: BTreeMap<NodeId, Awaited>,
+    /// Whom it hears itself.
+    pub neighbours: NodeSet,
     /// What only a master has that is followed.
     pub followed: Option<Followed>,
 }
@@ -197,8 +200,23 @@ pub struct Awaited {
 }
 
 impl Awaited {
-    /// Whether the swarm waits for this member to carry out order `sequence`.
-    pub(super) const fn holds_up(&self, sequence: u32) -> bool {
+    /// Whether the swarm waits for this member to carry out order `sequence`, if it waits for it at all.
+    const fn holds_up(&self, sequence: u32) -> bool {
         !self.silent && !self.landing && !self.left_out && self.acknowledged < sequence
+    }
+}
+
+impl Lead {
+    /// The members that hold up the newest order: any, or only those that the master hears itself.
+    pub(super) fn awaited(&self, barrier: Barrier) -> impl Iterator<Item = NodeId> + '_ {
+        let waits_for = move |id: NodeId| match barrier {
+            Barrier::Strict => true,
+            Barrier::Neighbours => self.neighbours.contains(id),
+        };
+        self.members
+            .iter()
+            .filter(|(_, awaited)| awaited.holds_up(self.sequence))
+            .map(|(id, _)| *id)
+            .filter(move |id| waits_for(*id))
     }
 }

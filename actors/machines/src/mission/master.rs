@@ -1,7 +1,7 @@
 //! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
 //! one before.
 
-use super::{Awaited, Event, LandingReason, Lead, Mission, Order, State, Step, Transmit};
+use super::{Awaited, Barrier, Event, LandingReason, Lead, Mission, Order, State, Step, Transmit};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
@@ -91,13 +91,20 @@ impl Mission {
 
     /// Whether all that the master waits for have carried out its newest order.
     fn all_carried_out(&self) -> bool {
-        self.durable.lead.as_ref().is_some_and(|lead| {
-            self.durable.pending.is_none()
-                && !lead
-                    .members
-                    .values()
-                    .any(|awaited| awaited.holds_up(lead.sequence))
-        })
+        self.durable.pending.is_none()
+            && self
+                .durable
+                .lead
+                .as_ref()
+                .is_some_and(|lead| lead.awaited(self.barrier()).next().is_none())
+    }
+
+    /// For whom it waits where it is now.
+    fn barrier(&self) -> Barrier {
+        match self.durable.state {
+            State::WaypointReached { .. } => self.config.barrier,
+            _ => Barrier::Strict,
+        }
     }
 
     /// Gives the next order once the last one is carried out.
@@ -175,12 +182,14 @@ impl Mission {
 
     /// Flies without the members that did not get ready in time.
     pub(super) fn leave_out_the_late(&mut self) {
+        let barrier = self.barrier();
         if let Some(lead) = &mut self.durable.lead {
-            for (id, awaited) in &mut lead.members {
-                if awaited.holds_up(lead.sequence) {
+            let late: Vec<_> = lead.awaited(barrier).collect();
+            for id in late {
+                if let Some(awaited) = lead.members.get_mut(&id) {
                     awaited.left_out = true;
-                    self.outbox.event(Event::LeftOut(*id));
                 }
+                self.outbox.event(Event::LeftOut(id));
             }
         }
     }

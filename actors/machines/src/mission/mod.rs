@@ -40,6 +40,8 @@ pub struct Config {
     pub changes: Arc<[Change]>,
     /// How the master is followed, where it does not lead from waypoint to waypoint.
     pub following: Option<Following>,
+    /// For whom a master waits at a waypoint.
+    pub barrier: Barrier,
     /// When a silent master or member counts as lost.
     pub liveness: Liveness,
     /// What a drone in the air does once its master counts as lost.
@@ -52,6 +54,15 @@ pub struct Config {
     pub leg_limit: Duration,
     /// The most waypoints that a mission may have.
     pub waypoints_max: usize,
+}
+
+/// For whom a master waits at a waypoint; on the ground and for the take-off it waits for all in either case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Barrier {
+    /// For every member.
+    Strict,
+    /// For those that it hears itself, as the thesis's figures say; who is beyond them follows as it is told.
+    Neighbours,
 }
 
 /// When a silent master or member counts as lost.
@@ -321,6 +332,11 @@ impl Mission {
                 awaited.landing |= landing;
                 awaited.silent = false;
             }),
+            RoutingNotice::Hears(neighbours) => {
+                if let Some(lead) = &mut self.durable.lead {
+                    lead.neighbours = neighbours;
+                }
+            }
             RoutingNotice::Silent(member) => {
                 self.hear_member(member, |awaited| awaited.silent = true);
             }

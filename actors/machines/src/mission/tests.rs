@@ -33,6 +33,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         mission: waypoints().into(),
         changes: Arc::default(),
         following: None,
+        barrier: Barrier::Strict,
         liveness,
         succession: Succession::Land,
         set_up_limit: 30 * SECOND,
@@ -134,7 +135,15 @@ fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
 
 /// A master whose two members have the plan and are taking off.
 fn master_taking_off() -> Mission {
-    let mut master = mission(1, Liveness::Pulse);
+    master_taking_off_with(Barrier::Strict)
+}
+
+fn master_taking_off_with(barrier: Barrier) -> Mission {
+    let config = Config {
+        barrier,
+        ..config(1, Liveness::Pulse)
+    };
+    let mut master = Mission::new(config, None);
     told(&mut master, 0.0, Input::Fly);
     hears(&mut master, 1.0, progress(0, 1));
     let transmits = hears(&mut master, 1.0, progress(2, 1));
@@ -223,6 +232,43 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
         master.durable.state,
         State::MovingToWaypoint { waypoint: 1 }
     );
+}
+
+#[test]
+fn at_a_waypoint_a_master_may_wait_for_those_that_it_hears_and_on_the_way_up_it_may_not() {
+    let mut master = master_taking_off_with(Barrier::Neighbours);
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut master, 20.0, arrived.clone());
+    let transmits = hears(&mut master, 21.0, progress(2, 2));
+    assert!(transmits.is_empty(), "drone 0 is still on its way up");
+    hears(&mut master, 22.0, progress(0, 2));
+    let neighbours = [NodeId(2)].into_iter().collect();
+    hears(&mut master, 30.0, RoutingNotice::Hears(neighbours));
+    hears(&mut master, 30.0, RoutingNotice::RoutesReady);
+    assert!(orders(&hears(&mut master, 31.0, progress(0, 3))).is_empty());
+    let transmits = hears(&mut master, 32.0, progress(2, 3));
+    assert_eq!(orders(&transmits), [Order::Move { waypoint: 1 }]);
+    told(&mut master, 60.0, arrived);
+    let transmits = hears(&mut master, 61.0, progress(2, 4));
+    assert_eq!(orders(&transmits), [Order::Move { waypoint: 2 }]);
+}
+
+#[test]
+fn only_those_that_are_waited_for_are_left_out() {
+    let mut master = master_taking_off_with(Barrier::Neighbours);
+    hears(&mut master, 20.0, progress(0, 2));
+    hears(&mut master, 20.0, progress(2, 2));
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut master, 20.0, arrived.clone());
+    let neighbours = [NodeId(2)].into_iter().collect();
+    hears(&mut master, 30.0, RoutingNotice::Hears(neighbours));
+    hears(&mut master, 30.0, RoutingNotice::RoutesReady);
+    hears(&mut master, 32.0, progress(2, 3));
+    told(&mut master, 60.0, arrived);
+    let (transmits, events) = stimulate(&mut master, 160.0, Stimulus::Timeout);
+    assert_eq!(orders(&transmits), [Order::Move { waypoint: 2 }]);
+    assert!(events.contains(&Event::LeftOut(NodeId(2))));
+    assert!(!events.contains(&Event::LeftOut(NodeId(0))));
 }
 
 #[test]

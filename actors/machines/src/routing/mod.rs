@@ -15,7 +15,7 @@ use bytes::Bytes;
 pub use beats::Beats;
 pub use packet::{Flood, Member, Packet, Tree};
 
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
 
@@ -103,6 +103,8 @@ pub enum Notice {
         /// Whether it is going to land.
         landing: bool,
     },
+    /// To a master, before routes are up: whom it hears itself.
+    Hears(NodeSet),
     /// To a master: a member has not been heard of for its time to live.
     Silent(NodeId),
     /// To a master: a member that was silent is back.

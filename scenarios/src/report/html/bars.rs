@@ -1,4 +1,4 @@
-//! Bar charts with a place for each drone, after the thesis's figures 23 and 24.
+//! Bar charts with a place for each drone or each experiment, after the thesis's figures 23 and 24.
 
 use maud::{Markup, html};
 
@@ -18,43 +18,66 @@ const BOTTOM_PX: f64 = 46.0;
 const DIGIT_PX: f64 = 8.0;
 
 /// What a chart shows.
-struct Chart<'a> {
+pub(crate) struct Chart {
     /// For who can't see it.
-    about: &'a str,
+    pub(crate) about: String,
     /// What stands beside its vertical axis.
-    axis: &'a str,
+    pub(crate) axis: &'static str,
+    /// What stands below the bars.
+    pub(crate) places: &'static str,
     /// Digits after the point.
-    digits: usize,
-    mean: Option<f64>,
-    bars: Vec<Bars<'a>>,
+    pub(crate) digits: usize,
+    /// Lines across it, two at most.
+    pub(crate) levels: Vec<Level>,
+    pub(crate) bars: Vec<Bars>,
 }
 
-/// The bars of one drone, the first in full colour.
-struct Bars<'a> {
-    drone: &'a DroneReport,
-    /// What is said of it when it is pointed at.
-    title: String,
-    heights: Vec<Option<f64>>,
+/// A height that is marked across a chart.
+pub(crate) struct Level {
+    pub(crate) name: &'static str,
+    pub(crate) height: f64,
+}
+
+/// The bars at one place, the first in full colour.
+pub(crate) struct Bars {
+    /// What stands below them.
+    pub(crate) label: String,
+    /// Which colour: the name of a kind of drone, or `all`.
+    pub(crate) colour: &'static str,
+    /// What is said of them when they are pointed at.
+    pub(crate) title: String,
+    pub(crate) heights: Vec<Option<f64>>,
+}
+
+impl Bars {
+    /// Those of a drone.
+    pub(crate) fn of_drone(drone: &DroneReport, about: &str, heights: Vec<Option<f64>>) -> Self {
+        let kind = drone.kind();
+        Self {
+            label: drone.id.to_string(),
+            colour: kind.name(),
+            title: format!("drone {} ({}): {about}", drone.id, kind.name()),
+            heights,
+        }
+    }
 }
 
 /// How long each drone flew.
 pub(super) fn flight_times(report: &Report) -> Markup {
     let bars = report.drones.iter().map(|drone| {
-        let title = match drone.flight_time_s {
-            Some(flown_s) => format!("{}: {} s", name(drone), figure(flown_s, 1)),
-            None => format!("{}: has no flight time, {}", name(drone), drone.state),
+        let about = match drone.flight_time_s {
+            Some(flown_s) => format!("{} s", figure(flown_s, 1)),
+            None => format!("has no flight time, {}", drone.state),
         };
-        Bars {
-            drone,
-            title,
-            heights: vec![drone.flight_time_s],
-        }
+        Bars::of_drone(drone, &about, vec![drone.flight_time_s])
     });
+    let mean = report.means.flight_time_s;
     chart(&Chart {
-        about: "Flight time of each drone",
+        about: "Flight time of each drone".to_owned(),
         axis: "flight time in seconds",
+        places: "drone",
         digits: 1,
-        mean: report.means.flight_time_s,
+        levels: mean.map(Level::mean).into_iter().collect(),
         bars: bars.collect(),
     })
 }
@@ -63,39 +86,37 @@ pub(super) fn flight_times(report: &Report) -> Markup {
 pub(super) fn messages(report: &Report) -> Markup {
     let bars = report.drones.iter().map(|drone| {
         let (received, sent) = (count(drone.messages_received), count(drone.messages_sent));
-        let title = format!(
-            "{}: received {}, sent {}",
-            name(drone),
-            figure(received, 0),
-            figure(sent, 0)
-        );
-        Bars {
-            drone,
-            title,
-            heights: vec![Some(received), Some(sent)],
-        }
+        let about = format!("received {}, sent {}", figure(received, 0), figure(sent, 0));
+        Bars::of_drone(drone, &about, vec![Some(received), Some(sent)])
     });
     chart(&Chart {
-        about: "Messages that each drone received and sent",
+        about: "Messages that each drone received and sent".to_owned(),
         axis: "messages",
+        places: "drone",
         digits: 0,
-        mean: Some(report.means.messages_received),
+        levels: vec![Level::mean(report.means.messages_received)],
         bars: bars.collect(),
     })
 }
 
-fn name(drone: &DroneReport) -> String {
-    format!("drone {} ({})", drone.id, drone.kind().name())
+impl Level {
+    fn mean(height: f64) -> Self {
+        Self {
+            name: "mean",
+            height,
+        }
+    }
 }
 
-fn chart(chart: &Chart<'_>) -> Markup {
+pub(crate) fn chart(chart: &Chart) -> Markup {
     let wide = chart.bars.len() > NARROW_MAX;
     let width = if wide { 1100.0 } else { 540.0 };
     let heights = chart
         .bars
         .iter()
-        .flat_map(|bars| bars.heights.iter().flatten());
-    let highest = heights.copied().chain(chart.mean).fold(0.0, f64::max);
+        .flat_map(|bars| bars.heights.iter().flatten().copied());
+    let levels = chart.levels.iter().map(|level| level.height);
+    let highest = heights.chain(levels).fold(0.0, f64::max);
     let highest = if highest > 0.0 && highest.is_finite() {
         highest * 1.04
     } else {
@@ -110,20 +131,35 @@ fn chart(chart: &Chart<'_>) -> Markup {
             svg role="img" aria-label=(chart.about) .wide[wide] viewBox={ "0 0 " (width) " " (HEIGHT_PX) } {
                 (scale(&y, highest, (left, right)))
                 @for (place, bars) in chart.bars.iter().enumerate() {
-                    (drone(bars, &y, base, left + pitch * count(place as u64), pitch))
+                    (group(bars, &y, base, left + pitch * count(place as u64), pitch))
                 }
                 line.baseline x1=(left) x2=(right) y1=(base) y2=(base) {}
-                (ids(&chart.bars, left, pitch, base))
-                @if let Some(mean) = chart.mean {
-                    @let at = px(y.px(mean));
-                    line.mean x1=(left) x2=(right) y1=(at) y2=(at) {}
-                    text.mean-name x=(right + 6.0) y=(at) dy="-0.2em" { "mean" }
-                    text.mean-name x=(right + 6.0) y=(at) dy="0.9em" { (figure(mean, chart.digits)) }
-                }
+                (labels(&chart.bars, left, pitch, base))
+                (levels_across(chart, &y, (left, right)))
                 text.axis-name transform={ "translate(13 " (px(f64::midpoint(base, TOP_PX))) ") rotate(-90)" }
                     text-anchor="middle" { (chart.axis) }
-                text.axis-name x=(px(f64::midpoint(left, right))) y=(HEIGHT_PX - 6.0) text-anchor="middle" { "drone" }
+                text.axis-name x=(px(f64::midpoint(left, right))) y=(HEIGHT_PX - 6.0) text-anchor="middle" {
+                    (chart.places)
+                }
             }
+        }
+    }
+}
+
+/// The levels with their names on the right: of two, the higher one's above its line and the lower one's below.
+fn levels_across(chart: &Chart, y: &Axis, (left, right): (f64, f64)) -> Markup {
+    let mut levels: Vec<&Level> = chart.levels.iter().collect();
+    levels.sort_by(|a, b| b.height.total_cmp(&a.height));
+    let beside: &[[&str; 2]] = match levels.len() {
+        2 => &[["-1.3em", "-0.2em"], ["0.9em", "2em"]],
+        _ => &[["-0.2em", "0.9em"]],
+    };
+    html! {
+        @for (level, [name_dy, figure_dy]) in levels.iter().zip(beside) {
+            @let at = px(y.px(level.height));
+            line.mean x1=(left) x2=(right) y1=(at) y2=(at) {}
+            text.mean-name x=(right + 6.0) y=(at) dy=(name_dy) { (level.name) }
+            text.mean-name x=(right + 6.0) y=(at) dy=(figure_dy) { (figure(level.height, chart.digits)) }
         }
     }
 }
@@ -141,12 +177,12 @@ fn scale(y: &Axis, highest: f64, (left, right): (f64, f64)) -> Markup {
     }
 }
 
-fn drone(bars: &Bars<'_>, y: &Axis, base: f64, left: f64, pitch: f64) -> Markup {
+fn group(bars: &Bars, y: &Axis, base: f64, left: f64, pitch: f64) -> Markup {
     let gap = (pitch * 0.2).clamp(0.4, 14.0);
     let width = ((pitch - gap) / count(bars.heights.len().max(1) as u64)).min(40.0);
     let first = left + (pitch - width * count(bars.heights.len() as u64)) / 2.0;
     html! {
-        g.bars.{ "k-" (bars.drone.kind().name()) } {
+        g.bars.{ "k-" (bars.colour) } {
             title { (bars.title) }
             rect.hit x=(px(left)) y=(TOP_PX) width=(px(pitch)) height=(px(base - TOP_PX)) {}
             @for (place, height) in bars.heights.iter().enumerate() {
@@ -171,12 +207,9 @@ fn hundredth(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
 }
 
-/// The ids below the bars, as many as there is room for.
-fn ids(bars: &[Bars<'_>], left: f64, pitch: f64, base: f64) -> Markup {
-    let widest = bars
-        .iter()
-        .map(|bars| bars.drone.id.to_string().len())
-        .max();
+/// What stands below the bars, as far as there is room.
+fn labels(bars: &[Bars], left: f64, pitch: f64, base: f64) -> Markup {
+    let widest = bars.iter().map(|bars| bars.label.chars().count()).max();
     let every = stride(pitch, DIGIT_PX * count(widest.unwrap_or(1) as u64) + 6.0);
     let shown = bars
         .iter()
@@ -185,7 +218,7 @@ fn ids(bars: &[Bars<'_>], left: f64, pitch: f64, base: f64) -> Markup {
     html! {
         @for (place, bars) in shown {
             @let middle = left + pitch * (count(place as u64) + 0.5);
-            text.tick x=(px(middle)) y=(base + 17.0) text-anchor="middle" { (bars.drone.id) }
+            text.tick x=(px(middle)) y=(base + 17.0) text-anchor="middle" { (bars.label) }
         }
     }
 }

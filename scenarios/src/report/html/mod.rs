@@ -1,8 +1,8 @@
 //! The page that shows a run: one file, without scripts, that opens from disk and asks the network for nothing.
 
 pub(crate) mod axis;
-mod bars;
-mod map;
+pub(crate) mod bars;
+pub(crate) mod map;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -79,7 +79,7 @@ fn head(report: &Report) -> Markup {
     }
 }
 
-fn card(name: &str, value: Option<f64>, decimals: usize, unit: &str) -> Markup {
+pub(crate) fn card(name: &str, value: Option<f64>, decimals: usize, unit: &str) -> Markup {
     html! {
         div.card {
             p { (name) }

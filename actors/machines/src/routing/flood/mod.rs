@@ -217,7 +217,7 @@ impl FloodRouting {
             Phase::Gossip | Phase::Stopped => {}
             Phase::Discovery { .. } => self.inform(Notice::DiscoveryStarted),
             Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
-            Phase::Following => self.inform(Notice::RoutesReady),
+            Phase::Following => self.inform_of_routes(),
         }
         let members: Vec<_> = self.members.iter().collect();
         let silent: Vec<_> = self.members.silent().collect();

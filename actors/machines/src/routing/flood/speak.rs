@@ -217,8 +217,16 @@ impl FloodRouting {
         self.pulse_rose_at = now;
         self.outbox
             .event(Event::Routes(self.durable.routes.clone()));
-        self.inform(Notice::RoutesReady);
+        self.inform_of_routes();
         self.checkpoint();
+    }
+
+    /// Says that routes are up; to a master also to whom they need not lead over others.
+    pub(super) fn inform_of_routes(&mut self) {
+        if self.is_master() {
+            self.inform(Notice::Hears(self.neighbours.stable().collect()));
+        }
+        self.inform(Notice::RoutesReady);
     }
 
     pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {

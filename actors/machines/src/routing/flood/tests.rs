@@ -197,6 +197,28 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
 }
 
 #[test]
+fn only_a_master_is_told_whom_it_hears_itself_and_once_more_when_it_asks() {
+    for (id, is_told) in [(0, true), (1, false)] {
+        let checkpoint = Checkpoint {
+            ballot: Some(MASTER),
+            phase: Phase::Following,
+            stable: vec![NodeId(2), NodeId(3)],
+            ..Checkpoint::default()
+        };
+        let mut routing = FloodRouting::new(config(id), 1, Timestamp::ZERO, Some(checkpoint));
+        let outcome = stimulate(&mut routing, at(1.0), Stimulus::Input(Input::Resync));
+        let heard = Notice::Hears([NodeId(2), NodeId(3)].into_iter().collect());
+        let ready = |notice: &Notice| *notice == Notice::RoutesReady;
+        let before = outcome.notices.iter().take_while(|notice| !ready(notice));
+        assert_eq!(
+            before.filter(|notice| **notice == heard).count() == 1,
+            is_told
+        );
+        assert!(outcome.notices.iter().any(ready));
+    }
+}
+
+#[test]
 fn before_there_are_routes_everyone_repeats_everything() {
     let mut slave = routing(2);
     let member = Member {

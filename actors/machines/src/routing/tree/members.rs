@@ -40,6 +40,15 @@ impl TreeRouting {
         self.miss_members(now);
     }
 
+    /// Says that routes are up; to a master also to whom they need not lead over others.
+    pub(super) fn inform_of_routes(&mut self) {
+        if self.is_master() {
+            let heard = self.links.iter().map(|(id, _)| id).collect();
+            self.inform(Notice::Hears(heard));
+        }
+        self.inform(Notice::RoutesReady);
+    }
+
     /// As master: gives every member its time to live, heard of or not.
     pub(super) fn expect_members(&mut self, now: Timestamp) {
         for id in (0..self.config.drones)

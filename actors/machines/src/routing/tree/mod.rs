@@ -386,7 +386,7 @@ impl TreeRouting {
             });
         }
         if self.durable.discovered {
-            self.inform(Notice::RoutesReady);
+            self.inform_of_routes();
         }
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
@@ -440,13 +440,9 @@ impl Machine for TreeRouting {
             Input::Discover => {
                 self.durable.discovered = true;
                 self.expect_members(now);
-                for notice in [
-                    Notice::DiscoveryStarted,
-                    Notice::HopUpdateStarted,
-                    Notice::RoutesReady,
-                ] {
-                    self.inform(notice);
-                }
+                self.inform(Notice::DiscoveryStarted);
+                self.inform(Notice::HopUpdateStarted);
+                self.inform_of_routes();
                 self.checkpoint();
             }
             Input::Land => {

@@ -189,7 +189,7 @@ fn legend(range_m: f64, with_ends: bool) -> Markup {
 }
 
 /// The kinds of drones, as entries of a legend.
-pub(super) fn kinds() -> Markup {
+pub(crate) fn kinds() -> Markup {
     html! {
         @for kind in Kind::ALL {
             li { (swatch(kind)) (kind.name()) }

@@ -1,0 +1,86 @@
+use scraper::{Html, Selector};
+
+use super::*;
+use crate::report::{Colour, WriteError};
+
+fn comparison() -> Comparison {
+    let flights = Flights::load(&[Override::seed("1")]).unwrap();
+    flights.fly(Engine::Events, |_| None).unwrap()
+}
+
+fn number(html: &Html, selector: &str) -> usize {
+    html.select(&Selector::parse(selector).unwrap()).count()
+}
+
+#[test]
+fn the_table_sets_ours_beside_the_thesis() {
+    let text = table(&comparison(), Colour::Never);
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn a_broken_rule_is_told_with_the_command_that_repeats_it() {
+    let mut comparison = comparison();
+    let (troubled, _) = crate::report::sample::troubled();
+    comparison.experiments[2].report.violations = troubled.violations;
+    let text = table(&comparison, Colour::Never);
+    assert!(!text.contains("none broken"), "{text}");
+    assert!(
+        text.contains("muster sim scenarios/thesis-3.toml --seed 1 --engine events"),
+        "{text}"
+    );
+    assert!(table(&comparison, Colour::Always).contains('\x1b'));
+}
+
+#[test]
+fn the_page_has_a_counterpart_of_every_figure() {
+    let page = html::page(&comparison());
+    let html = Html::parse_document(&page);
+    assert_eq!(html.errors, Vec::<std::borrow::Cow<'static, str>>::new());
+    let drones = 5 + 15 + 9 + 7 + 11;
+    assert_eq!(number(&html, "figure svg"), 2 * 5 + 2 + 1);
+    assert_eq!(number(&html, "g.bars"), 2 * drones + 2 * 5 + 15);
+    for figure in [20, 21, 23, 24, 26, 27, 29, 30, 32, 33, 34, 35, 36] {
+        assert!(page.contains(&format!("figure {figure}")), "{figure}");
+    }
+    for outside in [
+        "http://", "https://", "<script", "@import", "url(", " src=", "<link",
+    ] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn a_drone_that_has_not_come_down_is_shown_as_such() {
+    let mut comparison = comparison();
+    for drone in &mut comparison.neighbours.drones {
+        drone.waypoint_delay_s = None;
+    }
+    comparison.experiments[0].report.drones[3].flight_time_s = None;
+    let html = Html::parse_document(&html::page(&comparison));
+    let missing: Vec<_> = html
+        .select(&Selector::parse("g.bars text").unwrap())
+        .flat_map(|element| element.text())
+        .collect();
+    assert_eq!(missing.len(), 16, "{missing:?}");
+}
+
+#[test]
+fn a_comparison_is_two_files_and_a_file_in_their_folders_place_is_left_alone() {
+    let home = tempfile::tempdir().unwrap();
+    let comparison = comparison();
+    let written = write(&home.path().join("runs/thesis"), &comparison).unwrap();
+    assert!(written.iter().all(|path| path.is_file()));
+    let json = std::fs::read(&written[1]).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
+    assert_eq!(json["experiments"].as_array().map(Vec::len), Some(5));
+    let taken = home.path().join("taken");
+    std::fs::write(&taken, "mine").unwrap();
+    let refused = write(&taken, &comparison).unwrap_err();
+    assert!(matches!(refused, WriteError::NotAFolder { .. }));
+    assert_eq!(std::fs::read_to_string(&taken).unwrap(), "mine");
+}
