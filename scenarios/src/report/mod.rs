@@ -62,12 +62,33 @@ pub struct Report {
     pub bridges: Vec<Bridge>,
     /// Frames that radios did not let in, by reason.
     pub dropped: BTreeMap<String, u64>,
+    /// What the radios did, on a medium that they share; nothing on an ideal one.
+    pub medium: Option<MediumCounters>,
     /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
     pub min_separation_m: Option<f64>,
     /// Whether the swarm, or what was left of it, reached the last waypoint and left it to land.
     pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
+}
+
+/// What radios that share a medium did, all of them together, from the start of the run to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MediumCounters {
+    /// Frames with a datagram that went on the air, those sent again included.
+    pub sent: u64,
+    /// Acknowledgements that did.
+    pub acknowledgements: u64,
+    /// Frames that were sent again for want of one.
+    pub retries: u64,
+    /// Datagrams for one drone that were given up after the last try.
+    pub given_up: u64,
+    /// Datagrams that found the queue full.
+    pub dropped: u64,
+    /// Frames that a radio heard and could not make out: others were in the air, or it was sending itself.
+    pub collided: u64,
+    /// Frames that a radio made out and that were lost on it, by `radio.loss`.
+    pub lost: u64,
 }
 
 /// What runs the drones of a simulation.
@@ -152,8 +173,12 @@ pub struct Barrier {
     pub arrived_s: f64,
     /// When the last live member had begun to move on.
     pub moving_s: f64,
-    /// Frames that were sent by anyone between the two.
+    /// Frames that were sent by anyone between the two, keep-alives apart.
     pub transmissions: u64,
+    /// Frames that were sent between the two only because their time had come, and so were no part of the wait.
+    pub keep_alives: u64,
+    /// How often the medium sent a frame for one drone again between the two, for want of an acknowledgement.
+    pub retries: u64,
 }
 
 /// A change of formation in flight.

@@ -2,11 +2,12 @@ use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
+use muster_transport::sim::Access;
 
 use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means, Report,
-    Role, Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means,
+    MediumCounters, Report, Role, Violation,
 };
 use crate::scenario::Scenario;
 use crate::world::{Outcome, Record, track};
@@ -47,6 +48,7 @@ pub(crate) fn summary(
             .iter()
             .map(|(reason, count)| (reason.to_string(), *count))
             .collect(),
+        medium: medium(scenario, outcome),
         min_separation_m: outcome.closest_m,
         mission_completed: is_completed(scenario, outcome),
         violations: outcome.violations.iter().map(Violation::from).collect(),
@@ -148,10 +150,30 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
                 waypoint: *waypoint,
                 arrived_s: arrived.as_secs_f64(),
                 moving_s: moving.as_secs_f64(),
-                transmissions: sent_after.saturating_sub(sent_before),
+                transmissions: sent_after.news.saturating_sub(sent_before.news),
+                keep_alives: sent_after
+                    .keep_alives
+                    .saturating_sub(sent_before.keep_alives),
+                retries: sent_after.retries.saturating_sub(sent_before.retries),
             })
         })
         .collect()
+}
+
+fn medium(scenario: &Scenario, outcome: &Outcome) -> Option<MediumCounters> {
+    let Access::Csma { .. } = scenario.radio.access else {
+        return None;
+    };
+    let counters = outcome.medium;
+    Some(MediumCounters {
+        sent: counters.datagrams,
+        acknowledgements: counters.acknowledgements,
+        retries: counters.retries,
+        given_up: counters.given_up,
+        dropped: counters.dropped,
+        collided: counters.collided,
+        lost: counters.lost,
+    })
 }
 
 fn changes(scenario: &Scenario, outcome: &Outcome) -> Vec<FormationChange> {

@@ -19,9 +19,20 @@ pub(crate) struct Recorder {
     changes: BTreeMap<u16, Change>,
     /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
     out_of_range: BTreeMap<NodeId, NodeId>,
-    sent: u64,
+    frames: Frames,
     dropped: BTreeMap<DropReason, u64>,
     steps_done: u64,
+}
+
+/// What has been sent, by anyone.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Frames {
+    /// Because something has changed or was missed.
+    pub(crate) news: u64,
+    /// Only because the time for it had come.
+    pub(crate) keep_alives: u64,
+    /// Once more, by the medium, for want of an acknowledgement.
+    pub(crate) retries: u64,
 }
 
 /// What is written down of one drone.
@@ -43,8 +54,8 @@ pub(crate) struct Record {
 /// A swarm's wait at a waypoint: the last arrival and the last departure, each with the frames sent until then.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Crossing {
-    pub(crate) arrived: Option<(Timestamp, u64)>,
-    pub(crate) moving: Option<(Timestamp, u64)>,
+    pub(crate) arrived: Option<(Timestamp, Frames)>,
+    pub(crate) moving: Option<(Timestamp, Frames)>,
 }
 
 /// A change of formation: when the first drone began it, when the last was done, and how many were.
@@ -62,6 +73,8 @@ pub(crate) struct Outcome {
     pub(crate) ended: Timestamp,
     pub(crate) closest_m: Option<f64>,
     pub(crate) violations: Vec<Violation>,
+    /// What the radios did, on a medium that they share.
+    pub(crate) medium: muster_transport::sim::Counters,
     pub(crate) recorder: Recorder,
     pub(crate) vehicles: Vec<Vehicle>,
 }
@@ -86,7 +99,7 @@ impl Recorder {
             barriers: BTreeMap::new(),
             changes: BTreeMap::new(),
             out_of_range: BTreeMap::new(),
-            sent: 0,
+            frames: Frames::default(),
             dropped: BTreeMap::new(),
             steps_done: 0,
         }
@@ -125,8 +138,12 @@ impl Recorder {
         self.steps_done
     }
 
-    pub(crate) fn sent(&mut self, id: NodeId) {
-        self.sent += 1;
+    pub(crate) fn sent(&mut self, id: NodeId, keep_alive: bool) {
+        if keep_alive {
+            self.frames.keep_alives += 1;
+        } else {
+            self.frames.news += 1;
+        }
         let record = self.record(id);
         record.sent += u64::from(record.counts);
     }
@@ -134,6 +151,11 @@ impl Recorder {
     pub(crate) fn received(&mut self, id: NodeId) {
         let record = self.record(id);
         record.received += u64::from(record.counts);
+    }
+
+    /// How often the medium has sent a frame again so far.
+    pub(crate) const fn retried(&mut self, retries: u64) {
+        self.frames.retries = retries;
     }
 
     pub(crate) fn armed(&mut self, id: NodeId, now: Timestamp) {
@@ -164,7 +186,7 @@ impl Recorder {
     }
 
     fn enters(&mut self, now: Timestamp, id: NodeId, state: State) {
-        let sent = self.sent;
+        let sent = self.frames;
         let record = self.record(id);
         let before = record.states.last().map(|(_, state)| *state);
         record.states.push((now, state));

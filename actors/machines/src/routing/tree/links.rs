@@ -28,11 +28,30 @@ pub(super) struct Link {
     pub(super) loss: f64,
     /// How many frames that was told from, up to [`LOSS_MEMORY`].
     frames: u32,
+    /// What the medium says has arrived there: of which order, and who has carried it out.
+    told: (u32, NodeSet),
     /// What it said last; of the neighbours that it hears, only [`Self::symmetric`] is kept.
     pub(super) said: Tree,
 }
 
 impl Link {
+    /// Whether it knows of an order, as it said or the medium did.
+    pub(super) fn knows(&self, sequence: u32) -> bool {
+        self.said.sequence.max(self.told.0) >= sequence
+    }
+
+    /// Who has carried an order out, as far as it is known to know.
+    pub(super) fn knows_acknowledged(&self, sequence: u32) -> NodeSet {
+        let mut all = NodeSet::default();
+        if self.said.sequence == sequence {
+            all.extend_from(&self.said.acknowledged);
+        }
+        if self.told.0 == sequence {
+            all.extend_from(&self.told.1);
+        }
+        all
+    }
+
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
     fn learn(&mut self, missed: f64) {
         self.frames = (self.frames + 1).min(LOSS_MEMORY);
@@ -65,6 +84,7 @@ impl Links {
                     symmetric: hears_us.unwrap_or(false) || said.parent == Some(own),
                     loss: 0.0,
                     frames: 0,
+                    told: (0, NodeSet::default()),
                     said,
                 };
                 self.0.insert(id, link);
@@ -81,6 +101,18 @@ impl Links {
                 link.symmetric = hears_us.unwrap_or(link.symmetric) || said.parent == Some(own);
                 link.said = said;
                 true
+            }
+        }
+    }
+
+    /// A neighbour has been told something, as the medium says.
+    pub(super) fn told(&mut self, id: NodeId, told: Tree) {
+        if let Some(link) = self.0.get_mut(&id) {
+            if told.sequence > link.told.0 {
+                link.told = (told.sequence, NodeSet::default());
+            }
+            if told.sequence == link.told.0 {
+                link.told.1.extend_from(&told.acknowledged);
             }
         }
     }

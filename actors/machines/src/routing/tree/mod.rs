@@ -419,6 +419,11 @@ impl Machine for TreeRouting {
                 ballot,
                 payload,
             } => self.heard(now, sender, ballot, &payload),
+            Input::Outcome {
+                to,
+                payload,
+                delivered,
+            } => self.outcome(now, to, &payload, delivered),
             Input::Lead(ballot) => {
                 self.durable.ballot = Some(ballot);
                 self.update_routes(now);
@@ -452,7 +457,7 @@ impl Machine for TreeRouting {
             Input::Land => {
                 self.durable.landing.get_or_insert(now);
                 self.checkpoint();
-                self.say(now, speak::Occasion::News);
+                self.beacon_soon(now);
             }
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
