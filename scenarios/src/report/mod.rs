@@ -173,11 +173,11 @@ pub struct Barrier {
     pub arrived_s: f64,
     /// When the last live member had begun to move on.
     pub moving_s: f64,
-    /// Frames that were sent by anyone between the two, keep-alives apart.
+    /// Frames that were sent by anyone from the first member's arrival to the last one's departure, keep-alives apart.
     pub transmissions: u64,
-    /// Frames that were sent between the two only because their time had come, and so were no part of the wait.
+    /// Frames that were sent meanwhile only because their time had come, and so were no part of it.
     pub keep_alives: u64,
-    /// How often the medium sent a frame for one drone again between the two, for want of an acknowledgement.
+    /// How often the medium sent a frame for one drone again meanwhile, for want of an acknowledgement.
     pub retries: u64,
 }
 

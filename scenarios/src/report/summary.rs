@@ -144,7 +144,7 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
     let crossings = outcome.recorder.barriers().iter();
     crossings
         .filter_map(|(waypoint, crossing)| {
-            let (arrived, sent_before) = crossing.arrived?;
+            let (sent_before, arrived) = (crossing.begun?, crossing.arrived?);
             let (moving, sent_after) = crossing.moving?;
             Some(Barrier {
                 waypoint: *waypoint,

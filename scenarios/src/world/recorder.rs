@@ -51,10 +51,11 @@ pub(crate) struct Record {
     counts: bool,
 }
 
-/// A swarm's wait at a waypoint: the last arrival and the last departure, each with the frames sent until then.
+/// A swarm's wait at a waypoint: its first arrival, its last and the last departure, with the frames sent until then.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Crossing {
-    pub(crate) arrived: Option<(Timestamp, Frames)>,
+    pub(crate) begun: Option<Frames>,
+    pub(crate) arrived: Option<Timestamp>,
     pub(crate) moving: Option<(Timestamp, Frames)>,
 }
 
@@ -209,7 +210,9 @@ impl Recorder {
             change.drones += 1;
         }
         if let State::WaypointReached { waypoint } = state {
-            self.barriers.entry(waypoint).or_default().arrived = Some((now, sent));
+            let crossing = self.barriers.entry(waypoint).or_default();
+            crossing.begun.get_or_insert(sent);
+            crossing.arrived = Some(now);
             self.steps_done += 1;
         }
     }

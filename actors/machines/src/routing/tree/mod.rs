@@ -64,8 +64,6 @@ pub struct TreeRouting {
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
-    /// A parent that answered nothing lately.
-    suspected: Option<NodeId>,
     /// As master: who was alive when last looked, and since when each that is not has been missed.
     missed: BTreeMap<NodeId, Missed>,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
@@ -110,7 +108,6 @@ impl TreeRouting {
             routes: Routes::default(),
             orphaned: None,
             master_silent: false,
-            suspected: None,
             missed: BTreeMap::new(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
@@ -204,7 +201,6 @@ impl TreeRouting {
             return;
         }
         let news = self.take_order(order);
-        self.suspected = self.suspected.filter(|suspected| *suspected != sender);
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
@@ -266,7 +262,10 @@ impl TreeRouting {
             routes.hops = Some(0);
         } else {
             let parent = self.routes.parent;
-            let suspected = parent.filter(|parent| self.suspected == Some(*parent));
+            let suspected = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| !link.is_reachable())
+            });
             let stale = parent.filter(|parent| {
                 let link = self.links.get(*parent);
                 link.is_some_and(|link| link.is_stale(now, self.config.beacon))
@@ -281,6 +280,7 @@ impl TreeRouting {
             let left = suspected.or(stale);
             let usable = |id: NodeId, link: &Link| {
                 link.symmetric
+                    && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
                     && Some(id) != left
@@ -363,8 +363,10 @@ impl TreeRouting {
     /// Who below has carried the newest order out.
     fn acknowledged_below(&self) -> NodeSet {
         let mut all = NodeSet::default();
-        for (_, link) in self.links.children(self.config.id) {
-            if link.said.sequence == self.durable.sequence {
+        for (_, link) in self.links.iter() {
+            // What is done stays done, even of a child that is out of reach by now.
+            let is_child = link.said.parent == Some(self.config.id);
+            if is_child && link.said.sequence == self.durable.sequence {
                 all.extend_from(&link.said.acknowledged);
             }
         }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::links::Link;
 use super::{
     CONFIRM_ABOVE_LOSS, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree, TreeRouting,
 };
@@ -55,6 +56,7 @@ impl TreeRouting {
             alive: self.alive(),
             landing,
             hears: None,
+            to: None,
             pending,
             order: self
                 .durable
@@ -101,11 +103,13 @@ impl TreeRouting {
         }
         let mut state = self.state();
         self.said_sequence = state.sequence;
-        let mut to = self.addressee();
         if occasion == Occasion::KeepAlive {
             state.hears = Some(self.links.ids());
-            to = None;
+        } else {
+            state.to = self.addressee();
         }
+        let to = state.to;
+        self.links.answered(to);
         self.outbox.transmit(Transmit::Send {
             to,
             ballot,
@@ -137,13 +141,18 @@ impl TreeRouting {
         });
     }
 
-    /// The parent, if it, and the children that are not known to know what this drone has for them.
+    /// The neighbours that are not known to know what this drone has for them, or ask for it.
     fn unaware(&self) -> impl Iterator<Item = NodeId> {
+        let (own, sequence) = (self.config.id, self.durable.sequence);
         let parent = self.routes.parent.filter(|_| self.is_parent_behind());
-        let children = self.links.children(self.config.id);
-        let sequence = self.durable.sequence;
-        let unaware = children.filter(move |(_, child)| !child.knows(sequence));
-        parent.into_iter().chain(unaware.map(|(id, _)| id))
+        let is_child_behind =
+            move |link: &Link| link.said.parent == Some(own) && !link.knows(sequence);
+        self.links
+            .iter()
+            .filter(move |(id, link)| {
+                link.is_reachable() && (link.asks || parent == Some(*id) || is_child_behind(link))
+            })
+            .map(|(id, _)| id)
     }
 
     /// The only one to whom what this drone says is news: it is said to that one, and the medium sees to it that it
@@ -176,9 +185,10 @@ impl TreeRouting {
     /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all.
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
-            && self.links.get(id).is_some_and(|child| {
-                child.said.alive.len() <= 1 && child.loss < CONFIRM_ABOVE_LOSS
-            })
+            && self
+                .links
+                .get(id)
+                .is_some_and(|child| child.said.alive.len() <= 1 && child.loss < CONFIRM_ABOVE_LOSS)
     }
 
     /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
@@ -250,15 +260,18 @@ impl TreeRouting {
         let has_progressed = before.is_none_or(|before| {
             before.acknowledged != link.said.acknowledged || before.sequence != link.said.sequence
         });
-        // A child that repeats what it acknowledges has not heard that it was understood.
-        let repeats_itself = !has_progressed
-            && link.said.hears.is_none()
-            && !link.said.acknowledged.is_empty();
+        let is_asked =
+            link.said.hears.is_none() && link.said.to.is_none_or(|to| to == self.config.id);
+        // A child that repeats itself has not heard that it was understood.
+        let repeats_itself = is_child && is_asked && !has_progressed;
         // A parent that speaks again, while this drone has not yet said that it knows the order, waits for that.
-        let awaits_word = link.said.hears.is_none() && self.said_sequence < self.durable.sequence;
-        if is_child && (is_behind || repeats_itself)
-            || is_parent && (awaits_word || self.is_missed())
-        {
+        let awaits_word = is_parent && is_asked && self.said_sequence < self.durable.sequence;
+        if repeats_itself || awaits_word {
+            self.links.asks(sender);
+            self.hurry_repair(now);
+            return;
+        }
+        if is_child && is_behind || is_parent && self.is_missed() {
             self.hurry_repair(now);
             return;
         }
@@ -282,12 +295,17 @@ impl TreeRouting {
         };
         if delivered {
             self.links.told(to, told);
-            if !self.is_anyone_behind() {
-                self.repair = None;
+        } else {
+            self.links.gave_up(to);
+            self.update_routes(now);
+            if let Some(repair) = &mut self.repair {
+                // Sooner than if nothing were known, and still rarer each time.
+                repair.due = now + repair.due.since(now) / 2;
             }
-        } else if let Some(repair) = &mut self.repair {
-            // Sooner than if nothing were known, and still rarer each time.
-            repair.due = now + repair.due.since(now) / 2;
+            self.acknowledge(now);
+        }
+        if !self.is_anyone_behind() {
+            self.repair = None;
         }
     }
 
@@ -314,7 +332,9 @@ impl TreeRouting {
         };
         let parent = self.routes.parent.and_then(|parent| self.links.get(parent));
         if repair.tries >= TRIES_MAX && parent.is_some_and(|link| link.heard_at < repair.since) {
-            self.suspected = self.routes.parent;
+            if let Some(parent) = self.routes.parent {
+                self.links.suspect(parent);
+            }
             self.update_routes(now);
         }
         self.say(now, Occasion::Repair);
