@@ -50,6 +50,8 @@ pub struct Report {
     pub wall_s: f64,
     /// Each drone, in the order of their ids.
     pub drones: Vec<DroneReport>,
+    /// Each pure relay, in the order of their ids.
+    pub relays: Vec<RelayReport>,
     /// Means over the drones.
     pub means: Means,
     /// Each waypoint at which the swarm waited for its members.
@@ -141,6 +143,31 @@ pub struct DroneReport {
     pub state: String,
     /// Why it came down, if not because its mission was over.
     pub landed_because: Option<String>,
+    /// How often an actor of it was restarted.
+    pub restarts: u32,
+}
+
+/// The figures of a pure relay.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RelayReport {
+    /// Which one; relays are numbered after the drones.
+    pub id: u32,
+    /// Where it is, in metres north of home.
+    pub north_m: f64,
+    /// In metres east of home.
+    pub east_m: f64,
+    /// In metres above home.
+    pub altitude_m: f64,
+    /// Hops to the master.
+    pub hops: Option<u16>,
+    /// The neighbour through which it passes acknowledgements on.
+    pub parent: Option<u32>,
+    /// Whether it had drones to relay for at the end.
+    pub relay: bool,
+    /// Frames that it sent.
+    pub messages_sent: u64,
+    /// Frames that it let in.
+    pub messages_received: u64,
     /// How often an actor of it was restarted.
     pub restarts: u32,
 }

@@ -55,6 +55,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         .collect(),
         dropped: BTreeMap::new(),
         medium: None,
+        relays: Vec::new(),
         mission_completed: true,
         means: Means {
             flight_time_s: Some(flight_times.sum::<f64>() / number),

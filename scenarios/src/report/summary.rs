@@ -7,7 +7,7 @@ use muster_transport::sim::Access;
 use super::following::{distances_m, error};
 use super::{
     Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means,
-    MediumCounters, Report, Role, Violation,
+    MediumCounters, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::Scenario;
 use crate::world::{Outcome, Record, track};
@@ -39,6 +39,7 @@ pub(crate) fn summary(
         wall_s: wall.as_secs_f64(),
         means: means(&drones),
         drones,
+        relays: relays(scenario, outcome),
         barriers: barriers(outcome),
         changes: changes(scenario, outcome),
         following: error(distances_m.concat()),
@@ -97,6 +98,24 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),
         restarts: record.restarts,
     }
+}
+
+fn relays(scenario: &Scenario, outcome: &Outcome) -> Vec<RelayReport> {
+    (scenario.layout.formation().drones()..)
+        .zip(scenario.relays.iter().zip(outcome.recorder.relays()))
+        .map(|(id, (place, record))| RelayReport {
+            id,
+            north_m: place.0.x,
+            east_m: place.0.y,
+            altitude_m: place.altitude_m(),
+            hops: record.routes.hops,
+            parent: record.routes.parent.map(|parent| parent.0),
+            relay: record.routes.relay,
+            messages_sent: record.sent,
+            messages_received: record.received,
+            restarts: record.restarts,
+        })
+        .collect()
 }
 
 /// What a drone was doing at the end, as far as it could still tell.

@@ -128,9 +128,11 @@ impl World {
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let layout = &scenario.layout;
         let drones = layout.formation().drones();
+        let nodes = scenario.nodes();
         let home = scenario.waypoints[0].at_altitude(0.0);
         let places: Vec<_> = (0..drones)
             .map(|id| layout.stand(NodeId(id), home))
+            .chain(scenario.relays.iter().copied())
             .collect();
         let generator = |stream: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
@@ -151,7 +153,7 @@ impl World {
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
             medium_wakes: None,
-            drones: (0..u64::from(drones))
+            drones: (0..u64::from(nodes))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
                 .collect(),
             vehicles: places
@@ -160,11 +162,11 @@ impl World {
                 .collect(),
             airborne: 0,
             trace: Trace::new(),
-            recorder: Recorder::new(drones as usize, layout.formation().centre()),
+            recorder: Recorder::new(drones, nodes, layout.formation().centre()),
             range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
-            barrier: BarrierChecker::new(drones as usize),
-            separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
+            barrier: BarrierChecker::new(nodes as usize),
+            separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
             },
@@ -568,9 +570,9 @@ impl World {
     }
 }
 
-/// What each drone of a scenario is built with, drone 0 first.
+/// What each drone of a scenario is built with, drone 0 first; then each relay.
 pub(crate) fn blueprints(scenario: &Scenario) -> Vec<Blueprint> {
-    (0..scenario.layout.formation().drones())
+    (0..scenario.nodes())
         .map(|id| scenario.blueprint(NodeId(id)))
         .collect()
 }

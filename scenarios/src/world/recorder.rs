@@ -14,7 +14,9 @@ use crate::vehicle::Vehicle;
 #[derive(Debug)]
 pub(crate) struct Recorder {
     centre: NodeId,
-    drones: Vec<Record>,
+    /// Of drones first, then of relays.
+    nodes: Vec<Record>,
+    drones: usize,
     barriers: BTreeMap<u16, Crossing>,
     changes: BTreeMap<u16, Change>,
     /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
@@ -45,7 +47,7 @@ pub(crate) struct Record {
     pub(crate) restarts: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
-    /// Frames sent and let in between the start of neighbour discovery and the end of the landing.
+    /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
     pub(crate) sent: u64,
     pub(crate) received: u64,
     counts: bool,
@@ -81,7 +83,7 @@ pub(crate) struct Outcome {
 }
 
 impl Recorder {
-    pub(crate) fn new(drones: usize, centre: NodeId) -> Self {
+    pub(crate) fn new(drones: u32, nodes: u32, centre: NodeId) -> Self {
         let record = Record {
             states: vec![(Timestamp::ZERO, State::Start)],
             routes: Routes::default(),
@@ -94,9 +96,18 @@ impl Recorder {
             received: 0,
             counts: false,
         };
+        let relay = Record {
+            // It is at work from the start.
+            counts: true,
+            ..record.clone()
+        };
+        let (drones, nodes) = (drones as usize, nodes as usize);
+        let mut records = vec![record; drones];
+        records.resize(nodes, relay);
         Self {
             centre,
-            drones: vec![record; drones],
+            nodes: records,
+            drones,
             barriers: BTreeMap::new(),
             changes: BTreeMap::new(),
             out_of_range: BTreeMap::new(),
@@ -112,7 +123,11 @@ impl Recorder {
     }
 
     pub(crate) fn drones(&self) -> &[Record] {
-        &self.drones
+        &self.nodes[..self.drones]
+    }
+
+    pub(crate) fn relays(&self) -> &[Record] {
+        &self.nodes[self.drones..]
     }
 
     pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
@@ -242,13 +257,13 @@ impl Recorder {
 
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
-        let record = &self.drones[id.0 as usize];
+        let record = &self.nodes[id.0 as usize];
         let last = record.states.last().map(|(_, state)| *state);
         record.given_up || last == Some(State::Finished)
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {
-        &mut self.drones[id.0 as usize]
+        &mut self.nodes[id.0 as usize]
     }
 }
 

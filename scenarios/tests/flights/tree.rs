@@ -44,9 +44,8 @@ impl Cost {
             received.push(report.means.messages_received);
         }
         let count = |number: u64| f64::from(u32::try_from(number).unwrap());
-        let over = |what: &dyn Fn(usize) -> f64| {
-            mean(&(0..barriers.len()).map(what).collect::<Vec<_>>())
-        };
+        let over =
+            |what: &dyn Fn(usize) -> f64| mean(&(0..barriers.len()).map(what).collect::<Vec<_>>());
         Self {
             wait_ms: over(&|at| (barriers[at].moving_s - barriers[at].arrived_s) * 1e3),
             frames: over(&|at| count(barriers[at].transmissions)),
@@ -118,7 +117,10 @@ fn the_documented_figures_meet_their_targets() {
     };
     for file in ["barrier-line.csv", "barrier-mesh.csv"] {
         for (name, expected) in [("runs", 100.0), ("broken", 0.0), ("incomplete", 0.0)] {
-            assert!(numbers(file, name).iter().all(|it| *it == expected), "{file}: {name}");
+            assert!(
+                numbers(file, name).iter().all(|it| *it == expected),
+                "{file}: {name}"
+            );
         }
     }
     let waits_ms = numbers("barrier-line.csv", "waypoint_wait_mean_ms_median");
@@ -127,7 +129,11 @@ fn the_documented_figures_meet_their_targets() {
     assert_eq!(losses, TARGETS.map(|(loss, ..)| loss));
     for (at, (loss, wait_ms, most)) in TARGETS.into_iter().enumerate() {
         assert!(waits_ms[at] <= wait_ms, "loss {loss}: {} ms", waits_ms[at]);
-        assert!(frames[at] <= most * LEAST_LINE, "loss {loss}: {} frames", frames[at]);
+        assert!(
+            frames[at] <= most * LEAST_LINE,
+            "loss {loss}: {} frames",
+            frames[at]
+        );
     }
     let frames = numbers("barrier-mesh.csv", "transmissions_per_barrier_median");
     assert!(frames[0] <= 1.3 * LEAST_MESH, "{} frames", frames[0]);

@@ -80,7 +80,7 @@ pub struct Tree {
     pub sequence: u32,
     /// Who of the sender and the drones below it has carried that order out.
     pub acknowledged: NodeSet,
-    /// The sender and the drones below it.
+    /// The sender, unless it is a pure relay, and the drones below it.
     pub alive: NodeSet,
     /// Who of them is on its way to the ground.
     pub landing: NodeSet,

@@ -211,23 +211,25 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         any::<(Option<u16>, [Option<u32>; 2], Option<Vec<u8>>)>(),
         (set(), set(), set(), prop::option::of(set()), set()),
     )
-        .prop_map(|([beat, pulse, sequence], (hops, [parent, to], order), sets)| {
-            let (acknowledged, alive, landing, hears, pending) = sets;
-            Packet::Tree(Tree {
-                beat,
-                hops,
-                parent: parent.map(NodeId),
-                pulse,
-                sequence,
-                acknowledged,
-                alive,
-                landing,
-                hears,
-                to: to.map(NodeId),
-                pending,
-                order: order.map(Into::into),
-            })
-        });
+        .prop_map(
+            |([beat, pulse, sequence], (hops, [parent, to], order), sets)| {
+                let (acknowledged, alive, landing, hears, pending) = sets;
+                Packet::Tree(Tree {
+                    beat,
+                    hops,
+                    parent: parent.map(NodeId),
+                    pulse,
+                    sequence,
+                    acknowledged,
+                    alive,
+                    landing,
+                    hears,
+                    to: to.map(NodeId),
+                    pending,
+                    order: order.map(Into::into),
+                })
+            },
+        );
     prop_oneof![hello, hop_update, flood, tree]
 }
 

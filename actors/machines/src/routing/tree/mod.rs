@@ -37,6 +37,9 @@ pub struct Config {
     pub id: NodeId,
     /// How many drones the swarm has; ids run from 0 to one below.
     pub drones: u32,
+    /// How many pure relays there are besides, whose ids follow: they pass on and are not awaited, and their protocol
+    /// is told nothing.
+    pub relays: u32,
     /// How often the master's number goes out.
     pub beacon: Duration,
     /// How long a drone waits to hear what it said come back before it says it again; grows by half with each time.
@@ -139,7 +142,8 @@ impl TreeRouting {
     /// Entries in its table of links, and the most that it takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.links.len(), self.config.drones as usize)
+        let nodes = self.config.drones + self.config.relays;
+        (self.links.len(), nodes as usize)
     }
 
     fn is_master(&self) -> bool {
@@ -148,8 +152,15 @@ impl TreeRouting {
             .is_some_and(|ballot| ballot.master == self.config.id)
     }
 
+    /// Whether this is a pure relay.
+    const fn is_relay(&self) -> bool {
+        self.config.id.0 >= self.config.drones
+    }
+
     fn inform(&mut self, notice: Notice) {
-        self.outbox.transmit(Transmit::Inform(notice));
+        if !self.is_relay() {
+            self.outbox.transmit(Transmit::Inform(notice));
+        }
     }
 
     fn checkpoint(&mut self) {
@@ -158,7 +169,7 @@ impl TreeRouting {
     }
 
     fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
-        let is_member = sender.0 < self.config.drones;
+        let is_member = sender.0 < self.config.drones + self.config.relays;
         let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
             self.outbox.event(Event::Ignored(sender));
             return;

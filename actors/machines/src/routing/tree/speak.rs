@@ -75,10 +75,12 @@ impl TreeRouting {
         all
     }
 
-    /// This drone and those below it.
+    /// This drone and those below it; no pure relays.
     fn alive(&self) -> NodeSet {
         let mut all = self.below(|said| &said.alive);
-        all.insert(self.config.id);
+        if !self.is_relay() {
+            all.insert(self.config.id);
+        }
         all
     }
 
@@ -185,10 +187,9 @@ impl TreeRouting {
     /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all.
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
-            && self
-                .links
-                .get(id)
-                .is_some_and(|child| child.said.alive.len() <= 1 && child.loss < CONFIRM_ABOVE_LOSS)
+            && self.links.get(id).is_some_and(|child| {
+                child.said.alive.iter().all(|below| below == id) && child.loss < CONFIRM_ABOVE_LOSS
+            })
     }
 
     /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
