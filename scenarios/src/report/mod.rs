@@ -158,12 +158,10 @@ pub struct RelayReport {
     pub east_m: f64,
     /// In metres above home.
     pub altitude_m: f64,
-    /// Hops to the master.
+    /// Hops to the master, by the last way that it had.
     pub hops: Option<u16>,
-    /// The neighbour through which it passes acknowledgements on.
+    /// The neighbour through which it passed acknowledgements on.
     pub parent: Option<u32>,
-    /// Whether it had drones to relay for at the end.
-    pub relay: bool,
     /// Frames that it sent.
     pub messages_sent: u64,
     /// Frames that it let in.

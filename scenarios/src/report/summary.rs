@@ -110,7 +110,6 @@ fn relays(scenario: &Scenario, outcome: &Outcome) -> Vec<RelayReport> {
             altitude_m: place.altitude_m(),
             hops: record.routes.hops,
             parent: record.routes.parent.map(|parent| parent.0),
-            relay: record.routes.relay,
             messages_sent: record.sent,
             messages_received: record.received,
             restarts: record.restarts,

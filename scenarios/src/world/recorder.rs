@@ -234,7 +234,13 @@ impl Recorder {
 
     pub(crate) fn routing(&mut self, id: NodeId, event: &routing::Event) {
         match event {
-            routing::Event::Routes(routes) => self.record(id).routes = routes.clone(),
+            routing::Event::Routes(routes) => {
+                let record = self.record(id);
+                // The last way that it had counts: on the ground, at the end, there is none.
+                if routes.hops.is_some() || record.routes.hops.is_none() {
+                    record.routes = routes.clone();
+                }
+            }
             routing::Event::Reached {
                 member,
                 via,

@@ -494,3 +494,6 @@ impl Machine for TreeRouting {
         self.outbox.poll(deadline)
     }
 }
+
+#[cfg(test)]
+mod tests;

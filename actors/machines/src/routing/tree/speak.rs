@@ -303,7 +303,11 @@ impl TreeRouting {
                 // Sooner than if nothing were known, and still rarer each time.
                 repair.due = now + repair.due.since(now) / 2;
             }
-            self.acknowledge(now);
+            let lost = |link: &Link| !link.is_reachable();
+            if Some(to) != self.routes.parent && self.links.get(to).is_some_and(lost) {
+                // Perhaps it was all that was waited for.
+                self.acknowledge(now);
+            }
         }
         if !self.is_anyone_behind() {
             self.repair = None;
