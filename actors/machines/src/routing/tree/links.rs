@@ -126,7 +126,7 @@ impl Links {
     }
 
     /// A neighbour has been told something, as the medium says.
-    pub(super) fn told(&mut self, id: NodeId, told: Tree) {
+    pub(super) fn told(&mut self, id: NodeId, told: &Tree) {
         if let Some(link) = self.0.get_mut(&id) {
             if told.sequence > link.told.0 {
                 link.told = (told.sequence, NodeSet::default());

@@ -295,7 +295,7 @@ impl TreeRouting {
             return;
         };
         if delivered {
-            self.links.told(to, told);
+            self.links.told(to, &told);
         } else {
             self.links.gave_up(to);
             self.update_routes(now);
