@@ -3,8 +3,9 @@
 //!
 //! Each drone keeps what its neighbours last said and takes the one nearest to the master for its parent. An order
 //! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
-//! carried the order out. Hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
-//! heard in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
+//! carried the order out. What one neighbour alone has yet to learn is said to that one, and the medium may tell what
+//! became of it; besides, hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
+//! known to have arrived in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
 //! passing it on as it comes in; that one frame serves discovery, liveness and routing.
 
 mod durable;
@@ -53,7 +54,7 @@ pub struct Config {
     pub time_to_live: Duration,
 }
 
-/// From this share of missed frames on a leaf confirms an order with a frame of its own.
+/// From this share of missed frames on a leaf is not trusted to have heard what was said to all.
 const CONFIRM_ABOVE_LOSS: f64 = 0.005;
 
 /// The routing of one drone, along a tree.
