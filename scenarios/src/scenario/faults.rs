@@ -10,7 +10,7 @@ use super::{Fault, FaultKind, Target};
 
 /// What goes wrong, and when.
 pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
-    let drones = raw.formation.drones.get_ref().0;
+    let drones = raw.formation.drones.get_ref().0 + raw.relays.len() as u64;
     let drone = |drone: &Whole<0, 99_999>, span: Range<usize>| {
         let id = u32::try_from(drone.0).ok().filter(|_| drone.0 < drones);
         id.map(NodeId).ok_or_else(|| {

@@ -15,12 +15,12 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
-use super::file::{Override, Source};
 use super::faults::faults;
+use super::file::{Override, Source};
 use super::follow::follow;
 use super::formation;
 use super::limits::{Course, check_layers, limits};
-use super::raw::{MediumName, ModelName, ProtocolKind, Raw};
+use super::raw::{MediumName, ModelName, PolicyName, ProtocolKind, Raw};
 use super::{Protocol, Scenario};
 use crate::vehicle::Landing;
 
@@ -72,6 +72,7 @@ pub(crate) fn load_from(
     check_layers(&source, &raw, &course)?;
     let limits = limits(&raw, separation, &course);
     let protocol = protocol(&source, &raw)?;
+    let relays = relays(&source, &raw)?;
     check_datagrams(&source, &raw)?;
     let faults = faults(&source, &raw)?;
     let radio = radio(&source, &raw)?;
@@ -92,6 +93,7 @@ pub(crate) fn load_from(
             .collect(),
         seed: raw.seed.get_ref().0,
         layout,
+        relays,
         changes,
         waypoints,
         radio,
@@ -282,4 +284,26 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
 
 pub(super) fn to_usize(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
+}
+
+/// The most pure relays.
+const RELAYS_MAX: usize = 1_000;
+
+/// Where the pure relays are.
+fn relays(source: &Source, raw: &Raw) -> Result<Arc<[Ned]>, BadInput> {
+    if let Some(relay) = raw.relays.first()
+        && *raw.protocol.policy.get_ref() != PolicyName::Tree
+    {
+        let message = "policy `flood` has no pure relays: every drone that it lists is awaited";
+        return Err(source.error(relay.span(), message));
+    }
+    if let Some(relay) = raw.relays.get(RELAYS_MAX) {
+        let message = format!("more than {RELAYS_MAX} relays");
+        return Err(source.error(relay.span(), &message));
+    }
+    let place = |relay: &Spanned<super::raw::Relay>| {
+        let relay = relay.get_ref();
+        Ned::new(relay.north_m.0, relay.east_m.0, -relay.altitude_m.0)
+    };
+    Ok(raw.relays.iter().map(place).collect())
 }

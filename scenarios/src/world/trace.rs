@@ -30,6 +30,7 @@ pub(crate) enum Kind {
     Undeliverable,
     Steered,
     Killed,
+    Addressed,
 }
 
 impl Trace {

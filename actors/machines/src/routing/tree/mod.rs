@@ -3,13 +3,15 @@
 //!
 //! Each drone keeps what its neighbours last said and takes the one nearest to the master for its parent. An order
 //! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
-//! carried the order out. Hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
-//! heard in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
+//! carried the order out. What one neighbour alone has yet to learn is said to that one, and the medium may tell what
+//! became of it; besides, hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
+//! known to have arrived in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
 //! passing it on as it comes in; that one frame serves discovery, liveness and routing.
 
 mod durable;
 mod links;
 mod members;
+mod seek;
 mod speak;
 
 use std::collections::BTreeMap;
@@ -23,6 +25,7 @@ pub use durable::Checkpoint;
 
 use self::links::{Link, Links};
 use self::members::Missed;
+use self::seek::Seek;
 use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId, NodeSet};
@@ -37,6 +40,9 @@ pub struct Config {
     pub id: NodeId,
     /// How many drones the swarm has; ids run from 0 to one below.
     pub drones: u32,
+    /// How many pure relays there are besides, whose ids follow: they pass on and are not awaited, and their protocol
+    /// is told nothing.
+    pub relays: u32,
     /// How often the master's number goes out.
     pub beacon: Duration,
     /// How long a drone waits to hear what it said come back before it says it again; grows by half with each time.
@@ -50,7 +56,7 @@ pub struct Config {
     pub time_to_live: Duration,
 }
 
-/// From this share of missed frames on a leaf confirms an order with a frame of its own.
+/// From this share of missed frames on a leaf is not trusted to have heard what was said to all.
 const CONFIRM_ABOVE_LOSS: f64 = 0.005;
 
 /// The routing of one drone, along a tree.
@@ -64,8 +70,6 @@ pub struct TreeRouting {
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
-    /// A parent that answered nothing lately.
-    suspected: Option<NodeId>,
     /// As master: who was alive when last looked, and since when each that is not has been missed.
     missed: BTreeMap<NodeId, Missed>,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
@@ -77,6 +81,8 @@ pub struct TreeRouting {
     said_sequence: u32,
     next_beacon: Option<Timestamp>,
     repair: Option<Repair>,
+    /// Whether the parent lives is being found out.
+    seek: Option<Seek>,
     /// Until when acknowledgements wait for those still missing below, and of which order.
     hold: Option<Hold>,
     outbox: Outbox<Transmit, Event>,
@@ -110,7 +116,6 @@ impl TreeRouting {
             routes: Routes::default(),
             orphaned: None,
             master_silent: false,
-            suspected: None,
             missed: BTreeMap::new(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
@@ -118,6 +123,7 @@ impl TreeRouting {
             said_sequence: 0,
             next_beacon: None,
             repair: None,
+            seek: None,
             hold: None,
             outbox: Outbox::new(),
             config,
@@ -142,7 +148,8 @@ impl TreeRouting {
     /// Entries in its table of links, and the most that it takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.links.len(), self.config.drones as usize)
+        let nodes = self.config.drones + self.config.relays;
+        (self.links.len(), nodes as usize)
     }
 
     fn is_master(&self) -> bool {
@@ -151,8 +158,15 @@ impl TreeRouting {
             .is_some_and(|ballot| ballot.master == self.config.id)
     }
 
+    /// Whether this is a pure relay.
+    const fn is_relay(&self) -> bool {
+        self.config.id.0 >= self.config.drones
+    }
+
     fn inform(&mut self, notice: Notice) {
-        self.outbox.transmit(Transmit::Inform(notice));
+        if !self.is_relay() {
+            self.outbox.transmit(Transmit::Inform(notice));
+        }
     }
 
     fn checkpoint(&mut self) {
@@ -161,12 +175,16 @@ impl TreeRouting {
     }
 
     fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
-        let is_member = sender.0 < self.config.drones;
+        let is_member = sender.0 < self.config.drones + self.config.relays;
         let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
-        if !is_member || self.durable.stopped || !self.obeys(now, ballot) {
+        if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
+            if is_member {
+                self.links
+                    .hear_of_another_reign(self.config.id, sender, &said, now);
+            }
             self.outbox.event(Event::Ignored(sender));
             return;
         }
@@ -182,17 +200,47 @@ impl TreeRouting {
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
-    fn obeys(&mut self, now: Timestamp, ballot: Ballot) -> bool {
+    /// What comes over a link that carries one way only makes nobody turn.
+    fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
         match self.durable.ballot {
             Some(own) if own == ballot => true,
             Some(own) if !ballot.beats(&own) => false,
+            Some(_) if !self.links.is_symmetric(self.config.id, sender, said) => false,
             _ => {
-                self.durable.ballot = Some(ballot);
-                self.next_beacon.get_or_insert(now + self.config.beacon);
-                self.checkpoint();
+                self.turn_to(now, ballot);
+                self.inform(Notice::Reign(ballot));
                 true
             }
         }
+    }
+
+    /// Obeys another ballot than before: orders, acknowledgements, ways and the master's number were those of the reign
+    /// before. Who is near, and how well each is heard, is still known.
+    fn turn_to(&mut self, now: Timestamp, ballot: Ballot) {
+        if self.durable.ballot.is_some() {
+            self.durable = Checkpoint {
+                landing: self.durable.landing,
+                discovered: self.durable.discovered,
+                stopped: self.durable.stopped,
+                beats: self.durable.beats.under_another_master(),
+                ..Checkpoint::default()
+            };
+            self.links.forget_reign();
+            self.routes = Routes::default();
+            self.orphaned = None;
+            self.master_silent = false;
+            self.missed.clear();
+            self.told = (0, NodeSet::default());
+            self.told_landing = NodeSet::default();
+            self.pending = (0, NodeSet::default());
+            self.said_sequence = 0;
+            self.repair = None;
+            self.seek = None;
+            self.hold = None;
+        }
+        self.durable.ballot = Some(ballot);
+        self.next_beacon.get_or_insert(now + self.config.beacon);
+        self.checkpoint();
     }
 
     fn hear(&mut self, now: Timestamp, sender: NodeId, said: Tree) {
@@ -204,7 +252,6 @@ impl TreeRouting {
             return;
         }
         let news = self.take_order(order);
-        self.suspected = self.suspected.filter(|suspected| *suspected != sender);
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
@@ -266,7 +313,10 @@ impl TreeRouting {
             routes.hops = Some(0);
         } else {
             let parent = self.routes.parent;
-            let suspected = parent.filter(|parent| self.suspected == Some(*parent));
+            let suspected = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| !link.is_reachable())
+            });
             let stale = parent.filter(|parent| {
                 let link = self.links.get(*parent);
                 link.is_some_and(|link| link.is_stale(now, self.config.beacon))
@@ -281,6 +331,7 @@ impl TreeRouting {
             let left = suspected.or(stale);
             let usable = |id: NodeId, link: &Link| {
                 link.symmetric
+                    && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
                     && Some(id) != left
@@ -344,8 +395,13 @@ impl TreeRouting {
         if !self.is_master()
             && let Some((since, _)) = self.orphaned
             && now.since(since) > self.config.time_to_live
-            && !self.master_silent
         {
+            self.miss_master();
+        }
+    }
+
+    fn miss_master(&mut self) {
+        if !self.master_silent {
             self.master_silent = true;
             self.inform(Notice::MasterSilent);
         }
@@ -363,8 +419,10 @@ impl TreeRouting {
     /// Who below has carried the newest order out.
     fn acknowledged_below(&self) -> NodeSet {
         let mut all = NodeSet::default();
-        for (_, link) in self.links.children(self.config.id) {
-            if link.said.sequence == self.durable.sequence {
+        for (_, link) in self.links.iter() {
+            // What is done stays done, even of a child that is out of reach by now.
+            let is_child = link.said.parent == Some(self.config.id);
+            if is_child && link.said.sequence == self.durable.sequence {
                 all.extend_from(&link.said.acknowledged);
             }
         }
@@ -377,6 +435,9 @@ impl TreeRouting {
     }
 
     fn resync(&mut self, now: Timestamp) {
+        if let Some(ballot) = self.durable.ballot {
+            self.inform(Notice::Reign(ballot));
+        }
         if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
             let sequence = self.durable.sequence;
             self.inform(Notice::Order {
@@ -419,11 +480,20 @@ impl Machine for TreeRouting {
                 ballot,
                 payload,
             } => self.heard(now, sender, ballot, &payload),
+            Input::Outcome {
+                to,
+                payload,
+                delivered,
+            } => self.outcome(now, to, &payload, delivered),
             Input::Lead(ballot) => {
-                self.durable.ballot = Some(ballot);
+                if self.durable.ballot != Some(ballot) {
+                    self.turn_to(now, ballot);
+                }
+                if ballot.is_elected() {
+                    self.expect_members(now);
+                }
                 self.update_routes(now);
-                self.next_beacon.get_or_insert(now);
-                self.checkpoint();
+                self.next_beacon = Some(now);
             }
             Input::Publish { sequence, order } if sequence > self.durable.sequence => {
                 self.durable.sequence = sequence;
@@ -448,7 +518,7 @@ impl Machine for TreeRouting {
             Input::Land => {
                 self.durable.landing.get_or_insert(now);
                 self.checkpoint();
-                self.say(now, speak::Occasion::News);
+                self.beacon_soon(now);
             }
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
@@ -458,6 +528,7 @@ impl Machine for TreeRouting {
 
     fn handle_timeout(&mut self, now: Timestamp) {
         self.let_go_if_due(now);
+        self.seek_if_due(now);
         self.repair_if_due(now);
         self.beacon_if_due(now);
     }
@@ -468,7 +539,10 @@ impl Machine for TreeRouting {
             .hold
             .filter(|hold| !hold.is_over)
             .map(|hold| hold.until);
-        let deadline = [self.next_beacon, repair, hold].into_iter().flatten().min();
-        self.outbox.poll(deadline)
+        let deadlines = [self.next_beacon, repair, hold, self.next_seek()];
+        self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }
+
+#[cfg(test)]
+mod tests;
