@@ -1,5 +1,8 @@
+use std::time::Duration;
+
 use muster_machines::cell::{Address, Checkpoints};
 use muster_machines::time::Timestamp;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// What the world keeps for one drone: its random source, its journal, its timers, which of its actors run.
@@ -69,6 +72,11 @@ impl Drone {
         timer.deadline = deadline;
         timer.generation = timer.generation.wrapping_add(1);
         Some(timer.generation)
+    }
+
+    /// How long its vehicle takes to come to rest at the end of a leg, where it takes `most` at most.
+    pub(crate) fn draw_settling(&mut self, most: Duration) -> Option<Duration> {
+        (most > Duration::ZERO).then(|| self.rng.random_range(Duration::ZERO..=most))
     }
 
     /// The number of the motion that the vehicle has just begun.
