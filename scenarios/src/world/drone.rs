@@ -89,3 +89,31 @@ impl Drone {
         self.motion == generation
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    #[test]
+    fn settling_is_drawn_anew_for_each_leg_and_is_no_longer_than_the_longest() {
+        let mut drone = Drone::new(ChaCha8Rng::seed_from_u64(1));
+        let most = Duration::from_millis(800);
+        let draws: Vec<_> = (0..100)
+            .map(|_| drone.draw_settling(most).unwrap())
+            .collect();
+        assert!(draws.iter().all(|time| *time <= most));
+        let above = |time| draws.iter().filter(|draw| **draw > time).count();
+        assert!((15..=35).contains(&above(most * 3 / 4)), "{draws:?}");
+        assert!((65..=85).contains(&above(most / 4)), "{draws:?}");
+    }
+
+    #[test]
+    fn nothing_is_drawn_for_a_vehicle_that_settles_at_once() {
+        let rng = ChaCha8Rng::seed_from_u64(1);
+        let mut drone = Drone::new(rng.clone());
+        assert_eq!(drone.draw_settling(Duration::ZERO), None);
+        assert_eq!(drone.rng, rng);
+    }
+}
