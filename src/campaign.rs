@@ -12,6 +12,9 @@ use muster_scenarios::scenario::Override;
 use crate::sim::EngineName;
 use crate::{Ended, Failure, terminal};
 
+/// The most folders of one scenario's campaigns that are named without being told.
+const FOLDERS_MAX: u32 = 1_000;
+
 /// Fly a scenario many times and show medians with their 95 % intervals.
 ///
 /// Every combination of the varied values is flown with every seed. A folder takes a row a run (runs.csv,
@@ -23,7 +26,8 @@ use crate::{Ended, Failure, terminal};
   muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --out runs/loss
   muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
 
-A run that breaks a rule has its row, and the command ends with exit code 3.
+A run that breaks a rule has its row, and the command ends with exit code 3; with 4 if all rules were kept and a
+mission was not flown to its end.
 At most 10,000,000 runs and 10,000 combinations.")]
 pub(crate) struct Arguments {
     /// The scenario file.
@@ -52,7 +56,8 @@ pub(crate) struct Arguments {
     /// How many runs are flown at once [default: one a core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
-    /// The folder to write to, and to go on in [default: runs/SCENARIO-campaign, or -campaign-I-of-N]
+    /// The folder to write to, and to go on in [default: runs/SCENARIO-campaign, or -campaign-I-of-N; where that is
+    /// another campaign's, with the first of -2, -3, … that is not]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -144,11 +149,17 @@ pub(crate) fn merge(arguments: &MergeArguments) -> Result<Ended, Failure> {
 fn default_folder(campaign: &Campaign) -> PathBuf {
     let name = campaign.name();
     let shard = campaign.shard();
-    Path::new("runs").join(if shard == Shard::WHOLE {
+    let name = if shard == Shard::WHOLE {
         format!("{name}-campaign")
     } else {
         format!("{name}-campaign-{}-of-{}", shard.index(), shard.of())
-    })
+    };
+    let first = Path::new("runs").join(&name);
+    let others = (2..=FOLDERS_MAX).map(|n| Path::new("runs").join(format!("{name}-{n}")));
+    std::iter::once(first.clone())
+        .chain(others)
+        .find(|folder| campaign.may_use(folder))
+        .unwrap_or(first)
 }
 
 fn print(published: &Published) -> io::Result<()> {
@@ -161,9 +172,11 @@ fn print(published: &Published) -> io::Result<()> {
 }
 
 fn ended(published: &Published) -> Ended {
-    if published.broken_runs() == 0 {
-        Ended::Well
-    } else {
+    if published.broken_runs() > 0 {
         Ended::RuleBroken
+    } else if published.incomplete_runs() > 0 {
+        Ended::MissionIncomplete
+    } else {
+        Ended::Well
     }
 }

@@ -287,6 +287,37 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["there is no drone 5 in a swarm of 5", "faults.drone"],
         ),
         (
+            "policy = \"flood\"\nliveness = \"thesis\"",
+            "policy = \"tree\"\n\n[[relays]]\nnorth_m = 0\neast_m = 100001\naltitude_m = 5",
+            &[
+                "100001 is not an offset from -100000 to 100000",
+                "relays.east_m",
+            ],
+        ),
+        (
+            "policy = \"flood\"\nliveness = \"thesis\"",
+            "policy = \"tree\"\n\n[[relays]]\nnorth_m = 0\neast_m = 0\naltitude_m = -5",
+            &["-5 is not a height from 0 to 100000", "relays.altitude_m"],
+        ),
+        (
+            "policy = \"flood\"\nliveness = \"thesis\"",
+            "policy = \"tree\"\n\n[[relays]]\nnorth_m = \"here\"\neast_m = 0\naltitude_m = 5",
+            &["invalid type: string", "relays.north_m"],
+        ),
+        (
+            "policy = \"flood\"\nliveness = \"thesis\"",
+            "policy = \"tree\"\n\n[[relays]]\nnorth_m = 0\naltitude_m = 5",
+            &["missing field `east_m`"],
+        ),
+        (
+            "[radio]",
+            "[[relays]]\nnorth_m = 0\neast_m = 0\naltitude_m = 5\n\n[radio]",
+            &[
+                "policy `flood` has no pure relays",
+                "where `protocol.policy` is \"tree\"",
+            ],
+        ),
+        (
             "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 1\ncrash = \"wings\"",
             &["unknown variant `wings`", "an actor:"],

@@ -382,3 +382,52 @@ fn broken_rules_have_their_rows_and_the_commands_that_repeat_them() {
     );
     assert_eq!(again.status.code(), Some(3), "it is told each time");
 }
+
+#[test]
+fn runs_that_do_not_fly_the_mission_to_its_end_are_counted_and_told() {
+    let home = tempfile::tempdir().unwrap();
+    // Every leg takes longer.
+    let limit = ["--set", "limits.leg_s=30"];
+    let arguments = ["campaign", SCENARIO, "--seeds", "0..2", "--out", "out"];
+    let run = muster(home.path(), &[&arguments[..], &limit].concat());
+    assert_eq!(run.status.code(), Some(4), "{}", said(&run));
+    let printed = String::from_utf8_lossy(&run.stdout);
+    assert!(
+        printed.contains("not flown to the end in 2 runs"),
+        "{printed}"
+    );
+    let summary = fs::read_to_string(home.path().join("out/summary.csv")).unwrap();
+    let column = |line: usize, name: &str| {
+        let at = summary.lines().next().unwrap().split(',');
+        let at = at.clone().position(|it| it == name).unwrap();
+        summary
+            .lines()
+            .nth(line)
+            .unwrap()
+            .split(',')
+            .nth(at)
+            .unwrap()
+            .to_owned()
+    };
+    assert_eq!(column(1, "broken"), "0");
+    assert_eq!(column(1, "incomplete"), "2");
+}
+
+#[test]
+fn a_campaign_whose_folder_is_not_named_takes_one_that_is_no_other_campaign_s() {
+    let home = tempfile::tempdir().unwrap();
+    let flown = |more: &[&str]| {
+        let arguments = ["campaign", SCENARIO, "--seeds", "0..1"];
+        let run = muster(home.path(), &[&arguments[..], more].concat());
+        assert!(run.status.success(), "{}", said(&run));
+        String::from_utf8(run.stdout).unwrap()
+    };
+    let other = ["--set", "radio.loss=0.1"];
+    assert!(flown(&[]).contains("thesis-1-campaign/runs.csv"));
+    assert!(flown(&other).contains("thesis-1-campaign-2/runs.csv"));
+    for (more, folder) in [(&[][..], "campaign/"), (&other[..], "campaign-2/")] {
+        let printed = flown(more);
+        assert!(printed.contains(&format!("thesis-1-{folder}runs.csv")));
+        assert!(printed.contains("1 were there already"), "{printed}");
+    }
+}

@@ -47,7 +47,7 @@ pub trait Transport {
 pub enum Destination {
     /// For whoever can hear it. Nobody acknowledges it, and nothing is known of what became of it.
     Broadcast,
-    /// For one drone. An [`Event::Outcome`] follows, whatever becomes of it.
+    /// For one drone. An [`Event::Outcome`] follows, whatever becomes of it. On a radio others may hear it too.
     To(NodeId),
 }
 

@@ -84,7 +84,14 @@ pub enum Effect {
     /// Hand this to the machine beside it.
     Post(Envelope),
     /// Put this frame on the air.
-    Broadcast(Bytes),
+    Send {
+        /// For whom it is; for all in range otherwise.
+        to: Option<NodeId>,
+        /// The frame.
+        frame: Bytes,
+        /// Whether it is sent only because its time has come; for whoever counts frames.
+        keep_alive: bool,
+    },
     /// Give this to the vehicle.
     Command(msp::Demand),
     /// Keep this, so that the machine can be built anew.
@@ -355,7 +362,24 @@ where
 impl From<radio::Transmit> for Effect {
     fn from(transmit: radio::Transmit) -> Self {
         match transmit {
-            radio::Transmit::Broadcast(frame) => Self::Broadcast(frame),
+            radio::Transmit::Send {
+                to,
+                frame,
+                keep_alive,
+            } => Self::Send {
+                to,
+                frame,
+                keep_alive,
+            },
+            radio::Transmit::Outcome {
+                to,
+                payload,
+                delivered,
+            } => Self::Post(Envelope::Routing(routing::Input::Outcome {
+                to,
+                payload,
+                delivered,
+            })),
             radio::Transmit::Heard {
                 sender,
                 ballot,
@@ -373,10 +397,12 @@ impl From<routing::Transmit> for Effect {
     fn from(transmit: routing::Transmit) -> Self {
         Self::Post(match transmit {
             routing::Transmit::Send {
+                to,
                 ballot,
                 payload,
                 keep_alive,
             } => Envelope::Radio(radio::Input::Send {
+                to,
                 ballot,
                 payload,
                 keep_alive,

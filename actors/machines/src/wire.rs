@@ -177,6 +177,7 @@ enum WirePacket<'a> {
         landing: &'a [u8],
         #[serde(borrow)]
         hears: Option<&'a [u8]>,
+        to: Option<u32>,
         pending: &'a [u8],
         #[serde(borrow)]
         order: Option<&'a [u8]>,
@@ -223,6 +224,7 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             alive: tree.alive.as_bytes(),
             landing: tree.landing.as_bytes(),
             hears: tree.hears.as_ref().map(NodeSet::as_bytes),
+            to: tree.to.map(|id| id.0),
             pending: tree.pending.as_bytes(),
             order: tree.order.as_deref(),
         },
@@ -268,6 +270,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             alive,
             landing,
             hears,
+            to,
             pending,
             order,
         } => Packet::Tree(Tree {
@@ -280,6 +283,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             alive: NodeSet::from_bytes(alive),
             landing: NodeSet::from_bytes(landing),
             hears: hears.map(NodeSet::from_bytes),
+            to: to.map(NodeId),
             pending: NodeSet::from_bytes(pending),
             order: order.map(bytes::Bytes::copy_from_slice),
         }),

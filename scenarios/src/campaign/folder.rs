@@ -149,6 +149,12 @@ impl Campaign {
         Ok(there)
     }
 
+    /// Whether a folder is this campaign's, or nobody's yet.
+    #[must_use]
+    pub fn may_use(&self, dir: &Path) -> bool {
+        self.check_folder(dir).is_ok()
+    }
+
     /// Refuses what another version of the program has begun.
     pub(super) fn check_program(&self, dir: &Path) -> Result<(), BadInput> {
         if self.program == PROGRAM {

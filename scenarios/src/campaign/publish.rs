@@ -45,6 +45,15 @@ impl Published {
     pub fn broken_runs(&self) -> u64 {
         self.summaries.iter().map(|summary| summary.broken).sum()
     }
+
+    /// How many runs kept the rules and did not fly the mission to its end.
+    #[must_use]
+    pub fn incomplete_runs(&self) -> u64 {
+        self.summaries
+            .iter()
+            .map(|summary| summary.incomplete)
+            .sum()
+    }
 }
 
 /// Writes the files of a campaign from the rows of one shard, or from those of all shards in their order.

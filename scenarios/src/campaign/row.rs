@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Campaign;
-use crate::report::{DroneReport, Engine, Report};
+use crate::report::{Barrier, DroneReport, Engine, Report};
 
 /// A line of `runs.jsonl`; `runs.csv` has the same, with a column for each varied field.
 ///
@@ -44,16 +44,23 @@ pub struct Row {
     pub messages_sent_mean: f64,
     /// How many waypoints the swarm waited at.
     pub barriers: u64,
-    /// From the last arrival to the last departure, in seconds, the mean over the barriers.
-    pub waypoint_wait_mean_s: Option<f64>,
-    /// Frames sent by anyone between the two, the mean over the barriers.
+    /// From the last arrival to the last departure, in milliseconds, the mean over the barriers.
+    pub waypoint_wait_mean_ms: Option<f64>,
+    /// Frames sent by anyone from the first arrival to the last departure, keep-alives apart, the mean over the
+    /// barriers.
     pub transmissions_per_barrier: Option<f64>,
+    /// Frames sent meanwhile only because their time had come.
+    pub keep_alives_per_barrier: Option<f64>,
+    /// Frames that the medium sent again meanwhile, for want of an acknowledgement.
+    pub retries_per_barrier: Option<f64>,
     /// From a drone's own arrival to its own departure, in seconds, the mean of the drones' means.
     pub waypoint_delay_mean_s: Option<f64>,
     /// The closest that two flying drones came, in metres.
     pub min_separation_m: Option<f64>,
     /// How often an actor of any drone was restarted.
     pub restarts: u64,
+    /// Whether the mission was flown to its end, as in [`Report::mission_completed`].
+    pub mission_completed: bool,
     /// How often a rule was broken; the first ends the run.
     pub violations: u64,
     /// The number of the first rule that was broken.
@@ -78,11 +85,14 @@ const COLUMNS: (&[&str], &[&str]) = (
         "messages_received_mean",
         "messages_sent_mean",
         "barriers",
-        "waypoint_wait_mean_s",
+        "waypoint_wait_mean_ms",
         "transmissions_per_barrier",
+        "keep_alives_per_barrier",
+        "retries_per_barrier",
         "waypoint_delay_mean_s",
         "min_separation_m",
         "restarts",
+        "mission_completed",
         "violations",
         "rule",
         "violation",
@@ -96,7 +106,7 @@ impl Row {
         let (combination, seed) = campaign.run(run);
         let flight_times = || report.drones.iter().filter_map(|drone| drone.flight_time_s);
         let master = report.master().and_then(|drone| drone.flight_time_s);
-        let transmissions = report.mean_transmissions();
+        let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
         Self {
             run,
@@ -114,11 +124,14 @@ impl Row {
             messages_received_mean: rounded(report.means.messages_received),
             messages_sent_mean: rounded(report.mean_messages_sent().unwrap_or_default()),
             barriers: report.barriers.len() as u64,
-            waypoint_wait_mean_s: report.mean_wait_s().map(rounded),
-            transmissions_per_barrier: transmissions.map(rounded),
+            waypoint_wait_mean_ms: report.mean_wait_s().map(|it| rounded(it * 1e3)),
+            transmissions_per_barrier: mean(|barrier| barrier.transmissions),
+            keep_alives_per_barrier: mean(|barrier| barrier.keep_alives),
+            retries_per_barrier: mean(|barrier| barrier.retries),
             waypoint_delay_mean_s: report.mean_waypoint_delay_s().map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
+            mission_completed: report.mission_completed,
             violations: report.violations.len() as u64,
             rule: first.map(|violation| violation.rule),
             violation: first.map(|violation| violation.what.clone()),
@@ -139,6 +152,12 @@ impl Row {
         self.violations > 0
     }
 
+    /// Whether all rules were kept and the mission was not flown to its end all the same.
+    #[must_use]
+    pub const fn is_incomplete(&self) -> bool {
+        !self.is_broken() && !self.mission_completed
+    }
+
     /// Its fields as they stand in `runs.csv`.
     pub(super) fn record(&self, campaign: &Campaign) -> Vec<String> {
         let varied = campaign.varied(self.combination);
@@ -157,11 +176,14 @@ impl Row {
             self.messages_received_mean.to_string(),
             self.messages_sent_mean.to_string(),
             self.barriers.to_string(),
-            or_empty(self.waypoint_wait_mean_s),
+            or_empty(self.waypoint_wait_mean_ms),
             or_empty(self.transmissions_per_barrier),
+            or_empty(self.keep_alives_per_barrier),
+            or_empty(self.retries_per_barrier),
             or_empty(self.waypoint_delay_mean_s),
             or_empty(self.min_separation_m),
             self.restarts.to_string(),
+            self.mission_completed.to_string(),
             self.violations.to_string(),
             or_empty(self.rule),
             or_empty(self.violation.as_deref()),

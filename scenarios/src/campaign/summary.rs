@@ -24,7 +24,7 @@ pub struct Figure {
 }
 
 /// Every figure of a summary, in the order of its columns.
-pub const FIGURES: [Figure; 7] = [
+pub const FIGURES: [Figure; 9] = [
     Figure {
         column: "flight_time_master_s",
         name: "Flight time of the master",
@@ -62,22 +62,41 @@ pub const FIGURES: [Figure; 7] = [
         of: |row| Some(row.messages_received_mean),
     },
     Figure {
-        column: "waypoint_wait_mean_s",
+        column: "waypoint_wait_mean_ms",
         name: "Wait at a waypoint, mean",
-        short: "waypoint\nwait s",
-        unit: "s",
+        short: "waypoint\nwait ms",
+        unit: "ms",
         about: "From the arrival of the last drone to the departure of the last drone.",
-        digits: 2,
-        of: |row| row.waypoint_wait_mean_s,
+        digits: 1,
+        of: |row| row.waypoint_wait_mean_ms,
     },
     Figure {
         column: "transmissions_per_barrier",
         name: "Transmissions a barrier, mean",
         short: "frames a\nbarrier",
         unit: "",
-        about: "Frames that anyone sent during such a wait.",
+        about: "Frames that anyone sent from the arrival of the first drone to the departure of the last, those apart \
+                that were sent only because their time had come.",
         digits: 1,
         of: |row| row.transmissions_per_barrier,
+    },
+    Figure {
+        column: "keep_alives_per_barrier",
+        name: "Keep-alives a barrier, mean",
+        short: "keep-\nalives",
+        unit: "",
+        about: "Frames that were sent meanwhile only because their time had come.",
+        digits: 1,
+        of: |row| row.keep_alives_per_barrier,
+    },
+    Figure {
+        column: "retries_per_barrier",
+        name: "Retries of the medium a barrier, mean",
+        short: "MAC\nretries",
+        unit: "",
+        about: "Frames for one drone that the medium sent again meanwhile, for want of an acknowledgement.",
+        digits: 1,
+        of: |row| row.retries_per_barrier,
     },
     Figure {
         column: "min_separation_m",
@@ -103,6 +122,8 @@ pub struct Summary {
     pub runs: u64,
     /// How many of them broke a rule.
     pub broken: u64,
+    /// How many of the others did not fly the mission to its end.
+    pub incomplete: u64,
     /// How often rules were broken in them.
     pub violations: u64,
     /// Each of [`FIGURES`], over the runs that kept the rules and have it.
@@ -135,11 +156,12 @@ impl Broken {
     }
 }
 
-/// The figures of a combination's runs: 56 bytes of memory a run.
+/// The figures of a combination's runs: 72 bytes of memory a run.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     runs: u64,
     broken: u64,
+    incomplete: u64,
     violations: u64,
     samples: [Vec<f64>; FIGURES.len()],
 }
@@ -148,6 +170,7 @@ impl Tally {
     pub(super) fn add(&mut self, row: &Row) {
         self.runs += 1;
         self.violations += row.violations;
+        self.incomplete += u64::from(row.is_incomplete());
         if row.is_broken() {
             self.broken += 1;
             return;
@@ -167,6 +190,7 @@ impl Tally {
                 .collect(),
             runs: self.runs,
             broken: self.broken,
+            incomplete: self.incomplete,
             violations: self.violations,
             estimates: self.samples.into_iter().map(Estimate::of).collect(),
         }
@@ -182,7 +206,7 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
             .iter()
             .map(|variation| variation.key().to_owned()),
     );
-    names.extend(["runs", "broken", "violations"].map(str::to_owned));
+    names.extend(["runs", "broken", "incomplete", "violations"].map(str::to_owned));
     for Figure { column, .. } in &FIGURES {
         names.extend([
             format!("{column}_median"),
@@ -198,7 +222,8 @@ impl Summary {
     pub(super) fn record(&self) -> Vec<String> {
         let mut fields = vec![self.combination.to_string()];
         fields.extend(self.values.iter().cloned());
-        fields.extend([self.runs, self.broken, self.violations].map(|count| count.to_string()));
+        let counts = [self.runs, self.broken, self.incomplete, self.violations];
+        fields.extend(counts.map(|count| count.to_string()));
         for estimate in &self.estimates {
             let interval = estimate.as_ref().and_then(|it| it.interval);
             fields.extend([
@@ -244,7 +269,7 @@ mod tests {
         let campaign = plan::tests::campaign();
         let record = Tally::default().summary(&campaign, 0).record();
         assert_eq!(record.len(), heading(&campaign).len());
-        assert!(record.iter().skip(6).all(String::is_empty), "{record:?}");
+        assert!(record.iter().skip(7).all(String::is_empty), "{record:?}");
     }
 
     #[test]

@@ -54,6 +54,15 @@ pub fn table(published: &Published, colour: Colour) -> String {
         ),
     };
     text.push_str(&format!(" rules  {}\n", painted(&verdict, paint, colour)));
+    match published.incomplete_runs() {
+        0 => {}
+        runs => {
+            let runs = plural(usize::try_from(runs).unwrap_or(usize::MAX), "run");
+            let verdict = format!("not flown to the end in {runs}");
+            let verdict = painted(&verdict, RED, colour);
+            text.push_str(&format!(" missions  {verdict}\n"));
+        }
+    }
     for run in broken {
         let rule = run
             .rule

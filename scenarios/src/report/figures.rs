@@ -77,10 +77,10 @@ impl Report {
         mean(self.barriers.iter().map(Barrier::wait_s))
     }
 
-    /// The mean of the frames sent during the waits at the waypoints; nothing without a waypoint.
+    /// The mean of some count of each wait at a waypoint; nothing without a waypoint.
     #[must_use]
-    pub fn mean_transmissions(&self) -> Option<f64> {
-        mean(self.barriers.iter().map(|it| count(it.transmissions)))
+    pub fn mean_of_barriers(&self, what: impl Fn(&Barrier) -> u64) -> Option<f64> {
+        mean(self.barriers.iter().map(|barrier| count(what(barrier))))
     }
 
     /// The mean of the waypoint delays that there are.

@@ -50,6 +50,8 @@ pub struct Report {
     pub wall_s: f64,
     /// Each drone, in the order of their ids.
     pub drones: Vec<DroneReport>,
+    /// Each pure relay, in the order of their ids.
+    pub relays: Vec<RelayReport>,
     /// Means over the drones.
     pub means: Means,
     /// Each waypoint at which the swarm waited for its members.
@@ -62,12 +64,33 @@ pub struct Report {
     pub bridges: Vec<Bridge>,
     /// Frames that radios did not let in, by reason.
     pub dropped: BTreeMap<String, u64>,
+    /// What the radios did, on a medium that they share; nothing on an ideal one.
+    pub medium: Option<MediumCounters>,
     /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
     pub min_separation_m: Option<f64>,
     /// Whether the swarm, or what was left of it, reached the last waypoint and left it to land.
     pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
+}
+
+/// What radios that share a medium did, all of them together, from the start of the run to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MediumCounters {
+    /// Frames with a datagram that went on the air, those sent again included.
+    pub sent: u64,
+    /// Acknowledgements that did.
+    pub acknowledgements: u64,
+    /// Frames that were sent again for want of one.
+    pub retries: u64,
+    /// Datagrams for one drone that were given up after the last try.
+    pub given_up: u64,
+    /// Datagrams that found the queue full.
+    pub dropped: u64,
+    /// Frames that a radio heard and could not make out: others were in the air, or it was sending itself.
+    pub collided: u64,
+    /// Frames that a radio made out and that were lost on it, by `radio.loss`.
+    pub lost: u64,
 }
 
 /// What runs the drones of a simulation.
@@ -126,6 +149,29 @@ pub struct DroneReport {
     pub restarts: u32,
 }
 
+/// The figures of a pure relay.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RelayReport {
+    /// Which one; relays are numbered after the drones.
+    pub id: u32,
+    /// Where it is, in metres north of home.
+    pub north_m: f64,
+    /// In metres east of home.
+    pub east_m: f64,
+    /// In metres above home.
+    pub altitude_m: f64,
+    /// Hops to the master, by the last way that it had.
+    pub hops: Option<u16>,
+    /// The neighbour through which it passed acknowledgements on.
+    pub parent: Option<u32>,
+    /// Frames that it sent.
+    pub messages_sent: u64,
+    /// Frames that it let in.
+    pub messages_received: u64,
+    /// How often an actor of it was restarted.
+    pub restarts: u32,
+}
+
 /// Whether a drone leads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -154,8 +200,12 @@ pub struct Barrier {
     pub arrived_s: f64,
     /// When the last live member had begun to move on.
     pub moving_s: f64,
-    /// Frames that were sent by anyone between the two.
+    /// Frames that were sent by anyone from the first member's arrival to the last one's departure, keep-alives apart.
     pub transmissions: u64,
+    /// Frames that were sent meanwhile only because their time had come, and so were no part of it.
+    pub keep_alives: u64,
+    /// How often the medium sent a frame for one drone again meanwhile, for want of an acknowledgement.
+    pub retries: u64,
 }
 
 /// A change of formation in flight.

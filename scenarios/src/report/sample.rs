@@ -54,6 +54,8 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         .filter(|bridge| !bridge.out_of_range.is_empty())
         .collect(),
         dropped: BTreeMap::new(),
+        medium: None,
+        relays: Vec::new(),
         mission_completed: true,
         means: Means {
             flight_time_s: Some(flight_times.sum::<f64>() / number),
@@ -202,6 +204,8 @@ impl Script {
                 arrived_s: moving_s - wait_s - 0.04 * f64::from(waypoint),
                 moving_s,
                 transmissions: u64::from(3 * drones + 5 * u32::from(waypoint)),
+                keep_alives: u64::from(drones),
+                retries: 0,
             })
             .collect()
     }

@@ -2,11 +2,12 @@ use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
+use muster_transport::sim::Access;
 
 use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means, Report,
-    Role, Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means,
+    MediumCounters, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::Scenario;
 use crate::world::{Outcome, Record, track};
@@ -38,6 +39,7 @@ pub(crate) fn summary(
         wall_s: wall.as_secs_f64(),
         means: means(&drones),
         drones,
+        relays: relays(scenario, outcome),
         barriers: barriers(outcome),
         changes: changes(scenario, outcome),
         following: error(distances_m.concat()),
@@ -47,6 +49,7 @@ pub(crate) fn summary(
             .iter()
             .map(|(reason, count)| (reason.to_string(), *count))
             .collect(),
+        medium: medium(scenario, outcome),
         min_separation_m: outcome.closest_m,
         mission_completed: is_completed(scenario, outcome),
         violations: outcome.violations.iter().map(Violation::from).collect(),
@@ -98,6 +101,23 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
     }
 }
 
+fn relays(scenario: &Scenario, outcome: &Outcome) -> Vec<RelayReport> {
+    (scenario.layout.formation().drones()..)
+        .zip(scenario.relays.iter().zip(outcome.recorder.relays()))
+        .map(|(id, (place, record))| RelayReport {
+            id,
+            north_m: place.0.x,
+            east_m: place.0.y,
+            altitude_m: place.altitude_m(),
+            hops: record.routes.hops,
+            parent: record.routes.parent.map(|parent| parent.0),
+            messages_sent: record.sent,
+            messages_received: record.received,
+            restarts: record.restarts,
+        })
+        .collect()
+}
+
 /// What a drone was doing at the end, as far as it could still tell.
 fn state(record: &Record) -> String {
     let last = record
@@ -143,16 +163,36 @@ fn barriers(outcome: &Outcome) -> Vec<Barrier> {
     let crossings = outcome.recorder.barriers().iter();
     crossings
         .filter_map(|(waypoint, crossing)| {
-            let (arrived, sent_before) = crossing.arrived?;
+            let (sent_before, arrived) = (crossing.begun?, crossing.arrived?);
             let (moving, sent_after) = crossing.moving?;
             Some(Barrier {
                 waypoint: *waypoint,
                 arrived_s: arrived.as_secs_f64(),
                 moving_s: moving.as_secs_f64(),
-                transmissions: sent_after.saturating_sub(sent_before),
+                transmissions: sent_after.news.saturating_sub(sent_before.news),
+                keep_alives: sent_after
+                    .keep_alives
+                    .saturating_sub(sent_before.keep_alives),
+                retries: sent_after.retries.saturating_sub(sent_before.retries),
             })
         })
         .collect()
+}
+
+fn medium(scenario: &Scenario, outcome: &Outcome) -> Option<MediumCounters> {
+    let Access::Csma { .. } = scenario.radio.access else {
+        return None;
+    };
+    let counters = outcome.medium;
+    Some(MediumCounters {
+        sent: counters.datagrams,
+        acknowledgements: counters.acknowledgements,
+        retries: counters.retries,
+        given_up: counters.given_up,
+        dropped: counters.dropped,
+        collided: counters.collided,
+        lost: counters.lost,
+    })
 }
 
 fn changes(scenario: &Scenario, outcome: &Outcome) -> Vec<FormationChange> {

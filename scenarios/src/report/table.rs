@@ -177,6 +177,9 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     if let Some(beyond) = beyond_the_master(report) {
         lines.push(("relaying", beyond));
     }
+    if !report.relays.is_empty() {
+        lines.push(("relays", relays(report)));
+    }
     if !report.dropped.is_empty() {
         let reasons: Vec<_> = report
             .dropped
@@ -193,6 +196,23 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     }
     lines.push(("trace", report.trace.clone()));
     lines
+}
+
+/// What each pure relay did.
+fn relays(report: &Report) -> String {
+    let relays = report.relays.iter().map(|relay| {
+        let way = match (relay.parent, relay.hops) {
+            (Some(parent), Some(hops)) => {
+                format!(
+                    "{} from the master over {parent}",
+                    plural(hops.into(), "hop")
+                )
+            }
+            _ => "no way to the master".to_owned(),
+        };
+        format!("{}: {way}, {} frames sent", relay.id, relay.messages_sent)
+    });
+    relays.collect::<Vec<_>>().join("; ")
 }
 
 /// How well the others kept formation on the master.

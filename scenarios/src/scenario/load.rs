@@ -21,7 +21,7 @@ use super::file::{Override, Source};
 use super::follow::follow;
 use super::formation;
 use super::limits::{Course, check_layers, limits};
-use super::raw::{ActorName, MediumName, ModelName, ProtocolKind, Raw};
+use super::raw::{ActorName, MediumName, ModelName, PolicyName, ProtocolKind, Raw};
 use super::{Fault, FaultKind, Protocol, Scenario};
 use crate::vehicle::Landing;
 
@@ -75,6 +75,7 @@ pub(crate) fn load_from(
     check_layers(&source, &raw, &course)?;
     let limits = limits(&raw, separation, &course);
     let protocol = protocol(&source, &raw)?;
+    let relays = relays(&source, &raw)?;
     check_datagrams(&source, &raw)?;
     let faults = faults(&source, &raw)?;
     let radio = radio(&source, &raw)?;
@@ -95,6 +96,7 @@ pub(crate) fn load_from(
             .collect(),
         seed: raw.seed.get_ref().0,
         layout,
+        relays,
         changes,
         waypoints,
         radio,
@@ -287,14 +289,37 @@ pub(super) fn to_usize(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }
 
+/// The most pure relays.
+const RELAYS_MAX: usize = 1_000;
+
+/// Where the pure relays are.
+fn relays(source: &Source, raw: &Raw) -> Result<Arc<[Ned]>, BadInput> {
+    if let Some(relay) = raw.relays.first()
+        && *raw.protocol.policy.get_ref() != PolicyName::Tree
+    {
+        let message = "policy `flood` has no pure relays: every drone that it lists is awaited";
+        return Err(source.error(relay.span(), message));
+    }
+    if let Some(relay) = raw.relays.get(RELAYS_MAX) {
+        let message = format!("more than {RELAYS_MAX} relays");
+        return Err(source.error(relay.span(), &message));
+    }
+    let place = |relay: &Spanned<super::raw::Relay>| {
+        let relay = relay.get_ref();
+        Ned::new(relay.north_m.0, relay.east_m.0, -relay.altitude_m.0)
+    };
+    Ok(raw.relays.iter().map(place).collect())
+}
+
 fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
     let drones = raw.formation.drones.get_ref().0;
+    let nodes = drones + raw.relays.len() as u64;
     raw.faults
         .iter()
         .map(|fault| {
             let drone = fault.drone.get_ref().0;
-            if drone >= drones {
-                let message = format!("there is no drone {drone} in a swarm of {drones}");
+            if drone >= nodes {
+                let message = format!("there is no drone {drone} in a swarm of {nodes}");
                 return Err(source.error(fault.drone.span(), &message));
             }
             Ok(Fault {

@@ -45,6 +45,8 @@ pub struct Scenario {
     pub seed: u64,
     /// Who flies where.
     pub layout: Arc<Layout>,
+    /// Where pure relays are, whose ids follow those of the drones.
+    pub relays: Arc<[Ned]>,
     /// The changes of formation on the way, in order.
     pub changes: Arc<[Change]>,
     /// The waypoints of the centre of the formation; 0 is over home.
@@ -87,8 +89,13 @@ impl Scenario {
         } else {
             "no two drones cross, so no altitude layers".to_owned()
         };
+        let relays = match self.relays.len() {
+            0 => String::new(),
+            1 => ", and a relay".to_owned(),
+            relays => format!(", and {relays} relays"),
+        };
         format!(
-            "{} drones, master {}; a mission of {} waypoints over {length_m:.0} m, {layers}; at most {:.0} s",
+            "{} drones, master {}{relays}; a mission of {} waypoints over {length_m:.0} m, {layers}; at most {:.0} s",
             self.layout.formation().drones(),
             self.layout.formation().centre(),
             self.waypoints.len(),
@@ -104,6 +111,12 @@ impl Scenario {
             self.waypoints.len()
         };
         (stops + self.changes.len() + 1) as u64
+    }
+
+    /// How many radios there are: drones first, then relays.
+    pub(crate) fn nodes(&self) -> u32 {
+        let relays = u32::try_from(self.relays.len()).expect("read as at most RELAYS_MAX");
+        self.layout.formation().drones() + relays
     }
 
     fn routing(&self, id: NodeId) -> routing::Config {
@@ -124,6 +137,7 @@ impl Scenario {
             Policy::Tree => routing::Config::Tree(tree::Config {
                 id,
                 drones,
+                relays: self.nodes() - drones,
                 beacon: protocol.beacon,
                 repair: protocol.repair,
                 repair_max: protocol.period,
@@ -136,7 +150,6 @@ impl Scenario {
 
     /// What one of its drones is built with.
     pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
-        let drones = self.layout.formation().drones();
         let protocol = self.protocol;
         let leads = id == self.layout.formation().centre();
         Blueprint {
@@ -149,7 +162,7 @@ impl Scenario {
                     interval: protocol.period / BUDGET_PER_PERIOD,
                     burst: BUDGET_BURST,
                 },
-                senders_max: drones as usize,
+                senders_max: self.nodes() as usize,
             },
             routing: self.routing(id),
             mission: mission::Config {

@@ -82,6 +82,17 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "mission.file",
         "the path of a QGroundControl `.plan` or `.waypoints` file, as seen from the scenario's folder",
     ),
+    (
+        "relays",
+        "pure relays, at most 1000 tables begun by `[[relays]]` with `north_m`, `east_m` and `altitude_m`, where \
+         `protocol.policy` is \"tree\"",
+    ),
+    ("relays.north_m", "metres, a number from -100000 to 100000"),
+    ("relays.east_m", "metres, a number from -100000 to 100000"),
+    (
+        "relays.altitude_m",
+        "metres above home, a number from 0 to 100000",
+    ),
     ("radio", "a table with `range_m`"),
     ("radio.range_m", "metres, a number from 0.01 to 100000"),
     (
@@ -248,7 +259,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "faults.drone",
-        "the number of a drone, from 0 to one below `formation.drones`",
+        "the number of a drone, from 0 to one below `formation.drones`, or of a relay, from there on",
     ),
     (
         "faults.crash",
@@ -264,6 +275,8 @@ pub(super) struct Raw {
     #[serde(default)]
     pub(super) changes: Vec<Change>,
     pub(super) mission: Mission,
+    #[serde(default)]
+    pub(super) relays: Vec<Spanned<Relay>>,
     pub(super) radio: Radio,
     pub(super) protocol: Protocol,
     pub(super) follow: Option<Spanned<Follow>>,
@@ -336,6 +349,14 @@ pub(super) enum AssignmentName {
 #[serde(deny_unknown_fields, expecting = "a table, `[mission]`")]
 pub(super) struct Mission {
     pub(super) file: Spanned<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[[relays]]`")]
+pub(super) struct Relay {
+    pub(super) north_m: Offset,
+    pub(super) east_m: Offset,
+    pub(super) altitude_m: Height,
 }
 
 #[derive(Debug, Deserialize)]
@@ -426,7 +447,7 @@ pub(super) struct Sticks {
     pub(super) climb_mps: Deflection,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum PolicyName {
     Flood,
@@ -554,6 +575,11 @@ number!(
     Length,
     |v| (0.01..=100_000.0).contains(&v),
     "a length from 0.01 to 100000"
+);
+number!(
+    Offset,
+    |v| (-100_000.0..=100_000.0).contains(&v),
+    "an offset from -100000 to 100000"
 );
 number!(
     Height,

@@ -26,7 +26,7 @@ use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
 use muster_transport::sim::Medium;
-use muster_transport::{Destination, Event, Transport};
+use muster_transport::{Destination, Event, Fate, Transport};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -73,6 +73,8 @@ enum Planned {
         to: NodeId,
         datagram: Bytes,
     },
+    /// What became of a frame for one drone.
+    Outcome(muster_transport::Outcome),
     Wake {
         drone: NodeId,
         address: Address,
@@ -128,9 +130,11 @@ impl World {
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let layout = &scenario.layout;
         let drones = layout.formation().drones();
+        let nodes = scenario.nodes();
         let home = scenario.waypoints[0].at_altitude(0.0);
         let places: Vec<_> = (0..drones)
             .map(|id| layout.stand(NodeId(id), home))
+            .chain(scenario.relays.iter().copied())
             .collect();
         let generator = |stream: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
@@ -151,7 +155,7 @@ impl World {
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
             medium_wakes: None,
-            drones: (0..u64::from(drones))
+            drones: (0..u64::from(nodes))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
                 .collect(),
             vehicles: places
@@ -161,11 +165,11 @@ impl World {
             settle: scenario.settle,
             airborne: 0,
             trace: Trace::new(),
-            recorder: Recorder::new(drones as usize, layout.formation().centre()),
+            recorder: Recorder::new(drones, nodes, layout.formation().centre()),
             range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
-            barrier: BarrierChecker::new(scenario.protocol.barrier, drones as usize),
-            separation: SeparationChecker::new(scenario.limits.separation, drones as usize),
+            barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
+            separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
             },
@@ -235,6 +239,14 @@ impl World {
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
                 self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
             }
+            Planned::Outcome(outcome) => {
+                let told = radio::Input::Outcome {
+                    to: outcome.to,
+                    delivered: outcome.fate == Fate::Delivered,
+                    frame: outcome.datagram,
+                };
+                self.post(outcome.from, Envelope::Radio(told));
+            }
             Planned::Wake {
                 drone,
                 address,
@@ -292,7 +304,14 @@ impl World {
     fn effect(&mut self, drone: NodeId, effect: Effect) {
         match effect {
             Effect::Post(envelope) => self.post(drone, envelope),
-            Effect::Broadcast(frame) => self.broadcast(drone, &frame),
+            Effect::Send {
+                to,
+                frame,
+                keep_alive,
+            } => {
+                self.recorder.sent(drone, keep_alive);
+                self.send(drone, to, &frame);
+            }
             Effect::Command(demand) => self.command(drone, demand),
             Effect::Keep(checkpoint) => self.drone(drone).checkpoints.keep(checkpoint),
             Effect::Observe(observation) => self.observe(drone, &observation),
@@ -313,13 +332,16 @@ impl World {
         self.find(found);
     }
 
-    fn broadcast(&mut self, drone: NodeId, frame: &Bytes) {
+    fn send(&mut self, drone: NodeId, to: Option<NodeId>, frame: &Bytes) {
         let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
         self.trace
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
-        self.recorder.sent(drone);
+        if let Some(to) = to {
+            self.trace.value(self.now, drone, Kind::Addressed, &to);
+        }
+        let to = to.map_or(Destination::Broadcast, Destination::To);
         self.medium
-            .send(self.now, drone, Destination::Broadcast, frame)
+            .send(self.now, drone, to, frame)
             .expect("a radio sends no more than a datagram, and every drone has a place");
         self.follow_medium();
     }
@@ -329,6 +351,7 @@ impl World {
         if self.medium_wakes == Some(self.now) {
             self.medium_wakes = None;
             self.medium.handle_timeout(self.now);
+            self.recorder.retried(self.medium.counters().retries);
             self.follow_medium();
         }
     }
@@ -341,7 +364,9 @@ impl World {
                     let (to, datagram) = (arrival.to, arrival.datagram);
                     self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
                 }
-                Event::Outcome(_) => unreachable!("radios broadcast, and a broadcast has none"),
+                Event::Outcome(outcome) => {
+                    self.heap.plan(outcome.at, Planned::Outcome(outcome));
+                }
             }
         }
         if let Some(next) = self.medium.next_timeout()
@@ -527,6 +552,7 @@ impl World {
         Outcome {
             trace: self.trace.finish(),
             ended: self.now,
+            medium: self.medium.counters(),
             closest_m: self.separation.closest_m(),
             violations: self.violation.into_iter().collect(),
             recorder: self.recorder,
@@ -552,9 +578,9 @@ impl World {
     }
 }
 
-/// What each drone of a scenario is built with, drone 0 first.
+/// What each drone of a scenario is built with, drone 0 first; then each relay.
 pub(crate) fn blueprints(scenario: &Scenario) -> Vec<Blueprint> {
-    (0..scenario.layout.formation().drones())
+    (0..scenario.nodes())
         .map(|id| scenario.blueprint(NodeId(id)))
         .collect()
 }

@@ -14,14 +14,27 @@ use crate::vehicle::Vehicle;
 #[derive(Debug)]
 pub(crate) struct Recorder {
     centre: NodeId,
-    drones: Vec<Record>,
+    /// Of drones first, then of relays.
+    nodes: Vec<Record>,
+    drones: usize,
     barriers: BTreeMap<u16, Crossing>,
     changes: BTreeMap<u16, Change>,
     /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
     out_of_range: BTreeMap<NodeId, NodeId>,
-    sent: u64,
+    frames: Frames,
     dropped: BTreeMap<DropReason, u64>,
     steps_done: u64,
+}
+
+/// What has been sent, by anyone.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Frames {
+    /// Because something has changed or was missed.
+    pub(crate) news: u64,
+    /// Only because the time for it had come.
+    pub(crate) keep_alives: u64,
+    /// Once more, by the medium, for want of an acknowledgement.
+    pub(crate) retries: u64,
 }
 
 /// What is written down of one drone.
@@ -35,17 +48,18 @@ pub(crate) struct Record {
     pub(crate) restarts: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
-    /// Frames sent and let in between the start of neighbour discovery and the end of the landing.
+    /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
     pub(crate) sent: u64,
     pub(crate) received: u64,
     counts: bool,
 }
 
-/// A swarm's wait at a waypoint: the last arrival and the last departure, each with the frames sent until then.
+/// A swarm's wait at a waypoint: its first arrival, its last and the last departure, with the frames sent until then.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Crossing {
-    pub(crate) arrived: Option<(Timestamp, u64)>,
-    pub(crate) moving: Option<(Timestamp, u64)>,
+    pub(crate) begun: Option<Frames>,
+    pub(crate) arrived: Option<Timestamp>,
+    pub(crate) moving: Option<(Timestamp, Frames)>,
 }
 
 /// A change of formation: when the first drone began it, when the last was done, and how many were.
@@ -63,12 +77,14 @@ pub(crate) struct Outcome {
     pub(crate) ended: Timestamp,
     pub(crate) closest_m: Option<f64>,
     pub(crate) violations: Vec<Violation>,
+    /// What the radios did, on a medium that they share.
+    pub(crate) medium: muster_transport::sim::Counters,
     pub(crate) recorder: Recorder,
     pub(crate) vehicles: Vec<Vehicle>,
 }
 
 impl Recorder {
-    pub(crate) fn new(drones: usize, centre: NodeId) -> Self {
+    pub(crate) fn new(drones: u32, nodes: u32, centre: NodeId) -> Self {
         let record = Record {
             states: vec![(Timestamp::ZERO, State::Start)],
             routes: Routes::default(),
@@ -81,13 +97,22 @@ impl Recorder {
             received: 0,
             counts: false,
         };
+        let relay = Record {
+            // It is at work from the start.
+            counts: true,
+            ..record.clone()
+        };
+        let (drones, nodes) = (drones as usize, nodes as usize);
+        let mut records = vec![record; drones];
+        records.resize(nodes, relay);
         Self {
             centre,
-            drones: vec![record; drones],
+            nodes: records,
+            drones,
             barriers: BTreeMap::new(),
             changes: BTreeMap::new(),
             out_of_range: BTreeMap::new(),
-            sent: 0,
+            frames: Frames::default(),
             dropped: BTreeMap::new(),
             steps_done: 0,
         }
@@ -99,7 +124,11 @@ impl Recorder {
     }
 
     pub(crate) fn drones(&self) -> &[Record] {
-        &self.drones
+        &self.nodes[..self.drones]
+    }
+
+    pub(crate) fn relays(&self) -> &[Record] {
+        &self.nodes[self.drones..]
     }
 
     pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
@@ -126,8 +155,12 @@ impl Recorder {
         self.steps_done
     }
 
-    pub(crate) fn sent(&mut self, id: NodeId) {
-        self.sent += 1;
+    pub(crate) fn sent(&mut self, id: NodeId, keep_alive: bool) {
+        if keep_alive {
+            self.frames.keep_alives += 1;
+        } else {
+            self.frames.news += 1;
+        }
         let record = self.record(id);
         record.sent += u64::from(record.counts);
     }
@@ -135,6 +168,11 @@ impl Recorder {
     pub(crate) fn received(&mut self, id: NodeId) {
         let record = self.record(id);
         record.received += u64::from(record.counts);
+    }
+
+    /// How often the medium has sent a frame again so far.
+    pub(crate) const fn retried(&mut self, retries: u64) {
+        self.frames.retries = retries;
     }
 
     pub(crate) fn armed(&mut self, id: NodeId, now: Timestamp) {
@@ -165,7 +203,7 @@ impl Recorder {
     }
 
     fn enters(&mut self, now: Timestamp, id: NodeId, state: State) {
-        let sent = self.sent;
+        let sent = self.frames;
         let record = self.record(id);
         let before = record.states.last().map(|(_, state)| *state);
         record.states.push((now, state));
@@ -188,16 +226,21 @@ impl Recorder {
             change.drones += 1;
         }
         if let State::WaypointReached { waypoint } = state {
-            self.barriers.entry(waypoint).or_default().arrived = Some((now, sent));
+            let crossing = self.barriers.entry(waypoint).or_default();
+            crossing.begun.get_or_insert(sent);
+            crossing.arrived = Some(now);
             self.steps_done += 1;
         }
     }
 
     pub(crate) fn routing(&mut self, id: NodeId, event: &routing::Event) {
         match event {
-            // Once the master goes to land, ways to it come apart.
+            // Once the master goes to land, ways to it come apart; until then the last one counts.
             routing::Event::Routes(routes) if !self.is_landing(self.centre) => {
-                self.record(id).routes = routes.clone();
+                let record = self.record(id);
+                if routes.hops.is_some() || record.routes.hops.is_none() {
+                    record.routes = routes.clone();
+                }
             }
             routing::Event::Reached {
                 member,
@@ -221,13 +264,13 @@ impl Recorder {
 
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
-        let record = &self.drones[id.0 as usize];
+        let record = &self.nodes[id.0 as usize];
         let last = record.states.last().map(|(_, state)| *state);
         record.given_up || last == Some(State::Finished)
     }
 
     fn is_landing(&self, id: NodeId) -> bool {
-        let last = self.drones[id.0 as usize].states.last();
+        let last = self.nodes[id.0 as usize].states.last();
         last.is_some_and(|(_, state)| {
             matches!(
                 state,
@@ -237,7 +280,7 @@ impl Recorder {
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {
-        &mut self.drones[id.0 as usize]
+        &mut self.nodes[id.0 as usize]
     }
 }
 

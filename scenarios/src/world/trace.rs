@@ -29,6 +29,7 @@ pub(crate) enum Kind {
     Started,
     Undeliverable,
     Steered,
+    Addressed,
 }
 
 impl Trace {

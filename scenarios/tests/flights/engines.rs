@@ -49,6 +49,17 @@ fn both_engines_fly_the_shipped_scenarios_alike() {
 }
 
 #[test]
+fn both_engines_send_frames_for_one_drone_alike() {
+    for name in ["barrier-line.toml", "barrier-mesh.toml", "relay.toml"] {
+        for loss in ["radio.loss=0", "radio.loss=0.3"] {
+            assert_all_finished(&on_both_engines(&scenario(name, &[loss])));
+        }
+    }
+    let ideal = ["radio.medium=ideal", "radio.loss=0.2"];
+    assert_all_finished(&on_both_engines(&scenario("barrier-line.toml", &ideal)));
+}
+
+#[test]
 fn both_engines_agree_under_loss() {
     let lossy = scenario("thesis-1.toml", &["radio.loss=0.2", "formation.drones=7"]);
     assert_all_finished(&on_both_engines(&lossy));

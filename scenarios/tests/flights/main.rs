@@ -7,6 +7,7 @@ mod changes;
 mod engines;
 mod follow;
 mod formations;
+mod relay;
 mod settling;
 mod support;
 mod thesis;

@@ -1,64 +1,140 @@
-//! What policy `tree` costs, on the line of thesis 2 over the shared 802.11a medium, frames at their real length.
+//! What policy `tree` costs at a waypoint, over the shared 802.11a medium, frames at their real length.
 
 use muster_scenarios::engine::Engine;
 
-use crate::support::{fly, scenario};
+use crate::support::{fly, rows, scenario, shipped};
 
-/// Means over some seeds: from all arrived to all moving in milliseconds, frames a waypoint, messages received a drone.
-fn cost(loss: &str) -> (f64, f64, f64) {
-    let (mut waits_ms, mut frames, mut received) = (Vec::new(), Vec::new(), Vec::new());
-    for seed in 0..10 {
-        let seed = format!("seed={seed}");
-        let loss = format!("radio.loss={loss}");
-        let fields = [
-            "protocol.policy=tree",
-            "protocol.liveness=pulse",
-            "radio.medium=csma",
-            "radio.jitter_us=0",
-            &loss,
-            &seed,
-        ];
-        let report = fly(&scenario("thesis-2.toml", &fields), Engine::Events);
-        assert_eq!(report.violations, []);
-        assert!(
-            report
-                .drones
-                .iter()
-                .all(|drone| drone.landed_because.is_none())
-        );
-        for barrier in &report.barriers {
-            waits_ms.push((barrier.moving_s - barrier.arrived_s) * 1_000.0);
-            frames.push(f64::from(u32::try_from(barrier.transmissions).unwrap()));
+/// A barrier on a line of fifteen takes this many frames at least, and among fifteen in each other's range this many.
+const LEAST_LINE: f64 = 27.0;
+const LEAST_MESH: f64 = 15.0;
+
+/// The shares of frames lost besides, and what a waypoint on the line may cost at most under each: milliseconds from
+/// all arrived to all moving, frames as a multiple of the least possible.
+const TARGETS: [(&str, f64, f64); 3] = [("0", 40.0, 1.3), ("0.1", 80.0, 1.8), ("0.3", 150.0, 3.0)];
+
+/// Means over the waypoints of some seeds.
+struct Cost {
+    /// From all arrived to all moving, in milliseconds.
+    wait_ms: f64,
+    /// Frames from the first arrival to the last departure, keep-alives apart.
+    frames: f64,
+    /// Keep-alives meanwhile.
+    keep_alives: f64,
+    /// What the medium sent again meanwhile.
+    retries: f64,
+    /// Messages received a drone, all told.
+    received: f64,
+}
+
+impl Cost {
+    /// The cost over seeds 0 to 9, in which nobody misses a waypoint.
+    fn of(name: &str, fields: &[&str]) -> Self {
+        let mut barriers = Vec::new();
+        let mut received = Vec::new();
+        for seed in 0..10 {
+            let seed = format!("seed={seed}");
+            let fields: Vec<_> = fields.iter().copied().chain([&*seed]).collect();
+            let report = fly(&scenario(name, &fields), Engine::Events);
+            assert_eq!(report.violations, []);
+            assert!(report.mission_completed);
+            for drone in &report.drones {
+                assert_eq!(drone.landed_because, None, "{fields:?}: drone {}", drone.id);
+            }
+            barriers.extend(report.barriers);
+            received.push(report.means.messages_received);
         }
-        received.push(report.means.messages_received);
+        let count = |number: u64| f64::from(u32::try_from(number).unwrap());
+        let over =
+            |what: &dyn Fn(usize) -> f64| mean(&(0..barriers.len()).map(what).collect::<Vec<_>>());
+        Self {
+            wait_ms: over(&|at| (barriers[at].moving_s - barriers[at].arrived_s) * 1e3),
+            frames: over(&|at| count(barriers[at].transmissions)),
+            keep_alives: over(&|at| count(barriers[at].keep_alives)),
+            retries: over(&|at| count(barriers[at].retries)),
+            received: mean(&received),
+        }
     }
-    let mean = |values: &[f64]| {
-        values.iter().sum::<f64>() / f64::from(u32::try_from(values.len()).unwrap())
-    };
-    (mean(&waits_ms), mean(&frames), mean(&received))
+}
+
+impl std::fmt::Display for Cost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{:.1} ms, {:.2} frames, {:.2} keep-alives, {:.2} retries, {:.0} received",
+            self.wait_ms, self.frames, self.keep_alives, self.retries, self.received
+        )
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / f64::from(u32::try_from(values.len()).unwrap())
 }
 
 #[test]
-fn a_waypoint_costs_little_more_than_the_least_possible_whatever_is_lost() {
-    // A barrier on a line of 15 takes 27 frames at least.
-    for (loss, wait_ms, frames) in [("0", 40.0, 1.3), ("0.1", 80.0, 1.8), ("0.3", 150.0, 3.0)] {
-        let cost = cost(loss);
-        assert!(cost.0 <= wait_ms, "{} ms at a loss of {loss}", cost.0);
-        assert!(
-            cost.1 <= frames * 27.0,
-            "{} frames at a loss of {loss}",
-            cost.1
-        );
+fn a_waypoint_on_the_line_costs_little_more_than_the_least_possible_whatever_is_lost() {
+    let mut costs = String::new();
+    for (loss, wait_ms, frames) in TARGETS {
+        let cost = Cost::of("barrier-line.toml", &[&format!("radio.loss={loss}")]);
+        assert!(cost.wait_ms <= wait_ms, "loss {loss}: {cost}");
+        assert!(cost.frames <= frames * LEAST_LINE, "loss {loss}: {cost}");
+        costs.push_str(&format!("loss {loss}: {cost}\n"));
     }
+    insta::assert_snapshot!(costs);
+}
+
+#[test]
+fn a_waypoint_among_drones_that_all_hear_each_other_costs_little_more_than_a_frame_each() {
+    let cost = Cost::of("barrier-mesh.toml", &[]);
+    assert!(cost.frames <= 1.3 * LEAST_MESH, "{cost}");
+    insta::assert_snapshot!(cost);
 }
 
 #[test]
 fn a_drone_hears_at_most_a_quarter_of_what_it_hears_under_flood() {
-    let (_, _, received) = cost("0");
-    let flood = fly(
-        &scenario("thesis-2.toml", &["radio.medium=csma"]),
-        Engine::Events,
+    let fields = ["radio.medium=csma", "protocol.liveness=pulse"];
+    let tree = Cost::of(
+        "thesis-2.toml",
+        &[&fields[..], &["protocol.policy=tree"]].concat(),
     );
-    let share = received / flood.means.messages_received;
+    let flood = Cost::of("thesis-2.toml", &fields);
+    let share = tree.received / flood.received;
     assert!(share <= 0.25, "{share}");
+}
+
+/// The figures of a hundred seeds, as `.ci/run` compares them with those of the command that the file names.
+#[test]
+fn the_documented_figures_meet_their_targets() {
+    let column = |file: &str, name: &str| {
+        let text = std::fs::read_to_string(shipped("tests/data").join(file)).unwrap();
+        let heading = text.lines().next().unwrap();
+        let at = heading.split(',').position(|it| it == name).unwrap();
+        let values = rows(file).into_iter().map(|row| row[at].clone());
+        values.collect::<Vec<_>>()
+    };
+    let numbers = |file: &str, name: &str| -> Vec<f64> {
+        let values = column(file, name).into_iter();
+        values.map(|value| value.parse().unwrap()).collect()
+    };
+    for file in ["barrier-line.csv", "barrier-mesh.csv"] {
+        for (name, expected) in [("runs", "100"), ("broken", "0"), ("incomplete", "0")] {
+            assert!(
+                column(file, name).iter().all(|it| it == expected),
+                "{file}: {name}"
+            );
+        }
+    }
+    let waits_ms = numbers("barrier-line.csv", "waypoint_wait_mean_ms_median");
+    let frames = numbers("barrier-line.csv", "transmissions_per_barrier_median");
+    let losses = column("barrier-line.csv", "radio.loss");
+    assert_eq!(losses, TARGETS.map(|(loss, ..)| loss));
+    for (at, (loss, wait_ms, most)) in TARGETS.into_iter().enumerate() {
+        assert!(waits_ms[at] <= wait_ms, "loss {loss}: {} ms", waits_ms[at]);
+        assert!(
+            frames[at] <= most * LEAST_LINE,
+            "loss {loss}: {} frames",
+            frames[at]
+        );
+    }
+    let frames = numbers("barrier-mesh.csv", "transmissions_per_barrier_median");
+    assert!(frames[0] <= 1.3 * LEAST_MESH, "{} frames", frames[0]);
 }

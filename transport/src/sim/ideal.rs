@@ -11,8 +11,8 @@ use crate::{Arrival, Destination, Event, Fate, Outcome, SendError};
 
 /// A medium that nobody has to share: every frame takes its time and disturbs no other.
 ///
-/// What arrives, and when, is known as soon as a frame is sent. A frame for one drone is tried once, and its sender
-/// knows what became of it when it arrives, or would have.
+/// What arrives, and when, is known as soon as a frame is sent. A frame for one drone goes out once, as one for
+/// all does, and its sender knows what became of it when it arrives, or would have at the latest.
 #[derive(Debug)]
 pub(super) struct Ideal {
     latency: Duration,
@@ -40,35 +40,30 @@ impl Ideal {
     ) -> Result<(), SendError> {
         let mut in_reach = std::mem::take(&mut self.in_reach);
         air.in_reach(from, &mut in_reach)?;
-        match to {
-            Destination::Broadcast => {
-                for to in in_reach.drain(..) {
-                    if air.carries(from, to) && !air.is_lost() {
-                        let at = now + self.travel_time(air);
-                        let datagram = datagram.clone();
-                        events.push_back(Event::Arrival(Arrival { at, to, datagram }));
-                    }
-                }
-            }
-            Destination::To(to) => {
-                let is_heard =
-                    in_reach.binary_search(&to).is_ok() && air.carries(from, to) && !air.is_lost();
+        let mut arrived = None;
+        for id in in_reach.drain(..) {
+            if air.carries(from, id) && !air.is_lost() {
                 let at = now + self.travel_time(air);
-                let datagram = datagram.clone();
-                let mut fate = Fate::GivenUp;
-                if is_heard {
-                    fate = Fate::Delivered;
-                    let datagram = datagram.clone();
-                    events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                if to == Destination::To(id) {
+                    arrived = Some(at);
                 }
-                events.push_back(Event::Outcome(Outcome {
-                    at,
-                    from,
-                    to,
-                    datagram,
-                    fate,
-                }));
+                let (to, datagram) = (id, datagram.clone());
+                events.push_back(Event::Arrival(Arrival { at, to, datagram }));
             }
+        }
+        if let Destination::To(to) = to {
+            let (at, fate) = match arrived {
+                Some(at) => (at, Fate::Delivered),
+                None => (now + self.latency + self.jitter, Fate::GivenUp),
+            };
+            let datagram = datagram.clone();
+            events.push_back(Event::Outcome(Outcome {
+                at,
+                from,
+                to,
+                datagram,
+                fate,
+            }));
         }
         self.in_reach = in_reach;
         Ok(())

@@ -48,6 +48,7 @@ pub enum Access {
     },
     /// As in 802.11a at 6 Mb/s: frames take their airtime, radios sense the carrier and back off, hidden terminals
     /// collide, a radio that sends does not hear, and what is for one drone is acknowledged and tried up to 8 times.
+    /// Radios listen to what is for others too.
     Csma {
         /// How much longer the sender's own program may take before it hands a frame to its radio, drawn for each
         /// frame. Without it, drones that answer the same frame do so at one instant and collide.

@@ -124,17 +124,16 @@ fn what_is_too_long_or_from_nowhere_is_not_sent() {
 }
 
 #[test]
-fn without_medium_access_what_is_for_one_drone_is_tried_once() {
+fn without_medium_access_what_is_for_one_drone_is_tried_once_and_heard_by_all() {
     let mut medium = medium(CONFIG, 1, &line(3, 200.0));
     let fate = |medium: &mut Medium, to: u32| {
         let events = send(medium, 0, Destination::To(NodeId(to)));
         match &events[..] {
             [Event::Arrival(arrival), Event::Outcome(outcome)] => {
-                assert_eq!(arrival.to, NodeId(to));
-                assert_eq!(arrival.at, outcome.at);
+                assert_eq!(arrival.to, NodeId(1), "whoever is in reach hears it");
+                assert!(arrival.at <= outcome.at);
                 outcome.fate
             }
-            [Event::Outcome(outcome)] => outcome.fate,
             other => panic!("{other:?}"),
         }
     };

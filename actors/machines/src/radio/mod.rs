@@ -36,8 +36,10 @@ pub struct Config {
 /// What a radio is told.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
-    /// By the routing: send this to all in range.
+    /// By the routing: send this.
     Send {
+        /// For whom it is; for all in range otherwise.
+        to: Option<NodeId>,
         /// Whom this drone obeys.
         ballot: Ballot,
         /// What is to be said; at most [`PAYLOAD_MAX`] bytes.
@@ -47,13 +49,29 @@ pub enum Input {
     },
     /// By the transport: these bytes came in.
     Received(Bytes),
+    /// By the transport: what became of a frame of our own for one drone.
+    Outcome {
+        /// For whom it was.
+        to: NodeId,
+        /// The frame.
+        frame: Bytes,
+        /// Whether it arrived there, as far as is known.
+        delivered: bool,
+    },
 }
 
 /// What a radio sends.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transmit {
-    /// To the transport: a frame for all in range.
-    Broadcast(Bytes),
+    /// To the transport: a frame.
+    Send {
+        /// For whom it is; for all in range otherwise.
+        to: Option<NodeId>,
+        /// The frame.
+        frame: Bytes,
+        /// As in [`Input::Send`].
+        keep_alive: bool,
+    },
     /// To the routing: a frame that was let in.
     Heard {
         /// Who said it.
@@ -62,6 +80,15 @@ pub enum Transmit {
         ballot: Ballot,
         /// What was said.
         payload: Bytes,
+    },
+    /// To the routing: what became of a frame for one drone.
+    Outcome {
+        /// For whom it was.
+        to: NodeId,
+        /// What was said.
+        payload: Bytes,
+        /// Whether it arrived there, as far as is known.
+        delivered: bool,
     },
 }
 
@@ -118,11 +145,12 @@ impl<A: Authenticator> Radio<A> {
         (self.admission.senders(), self.config.senders_max)
     }
 
-    fn send(&mut self, ballot: Ballot, payload: &[u8]) {
+    /// The next frame of this drone's; nothing for a payload that is too long.
+    fn frame(&mut self, ballot: Ballot, payload: &[u8]) -> Option<Bytes> {
         if payload.len() > PAYLOAD_MAX {
             let len = payload.len();
             self.outbox.event(Event::Oversized { len });
-            return;
+            return None;
         }
         if self.counter == self.reserved {
             self.reserved += COUNTER_BLOCK;
@@ -141,7 +169,7 @@ impl<A: Authenticator> Radio<A> {
         let mut frame = wire::encode_covered(&header, payload, Vec::with_capacity(capacity));
         let authenticator = self.authenticator.sign(&frame);
         frame.extend_from_slice(&authenticator);
-        self.outbox.transmit(Transmit::Broadcast(frame.into()));
+        Some(frame.into())
     }
 
     fn receive(&mut self, now: Timestamp, datagram: &Bytes) -> Result<(), DropReason> {
@@ -179,8 +207,32 @@ impl<A: Authenticator> Machine for Radio<A> {
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
             Input::Send {
-                ballot, payload, ..
-            } => self.send(ballot, &payload),
+                to,
+                ballot,
+                payload,
+                keep_alive,
+            } => {
+                if let Some(frame) = self.frame(ballot, &payload) {
+                    self.outbox.transmit(Transmit::Send {
+                        to,
+                        frame,
+                        keep_alive,
+                    });
+                }
+            }
+            Input::Outcome {
+                to,
+                frame,
+                delivered,
+            } => {
+                if let Ok(own) = wire::decode_frame(&frame) {
+                    self.outbox.transmit(Transmit::Outcome {
+                        to,
+                        payload: frame.slice_ref(own.payload),
+                        delivered,
+                    });
+                }
+            }
             Input::Received(datagram) => {
                 if let Err(reason) = self.receive(now, &datagram) {
                     self.outbox.event(Event::Dropped(reason));

@@ -43,13 +43,14 @@ fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
         radio,
         0,
         Input::Send {
+            to: None,
             ballot: BALLOT,
             payload,
             keep_alive: false,
         },
     );
     match transmits.into_iter().next() {
-        Some(Transmit::Broadcast(frame)) => frame,
+        Some(Transmit::Send { frame, .. }) => frame,
         other => panic!("a frame should have been sent, not {other:?}"),
     }
 }
@@ -172,6 +173,7 @@ fn a_restarted_radio_uses_no_counter_twice() {
         &mut first,
         0,
         Input::Send {
+            to: None,
             ballot: BALLOT,
             payload,
             keep_alive: false,
@@ -197,6 +199,7 @@ fn a_payload_that_outgrows_a_datagram_is_not_sent() {
         &mut radio(0),
         0,
         Input::Send {
+            to: None,
             ballot: BALLOT,
             payload,
             keep_alive: false,

@@ -40,6 +40,15 @@ pub enum Input {
         /// What was said.
         payload: Bytes,
     },
+    /// By the radio: what became of a frame for one drone, where whatever carries frames tells.
+    Outcome {
+        /// For whom it was.
+        to: NodeId,
+        /// What was said.
+        payload: Bytes,
+        /// Whether it arrived there, as far as is known.
+        delivered: bool,
+    },
     /// By the protocol: this drone is the master, under this ballot.
     Lead(Ballot),
     /// By the protocol, as master: this is the newest order.
@@ -67,8 +76,10 @@ pub enum Input {
 /// What a routing sends.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transmit {
-    /// To the radio: broadcast this.
+    /// To the radio: send this.
     Send {
+        /// For whom it is; for all in range otherwise. Others may hear it in either case.
+        to: Option<NodeId>,
         /// Whom this drone obeys.
         ballot: Ballot,
         /// A packet, encoded.

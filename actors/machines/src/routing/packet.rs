@@ -57,6 +57,14 @@ pub struct Member {
     pub landing: bool,
 }
 
+impl Tree {
+    /// Whether it shows that its sender knows of an order, and of those who have carried it out.
+    pub(super) fn tells(&self, (sequence, acknowledged): &(u32, NodeSet)) -> bool {
+        self.sequence > *sequence
+            || self.sequence == *sequence && self.acknowledged.is_superset(acknowledged)
+    }
+}
+
 /// A drone's state and that of the drones below it, as policy `tree` spreads it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tree {
@@ -72,12 +80,14 @@ pub struct Tree {
     pub sequence: u32,
     /// Who of the sender and the drones below it has carried that order out.
     pub acknowledged: NodeSet,
-    /// The sender and the drones below it.
+    /// The sender, unless it is a pure relay, and the drones below it.
     pub alive: NodeSet,
     /// Who of them is on its way to the ground.
     pub landing: NodeSet,
     /// Whom the sender has heard lately; not in every packet.
     pub hears: Option<NodeSet>,
+    /// For whom it is, if for one drone only; others may hear it too.
+    pub to: Option<NodeId>,
     /// By the master, passed on outwards: whose acknowledgement of that order is still missing.
     pub pending: NodeSet,
     /// The newest order, from the master and from whoever has drones below it.

@@ -73,12 +73,13 @@ fn a_packet_of_policy_tree_has_these_bytes() {
         alive: [NodeId(1)].into_iter().collect(),
         landing: NodeSet::default(),
         hears: Some([NodeId(2)].into_iter().collect()),
+        to: Some(NodeId(5)),
         pending: NodeSet::default(),
         order: Some(bytes::Bytes::from_static(&[1])),
     });
     assert_eq!(
         hex(&encode_packet(&tree)),
-        "03ac0201010107020302010201020001010400010101"
+        "03ac02010101070203020102010200010104010500010101"
     );
 }
 
@@ -207,25 +208,28 @@ fn any_packet() -> impl Strategy<Value = Packet> {
     let set = || ids_below_200().prop_map(NodeSet::from_iter);
     let tree = (
         any::<[u32; 3]>(),
-        any::<(Option<u16>, Option<u32>, Option<Vec<u8>>)>(),
+        any::<(Option<u16>, [Option<u32>; 2], Option<Vec<u8>>)>(),
         (set(), set(), set(), prop::option::of(set()), set()),
     )
-        .prop_map(|([beat, pulse, sequence], (hops, parent, order), sets)| {
-            let (acknowledged, alive, landing, hears, pending) = sets;
-            Packet::Tree(Tree {
-                beat,
-                hops,
-                parent: parent.map(NodeId),
-                pulse,
-                sequence,
-                acknowledged,
-                alive,
-                landing,
-                hears,
-                pending,
-                order: order.map(Into::into),
-            })
-        });
+        .prop_map(
+            |([beat, pulse, sequence], (hops, [parent, to], order), sets)| {
+                let (acknowledged, alive, landing, hears, pending) = sets;
+                Packet::Tree(Tree {
+                    beat,
+                    hops,
+                    parent: parent.map(NodeId),
+                    pulse,
+                    sequence,
+                    acknowledged,
+                    alive,
+                    landing,
+                    hears,
+                    to: to.map(NodeId),
+                    pending,
+                    order: order.map(Into::into),
+                })
+            },
+        );
     prop_oneof![hello, hop_update, flood, tree]
 }
 

@@ -124,6 +124,7 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                         @for variation in &campaign.vary { th.n { (variation.key()) } }
                         th.n { "Runs" }
                         th.n { "Broken" }
+                        th.n { "Incomplete" }
                         @for figure in &FIGURES {
                             th.n { (figure.name) @if !figure.unit.is_empty() { ",\u{a0}" (figure.unit) } }
                         }
@@ -144,6 +145,7 @@ fn row(summary: &Summary) -> Markup {
             @for value in &summary.values { td.n { (value) } }
             td.n { (figure(count(summary.runs), 0)) }
             td.n.broken[summary.broken > 0] { (figure(count(summary.broken), 0)) }
+            td.n.incomplete { (figure(count(summary.incomplete), 0)) }
             @for (of, estimate) in FIGURES.iter().zip(&summary.estimates) {
                 td.n {
                     @match estimate {

@@ -3,6 +3,7 @@
 pub(crate) mod axis;
 pub(crate) mod bars;
 pub(crate) mod map;
+mod relays;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -137,11 +138,12 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             p.about { "A number above is where the whole swarm had begun to move on from that waypoint." }
             (timeline::timeline(report, flight))
         }
+        (relays::relays(report))
         section {
             h2 { "Waits for the swarm" }
             p.about {
                 "From the arrival of the last drone to the departure of the last drone, "
-                "with the frames that anyone sent in between. Waypoint 0 is where the take-off ended."
+                "with the frames that anyone sent since the first one arrived, keep-alives apart. Waypoint 0 is where the take-off ended."
             }
             (tables::barriers(report))
         }

@@ -62,7 +62,7 @@ pub(super) fn barriers(report: &Report) -> Markup {
                     tr {
                         th { "Mean" } td {} td {}
                         td.n { (figure_or_nothing(report.mean_wait_s(), 2)) }
-                        td.n { (figure_or_nothing(report.mean_transmissions(), 0)) }
+                        td.n { (figure_or_nothing(report.mean_of_barriers(|it| it.transmissions), 0)) }
                     }
                 }
             }

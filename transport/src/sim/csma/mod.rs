@@ -104,7 +104,7 @@ impl Csma {
         let queued = Queued {
             to,
             datagram: datagram.clone(),
-            has_arrived: false,
+            arrived_at: Vec::new(),
         };
         if station.waiting() >= self.queue_max.get() {
             self.counters.dropped += 1;
@@ -261,15 +261,17 @@ impl Csma {
                     .station(from)
                     .first()
                     .expect("what is in the air is in the queue");
-                let datagram = first.datagram.clone();
-                match destination {
-                    Destination::Broadcast => {
-                        events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                if !first.arrived_at.contains(&id) {
+                    // A broadcast is never sent again.
+                    if destination != Destination::Broadcast {
+                        first.arrived_at.push(id);
                     }
+                    let datagram = first.datagram.clone();
+                    events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                }
+                match destination {
+                    Destination::Broadcast => {}
                     Destination::To(other) if other == id => {
-                        if !std::mem::replace(&mut first.has_arrived, true) {
-                            events.push_back(Event::Arrival(Arrival { at, to, datagram }));
-                        }
                         let answer = Timer::Acknowledge { by: id, to: from };
                         self.timers.plan(now + timing::SIFS, answer);
                     }

@@ -1,6 +1,7 @@
 use std::collections::VecDeque;
 
 use bytes::Bytes;
+use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use rand_chacha::ChaCha8Rng;
 
@@ -34,8 +35,8 @@ pub(super) struct Station {
 pub(super) struct Queued {
     pub(super) to: Destination,
     pub(super) datagram: Bytes,
-    /// Whether it has arrived; what is sent again is then not handed out again.
-    pub(super) has_arrived: bool,
+    /// At whom it has arrived; what is sent again is not handed out to them again.
+    pub(super) arrived_at: Vec<NodeId>,
 }
 
 /// What is to be done with a frame that was not acknowledged.

@@ -146,11 +146,11 @@ fn whoever_has_sent_backs_off_before_the_next() {
 }
 
 #[test]
-fn what_is_for_one_drone_is_acknowledged_and_reaches_no_other() {
+fn what_is_for_one_drone_is_acknowledged_by_it_and_overheard_by_others() {
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(0, 1, to(2), 1);
     let events = line.run();
-    assert_eq!(arrivals(&events), [(230, 2, 1)]);
+    assert_eq!(arrivals(&events), [(230, 0, 1), (230, 2, 1)]);
     assert_eq!(outcomes(&events), [(290, 1, 1, Fate::Delivered)]);
     let counters = line.medium.counters();
     assert_eq!((counters.datagrams, counters.acknowledgements), (1, 1));

@@ -242,7 +242,8 @@ impl Machine for FloodRouting {
                 self.durable.acknowledged = sequence;
                 self.checkpoint();
             }
-            Input::Publish { .. } | Input::Acknowledge { .. } => {}
+            // What is not heard of is said again in any case, each period.
+            Input::Publish { .. } | Input::Acknowledge { .. } | Input::Outcome { .. } => {}
             Input::Discover => self.start_discovery(now, self.config.discovery),
             Input::Land => {
                 self.durable.landing.get_or_insert(now);

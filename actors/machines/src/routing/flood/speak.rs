@@ -63,6 +63,7 @@ impl FloodRouting {
         if let Some(ballot) = self.durable.ballot {
             let payload = wire::encode_packet(packet);
             self.outbox.transmit(Transmit::Send {
+                to: None,
                 ballot,
                 payload,
                 keep_alive: false,

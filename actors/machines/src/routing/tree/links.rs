@@ -14,6 +14,10 @@ const STALE: f64 = 1e-2;
 /// However lossy a link is, it is given up after this many beacons.
 const BEACONS_MAX: f64 = 30.0;
 
+/// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
+/// out of reach.
+const GIVEN_UP_MAX: u32 = 2;
+
 /// What is known of each neighbour, from the frames of its own that were heard.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Links(BTreeMap<NodeId, Link>);
@@ -28,11 +32,39 @@ pub(super) struct Link {
     pub(super) loss: f64,
     /// How many frames that was told from, up to [`LOSS_MEMORY`].
     frames: u32,
+    /// What the medium says has arrived there: of which order, and who has carried it out.
+    told: (u32, NodeSet),
+    /// How often the medium has given up to reach it since it was heard.
+    given_up: u32,
+    /// Whether it repeated itself to this drone and has not been answered.
+    pub(super) asks: bool,
     /// What it said last; of the neighbours that it hears, only [`Self::symmetric`] is kept.
     pub(super) said: Tree,
 }
 
 impl Link {
+    /// Whether it can be reached, as far as is known.
+    pub(super) const fn is_reachable(&self) -> bool {
+        self.given_up < GIVEN_UP_MAX
+    }
+
+    /// Whether it knows of an order, as it said or the medium did.
+    pub(super) fn knows(&self, sequence: u32) -> bool {
+        self.said.sequence.max(self.told.0) >= sequence
+    }
+
+    /// Who has carried an order out, as far as it is known to know.
+    pub(super) fn knows_acknowledged(&self, sequence: u32) -> NodeSet {
+        let mut all = NodeSet::default();
+        if self.said.sequence == sequence {
+            all.extend_from(&self.said.acknowledged);
+        }
+        if self.told.0 == sequence {
+            all.extend_from(&self.told.1);
+        }
+        all
+    }
+
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
     fn learn(&mut self, missed: f64) {
         self.frames = (self.frames + 1).min(LOSS_MEMORY);
@@ -65,6 +97,9 @@ impl Links {
                     symmetric: hears_us.unwrap_or(false) || said.parent == Some(own),
                     loss: 0.0,
                     frames: 0,
+                    told: (0, NodeSet::default()),
+                    given_up: 0,
+                    asks: false,
                     said,
                 };
                 self.0.insert(id, link);
@@ -78,10 +113,56 @@ impl Links {
                 }
                 link.learn(0.0);
                 link.heard_at = now;
+                link.given_up = 0;
+                if !said.tells(&link.told) {
+                    // It restarted, or spoke before it knew.
+                    link.told = (0, NodeSet::default());
+                }
                 link.symmetric = hears_us.unwrap_or(link.symmetric) || said.parent == Some(own);
                 link.said = said;
                 true
             }
+        }
+    }
+
+    /// A neighbour has been told something, as the medium says.
+    pub(super) fn told(&mut self, id: NodeId, told: &Tree) {
+        if let Some(link) = self.0.get_mut(&id) {
+            if told.sequence > link.told.0 {
+                link.told = (told.sequence, NodeSet::default());
+            }
+            if told.sequence == link.told.0 {
+                link.told.1.extend_from(&told.acknowledged);
+            }
+            link.given_up = 0;
+        }
+    }
+
+    /// The medium gave up to reach a neighbour.
+    pub(super) fn gave_up(&mut self, id: NodeId) {
+        if let Some(link) = self.0.get_mut(&id) {
+            link.given_up += 1;
+        }
+    }
+
+    /// A neighbour did not answer to anything: it is out of reach until it is heard again.
+    pub(super) fn suspect(&mut self, id: NodeId) {
+        if let Some(link) = self.0.get_mut(&id) {
+            link.given_up = GIVEN_UP_MAX;
+        }
+    }
+
+    /// A neighbour waits for an answer.
+    pub(super) fn asks(&mut self, id: NodeId) {
+        if let Some(link) = self.0.get_mut(&id) {
+            link.asks = true;
+        }
+    }
+
+    /// A neighbour, or all, are answered.
+    pub(super) fn answered(&mut self, to: Option<NodeId>) {
+        for (id, link) in &mut self.0 {
+            link.asks &= to.is_some_and(|to| to != *id);
         }
     }
 
@@ -115,10 +196,10 @@ impl Links {
         self.0.iter().map(|(id, link)| (*id, link))
     }
 
-    /// Neighbours that take `own` for their parent.
+    /// Neighbours that take `own` for their parent, those apart that are out of reach.
     pub(super) fn children(&self, own: NodeId) -> impl Iterator<Item = (NodeId, &Link)> {
         self.iter()
-            .filter(move |(_, link)| link.said.parent == Some(own))
+            .filter(move |(_, link)| link.said.parent == Some(own) && link.is_reachable())
     }
 
     /// All that are heard.

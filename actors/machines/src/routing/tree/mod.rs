@@ -3,8 +3,9 @@
 //!
 //! Each drone keeps what its neighbours last said and takes the one nearest to the master for its parent. An order
 //! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
-//! carried the order out. Hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
-//! heard in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
+//! carried the order out. What one neighbour alone has yet to learn is said to that one, and the medium may tell what
+//! became of it; besides, hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
+//! known to have arrived in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
 //! passing it on as it comes in; that one frame serves discovery, liveness and routing.
 
 mod durable;
@@ -37,6 +38,9 @@ pub struct Config {
     pub id: NodeId,
     /// How many drones the swarm has; ids run from 0 to one below.
     pub drones: u32,
+    /// How many pure relays there are besides, whose ids follow: they pass on and are not awaited, and their protocol
+    /// is told nothing.
+    pub relays: u32,
     /// How often the master's number goes out.
     pub beacon: Duration,
     /// How long a drone waits to hear what it said come back before it says it again; grows by half with each time.
@@ -50,7 +54,7 @@ pub struct Config {
     pub time_to_live: Duration,
 }
 
-/// From this share of missed frames on a leaf confirms an order with a frame of its own.
+/// From this share of missed frames on a leaf is not trusted to have heard what was said to all.
 const CONFIRM_ABOVE_LOSS: f64 = 0.005;
 
 /// The routing of one drone, along a tree.
@@ -64,8 +68,6 @@ pub struct TreeRouting {
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
-    /// A parent that answered nothing lately.
-    suspected: Option<NodeId>,
     /// As master: who was alive when last looked, and since when each that is not has been missed.
     missed: BTreeMap<NodeId, Missed>,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
@@ -110,7 +112,6 @@ impl TreeRouting {
             routes: Routes::default(),
             orphaned: None,
             master_silent: false,
-            suspected: None,
             missed: BTreeMap::new(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
@@ -142,7 +143,8 @@ impl TreeRouting {
     /// Entries in its table of links, and the most that it takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.links.len(), self.config.drones as usize)
+        let nodes = self.config.drones + self.config.relays;
+        (self.links.len(), nodes as usize)
     }
 
     fn is_master(&self) -> bool {
@@ -151,8 +153,15 @@ impl TreeRouting {
             .is_some_and(|ballot| ballot.master == self.config.id)
     }
 
+    /// Whether this is a pure relay.
+    const fn is_relay(&self) -> bool {
+        self.config.id.0 >= self.config.drones
+    }
+
     fn inform(&mut self, notice: Notice) {
-        self.outbox.transmit(Transmit::Inform(notice));
+        if !self.is_relay() {
+            self.outbox.transmit(Transmit::Inform(notice));
+        }
     }
 
     fn checkpoint(&mut self) {
@@ -161,7 +170,7 @@ impl TreeRouting {
     }
 
     fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
-        let is_member = sender.0 < self.config.drones;
+        let is_member = sender.0 < self.config.drones + self.config.relays;
         let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
             self.outbox.event(Event::Ignored(sender));
             return;
@@ -204,7 +213,6 @@ impl TreeRouting {
             return;
         }
         let news = self.take_order(order);
-        self.suspected = self.suspected.filter(|suspected| *suspected != sender);
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
@@ -266,7 +274,10 @@ impl TreeRouting {
             routes.hops = Some(0);
         } else {
             let parent = self.routes.parent;
-            let suspected = parent.filter(|parent| self.suspected == Some(*parent));
+            let suspected = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| !link.is_reachable())
+            });
             let stale = parent.filter(|parent| {
                 let link = self.links.get(*parent);
                 link.is_some_and(|link| link.is_stale(now, self.config.beacon))
@@ -281,6 +292,7 @@ impl TreeRouting {
             let left = suspected.or(stale);
             let usable = |id: NodeId, link: &Link| {
                 link.symmetric
+                    && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
                     && Some(id) != left
@@ -363,8 +375,10 @@ impl TreeRouting {
     /// Who below has carried the newest order out.
     fn acknowledged_below(&self) -> NodeSet {
         let mut all = NodeSet::default();
-        for (_, link) in self.links.children(self.config.id) {
-            if link.said.sequence == self.durable.sequence {
+        for (_, link) in self.links.iter() {
+            // What is done stays done, even of a child that is out of reach by now.
+            let is_child = link.said.parent == Some(self.config.id);
+            if is_child && link.said.sequence == self.durable.sequence {
                 all.extend_from(&link.said.acknowledged);
             }
         }
@@ -419,6 +433,11 @@ impl Machine for TreeRouting {
                 ballot,
                 payload,
             } => self.heard(now, sender, ballot, &payload),
+            Input::Outcome {
+                to,
+                payload,
+                delivered,
+            } => self.outcome(now, to, &payload, delivered),
             Input::Lead(ballot) => {
                 self.durable.ballot = Some(ballot);
                 self.update_routes(now);
@@ -448,7 +467,7 @@ impl Machine for TreeRouting {
             Input::Land => {
                 self.durable.landing.get_or_insert(now);
                 self.checkpoint();
-                self.say(now, speak::Occasion::News);
+                self.beacon_soon(now);
             }
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
@@ -472,3 +491,6 @@ impl Machine for TreeRouting {
         self.outbox.poll(deadline)
     }
 }
+
+#[cfg(test)]
+mod tests;

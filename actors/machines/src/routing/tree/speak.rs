@@ -36,19 +36,11 @@ pub(super) enum Occasion {
 impl TreeRouting {
     /// What the drone knows, as a packet.
     fn state(&self) -> Tree {
-        let own = self.config.id;
-        let mut acknowledged = self.acknowledged_below();
-        if self.durable.sequence > 0 && self.durable.acknowledged >= self.durable.sequence {
-            acknowledged.insert(own);
-        }
-        let mut alive = self.below(|said| &said.alive);
-        alive.insert(own);
-        let mut landing = self.below(|said| &said.landing);
-        if self.durable.landing.is_some() {
-            landing.insert(own);
-        }
+        let (acknowledged, landing) = (self.acknowledged(), self.landing());
         let pending = if self.is_master() {
-            alive.difference(&acknowledged).difference(&landing)
+            // All that there are, heard of or not, from the first order on the ground on.
+            let all: NodeSet = (0..self.config.drones).map(NodeId).collect();
+            all.difference(&acknowledged).difference(&landing)
         } else if self.pending.0 == self.durable.sequence {
             self.pending.1.clone()
         } else {
@@ -61,9 +53,10 @@ impl TreeRouting {
             pulse: self.durable.beats.pulse,
             sequence: self.durable.sequence,
             acknowledged,
-            alive,
+            alive: self.alive(),
             landing,
             hears: None,
+            to: None,
             pending,
             order: self
                 .durable
@@ -71,6 +64,33 @@ impl TreeRouting {
                 .clone()
                 .filter(|_| self.is_master() || self.routes.relay || self.routes.parent.is_none()),
         }
+    }
+
+    /// Who of this drone and those below it has carried the newest order out.
+    fn acknowledged(&self) -> NodeSet {
+        let mut all = self.acknowledged_below();
+        if self.durable.sequence > 0 && self.durable.acknowledged >= self.durable.sequence {
+            all.insert(self.config.id);
+        }
+        all
+    }
+
+    /// This drone and those below it; no pure relays.
+    fn alive(&self) -> NodeSet {
+        let mut all = self.below(|said| &said.alive);
+        if !self.is_relay() {
+            all.insert(self.config.id);
+        }
+        all
+    }
+
+    /// Who of them is going to land.
+    fn landing(&self) -> NodeSet {
+        let mut all = self.below(|said| &said.landing);
+        if self.durable.landing.is_some() {
+            all.insert(self.config.id);
+        }
+        all
     }
 
     /// Speaks now, and sets the time by which it must have been seen to arrive.
@@ -87,8 +107,13 @@ impl TreeRouting {
         self.said_sequence = state.sequence;
         if occasion == Occasion::KeepAlive {
             state.hears = Some(self.links.ids());
+        } else {
+            state.to = self.addressee();
         }
+        let to = state.to;
+        self.links.answered(to);
         self.outbox.transmit(Transmit::Send {
+            to,
             ballot,
             payload: wire::encode_packet(&Packet::Tree(state)),
             keep_alive: occasion == Occasion::KeepAlive,
@@ -118,38 +143,59 @@ impl TreeRouting {
         });
     }
 
-    /// Whether the parent or a child has not been seen to know what this drone has for it.
+    /// The neighbours that are not known to know what this drone has for them, or ask for it.
+    fn unaware(&self) -> impl Iterator<Item = NodeId> {
+        let (own, sequence) = (self.config.id, self.durable.sequence);
+        let parent = self.routes.parent.filter(|_| self.is_parent_behind());
+        let is_child_behind =
+            move |link: &Link| link.said.parent == Some(own) && !link.knows(sequence);
+        self.links
+            .iter()
+            .filter(move |(id, link)| {
+                link.is_reachable() && (link.asks || parent == Some(*id) || is_child_behind(link))
+            })
+            .map(|(id, _)| id)
+    }
+
+    /// The only one to whom what this drone says is news: it is said to that one, and the medium sees to it that it
+    /// arrives. What several are to hear is said to all.
+    fn addressee(&self) -> Option<NodeId> {
+        let mut unaware = self.unaware();
+        unaware.next().filter(|_| unaware.next().is_none())
+    }
+
+    /// Whether something is to be said again, as far as this drone knows.
     fn is_anyone_behind(&self) -> bool {
-        self.is_parent_behind()
-            || self
-                .links
-                .children(self.config.id)
-                .any(|(_, link)| self.is_child_behind(link))
+        self.unaware().any(|id| !self.is_trusted(id))
     }
 
     fn is_parent_behind(&self) -> bool {
         let Some(parent) = self.routes.parent.and_then(|parent| self.links.get(parent)) else {
             return false;
         };
-        let said = &parent.said;
-        if said.sequence > self.durable.sequence || !self.may_acknowledge() {
+        let sequence = self.durable.sequence;
+        if parent.said.sequence > sequence || !self.may_acknowledge() {
             return false;
         }
-        said.sequence < self.durable.sequence
-            || !said.acknowledged.is_superset(&self.state().acknowledged)
+        let acknowledged = self.acknowledged();
+        let missing = acknowledged.difference(&parent.knows_acknowledged(sequence));
+        // Once the master has named who is pending, only they answer.
+        let is_pending = |id| self.pending.0 != sequence || self.pending.1.contains(id);
+        !parent.knows(sequence) || missing.iter().any(is_pending)
     }
 
-    /// A leaf over a link that loses next to nothing is trusted to have heard an order.
-    fn is_child_behind(&self, child: &Link) -> bool {
-        let is_leaf = child.said.alive.len() <= 1;
-        child.said.sequence < self.durable.sequence && !(is_leaf && child.loss < CONFIRM_ABOVE_LOSS)
+    /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all.
+    fn is_trusted(&self, id: NodeId) -> bool {
+        self.routes.parent != Some(id)
+            && self.links.get(id).is_some_and(|child| {
+                child.said.alive.iter().all(|below| below == id) && child.loss < CONFIRM_ABOVE_LOSS
+            })
     }
 
     /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
     fn is_complete(&self) -> bool {
-        let state = self.state();
-        let awaited = state.alive.difference(&state.landing);
-        self.durable.sequence > 0 && state.acknowledged.is_superset(&awaited)
+        let awaited = self.alive().difference(&self.landing());
+        self.durable.sequence > 0 && self.acknowledged().is_superset(&awaited)
     }
 
     /// Whether what has come in so far may be passed on: all of it has, or what is missing was waited for long enough.
@@ -162,7 +208,7 @@ impl TreeRouting {
 
     /// Acknowledges, or begins to wait for what is still missing below.
     pub(super) fn acknowledge(&mut self, now: Timestamp) {
-        if self.is_master() || self.state().acknowledged.is_empty() {
+        if self.is_master() || self.acknowledged().is_empty() {
             return;
         }
         if self.may_acknowledge() {
@@ -200,13 +246,9 @@ impl TreeRouting {
         news: bool,
     ) {
         if news {
-            let has_children = self.links.children(self.config.id).next().is_some();
-            let loss = self.links.get(sender).map_or(0.0, |link| link.loss);
-            if has_children {
+            // A leaf is silent: whoever told it knows from the medium, trusts it, or asks.
+            if self.links.children(self.config.id).next().is_some() {
                 self.say(now, Occasion::News);
-            } else if loss >= CONFIRM_ABOVE_LOSS {
-                // Not at once: the drone may have carried the order out by then and say both in one.
-                self.hurry_repair(now);
             }
             return;
         }
@@ -219,13 +261,18 @@ impl TreeRouting {
         let has_progressed = before.is_none_or(|before| {
             before.acknowledged != link.said.acknowledged || before.sequence != link.said.sequence
         });
+        let is_asked =
+            link.said.hears.is_none() && link.said.to.is_none_or(|to| to == self.config.id);
         // A child that repeats itself has not heard that it was understood.
-        let repeats_itself = !has_progressed && link.said.hears.is_none();
+        let repeats_itself = is_child && is_asked && !has_progressed;
         // A parent that speaks again, while this drone has not yet said that it knows the order, waits for that.
-        let awaits_word = link.said.hears.is_none() && self.said_sequence < self.durable.sequence;
-        if is_child && (is_behind || repeats_itself)
-            || is_parent && (awaits_word || self.is_missed())
-        {
+        let awaits_word = is_parent && is_asked && self.said_sequence < self.durable.sequence;
+        if repeats_itself || awaits_word {
+            self.links.asks(sender);
+            self.hurry_repair(now);
+            return;
+        }
+        if is_child && is_behind || is_parent && self.is_missed() {
             self.hurry_repair(now);
             return;
         }
@@ -239,9 +286,32 @@ impl TreeRouting {
 
     /// Whether the master misses, and the parent does not have, what this drone could tell.
     fn is_missed(&self) -> bool {
-        let own = NodeSet::from_iter([self.config.id]);
-        let missed = self.pending.0 == self.durable.sequence && self.pending.1.is_superset(&own);
-        missed && self.is_parent_behind()
+        self.pending.0 == self.durable.sequence && self.is_parent_behind()
+    }
+
+    /// What became of something that was said to one neighbour.
+    pub(super) fn outcome(&mut self, now: Timestamp, to: NodeId, payload: &[u8], delivered: bool) {
+        let Ok(Packet::Tree(told)) = wire::decode_packet(payload) else {
+            return;
+        };
+        if delivered {
+            self.links.told(to, &told);
+        } else {
+            self.links.gave_up(to);
+            self.update_routes(now);
+            if let Some(repair) = &mut self.repair {
+                // Sooner than if nothing were known, and still rarer each time.
+                repair.due = now + repair.due.since(now) / 2;
+            }
+            let lost = |link: &Link| !link.is_reachable();
+            if Some(to) != self.routes.parent && self.links.get(to).is_some_and(lost) {
+                // Perhaps it was all that was waited for.
+                self.acknowledge(now);
+            }
+        }
+        if !self.is_anyone_behind() {
+            self.repair = None;
+        }
     }
 
     /// Answers soon, once for all that ask.
@@ -267,7 +337,9 @@ impl TreeRouting {
         };
         let parent = self.routes.parent.and_then(|parent| self.links.get(parent));
         if repair.tries >= TRIES_MAX && parent.is_some_and(|link| link.heard_at < repair.since) {
-            self.suspected = self.routes.parent;
+            if let Some(parent) = self.routes.parent {
+                self.links.suspect(parent);
+            }
             self.update_routes(now);
         }
         self.say(now, Occasion::Repair);
