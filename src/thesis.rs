@@ -12,8 +12,9 @@ use crate::{Ended, Failure, terminal};
 
 /// Fly the thesis's five experiments and show them beside its tables and figures.
 ///
-/// The second is flown once more with a master that waits at a waypoint only for the drones that it hears itself.
-/// Prints the thesis's tables 9 to 13 with ours, and writes thesis.html to look at and thesis.json for programs. The
+/// The second is flown twice more with a master that waits at a waypoint only for the drones that it hears itself, once
+/// with vehicles that take as long to come to rest as those of the thesis's ancestor; their settling is set beside the
+/// ancestor's own measurement, in one hop. Prints the thesis's tables 9 to 13 with ours, and writes thesis.html to look at and thesis.json for programs. The
 /// scenarios are a part of the program.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

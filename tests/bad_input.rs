@@ -104,6 +104,14 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["inf is not", "metres, a number from 0.01"],
         ),
         (
+            "range_m = 300",
+            "range_m = 300\n\n[vehicle]\nsettle_ms = 60001",
+            &[
+                "60001 is not a whole number from 0 to 60000",
+                "`vehicle.settle_ms` is milliseconds, a whole number",
+            ],
+        ),
+        (
             "policy = \"flood\"",
             "policy = \"flood\"\nbarrier = \"none\"",
             &["unknown variant `none`", "`strict`", "`neighbours`"],

@@ -48,9 +48,10 @@ fn the_readme_shows_what_is_printed() {
     let run = thesis(folder.path(), &[]).assert().success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
     let readme = include_str!("../README.md");
-    let shown = readme.split("```text\n").nth(1).unwrap();
-    let shown = shown.split("```").next().unwrap();
-    assert!(printed.starts_with(shown), "{printed}");
+    let shown = readme.split("```text\n").skip(1).take(2);
+    let shown: Vec<_> = shown.map(|it| it.split("```").next().unwrap()).collect();
+    assert!(printed.starts_with(shown[0]), "{printed}");
+    assert!(printed.contains(shown[1]), "{printed}");
 }
 
 #[test]
@@ -73,8 +74,13 @@ fn json_is_one_object_with_the_keys_that_programs_rely_on() {
         }
         assert!(experiment["report"]["trace"].is_string());
     }
-    for whose in ["thesis", "strict", "neighbours"] {
+    for whose in ["thesis", "strict", "neighbours", "settling"] {
         assert!(said["waits"][whose]["mean_s"].is_number());
+    }
+    for whose in ["ancestor", "ours"] {
+        for wait in ["mean_s", "longest_s"] {
+            assert!(said["single_hop"][whose][wait].is_number());
+        }
     }
 }
 

@@ -137,6 +137,8 @@ pub struct DroneReport {
     pub messages_received: u64,
     /// From its own arrival at a waypoint to its own departure, the mean over its waypoints.
     pub waypoint_delay_s: Option<f64>,
+    /// The longest of them.
+    pub waypoint_delay_max_s: Option<f64>,
     /// How well it kept formation on a master that it followed.
     pub following: Option<FormationError>,
     /// What it was doing at the end.

@@ -81,6 +81,7 @@ pub(crate) fn troubled() -> (Report, Flight) {
     let lost = &mut report.drones[5];
     lost.flight_time_s = None;
     lost.waypoint_delay_s = None;
+    lost.waypoint_delay_max_s = None;
     lost.hops = None;
     lost.parent = None;
     lost.state = "moving to waypoint 3".to_owned();
@@ -264,6 +265,7 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         messages_sent: (flight_time_s * 5.0) as u64 + u64::from(id % 4) * 17,
         messages_received: heard as u64 + u64::from(id % 3) * 41,
         waypoint_delay_s: Some(wait_s(f64::from(drones / 2)) + 0.03 * f64::from(hops)),
+        waypoint_delay_max_s: Some(wait_s(f64::from(drones / 2)) + 0.05 * f64::from(hops)),
         state: "finished".to_owned(),
         landed_because: None,
         restarts: 0,

@@ -93,6 +93,7 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
         messages_sent: record.sent,
         messages_received: record.received,
         waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
+        waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
         state: state(record),
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),

@@ -20,6 +20,9 @@ const ALTITUDE_MAX_M: f64 = 120.0;
 /// The longest that a run may take, whatever its mission, in seconds: a week.
 const DURATION_MAX_S: f64 = 604_800.0;
 
+/// How many legs the way from the ground to a slot has: up, across, and up or down again.
+const LEGS_PER_WAY: u32 = 3;
+
 /// All that a swarm will fly, and how fast.
 pub(super) struct Course<'a> {
     pub(super) layout: &'a Layout,
@@ -28,6 +31,8 @@ pub(super) struct Course<'a> {
     /// The slowest of its vehicles.
     pub(super) vehicle: navigation::Config,
     pub(super) landing: Landing,
+    /// How long a vehicle takes at most to come to rest at the end of a leg.
+    pub(super) settle: Duration,
     /// When the operator ends the flight, if not the mission does.
     pub(super) land_after: Option<Duration>,
 }
@@ -68,6 +73,7 @@ impl Course<'_> {
         from.horizontal_distance_m(to) / vehicle.speed_mps
             + from.vertical_distance_m(to) / self.slowest_mps()
             + 2.0 * vehicle.speed_mps / vehicle.acceleration_mps2
+            + self.settle.as_secs_f64()
     }
 
     /// How long each of the mission's legs takes.
@@ -103,7 +109,9 @@ impl Course<'_> {
         let longest_s = ways
             .map(|(from, to)| self.leg_s(from, to))
             .fold(0.0, f64::max);
-        longest_s + (home.altitude_m() + self.highest_layer_m()) / self.slowest_mps()
+        longest_s
+            + (home.altitude_m() + self.highest_layer_m()) / self.slowest_mps()
+            + f64::from(LEGS_PER_WAY - 1) * self.settle.as_secs_f64()
     }
 
     fn landing_s(&self) -> f64 {

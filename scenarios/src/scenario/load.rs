@@ -61,12 +61,14 @@ pub(crate) fn load_from(
     let vehicle = vehicle(&raw);
     let follow = follow(&source, &raw, vehicle)?;
     let landing = landing(&raw, vehicle);
+    let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
         changes: &changes,
         waypoints: &waypoints,
         vehicle: follow.as_ref().map_or(vehicle, |follow| follow.master),
         landing,
+        settle,
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
     check_layers(&source, &raw, &course)?;
@@ -101,6 +103,7 @@ pub(crate) fn load_from(
         follow,
         vehicle,
         landing,
+        settle,
         limits,
         notes,
         faults,

@@ -62,6 +62,8 @@ pub struct Scenario {
     pub vehicle: navigation::Config,
     /// How they come down.
     pub landing: Landing,
+    /// How long they take at most to come to rest at the end of a leg; how long is drawn for each.
+    pub settle: Duration,
     /// What must not be exceeded.
     pub limits: Limits,
     /// What the mission file asks for and the swarm does not do, in words.

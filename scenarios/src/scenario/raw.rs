@@ -218,6 +218,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "vehicle.landing_altitude_m",
         "metres, a number from 0 to 100000",
     ),
+    (
+        "vehicle.settle_ms",
+        "milliseconds, a whole number from 0 to 60000",
+    ),
     ("limits", "a table"),
     (
         "limits.separation_horizontal_m",
@@ -536,6 +540,7 @@ pub(super) struct Vehicle {
     pub(super) descent_mps: Option<Rate>,
     pub(super) landing_mps: Option<Rate>,
     pub(super) landing_altitude_m: Option<Height>,
+    pub(super) settle_ms: Option<Whole<0, 60_000>>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -6,7 +6,7 @@ use super::Published;
 use crate::report::{Engine, Report, Role};
 use crate::scenario::Scenario;
 
-/// The five experiments and the waits of the second, the thesis's figures and ours: what `--json` prints and
+/// The five experiments, the waits of the second and of a single hop, the figures of others and ours: what `--json` prints and
 /// `thesis.json` holds. All times are simulated seconds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
@@ -18,15 +18,21 @@ pub struct Comparison {
     pub experiments: Vec<Experiment>,
     /// The waits at the waypoints of the second experiment.
     pub waits: Waits,
+    /// The waits at the waypoints where all hear the master.
+    pub single_hop: SingleHop,
     /// Our run of the second experiment in which the master waits for its neighbours only.
     pub neighbours: Report,
+    /// Likewise, with vehicles that come to rest as the ancestor's.
+    pub settling: Report,
+    /// Our run of the ancestor's swarm.
+    pub ancestor: Report,
 }
 
 impl Comparison {
     /// Every run of ours.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
         let strict = self.experiments.iter().map(|it| &it.report);
-        strict.chain([&self.neighbours])
+        strict.chain([&self.neighbours, &self.settling, &self.ancestor])
     }
 }
 
@@ -118,10 +124,12 @@ pub struct Waits {
     pub strict: Wait,
     /// Ours where it waits for those that it hears itself, likewise.
     pub neighbours: Wait,
+    /// Likewise, with vehicles that come to rest as the ancestor's.
+    pub settling: Wait,
 }
 
 impl Waits {
-    pub(super) fn new(strict: &Report, neighbours: &Report) -> Self {
+    pub(super) fn new(strict: &Report, neighbours: &Report, settling: &Report) -> Self {
         Self {
             thesis: Wait {
                 mean_s: Some(0.43),
@@ -130,6 +138,7 @@ impl Waits {
             },
             strict: Wait::of(strict),
             neighbours: Wait::of(neighbours),
+            settling: Wait::of(settling),
         }
     }
 }
@@ -157,4 +166,39 @@ impl Wait {
             most_s: waits().reduce(f64::max),
         }
     }
+}
+
+/// How long five drones in line that all hear each other wait at a waypoint, from their own arrival to their own
+/// departure. The vehicles' settling is calibrated on it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SingleHop {
+    /// As measured on the thesis's ancestor.
+    pub ancestor: Delays,
+    /// Ours.
+    pub ours: Delays,
+}
+
+impl SingleHop {
+    pub(super) fn new(report: &Report) -> Self {
+        let longest = report.drones.iter().map(|drone| drone.waypoint_delay_max_s);
+        Self {
+            ancestor: Delays {
+                mean_s: Some(0.504),
+                longest_s: Some(1.101),
+            },
+            ours: Delays {
+                mean_s: report.mean_waypoint_delay_s(),
+                longest_s: longest.flatten().reduce(f64::max),
+            },
+        }
+    }
+}
+
+/// The waits of all drones at all waypoints, in simulated seconds; nothing where nobody waited.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Delays {
+    /// Their mean.
+    pub mean_s: Option<f64>,
+    /// The longest.
+    pub longest_s: Option<f64>,
 }

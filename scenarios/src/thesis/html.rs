@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::compare::{Comparison, Experiment, Quantity, Wait};
+use super::compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait};
 use super::table::{DIGITS, off};
 use super::write::THESIS_JSON;
 use crate::report::figures::{count, figure, figure_or_nothing, plural};
@@ -65,12 +65,21 @@ pub(super) fn page(comparison: &Comparison) -> String {
             h2 { "Waits at a waypoint, 15 drones in line" }
             p.about {
                 "From a drone's own arrival to its own departure, the mean over its waypoints; in full colour where "
-                "the master waits for all, in pale where it waits only for those that it hears itself (figure 36, "
-                "which has one waypoint). Where equal legs take equal times, as here, and nothing is lost, that "
-                "is two periods at most, below the thesis's."
+                "the master waits for all, in pale where it waits only for those that it hears itself and vehicles "
+                "take different times to come to rest, as the ancestor's do (figure 36, which has one waypoint). Where "
+                "vehicles are at rest at once and nothing is lost, that wait is two periods at most, below the "
+                "thesis's."
             }
             ul.legend { (kinds()) }
             div.figures { figure { (waits(comparison)) } (waits_table(comparison)) }
+        }
+        section {
+            h2 { "Waits at a waypoint, 5 drones that all hear each other" }
+            p.about {
+                "How long vehicles take to come to rest is chosen such that the mean over many runs is that which was "
+                "measured on the thesis's ancestor, in one hop; this is one of the runs."
+            }
+            (single_hop_table(comparison))
         }
         (method(comparison))
     };
@@ -101,6 +110,7 @@ fn head(comparison: &Comparison) -> Markup {
             (card("Messages, off by at most", farthest(|name| name.starts_with("messages")), 1, "%"))
             (card("Wait for all", comparison.waits.strict.mean_s, 2, "s"))
             (card("Wait for neighbours", comparison.waits.neighbours.mean_s, 2, "s"))
+            (card("Likewise, settling", comparison.waits.settling.mean_s, 2, "s"))
             (card("Wait in the thesis", comparison.waits.thesis.mean_s, 2, "s"))
             div.card.{ @if broken == 0 { "good" } @else { "bad" } } {
                 p { "Rules broken" }
@@ -221,19 +231,19 @@ fn means(comparison: &Comparison, axis: &'static str, quantity: usize) -> Markup
     })
 }
 
-/// Each drone's wait where the master waits for all, and where it waits for its neighbours.
+/// Each drone's wait where the master waits for all, and where it waits for its neighbours and vehicles settle.
 fn waits(comparison: &Comparison) -> Markup {
     let strict = comparison
         .experiments
         .iter()
-        .find(|it| it.report.scenario == comparison.neighbours.scenario);
+        .find(|it| it.report.scenario == comparison.settling.scenario);
     let strict = strict.into_iter().flat_map(|it| &it.report.drones);
     let bars = strict
-        .zip(&comparison.neighbours.drones)
-        .map(|(all, neighbours)| {
-            let waits = vec![all.waypoint_delay_s, neighbours.waypoint_delay_s];
+        .zip(&comparison.settling.drones)
+        .map(|(all, settling)| {
+            let waits = vec![all.waypoint_delay_s, settling.waypoint_delay_s];
             let about = format!(
-                "{} s for all, {} s for the neighbours",
+                "{} s for all, {} s for the neighbours with vehicles that settle",
                 figure_or_nothing(waits[0], 2),
                 figure_or_nothing(waits[1], 2)
             );
@@ -257,24 +267,44 @@ fn waits(comparison: &Comparison) -> Markup {
 }
 
 fn waits_table(comparison: &Comparison) -> Markup {
-    let row = |whose: &str, wait: &Wait| {
-        html! {
-            tr {
-                td { (whose) }
-                @for seconds in [wait.mean_s, wait.least_s, wait.most_s] {
-                    td.n { (figure_or_nothing(seconds, 2)) }
-                }
-            }
-        }
-    };
+    let row = |whose, wait: &Wait| (whose, [wait.mean_s, wait.least_s, wait.most_s]);
+    let waits = &comparison.waits;
+    seconds_table(
+        ["Mean", "Least", "Most"],
+        [
+            row("Thesis", &waits.thesis),
+            row("Ours, for all", &waits.strict),
+            row("Ours, for the master's neighbours", &waits.neighbours),
+            row("Likewise, settling like the ancestor", &waits.settling),
+        ],
+    )
+}
+
+fn single_hop_table(comparison: &Comparison) -> Markup {
+    let row = |whose, delays: &Delays| (whose, [delays.mean_s, delays.longest_s]);
+    let SingleHop { ancestor, ours } = &comparison.single_hop;
+    seconds_table(
+        ["Mean", "Longest"],
+        [
+            row("Ancestor", ancestor),
+            row("Ours, settling like it", ours),
+        ],
+    )
+}
+
+/// A row for each, with as many times as there are columns.
+fn seconds_table<const COLUMNS: usize, const ROWS: usize>(
+    columns: [&str; COLUMNS],
+    rows: [(&str, [Option<f64>; COLUMNS]); ROWS],
+) -> Markup {
     html! {
         div.scroll {
             table {
-                thead { tr { th {} th.n { "Mean,\u{a0}s" } th.n { "Least,\u{a0}s" } th.n { "Most,\u{a0}s" } } }
+                thead { tr { th {} @for name in columns { th.n { (name) ",\u{a0}s" } } } }
                 tbody {
-                    (row("Thesis", &comparison.waits.thesis))
-                    (row("Ours, for all", &comparison.waits.strict))
-                    (row("Ours, for the master's neighbours", &comparison.waits.neighbours))
+                    @for (whose, times) in rows {
+                        tr { td { (whose) } @for seconds in times { td.n { (figure_or_nothing(seconds, 2)) } } }
+                    }
                 }
             }
         }

@@ -5,7 +5,7 @@ mod html;
 mod table;
 mod write;
 
-pub use compare::{Comparison, Experiment, Quantity, Wait, Waits};
+pub use compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait, Waits};
 pub use table::table;
 pub use write::{THESIS_HTML, THESIS_JSON, write};
 
@@ -27,6 +27,8 @@ const SCENARIOS: [&str; 5] = [
     include_str!("../../thesis-4.toml"),
     include_str!("../../thesis-5.toml"),
 ];
+/// The ancestor's swarm, with vehicles that take as long to come to rest as its own.
+const ANCESTOR: (&str, &str) = ("ancestor.toml", include_str!("../../ancestor.toml"));
 /// The mission that they share.
 const MISSION: &str = include_str!("../../missions/albufera.plan");
 /// The experiment whose waits at the waypoints the thesis measures, counted from 0.
@@ -78,6 +80,10 @@ pub struct Flights {
     experiments: Vec<(Published, Scenario)>,
     /// The second experiment once more, its master waiting for its neighbours only.
     neighbours: Scenario,
+    /// Likewise, its vehicles coming to rest as the ancestor's.
+    settling: Scenario,
+    /// The ancestor's swarm.
+    ancestor: Scenario,
 }
 
 impl Flights {
@@ -94,17 +100,21 @@ impl Flights {
                 Ok((published, scenario))
             })
             .collect::<Result<Vec<_>, BadInput>>()?;
-        let barrier = "protocol.barrier=neighbours".parse();
-        let overrides: Vec<_> = overrides
-            .iter()
-            .cloned()
-            .chain([barrier.expect("there is such a field")])
-            .collect();
-        let name = &experiments[WITH_WAITS].0.scenario;
-        let neighbours = shipped(name, SCENARIOS[WITH_WAITS], &overrides)?;
+        let ancestor = shipped(ANCESTOR.0, ANCESTOR.1, overrides)?;
+        let with_waits = |fields: &[&str]| {
+            let fields = fields.iter().map(|field| field.parse());
+            let fields = fields.map(|field| field.expect("there is such a field"));
+            let overrides: Vec<_> = overrides.iter().cloned().chain(fields).collect();
+            let name = &experiments[WITH_WAITS].0.scenario;
+            shipped(name, SCENARIOS[WITH_WAITS], &overrides)
+        };
+        let barrier = "protocol.barrier=neighbours";
+        let settle = format!("vehicle.settle_ms={}", ancestor.settle.as_millis());
         Ok(Self {
+            neighbours: with_waits(&[barrier])?,
+            settling: with_waits(&[barrier, &settle])?,
+            ancestor,
             experiments,
-            neighbours,
         })
     }
 
@@ -132,12 +142,17 @@ impl Flights {
             experiments.push(Experiment::new(published, scenario, fly(scenario)?));
         }
         let neighbours = fly(&self.neighbours)?;
+        let settling = fly(&self.settling)?;
+        let ancestor = fly(&self.ancestor)?;
         Ok(Comparison {
             seed: self.seed(),
             engine,
-            waits: Waits::new(&experiments[WITH_WAITS].report, &neighbours),
+            waits: Waits::new(&experiments[WITH_WAITS].report, &neighbours, &settling),
+            single_hop: SingleHop::new(&ancestor),
             experiments,
             neighbours,
+            settling,
+            ancestor,
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
-use super::compare::{Comparison, Experiment, Quantity, Wait};
+use super::compare::{Comparison, Delays, Experiment, Quantity, Wait};
 use crate::report::Colour;
 use crate::report::figures::{NOTHING, figure, figure_or_nothing};
 use crate::report::table::{GREEN, RED, STYLE, painted};
@@ -35,12 +35,24 @@ pub fn table(comparison: &Comparison, colour: Colour) -> String {
         wait("thesis, figure 36", &waits.thesis),
         wait("ours, for all drones", &waits.strict),
         wait("ours, for the master's neighbours", &waits.neighbours),
+        wait("likewise, settling like the ancestor", &waits.settling),
     ];
     let heading = [
         "15 in line: wait at a waypoint",
         "mean s",
         "least s",
         "most s",
+    ];
+    text.push_str(&lines(&heading, 1, rows.into(), colour));
+    text.push('\n');
+    let rows = [
+        delays("ancestor", &comparison.single_hop.ancestor),
+        delays("ours, settling like it", &comparison.single_hop.ours),
+    ];
+    let heading = [
+        "5 in line, one hop: wait at a waypoint",
+        "mean s",
+        "longest s",
     ];
     text.push_str(&lines(&heading, 1, rows.into(), colour));
     text.push_str(&format!(
@@ -84,8 +96,15 @@ pub(super) fn off(quantity: &Quantity) -> String {
 }
 
 fn wait(whose: &str, wait: &Wait) -> Vec<String> {
-    let figures = [wait.mean_s, wait.least_s, wait.most_s];
-    let figures = figures.map(|seconds| figure_or_nothing(seconds, 2));
+    row_of_seconds(whose, &[wait.mean_s, wait.least_s, wait.most_s])
+}
+
+fn delays(whose: &str, delays: &Delays) -> Vec<String> {
+    row_of_seconds(whose, &[delays.mean_s, delays.longest_s])
+}
+
+fn row_of_seconds(whose: &str, seconds: &[Option<f64>]) -> Vec<String> {
+    let figures = seconds.iter().map(|it| figure_or_nothing(*it, 2));
     [whose.to_owned()].into_iter().chain(figures).collect()
 }
 

@@ -57,7 +57,7 @@ fn the_page_has_a_counterpart_of_every_figure() {
 #[test]
 fn a_drone_that_has_not_come_down_is_shown_as_such() {
     let mut comparison = comparison();
-    for drone in &mut comparison.neighbours.drones {
+    for drone in &mut comparison.settling.drones {
         drone.waypoint_delay_s = None;
     }
     comparison.experiments[0].report.drones[3].flight_time_s = None;

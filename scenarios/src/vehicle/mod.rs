@@ -133,6 +133,11 @@ impl Vehicle {
         }
     }
 
+    /// Hovers for a while longer at the end of the leg that it has been told to fly, before it is at rest there.
+    pub(crate) fn settle(&mut self, time: Duration) {
+        self.motion.hover(time);
+    }
+
     /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed.
     pub(crate) fn steer(
         &mut self,

@@ -209,6 +209,13 @@ impl Motion {
         self.push(end, to.0, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
+    /// Stays for `time` where all that is planned ends.
+    pub(super) fn hover(&mut self, time: Duration) {
+        let (start, from) = (self.end_time().unwrap_or(Timestamp::ZERO), self.end().0);
+        let still = Vector3::zeros();
+        self.push(start, from, still, still, time.as_secs_f64());
+    }
+
     pub(super) fn push(
         &mut self,
         start: Timestamp,

@@ -65,9 +65,36 @@ fn a_new_leg_in_flight_begins_with_a_brake() {
 }
 
 #[test]
+fn a_vehicle_that_settles_hovers_at_the_end_of_its_leg_until_it_is_at_rest() {
+    let mut vehicle = hovering();
+    vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+    vehicle.settle(Duration::from_millis(1_500));
+    for hovers in [60.0, 60.7, 61.4] {
+        let telemetry = vehicle.telemetry(at(hovers));
+        assert!(!telemetry.at_rest, "{hovers}");
+        assert_eq!(telemetry.position, Ned::new(500.0, 0.0, -20.0));
+        assert_eq!(telemetry.velocity, Velocity::ZERO);
+    }
+    assert!(vehicle.telemetry(at(61.5)).at_rest);
+}
+
+#[test]
+fn a_vehicle_that_settles_leaves_for_its_next_leg_and_to_land_at_once() {
+    for (next, seconds) in [(leg(0.0, 20.0), 60.0), (Demand::Land, 8.166_666_667 + 20.5)] {
+        let mut vehicle = hovering();
+        vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+        vehicle.settle(Duration::from_secs(30));
+        vehicle.obey(at(61.0), next);
+        let end = vehicle.motion().end_time().unwrap();
+        assert!(close(end.as_secs_f64(), 61.0 + seconds), "{next:?}: {end}");
+    }
+}
+
+#[test]
 fn nothing_jumps_where_pieces_meet() {
     let mut vehicle = hovering();
     vehicle.obey(at(1.0), leg(300.0, 30.0));
+    vehicle.settle(Duration::from_secs(2));
     vehicle.obey(at(12.3), leg(-50.0, 20.0));
     vehicle.obey(at(17.0), Demand::Land);
     for pair in vehicle.motion().pieces().windows(2) {

@@ -1,5 +1,8 @@
+use std::time::Duration;
+
 use muster_machines::cell::{Address, Checkpoints};
 use muster_machines::time::Timestamp;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// What the world keeps for one drone: its random source, its journal, its timers, which of its actors run.
@@ -71,6 +74,11 @@ impl Drone {
         Some(timer.generation)
     }
 
+    /// How long its vehicle takes to come to rest at the end of a leg, where it takes `most` at most.
+    pub(crate) fn draw_settling(&mut self, most: Duration) -> Option<Duration> {
+        (most > Duration::ZERO).then(|| self.rng.random_range(Duration::ZERO..=most))
+    }
+
     /// The number of the motion that the vehicle has just begun.
     pub(crate) const fn next_motion(&mut self) -> u32 {
         self.motion = self.motion.wrapping_add(1);
@@ -79,5 +87,33 @@ impl Drone {
 
     pub(crate) const fn is_current_motion(&self, generation: u32) -> bool {
         self.motion == generation
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    #[test]
+    fn settling_is_drawn_anew_for_each_leg_and_is_no_longer_than_the_longest() {
+        let mut drone = Drone::new(ChaCha8Rng::seed_from_u64(1));
+        let most = Duration::from_millis(800);
+        let draws: Vec<_> = (0..100)
+            .map(|_| drone.draw_settling(most).unwrap())
+            .collect();
+        assert!(draws.iter().all(|time| *time <= most));
+        let above = |time| draws.iter().filter(|draw| **draw > time).count();
+        assert!((15..=35).contains(&above(most * 3 / 4)), "{draws:?}");
+        assert!((65..=85).contains(&above(most / 4)), "{draws:?}");
+    }
+
+    #[test]
+    fn nothing_is_drawn_for_a_vehicle_that_settles_at_once() {
+        let rng = ChaCha8Rng::seed_from_u64(1);
+        let mut drone = Drone::new(rng.clone());
+        assert_eq!(drone.draw_settling(Duration::ZERO), None);
+        assert_eq!(drone.rng, rng);
     }
 }

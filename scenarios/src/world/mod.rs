@@ -21,7 +21,7 @@ use muster_machines::geometry::Velocity;
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::State;
-use muster_machines::msp::{self, Demand};
+use muster_machines::msp::{self, Demand, Setpoint};
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
@@ -114,6 +114,8 @@ pub(crate) struct World {
     medium_wakes: Option<Timestamp>,
     drones: Vec<Drone>,
     vehicles: Vec<Vehicle>,
+    /// How long a vehicle takes at most to come to rest at the end of a leg.
+    settle: Duration,
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
@@ -168,6 +170,7 @@ impl World {
                 .iter()
                 .map(|place| Vehicle::new(scenario.landing, *place))
                 .collect(),
+            settle: scenario.settle,
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
@@ -406,6 +409,11 @@ impl World {
             self.airborne += 1;
         }
         if moves {
+            if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
+                && let Some(time) = self.drones[index].draw_settling(self.settle)
+            {
+                vehicle.settle(time);
+            }
             self.plan_rest(drone);
         } else {
             self.report_telemetry(drone);

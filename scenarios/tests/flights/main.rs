@@ -8,6 +8,7 @@ mod engines;
 mod follow;
 mod formations;
 mod relay;
+mod settling;
 mod support;
 mod thesis;
 mod tree;

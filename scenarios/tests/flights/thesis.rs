@@ -103,19 +103,45 @@ fn every_flight_time_obeys_the_law_of_the_five_experiments() {
     }
 }
 
+/// The wait at a waypoint, in the mean over drones, waypoints and the seeds 1 to 20.
+fn mean_wait_s(name: &str, fields: &[&str]) -> f64 {
+    let waits_s = (1..=20).map(|seed| {
+        let seed = format!("seed={seed}");
+        let fields: Vec<_> = fields.iter().copied().chain([&*seed]).collect();
+        let report = fly(&scenario(name, &fields), Engine::Events);
+        assert_eq!(report.violations, [], "{name}, {fields:?}");
+        report.mean_waypoint_delay_s().unwrap()
+    });
+    waits_s.sum::<f64>() / 20.0
+}
+
+#[test]
+fn a_wait_for_all_takes_as_long_as_the_hops_to_the_farthest_and_back() {
+    let strict_s = mean_wait_s("thesis-2.toml", &[]);
+    assert!((1.0..=1.6).contains(&strict_s), "{strict_s} s");
+}
+
 #[test]
 fn a_master_that_waits_for_its_neighbours_only_waits_two_periods_at_most() {
-    // The thesis has 0.43 s, which no barrier of all drones can have: fourteen hops take longer.
-    for seed in 1..=10 {
-        let waits = fly_all(&seed.to_string()).waits;
-        let strict = waits.strict.mean_s.unwrap();
-        assert!((1.0..=1.7).contains(&strict), "seed {seed}: {strict} s");
-        let neighbours = waits.neighbours.mean_s.unwrap();
-        assert!(
-            (0.1..=0.4).contains(&neighbours),
-            "seed {seed}: {neighbours} s"
-        );
-    }
+    let neighbours_s = mean_wait_s("thesis-2.toml", &["protocol.barrier=neighbours"]);
+    assert!((0.1..=0.4).contains(&neighbours_s), "{neighbours_s} s");
+}
+
+#[test]
+fn vehicles_that_settle_as_the_ancestors_give_its_wait_in_one_hop_and_the_thesiss_over_many() {
+    let one_hop_s = mean_wait_s("ancestor.toml", &[]);
+    assert_within(0.05, one_hop_s, 0.504, "the ancestor");
+    let settle_ms = scenario("ancestor.toml", &[]).settle.as_millis();
+    let fields = [
+        "protocol.barrier=neighbours",
+        &*format!("vehicle.settle_ms={settle_ms}"),
+    ];
+    assert_within(
+        0.2,
+        mean_wait_s("thesis-2.toml", &fields),
+        0.43,
+        "figure 36",
+    );
 }
 
 #[test]

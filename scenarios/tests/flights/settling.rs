@@ -1,0 +1,93 @@
+//! Vehicles that take a while to come to rest at the end of a leg.
+
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+use muster_machines::mission::State;
+use muster_machines::time::Timestamp;
+use muster_scenarios::engine::{Engine, run};
+use muster_scenarios::report::FlightOfDrone;
+use muster_scenarios::scenario::{Fault, FaultKind, Scenario};
+
+use crate::support::{fly, scenario};
+
+fn settling(settle_ms: u32, overrides: &[&str]) -> Scenario {
+    let settle = format!("vehicle.settle_ms={settle_ms}");
+    let overrides: Vec<_> = overrides.iter().copied().chain([&*settle]).collect();
+    scenario("thesis-1.toml", &overrides)
+}
+
+/// How long a drone was in states of one kind, each time it was.
+fn durations(drone: &FlightOfDrone, of: fn(State) -> bool) -> Vec<Duration> {
+    let pairs = drone.states.windows(2).filter(|pair| of(pair[0].1));
+    pairs.map(|pair| pair[1].0 - pair[0].0).collect()
+}
+
+#[test]
+fn every_leg_takes_up_to_so_much_longer_and_a_landing_does_not() {
+    let settle_ms = 2_000;
+    let drones = |settle_ms| {
+        let (_, flight) = run(&settling(settle_ms, &[]), Engine::Events, None).unwrap();
+        flight.drones
+    };
+    for (at_once, settling) in drones(0).iter().zip(drones(settle_ms)) {
+        let is_leg = |state| matches!(state, State::MovingToWaypoint { .. });
+        let legs = durations(at_once, is_leg)
+            .into_iter()
+            .zip(durations(&settling, is_leg));
+        let mut longer: Vec<_> = legs.map(|(shorter, longer)| longer - shorter).collect();
+        assert_eq!(longer.len(), 7);
+        let most = Duration::from_millis(settle_ms.into());
+        assert!(longer.iter().all(|time| *time <= most), "{longer:?}");
+        longer.sort_unstable();
+        longer.dedup();
+        assert_eq!(longer.len(), 7, "one draw for several legs: {longer:?}");
+
+        let is_landing = |state| state == State::Landing;
+        assert_eq!(
+            durations(at_once, is_landing),
+            durations(&settling, is_landing)
+        );
+    }
+}
+
+#[test]
+fn both_engines_draw_the_same() {
+    for crash in [None, Some(120)] {
+        let mut scenario = settling(5_000, &["radio.loss=0.1"]);
+        scenario.faults = crash
+            .into_iter()
+            .map(|at_s| Fault {
+                at: Timestamp::from_secs_f64(f64::from(at_s)),
+                drone: NodeId(1),
+                kind: FaultKind::CrashActor(Address::Navigation),
+            })
+            .collect();
+        let events = fly(&scenario, Engine::Events);
+        assert_eq!(fly(&scenario, Engine::Actors).trace, events.trace);
+        assert_ne!(fly(&settling(0, &[]), Engine::Events).trace, events.trace);
+    }
+}
+
+#[test]
+fn the_limits_leave_room_for_the_longest_settling() {
+    let settle = Duration::from_secs(60);
+    // All in range of each other, however late a drone is.
+    let near = "formation.spacing_m=50";
+    let at_once = settling(0, &[near]).limits;
+    let longer = settling(60_000, &[near]).limits;
+    // Twice a leg; twice the three legs of a take-off; twice these and the seven of the mission.
+    assert!(longer.leg >= at_once.leg + 2 * settle);
+    assert_eq!(longer.take_off, at_once.take_off + 6 * settle);
+    assert_eq!(longer.duration, at_once.duration + (6 + 20) * settle);
+    for seed in 1..=5 {
+        let scenario = settling(60_000, &[near, &format!("seed={seed}")]);
+        let report = fly(&scenario, Engine::Events);
+        assert_eq!(report.violations, []);
+        assert!(report.mission_completed);
+        for drone in &report.drones {
+            assert_eq!(drone.landed_because, None, "drone {}", drone.id);
+        }
+    }
+}
