@@ -55,6 +55,10 @@ pub struct Row {
     pub retries_per_barrier: Option<f64>,
     /// From a drone's own arrival to its own departure, in seconds, the mean of the drones' means.
     pub waypoint_delay_mean_s: Option<f64>,
+    /// How often a part of the swarm had no master, or more than one.
+    pub elections: u64,
+    /// How long the longest of these times took, in seconds.
+    pub election_max_s: Option<f64>,
     /// The closest that two flying drones came, in metres.
     pub min_separation_m: Option<f64>,
     /// How often an actor of any drone was restarted.
@@ -90,6 +94,8 @@ const COLUMNS: (&[&str], &[&str]) = (
         "keep_alives_per_barrier",
         "retries_per_barrier",
         "waypoint_delay_mean_s",
+        "elections",
+        "election_max_s",
         "min_separation_m",
         "restarts",
         "mission_completed",
@@ -108,6 +114,7 @@ impl Row {
         let master = report.master().and_then(|drone| drone.flight_time_s);
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
+        let settled = report.elections.iter().filter_map(|it| it.settled_after_s);
         Self {
             run,
             combination,
@@ -129,6 +136,8 @@ impl Row {
             keep_alives_per_barrier: mean(|barrier| barrier.keep_alives),
             retries_per_barrier: mean(|barrier| barrier.retries),
             waypoint_delay_mean_s: report.mean_waypoint_delay_s().map(rounded),
+            elections: report.elections.len() as u64,
+            election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
             mission_completed: report.mission_completed,
@@ -181,6 +190,8 @@ impl Row {
             or_empty(self.keep_alives_per_barrier),
             or_empty(self.retries_per_barrier),
             or_empty(self.waypoint_delay_mean_s),
+            self.elections.to_string(),
+            or_empty(self.election_max_s),
             or_empty(self.min_separation_m),
             self.restarts.to_string(),
             self.mission_completed.to_string(),

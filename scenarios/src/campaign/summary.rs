@@ -24,7 +24,7 @@ pub struct Figure {
 }
 
 /// Every figure of a summary, in the order of its columns.
-pub const FIGURES: [Figure; 9] = [
+pub const FIGURES: [Figure; 10] = [
     Figure {
         column: "flight_time_master_s",
         name: "Flight time of the master",
@@ -97,6 +97,15 @@ pub const FIGURES: [Figure; 9] = [
         about: "Frames for one drone that the medium sent again meanwhile, for want of an acknowledgement.",
         digits: 1,
         of: |row| row.retries_per_barrier,
+    },
+    Figure {
+        column: "election_max_s",
+        name: "Election, longest",
+        short: "election\nlongest s",
+        unit: "s",
+        about: "From when a part of the swarm had lost its master until each part had one that all in it obeyed.",
+        digits: 2,
+        of: |row| row.election_max_s,
     },
     Figure {
         column: "min_separation_m",

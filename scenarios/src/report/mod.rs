@@ -60,6 +60,8 @@ pub struct Report {
     pub changes: Vec<FormationChange>,
     /// How well the others kept formation on a master that was followed; nothing where none was.
     pub following: Option<FormationError>,
+    /// Each time that a part of the swarm had no master, or more than one.
+    pub elections: Vec<Election>,
     /// The master's own view of who is out of its range and who bridges to them.
     pub bridges: Vec<Bridge>,
     /// Frames that radios did not let in, by reason.
@@ -72,6 +74,18 @@ pub struct Report {
     pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
+}
+
+/// A time in which some of the drones that flew the mission had no master that they could reach, or did not all obey
+/// the same one; before the first election it begins when the master was killed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Election {
+    /// When it began, in simulated seconds.
+    pub at_s: f64,
+    /// How long it took until each part had one master that all in it obeyed; nothing if that never came to be.
+    pub settled_after_s: Option<f64>,
+    /// Who led then, one for each part.
+    pub masters: Vec<u32>,
 }
 
 /// What radios that share a medium did, all of them together, from the start of the run to its end.

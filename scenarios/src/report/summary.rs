@@ -6,7 +6,7 @@ use muster_transport::sim::Access;
 
 use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, FormationChange, Means,
+    Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
     MediumCounters, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::Scenario;
@@ -43,6 +43,7 @@ pub(crate) fn summary(
         barriers: barriers(outcome),
         changes: changes(scenario, outcome),
         following: error(distances_m.concat()),
+        elections: elections(outcome),
         bridges: bridges(outcome),
         dropped: recorder
             .dropped()
@@ -159,6 +160,21 @@ fn means(drones: &[DroneReport]) -> Means {
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
+}
+
+fn elections(outcome: &Outcome) -> Vec<Election> {
+    let all = outcome.recorder.elections().iter();
+    all.map(|election| {
+        let settled = election.settled.as_ref();
+        Election {
+            at_s: election.begun.as_secs_f64(),
+            settled_after_s: settled.map(|(at, _)| at.since(election.begun).as_secs_f64()),
+            masters: settled.map_or_else(Vec::new, |(_, masters)| {
+                masters.iter().map(|id| id.0).collect()
+            }),
+        }
+    })
+    .collect()
 }
 
 fn barriers(outcome: &Outcome) -> Vec<Barrier> {

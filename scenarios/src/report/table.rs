@@ -6,7 +6,7 @@ use comfy_table::{
 };
 
 use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges};
-use super::{DroneReport, FormationChange, FormationError, Report, Role, Violation};
+use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
 
 /// Whether text is coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,6 +174,9 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     if let Some(changes) = made_changes(report) {
         lines.push(("changes", changes));
     }
+    for election in &report.elections {
+        lines.push(("election", describe_election(election)));
+    }
     if let Some(beyond) = beyond_the_master(report) {
         lines.push(("relaying", beyond));
     }
@@ -240,6 +243,25 @@ fn made_changes(report: &Report) -> Option<String> {
         format!("all drones there after {made} of {}", plural(of, "change"))
     };
     Some(format!("{made}, {} s at most", figure(longest_s, 1)))
+}
+
+/// When the swarm had lost its master, and who led how much later.
+fn describe_election(election: &Election) -> String {
+    let begun = format!(
+        "at {:.1} s a part of the swarm had no master",
+        election.at_s
+    );
+    let Some(after_s) = election.settled_after_s else {
+        return format!("{begun}, and that remained so");
+    };
+    let masters: Vec<_> = election.masters.iter().map(u32::to_string).collect();
+    match &masters[..] {
+        [] => format!("{begun}; {after_s:.2} s later nobody was left that needed one"),
+        masters => format!(
+            "{begun}; {after_s:.2} s later {} led",
+            masters.join(" and ")
+        ),
+    }
 }
 
 /// Whom the master does not hear, and through whom it hears of them.

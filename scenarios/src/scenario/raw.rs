@@ -529,6 +529,7 @@ impl From<LivenessName> for Liveness {
 pub(super) enum ParametersName {
     #[default]
     Quiet,
+    Fast,
 }
 
 #[derive(Debug, Default, Deserialize)]

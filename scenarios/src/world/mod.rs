@@ -10,7 +10,7 @@ mod part;
 mod recorder;
 mod trace;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -506,10 +506,14 @@ impl World {
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
                 let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let part = || part_of(drone, range_m, now, vehicles);
+                let recorder = &self.recorder;
+                let part = || part_of(drone, range_m, now, vehicles, |id| !recorder.is_killed(id));
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
+                if let mission::Event::Obeys(ballot) = event {
+                    self.look_at_elections(ballot.is_elected());
+                }
                 if drone == self.recorder.centre()
                     && *event == mission::Event::State(State::Following)
                 {
@@ -570,6 +574,42 @@ impl World {
         self.recorder.killed(drone, self.now);
         self.barrier.given_up(drone);
         self.command(drone, Demand::Land);
+        self.look_at_elections(true);
+    }
+
+    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
+    fn look_at_elections(&mut self, is_disturbed: bool) {
+        if !is_disturbed {
+            return;
+        }
+        let masters = self.masters_if_settled();
+        self.recorder.election(self.now, masters);
+    }
+
+    /// The masters, if those that fly the mission obey, in each part, one drone of that part.
+    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
+        let flies = |id: NodeId| self.recorder.is_following(id) && !self.recorder.is_killed(id);
+        let passes_on = |id: NodeId| !self.recorder.is_killed(id);
+        let ids = || (0..).map(NodeId).take(self.vehicles.len());
+        let mut masters = BTreeSet::new();
+        let mut seen = BTreeSet::new();
+        for id in ids().filter(|id| flies(*id)) {
+            if seen.contains(&id) {
+                continue;
+            }
+            let part = part_of(id, self.range_m, self.now, &self.vehicles, passes_on);
+            let obeyed = self.election.obeyed(id)?;
+            let is_one = part
+                .iter()
+                .filter(|id| flies(**id))
+                .all(|id| self.election.obeyed(*id) == Some(obeyed));
+            if !is_one || !part.contains(&obeyed.master) || !flies(obeyed.master) {
+                return None;
+            }
+            masters.insert(obeyed.master);
+            seen.extend(part);
+        }
+        Some(masters)
     }
 
     /// An actor is about to be built.

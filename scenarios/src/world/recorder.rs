@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
@@ -22,6 +22,7 @@ pub(crate) struct Recorder {
     /// Members that the master knows to be out of its range, and the neighbour that it hears of them through.
     out_of_range: BTreeMap<NodeId, NodeId>,
     frames: Frames,
+    elections: Vec<Election>,
     dropped: BTreeMap<DropReason, u64>,
     steps_done: u64,
 }
@@ -72,6 +73,13 @@ pub(crate) struct Change {
     pub(crate) drones: u32,
 }
 
+/// A time in which some of the swarm had no master, or several: until when, and who led then.
+#[derive(Debug, Clone)]
+pub(crate) struct Election {
+    pub(crate) begun: Timestamp,
+    pub(crate) settled: Option<(Timestamp, BTreeSet<NodeId>)>,
+}
+
 /// All that came of a run.
 #[derive(Debug)]
 pub(crate) struct Outcome {
@@ -116,6 +124,7 @@ impl Recorder {
             changes: BTreeMap::new(),
             out_of_range: BTreeMap::new(),
             frames: Frames::default(),
+            elections: Vec::new(),
             dropped: BTreeMap::new(),
             steps_done: 0,
         }
@@ -195,6 +204,33 @@ impl Recorder {
 
     pub(crate) fn given_up(&mut self, id: NodeId) {
         self.record(id).given_up = true;
+    }
+
+    /// Whether each part has a master now, and who they are.
+    pub(crate) fn election(&mut self, now: Timestamp, masters: Option<BTreeSet<NodeId>>) {
+        let open = self.elections.last_mut().filter(|it| it.settled.is_none());
+        match (open, masters) {
+            (Some(election), Some(masters)) => election.settled = Some((now, masters)),
+            (None, None) => self.elections.push(Election {
+                begun: now,
+                settled: None,
+            }),
+            (Some(_), None) | (None, Some(_)) => {}
+        }
+    }
+
+    pub(crate) fn elections(&self) -> &[Election] {
+        &self.elections
+    }
+
+    pub(crate) fn is_killed(&self, id: NodeId) -> bool {
+        self.nodes[id.0 as usize].killed.is_some()
+    }
+
+    /// Whether a drone is in the air and takes part in the mission.
+    pub(crate) fn is_following(&self, id: NodeId) -> bool {
+        let last = self.nodes[id.0 as usize].states.last();
+        last.is_some_and(|(_, state)| state.is_following())
     }
 
     pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {

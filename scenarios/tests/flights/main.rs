@@ -4,6 +4,7 @@
 
 mod any;
 mod changes;
+mod election;
 mod engines;
 mod follow;
 mod formations;

@@ -60,8 +60,7 @@ fn both_engines_draw_the_same() {
             .into_iter()
             .map(|at_s| Fault {
                 at: Timestamp::from_secs_f64(f64::from(at_s)),
-                drone: NodeId(1),
-                kind: FaultKind::CrashActor(Address::Navigation),
+                kind: FaultKind::CrashActor(NodeId(1), Address::Navigation),
             })
             .collect();
         let events = fly(&scenario, Engine::Events);

@@ -1,4 +1,5 @@
 mod change;
+mod election;
 mod follow;
 
 use std::num::NonZeroU32;

@@ -9,12 +9,12 @@ use crate::time::Timestamp;
 const LOSS_MEMORY: u32 = 50;
 /// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
 const LOST: f64 = 1e-6;
-/// How unlikely it must be that it is silent for as long as it takes to ask whether it is there.
-const DOUBTFUL: f64 = 1e-3;
-/// How unlikely it must be that it is silent for as long as it takes to prefer another.
+/// How unlikely it must be that it is silent for as long as it takes to prefer another, and to ask whether it is there.
 const STALE: f64 = 1e-2;
 /// However lossy a link is, it is given up after this many beacons.
-const BEACONS_MAX: f64 = 30.0;
+const LOST_BEACONS_MAX: f64 = 30.0;
+/// And asked after this many: to ask costs a frame.
+const STALE_BEACONS_MAX: f64 = 5.0;
 
 /// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
 /// out of reach.
@@ -75,21 +75,21 @@ impl Link {
 
     /// Whether it has been silent for so long that another way would be better.
     pub(super) fn is_stale(&self, now: Timestamp, beacon: Duration) -> bool {
-        now.since(self.heard_at) > self.patience(beacon, STALE)
+        now > self.stale_at(beacon)
     }
 
-    /// From when on it is to be asked whether it is there.
-    pub(super) fn doubtful_at(&self, beacon: Duration) -> Timestamp {
-        self.heard_at + self.patience(beacon, DOUBTFUL)
+    /// From when on that is so, unless it is heard.
+    pub(super) fn stale_at(&self, beacon: Duration) -> Timestamp {
+        self.heard_at + self.patience(beacon, STALE, STALE_BEACONS_MAX)
     }
 
     /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`, by the rule of succession
     /// where only few of its frames were heard.
-    fn patience(&self, beacon: Duration, odds: f64) -> Duration {
+    fn patience(&self, beacon: Duration, odds: f64, beacons_max: f64) -> Duration {
         let frames = f64::from(self.frames);
         let loss = (self.loss * frames + 1.0) / (frames + 2.0);
         let beacons = libm::log(odds) / libm::log(loss);
-        beacon.mul_f64(beacons.ceil().min(BEACONS_MAX))
+        beacon.mul_f64(beacons.ceil().min(beacons_max))
     }
 }
 
@@ -226,7 +226,8 @@ impl Links {
             .0
             .iter()
             .filter(|(_, link)| {
-                now.since(link.heard_at) > time_to_live.max(link.patience(beacon, LOST))
+                now.since(link.heard_at)
+                    > time_to_live.max(link.patience(beacon, LOST, LOST_BEACONS_MAX))
             })
             .map(|(id, _)| *id)
             .collect();

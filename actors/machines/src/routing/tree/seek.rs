@@ -30,8 +30,8 @@ impl TreeRouting {
             return None;
         }
         let parent = self.links.get(self.routes.parent?)?;
-        let doubtful_at = parent.doubtful_at(self.config.beacon);
-        Some(self.current_seek().map_or(doubtful_at, |seek| seek.due))
+        let stale_at = parent.stale_at(self.config.beacon);
+        Some(self.current_seek().map_or(stale_at, |seek| seek.due))
     }
 
     /// Unless the parent has been heard since, or is another one by now.

@@ -1,0 +1,133 @@
+//! The master is killed; whoever is left elects others, flies on, and comes down.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+
+use crate::support::{fly, scenario};
+
+/// Whoever lives has flown the mission to its end.
+fn assert_flown(report: &Report, killed: &[u32], what: &str) {
+    assert_eq!(report.violations, [], "{what}");
+    assert!(report.mission_completed, "{what}");
+    for drone in &report.drones {
+        let is_killed = killed.contains(&drone.id);
+        assert_eq!(drone.state == "finished", !is_killed, "{what}, {drone:?}");
+        assert_eq!(drone.landed_because, None, "{what}, {drone:?}");
+    }
+}
+
+#[test]
+fn each_half_of_the_line_elects_a_master_and_flies_on() {
+    for (set, loss, limit_s) in [
+        ("fast", "0", 1.5),
+        ("fast", "0.2", 3.0),
+        ("quiet", "0", 4.0),
+        ("quiet", "0.2", 8.0),
+    ] {
+        for seed in 0..4 {
+            let fields = [
+                &*format!("protocol.parameters={set}"),
+                &*format!("radio.loss={loss}"),
+                &*format!("seed={seed}"),
+            ];
+            let report = fly(&scenario("election-line.toml", &fields), Engine::Events);
+            assert_flown(&report, &[7], &format!("{fields:?}"));
+            let [election] = &report.elections[..] else {
+                panic!("one election: {:?}", report.elections);
+            };
+            assert_eq!(election.masters, [6, 8], "{fields:?}");
+            let after_s = election.settled_after_s.unwrap();
+            assert!(after_s <= limit_s, "{fields:?}: {after_s} s");
+            let sent = report.drones[0].messages_sent;
+            let frames = u32::try_from(sent).unwrap();
+            let rate = f64::from(frames) / report.drones[0].flight_time_s.unwrap();
+            assert!(rate <= 12.0, "{fields:?}: {rate} frames a second");
+        }
+    }
+}
+
+#[test]
+fn nobody_is_elected_where_nobody_is_missed() {
+    for set in ["fast", "quiet"] {
+        for loss in ["0", "0.2"] {
+            for seed in 0..3 {
+                let fields = [
+                    "faults=[]",
+                    &*format!("protocol.parameters={set}"),
+                    &*format!("radio.loss={loss}"),
+                    &*format!("seed={seed}"),
+                ];
+                let report = fly(&scenario("election-line.toml", &fields), Engine::Events);
+                assert_flown(&report, &[], &format!("{fields:?}"));
+                assert_eq!(report.elections, [], "{fields:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
+    for policy in ["flood", "tree"] {
+        // Set-up, take-off, in its slot, discovery, hop update, legs and waypoints, the way to land.
+        for at_s in [
+            0.3, 5.0, 40.0, 58.0, 62.0, 66.5, 80.0, 111.6, 112.0, 300.0, 420.0, 440.0,
+        ] {
+            let fields = [
+                &*format!("protocol.policy={policy}"),
+                "protocol.liveness=pulse",
+                &*format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]"),
+            ];
+            let scenario = scenario("thesis-1.toml", &fields);
+            let report = fly(&scenario, Engine::Events);
+            let what = format!("{policy}, {at_s} s");
+            assert_eq!(report.violations, [], "{what}");
+            let others = report.drones.iter().filter(|drone| drone.id != 2);
+            for drone in others {
+                assert!(at_s < 1.0 || drone.state == "finished", "{what}: {drone:?}");
+            }
+            assert_eq!(report.trace, fly(&scenario, Engine::Actors).trace, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_master_and_its_successor_killed_one_after_the_other_are_both_replaced() {
+    let faults = r#"faults=[{ at_s = 150, kill = "master" }, { at_s = 150.1, kill = 6 }]"#;
+    let report = fly(&scenario("election-line.toml", &[faults]), Engine::Events);
+    assert_flown(&report, &[6, 7], faults);
+    assert_eq!(report.elections[0].masters, [5, 8]);
+}
+
+#[test]
+fn clusters_whose_master_is_killed_are_swarms_with_masters_of_their_own() {
+    for clusters in [2, 3, 5] {
+        let fields = [
+            "formation.kind=split-up",
+            &*format!("formation.clusters={clusters}"),
+            "formation.drones=16",
+            "formation.spacing_m=60",
+            "limits.altitude_max_m=300",
+            r#"faults=[{ at_s = 150, kill = "master" }]"#,
+        ];
+        let report = fly(&scenario("election-line.toml", &fields), Engine::Events);
+        assert_flown(&report, &[0], &format!("{clusters} clusters"));
+        let masters = &report.elections[0].masters;
+        assert_eq!(masters.len(), clusters, "{masters:?}");
+    }
+}
+
+#[test]
+fn a_swarm_that_changes_formation_or_follows_its_master_elects_another_too() {
+    for at_s in [150, 160, 172] {
+        let fault = format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]");
+        let report = fly(&scenario("shake-up.toml", &[&fault]), Engine::Events);
+        assert_flown(&report, &[4], &fault);
+    }
+    let fault = r#"faults=[{ at_s = 200, kill = "master" }]"#;
+    let report = fly(&scenario("follow.toml", &[fault]), Engine::Events);
+    assert_eq!(report.violations, []);
+    for drone in report.drones.iter().filter(|drone| drone.id != 7) {
+        assert_eq!(drone.state, "finished", "{drone:?}");
+        assert_eq!(drone.landed_because, None, "{drone:?}");
+    }
+}
