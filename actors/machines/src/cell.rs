@@ -420,6 +420,7 @@ impl From<mission::Transmit> for Effect {
             Transmit::Publish { sequence, order } => routing::Input::Publish { sequence, order },
             Transmit::Acknowledge { sequence } => routing::Input::Acknowledge { sequence },
             Transmit::Discover => routing::Input::Discover,
+            Transmit::Scatter => routing::Input::Scatter,
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,

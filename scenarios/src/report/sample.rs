@@ -35,6 +35,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
     let number = f64::from(drones);
     let flight_times = reports.iter().filter_map(|drone| drone.flight_time_s);
     let report = Report {
+        elections: Vec::new(),
         scenario: "scenarios/thesis-2.toml".to_owned(),
         seed: 7,
         overrides: Vec::new(),

@@ -18,11 +18,21 @@ const HOLD_MS: u64 = 1_000;
 const SPEED_SHARE: f64 = 0.8;
 const ACCELERATION_SHARE: f64 = 0.5;
 
+/// Between which heights a pilot may fly, in metres above home.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Heights {
+    /// Where it takes over.
+    pub(super) begin_m: f64,
+    /// The highest, so that those who fly above their slots to land are within the limit, too.
+    pub(super) highest_m: f64,
+}
+
 /// How the master is followed, if the protocol says that it is.
 pub(super) fn follow(
     source: &Source,
     raw: &Raw,
     vehicle: navigation::Config,
+    heights_m: Heights,
 ) -> Result<Option<Follow>, BadInput> {
     let unset = raw::Follow::default();
     let fields = match (&raw.follow, raw.protocol.kind) {
@@ -34,14 +44,19 @@ pub(super) fn follow(
         (Some(table), ProtocolKind::Follow) => table.get_ref(),
         (None, ProtocolKind::Follow) => &unset,
     };
-    let place = || raw.protocol.policy.span();
-    let period = Duration::from_millis(fields.period_ms.map_or(PERIOD_MS, |it| it.0));
+    let period_ms = fields.period_ms.as_ref();
+    let place = || period_ms.map_or_else(|| raw.protocol.policy.span(), Spanned::span);
+    let period = Duration::from_millis(period_ms.map_or(PERIOD_MS, |it| it.get_ref().0));
     let hold_ms = fields.hold_ms.as_ref();
     let hold = Duration::from_millis(hold_ms.map_or(HOLD_MS, |it| it.get_ref().0));
     if hold <= period {
-        let message = "every drone would stop between two orders: the hold is not above the period";
+        let message = format!(
+            "every drone would stop between two orders: the hold, {} ms, is not above the period, {} ms",
+            hold.as_millis(),
+            period.as_millis()
+        );
         let span = hold_ms.map_or_else(place, Spanned::span);
-        return Err(source.error(span, message));
+        return Err(source.error(span, &message));
     }
     let master = navigation::Config {
         speed_mps: at_most(
@@ -71,6 +86,7 @@ pub(super) fn follow(
         }
         (Some(land), Some(last)) => {
             let after = Duration::from_secs_f64(land.get_ref().0);
+            check_heights(source, fields, master.acceleration_mps2, heights_m, after)?;
             if after < last.after {
                 let message = "the flight would end before the pilot has done all that is listed";
                 return Err(source.error(land.span(), message));
@@ -89,6 +105,33 @@ pub(super) fn follow(
         pilot,
         land_after,
     }))
+}
+
+/// A pilot's climbs and descents keep the swarm above the ground and below the limit, up to when it lands.
+fn check_heights(
+    source: &Source,
+    fields: &raw::Follow,
+    acceleration_mps2: f64,
+    heights: Heights,
+    land_after: Duration,
+) -> Result<(), BadInput> {
+    let mut height_m = heights.begin_m;
+    for (index, sticks) in fields.pilot.iter().enumerate() {
+        let next = fields.pilot.get(index + 1);
+        let until_s = next.map_or(land_after.as_secs_f64(), |next| next.after_s.get_ref().0);
+        let climb_mps = sticks.climb_mps.0;
+        height_m += climb_mps * (until_s - sticks.after_s.get_ref().0).max(0.0);
+        // What it takes to stop.
+        let reached_m = height_m + climb_mps * climb_mps.abs() / (2.0 * acceleration_mps2);
+        if !(0.0..=heights.highest_m).contains(&reached_m) {
+            let message = format!(
+                "the pilot would get to {reached_m:.1} m from here on; that takes from 0 to {:.1} m",
+                heights.highest_m
+            );
+            return Err(source.error(sticks.after_s.span(), &message));
+        }
+    }
+    Ok(())
 }
 
 fn at_most(

@@ -16,7 +16,7 @@ use super::raw::{Raw, Seconds};
 use crate::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
-const ALTITUDE_MAX_M: f64 = 120.0;
+pub(super) const ALTITUDE_MAX_M: f64 = 120.0;
 /// The longest that a run may take, whatever its mission, in seconds: a week.
 const DURATION_MAX_S: f64 = 604_800.0;
 

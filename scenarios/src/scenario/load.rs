@@ -17,9 +17,9 @@ use toml::Spanned;
 
 use super::faults::faults;
 use super::file::{Override, Source};
-use super::follow::follow;
+use super::follow::{Heights, follow};
 use super::formation;
-use super::limits::{Course, check_layers, limits};
+use super::limits::{ALTITUDE_MAX_M, Course, check_layers, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
 use super::{Protocol, Scenario};
 use crate::vehicle::Landing;
@@ -59,7 +59,13 @@ pub(crate) fn load_from(
     let changes: Arc<[Change]> =
         formation::changes(&source, &raw, &layout, waypoints.len())?.into();
     let vehicle = vehicle(&raw);
-    let follow = follow(&source, &raw, vehicle)?;
+    let altitude_max_m = raw.limits.altitude_max_m.as_ref();
+    let altitude_max_m = altitude_max_m.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
+    let heights = Heights {
+        begin_m: waypoints[0].altitude_m(),
+        highest_m: altitude_max_m - highest_layer_m(&layout, &changes, &waypoints),
+    };
+    let follow = follow(&source, &raw, vehicle, heights)?;
     let landing = landing(&raw, vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
@@ -276,6 +282,9 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
 
 /// Refuses a swarm whose lists of members would outgrow a datagram.
 fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
+    if *raw.protocol.policy.get_ref() != PolicyName::Flood {
+        return Ok(());
+    }
     let drones = &raw.formation.drones;
     let largest = |id: u64| Member {
         id: NodeId(u32::try_from(id).unwrap_or(u32::MAX)),

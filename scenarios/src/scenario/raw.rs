@@ -173,11 +173,11 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("follow", "a table, where `protocol.kind` is \"follow\""),
     (
         "follow.period_ms",
-        "milliseconds, a whole number from 1 to 3600000",
+        "milliseconds, a whole number from 1 to 1000",
     ),
     (
         "follow.hold_ms",
-        "milliseconds, a whole number from 1 to 3600000, above `period_ms`",
+        "milliseconds, a whole number from 1 to 5000, above `period_ms`",
     ),
     (
         "follow.speed_mps",
@@ -437,8 +437,8 @@ pub(super) enum ProtocolKind {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[follow]`")]
 pub(super) struct Follow {
-    pub(super) period_ms: Option<Milliseconds>,
-    pub(super) hold_ms: Option<Spanned<Milliseconds>>,
+    pub(super) period_ms: Option<Spanned<Whole<1, 1_000>>>,
+    pub(super) hold_ms: Option<Spanned<Whole<1, 5_000>>>,
     pub(super) speed_mps: Option<Spanned<Rate>>,
     pub(super) acceleration_mps2: Option<Spanned<Rate>>,
     #[serde(default)]

@@ -506,8 +506,9 @@ impl World {
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
                 let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let recorder = &self.recorder;
-                let part = || part_of(drone, range_m, now, vehicles, |id| !recorder.is_killed(id));
+                let drones = &self.drones;
+                let passes_on = |id: NodeId| drones[id.0 as usize].passes_on();
+                let part = || part_of(drone, range_m, now, vehicles, passes_on);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
@@ -589,7 +590,7 @@ impl World {
     /// The masters, if those that fly the mission obey, in each part, one drone of that part.
     fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
         let flies = |id: NodeId| self.recorder.is_following(id) && !self.recorder.is_killed(id);
-        let passes_on = |id: NodeId| !self.recorder.is_killed(id);
+        let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
         let ids = || (0..).map(NodeId).take(self.vehicles.len());
         let mut masters = BTreeSet::new();
         let mut seen = BTreeSet::new();

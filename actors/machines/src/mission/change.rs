@@ -1,6 +1,6 @@
 //! A change of formation at a waypoint, step by step: what the master orders and what the others do.
 
-use super::{Event, LandingReason, Mission, Order, State, Step};
+use super::{Event, LandingReason, Mission, Order, State, Step, Transmit};
 use crate::geometry::Ned;
 use crate::time::Timestamp;
 
@@ -40,6 +40,7 @@ impl Mission {
 
     fn step(&mut self, now: Timestamp, change: u16, step: Step) {
         self.enter(State::ChangingFormation { change, step });
+        self.outbox.transmit(Transmit::Scatter);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }

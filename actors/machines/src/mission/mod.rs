@@ -117,6 +117,8 @@ pub enum Transmit {
     },
     /// To the routing, as master: start neighbour discovery.
     Discover,
+    /// To the routing: the drones change places.
+    Scatter,
     /// To the routing: this drone is going to land.
     Land,
     /// To the routing: this drone is done.

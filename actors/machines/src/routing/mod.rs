@@ -65,6 +65,8 @@ pub enum Input {
     },
     /// By the protocol, as master: start neighbour discovery.
     Discover,
+    /// By the protocol: the drones change places; ways that were learnt once don't hold any more.
+    Scatter,
     /// By the protocol: this drone is going to land; nobody is to wait for it.
     Land,
     /// By the protocol: this drone is done; say so once more and fall silent.

@@ -45,6 +45,8 @@ pub enum Phase {
     },
     /// Routes are up.
     Following,
+    /// Routes were up and don't hold any more: everyone repeats all it knows.
+    Scattered,
     /// On the ground, done.
     Stopped,
 }

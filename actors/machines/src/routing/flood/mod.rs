@@ -184,9 +184,12 @@ impl FloodRouting {
     /// are routes again, everyone repeats everything.
     fn turn_to(&mut self, now: Timestamp, ballot: Ballot) {
         if self.durable.ballot.is_some() {
-            let stops = self.durable.phase == Phase::Stopped;
             self.durable = Checkpoint {
-                phase: if stops { Phase::Stopped } else { Phase::Gossip },
+                phase: match self.durable.phase {
+                    Phase::Following | Phase::Scattered => Phase::Scattered,
+                    Phase::Stopped => Phase::Stopped,
+                    _ => Phase::Gossip,
+                },
                 landing: self.durable.landing,
                 beats: self.durable.beats.under_another_master(),
                 ..Checkpoint::default()
@@ -199,6 +202,17 @@ impl FloodRouting {
         self.pulse_rose_at = now;
         self.start_speaking(now);
         self.checkpoint();
+    }
+
+    fn scatter(&mut self, now: Timestamp) {
+        if self.durable.phase == Phase::Following {
+            self.durable.phase = Phase::Scattered;
+            self.durable.routes = Routes::default();
+            if self.is_master() {
+                self.expect_members(now);
+            }
+            self.checkpoint();
+        }
     }
 
     fn resync(&mut self) {
@@ -214,7 +228,7 @@ impl FloodRouting {
             });
         }
         match self.durable.phase {
-            Phase::Gossip | Phase::Stopped => {}
+            Phase::Gossip | Phase::Scattered | Phase::Stopped => {}
             Phase::Discovery { .. } => self.inform(Notice::DiscoveryStarted),
             Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
             Phase::Following => self.inform_of_routes(),
@@ -274,6 +288,7 @@ impl Machine for FloodRouting {
                 self.durable.landing.get_or_insert(now);
                 self.checkpoint();
             }
+            Input::Scatter => self.scatter(now),
             Input::Stop => self.stop(),
             Input::Resync => self.resync(),
         }

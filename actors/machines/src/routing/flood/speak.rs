@@ -33,7 +33,7 @@ impl FloodRouting {
                 }
                 self.config.period
             }
-            Phase::Gossip | Phase::Following => {
+            Phase::Gossip | Phase::Following | Phase::Scattered => {
                 self.watch(now);
                 self.send_flood();
                 match self.durable.landing {
@@ -88,8 +88,8 @@ impl FloodRouting {
             };
             std::iter::once(own).chain(self.members.iter()).collect()
         };
-        let repeats_orders =
-            is_master || self.durable.phase == Phase::Gossip || self.durable.routes.relay;
+        let everyone_repeats = matches!(self.durable.phase, Phase::Gossip | Phase::Scattered);
+        let repeats_orders = is_master || everyone_repeats || self.durable.routes.relay;
         let order = self.durable.order.clone().filter(|_| repeats_orders);
         self.send(&Packet::Flood(Flood {
             hops: self.durable.routes.hops,
@@ -110,7 +110,7 @@ impl FloodRouting {
                 self.master_silent = true;
                 self.inform(Notice::MasterSilent);
             }
-        } else if self.durable.phase == Phase::Following
+        } else if matches!(self.durable.phase, Phase::Following | Phase::Scattered)
             || self.durable.ballot.is_some_and(|it| it.is_elected())
         {
             for id in self.members.fall_silent(now, time_to_live) {
@@ -250,7 +250,9 @@ impl FloodRouting {
             self.neighbours.hear(sender, now);
         }
         match self.durable.phase {
-            Phase::Gossip => self.hear_members(now, sender, &flood.members),
+            Phase::Gossip | Phase::Scattered => {
+                self.hear_members(now, sender, &flood.members);
+            }
             Phase::Following => {
                 if flood.parent == Some(self.config.id) {
                     self.become_relay();

@@ -520,6 +520,8 @@ impl Machine for TreeRouting {
                 self.checkpoint();
                 self.beacon_soon(now);
             }
+            // Its ways follow the drones all the time.
+            Input::Scatter => {}
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
         }
