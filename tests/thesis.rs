@@ -4,9 +4,10 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use assert_cmd::Command;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// In a folder without scenarios: they are a part of the program.
 fn thesis(folder: &Path, arguments: &[&str]) -> Command {
@@ -18,10 +19,22 @@ fn thesis(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
+/// What is printed without arguments.
+fn printed() -> &'static str {
+    static PRINTED: LazyLock<String> = LazyLock::new(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let run = thesis(folder.path(), &[]).assert().success();
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
+    });
+    &PRINTED
+}
+
 #[test]
 fn all_experiments_are_flown_from_anywhere_and_written_where_a_run_would_be() {
     let folder = tempfile::tempdir().unwrap();
-    let run = thesis(folder.path(), &["--seed", "4"]).assert().success();
+    let run = thesis(folder.path(), &["--seed", "4", "--runs", "1"])
+        .assert()
+        .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
     for table in 9..=13 {
         assert!(
@@ -44,9 +57,7 @@ fn all_experiments_are_flown_from_anywhere_and_written_where_a_run_would_be() {
 
 #[test]
 fn the_readme_shows_what_is_printed() {
-    let folder = tempfile::tempdir().unwrap();
-    let run = thesis(folder.path(), &[]).assert().success();
-    let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    let printed = printed();
     let readme = include_str!("../README.md");
     let shown = readme.split("```text\n").skip(1).take(2);
     let shown: Vec<_> = shown.map(|it| it.split("```").next().unwrap()).collect();
@@ -55,9 +66,40 @@ fn the_readme_shows_what_is_printed() {
 }
 
 #[test]
+fn the_waits_that_are_printed_are_means_of_20_runs_and_near_the_thesiss() {
+    let printed = printed();
+    assert!(printed.contains("20 runs, seeds 1 to 20"), "{printed}");
+    for (row, least_s, most_s) in [
+        ("ours, for all drones", 1.0, 1.6),
+        ("likewise, settling like the ancestor", 0.344, 0.516),
+    ] {
+        let row = printed
+            .lines()
+            .find_map(|line| line.trim().strip_prefix(row));
+        let cells = row.unwrap().split_whitespace();
+        let seconds: Vec<f64> = cells.map(|it| it.parse().unwrap()).collect();
+        let [mean_s, lowest_s, highest_s, ..] = seconds[..] else {
+            panic!("{printed}")
+        };
+        assert!((least_s..=most_s).contains(&mean_s), "{printed}");
+        assert!(lowest_s <= mean_s && mean_s <= highest_s, "{printed}");
+    }
+}
+
+#[test]
+fn after_the_highest_seed_comes_0() {
+    let folder = tempfile::tempdir().unwrap();
+    let highest = i64::MAX.to_string();
+    let arguments = ["--seed", &highest, "--runs", "2", "--json"];
+    let run = thesis(folder.path(), &arguments).assert().success();
+    let said: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    assert_eq!(said["waits_runs"]["seeds"], json!([i64::MAX, 0]));
+}
+
+#[test]
 fn json_is_one_object_with_the_keys_that_programs_rely_on() {
     let folder = tempfile::tempdir().unwrap();
-    let run = thesis(folder.path(), &["--json", "--out", "out"])
+    let run = thesis(folder.path(), &["--runs", "2", "--json", "--out", "out"])
         .assert()
         .success();
     let said: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
@@ -74,8 +116,16 @@ fn json_is_one_object_with_the_keys_that_programs_rely_on() {
         }
         assert!(experiment["report"]["trace"].is_string());
     }
+    assert_eq!(said["waits_runs"]["seeds"], json!([1, 2]));
+    assert_eq!(said["waits_runs"]["engine_after_first"], "events");
     for whose in ["thesis", "strict", "neighbours", "settling"] {
         assert!(said["waits"][whose]["mean_s"].is_number());
+    }
+    let ours = ["strict", "neighbours", "settling"].map(|whose| &said["waits"][whose]);
+    for wait in ours.into_iter().chain([&said["single_hop"]["ours"]]) {
+        for run in ["lowest_run_s", "highest_run_s"] {
+            assert!(wait[run].is_number());
+        }
     }
     for whose in ["ancestor", "ours"] {
         for wait in ["mean_s", "longest_s"] {
@@ -91,6 +141,7 @@ fn what_can_not_be_used_is_refused_before_anything_is_flown() {
     for (arguments, word) in [
         (&["--seed", "-1"][..], "is not a whole number from 0"),
         (&["--seed", "one"], "`seed` is a whole number"),
+        (&["--runs", "0"], "0 is not in 1..=1000"),
         (&["--out", "taken"], "is not a folder"),
         (&["scenarios/thesis-1.toml"], "unexpected argument"),
     ] {

@@ -143,7 +143,7 @@ pub(crate) fn quoted(text: &str) -> String {
     format!("'{guard}{}'", text.replace('\'', r"'\''"))
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, number) = values.fold((0.0, 0_u32), |(sum, number), value| {
         (sum + value, number + 1)
     });

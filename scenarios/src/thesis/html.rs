@@ -68,7 +68,9 @@ pub(super) fn page(comparison: &Comparison) -> String {
                 "the master waits for all, in pale where it waits only for those that it hears itself and vehicles "
                 "take different times to come to rest, as the ancestor's do (figure 36, which has one waypoint). Where "
                 "vehicles are at rest at once and nothing is lost, that wait is two periods at most, below the "
-                "thesis's."
+                "thesis's. The bars are of seed " (comparison.seed) "; the table has the means of "
+                (comparison.waits_runs.about()) ", those of the runs in which they are lowest and highest, and the "
+                "waits of the drones that wait least and most, in the mean of the runs."
             }
             ul.legend { (kinds()) }
             div.figures { figure { (waits(comparison)) } (waits_table(comparison)) }
@@ -77,7 +79,8 @@ pub(super) fn page(comparison: &Comparison) -> String {
             h2 { "Waits at a waypoint, 5 drones that all hear each other" }
             p.about {
                 "How long vehicles take to come to rest is chosen such that the mean over many runs is that which was "
-                "measured on the thesis's ancestor, in one hop; this is one of the runs."
+                "measured on the thesis's ancestor, in one hop. This is the mean of "
+                (comparison.waits_runs.number()) ", as above; the longest wait is the mean of each run's longest."
             }
             (single_hop_table(comparison))
         }
@@ -88,6 +91,7 @@ pub(super) fn page(comparison: &Comparison) -> String {
 
 fn head(comparison: &Comparison) -> Markup {
     let broken: usize = comparison.reports().map(|it| it.violations.len()).sum();
+    let runs = comparison.waits_runs.number();
     let farthest = |of: fn(&str) -> bool| {
         let quantities = comparison.experiments.iter().flat_map(|it| &it.quantities);
         let off = quantities
@@ -108,9 +112,9 @@ fn head(comparison: &Comparison) -> Markup {
         div.cards {
             (card("Flight times, off by at most", farthest(|name| name.starts_with("flight_time")), 1, "%"))
             (card("Messages, off by at most", farthest(|name| name.starts_with("messages")), 1, "%"))
-            (card("Wait for all", comparison.waits.strict.mean_s, 2, "s"))
-            (card("Wait for neighbours", comparison.waits.neighbours.mean_s, 2, "s"))
-            (card("Likewise, settling", comparison.waits.settling.mean_s, 2, "s"))
+            (card(&format!("Wait for all, {runs}"), comparison.waits.strict.mean_s, 2, "s"))
+            (card(&format!("Wait for neighbours, {runs}"), comparison.waits.neighbours.mean_s, 2, "s"))
+            (card(&format!("Likewise, settling, {runs}"), comparison.waits.settling.mean_s, 2, "s"))
             (card("Wait in the thesis", comparison.waits.thesis.mean_s, 2, "s"))
             div.card.{ @if broken == 0 { "good" } @else { "bad" } } {
                 p { "Rules broken" }
@@ -267,10 +271,28 @@ fn waits(comparison: &Comparison) -> Markup {
 }
 
 fn waits_table(comparison: &Comparison) -> Markup {
-    let row = |whose, wait: &Wait| (whose, [wait.mean_s, wait.least_s, wait.most_s]);
+    let row = |whose, wait: &Wait| {
+        let Wait {
+            mean_s,
+            lowest_run_s,
+            highest_run_s,
+            least_s,
+            most_s,
+        } = *wait;
+        (
+            whose,
+            [mean_s, lowest_run_s, highest_run_s, least_s, most_s],
+        )
+    };
     let waits = &comparison.waits;
     seconds_table(
-        ["Mean", "Least", "Most"],
+        [
+            "Mean",
+            "Lowest run",
+            "Highest run",
+            "Least drone",
+            "Most drone",
+        ],
         [
             row("Thesis", &waits.thesis),
             row("Ours, for all", &waits.strict),
@@ -281,10 +303,18 @@ fn waits_table(comparison: &Comparison) -> Markup {
 }
 
 fn single_hop_table(comparison: &Comparison) -> Markup {
-    let row = |whose, delays: &Delays| (whose, [delays.mean_s, delays.longest_s]);
+    let row = |whose, delays: &Delays| {
+        let Delays {
+            mean_s,
+            lowest_run_s,
+            highest_run_s,
+            longest_s,
+        } = *delays;
+        (whose, [mean_s, lowest_run_s, highest_run_s, longest_s])
+    };
     let SingleHop { ancestor, ours } = &comparison.single_hop;
     seconds_table(
-        ["Mean", "Longest"],
+        ["Mean", "Lowest run", "Highest run", "Longest"],
         [
             row("Ancestor", ancestor),
             row("Ours, settling like it", ours),
@@ -325,12 +355,14 @@ fn method(comparison: &Comparison) -> Markup {
             h2 { "Run it again" }
             pre {
                 code {
-                    "muster thesis --seed " (comparison.seed) " --engine " (comparison.engine) "\n"
-                    @for report in comparison.reports() { (report.command()) "\n" }
+                    "muster thesis --seed " (comparison.seed) " --runs " (comparison.waits_runs.seeds.len())
+                    " --engine " (comparison.engine) "\n"
+                    @for report in comparison.of_first_seed() { (report.command()) "\n" }
                 }
             }
             p.about {
-                "The same program gives the same flights. All figures, with the reports of the runs, are in "
+                "The same program gives the same flights. All figures, with the reports of the runs with "
+                "this seed, are in "
                 a href=(THESIS_JSON) { (THESIS_JSON) } "."
             }
         }

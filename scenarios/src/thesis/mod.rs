@@ -1,14 +1,16 @@
 //! The thesis's five experiments, flown here and set beside what it says of them.
 
 mod compare;
+mod further;
 mod html;
 mod table;
 mod write;
 
-pub use compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait, Waits};
+pub use compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait, Waits, WaitsRuns};
 pub use table::table;
 pub use write::{THESIS_HTML, THESIS_JSON, write};
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use muster_runtime::diagnostic::BadInput;
@@ -33,6 +35,10 @@ const ANCESTOR: (&str, &str) = ("ancestor.toml", include_str!("../../ancestor.to
 const MISSION: &str = include_str!("../../missions/albufera.plan");
 /// The experiment whose waits at the waypoints the thesis measures, counted from 0.
 const WITH_WAITS: usize = 1;
+/// How many runs the waits are the means of, unless another number is asked for: those of one run scatter.
+pub const RUNS: u32 = 20;
+/// The most of them.
+pub const RUNS_MAX: u32 = 1_000;
 
 /// What the thesis says of one of its experiments. Times are in seconds.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
@@ -84,14 +90,17 @@ pub struct Flights {
     settling: Scenario,
     /// The ancestor's swarm.
     ancestor: Scenario,
+    /// How many runs the waits are the means of; at least one.
+    runs: u32,
 }
 
 impl Flights {
-    /// The shipped scenarios, which are a part of the program, each with `overrides`.
+    /// The shipped scenarios, which are a part of the program, each with `overrides`. The waits are the means of `runs`
+    /// runs, of which there is one at least and [`RUNS_MAX`] at most.
     ///
     /// # Errors
     /// When a scenario with these fields can't be used.
-    pub fn load(overrides: &[Override]) -> Result<Self, BadInput> {
+    pub fn load(overrides: &[Override], runs: u32) -> Result<Self, BadInput> {
         let experiments = published()
             .into_iter()
             .zip(SCENARIOS)
@@ -115,44 +124,95 @@ impl Flights {
             settling: with_waits(&[barrier, &settle])?,
             ancestor,
             experiments,
+            runs: runs.clamp(1, RUNS_MAX),
         })
     }
 
-    /// The seed of every one.
+    /// The seed of the five experiments, and the first of those of the waits.
     #[must_use]
     pub const fn seed(&self) -> u64 {
         self.neighbours.seed
     }
 
-    /// Flies all, one after the other; `watcher` is asked before each for whoever watches it.
+    /// Flies the five experiments, one after the other; `watcher` is asked before each for whoever watches it.
+    ///
+    /// # Errors
+    /// When the engine can't be started.
+    pub fn fly_experiments(
+        &self,
+        engine: Engine,
+        mut watcher: impl FnMut(&Scenario) -> Option<Watcher>,
+    ) -> Result<Vec<Experiment>, RunError> {
+        let experiments = self.experiments.iter().map(|(published, scenario)| {
+            let (report, _) = engine::run(scenario, engine, watcher(scenario))?;
+            Ok(Experiment::new(published, scenario, report))
+        });
+        experiments.collect()
+    }
+
+    /// Flies all with the first seed, one after the other; `watcher` is asked before each for whoever watches it. Then
+    /// flies those whose waits are compared with the seeds after it, `jobs` at once and always on the event heap, which
+    /// gives the same flights sooner; `told` hears after each how many of how many are done.
     ///
     /// # Errors
     /// When the engine can't be started.
     pub fn fly(
         &self,
         engine: Engine,
+        jobs: NonZeroUsize,
         mut watcher: impl FnMut(&Scenario) -> Option<Watcher>,
+        told: impl FnMut(usize, usize),
     ) -> Result<Comparison, RunError> {
+        let experiments = self.fly_experiments(engine, &mut watcher)?;
         let mut fly = |scenario: &Scenario| {
             let (report, _) = engine::run(scenario, engine, watcher(scenario))?;
             Ok(report)
         };
-        let mut experiments = Vec::new();
-        for (published, scenario) in &self.experiments {
-            experiments.push(Experiment::new(published, scenario, fly(scenario)?));
-        }
         let neighbours = fly(&self.neighbours)?;
         let settling = fly(&self.settling)?;
         let ancestor = fly(&self.ancestor)?;
+        let strict = &experiments[WITH_WAITS].report;
+        let seeds = further::seeds(self.seed(), self.runs);
+        let with_waits = [
+            &self.experiments[WITH_WAITS].1,
+            &self.neighbours,
+            &self.settling,
+            &self.ancestor,
+        ];
+        let [
+            further_strict,
+            further_neighbours,
+            further_settling,
+            further_ancestor,
+        ] = further::fly(with_waits, &seeds[1..], jobs, told)?;
         Ok(Comparison {
             seed: self.seed(),
             engine,
-            waits: Waits::new(&experiments[WITH_WAITS].report, &neighbours, &settling),
-            single_hop: SingleHop::new(&ancestor),
+            waits_runs: WaitsRuns {
+                seeds,
+                engine_after_first: further::ENGINE,
+            },
+            waits: Waits {
+                thesis: Wait::THESIS,
+                strict: Wait::of(strict, &further_strict),
+                neighbours: Wait::of(&neighbours, &further_neighbours),
+                settling: Wait::of(&settling, &further_settling),
+            },
+            single_hop: SingleHop {
+                ancestor: Delays::ANCESTOR,
+                ours: Delays::of(&ancestor, &further_ancestor),
+            },
             experiments,
             neighbours,
             settling,
             ancestor,
+            further: [
+                further_strict,
+                further_neighbours,
+                further_settling,
+                further_ancestor,
+            ]
+            .concat(),
         })
     }
 }

@@ -37,11 +37,15 @@ pub fn table(comparison: &Comparison, colour: Colour) -> String {
         wait("ours, for the master's neighbours", &waits.neighbours),
         wait("likewise, settling like the ancestor", &waits.settling),
     ];
+    let runs = comparison.waits_runs.number();
+    let mean = format!("{runs}\nmean s");
     let heading = [
-        "15 in line: wait at a waypoint",
-        "mean s",
-        "least s",
-        "most s",
+        "15 in line:\nwait at a waypoint",
+        &mean,
+        "lowest\nrun",
+        "highest\nrun",
+        "least\ndrone",
+        "most\ndrone",
     ];
     text.push_str(&lines(&heading, 1, rows.into(), colour));
     text.push('\n');
@@ -50,14 +54,18 @@ pub fn table(comparison: &Comparison, colour: Colour) -> String {
         delays("ours, settling like it", &comparison.single_hop.ours),
     ];
     let heading = [
-        "5 in line, one hop: wait at a waypoint",
-        "mean s",
-        "longest s",
+        "5 in line, one hop:\nwait at a waypoint",
+        &mean,
+        "lowest\nrun",
+        "highest\nrun",
+        "\nlongest",
     ];
     text.push_str(&lines(&heading, 1, rows.into(), colour));
     text.push_str(&format!(
-        "\n seed   {}, engine {}\n",
-        comparison.seed, comparison.engine
+        "\n seed   {}, engine {}\n waits  {}\n",
+        comparison.seed,
+        comparison.engine,
+        comparison.waits_runs.about()
     ));
     text.push_str(&rules(comparison, colour));
     text
@@ -96,11 +104,14 @@ pub(super) fn off(quantity: &Quantity) -> String {
 }
 
 fn wait(whose: &str, wait: &Wait) -> Vec<String> {
-    row_of_seconds(whose, &[wait.mean_s, wait.least_s, wait.most_s])
+    let runs = [wait.mean_s, wait.lowest_run_s, wait.highest_run_s];
+    let drones = [wait.least_s, wait.most_s];
+    row_of_seconds(whose, &[&runs[..], &drones[..]].concat())
 }
 
 fn delays(whose: &str, delays: &Delays) -> Vec<String> {
-    row_of_seconds(whose, &[delays.mean_s, delays.longest_s])
+    let runs = [delays.mean_s, delays.lowest_run_s, delays.highest_run_s];
+    row_of_seconds(whose, &[&runs[..], &[delays.longest_s]].concat())
 }
 
 fn row_of_seconds(whose: &str, seconds: &[Option<f64>]) -> Vec<String> {

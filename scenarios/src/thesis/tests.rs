@@ -1,11 +1,21 @@
+use std::sync::LazyLock;
+
 use scraper::{Html, Selector};
 
 use super::*;
 use crate::report::{Colour, WriteError};
 
 fn comparison() -> Comparison {
-    let flights = Flights::load(&[Override::seed("1")]).unwrap();
-    flights.fly(Engine::Events, |_| None).unwrap()
+    static FLOWN: LazyLock<Comparison> = LazyLock::new(|| fly("1", 3, 2));
+    FLOWN.clone()
+}
+
+fn fly(seed: &str, runs: u32, jobs: usize) -> Comparison {
+    let flights = Flights::load(&[Override::seed(seed)], runs).unwrap();
+    let jobs = NonZeroUsize::new(jobs).unwrap();
+    flights
+        .fly(Engine::Events, jobs, |_| None, |_, _| {})
+        .unwrap()
 }
 
 fn number(html: &Html, selector: &str) -> usize {
@@ -34,6 +44,42 @@ fn a_broken_rule_is_told_with_the_command_that_repeats_it() {
         "{text}"
     );
     assert!(table(&comparison, Colour::Always).contains('\x1b'));
+}
+
+#[test]
+fn a_rule_broken_in_a_further_run_is_told_as_well() {
+    let mut comparison = comparison();
+    assert_eq!(comparison.further.len(), 4 * 2);
+    let (troubled, _) = crate::report::sample::troubled();
+    comparison.further[7].violations = troubled.violations;
+    let text = table(&comparison, Colour::Never);
+    assert!(
+        text.contains("muster sim scenarios/ancestor.toml --seed 3 --engine events"),
+        "{text}"
+    );
+    assert!(!html::page(&comparison).contains("✓"));
+}
+
+#[test]
+fn waits_are_means_over_the_runs_however_many_are_flown_at_once() {
+    let (two, three) = (fly("2", 2, 1), comparison());
+    let one = Wait::of(&three.settling, &[]);
+    assert_eq!((one.lowest_run_s, one.highest_run_s), (None, None));
+    let runs = [
+        one.mean_s.unwrap(),
+        two.waits.settling.lowest_run_s.unwrap(),
+        two.waits.settling.highest_run_s.unwrap(),
+    ];
+    let Wait {
+        mean_s,
+        lowest_run_s,
+        highest_run_s,
+        ..
+    } = three.waits.settling;
+    assert!((mean_s.unwrap() - runs.iter().sum::<f64>() / 3.0).abs() < 1e-12);
+    assert_eq!(lowest_run_s, runs.into_iter().reduce(f64::min));
+    assert_eq!(highest_run_s, runs.into_iter().reduce(f64::max));
+    assert_eq!(three.waits_runs.seeds, [1, 2, 3]);
 }
 
 #[test]

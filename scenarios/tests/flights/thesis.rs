@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::{Bridge, DroneReport};
 use muster_scenarios::scenario::Override;
-use muster_scenarios::thesis::{Comparison, Flights, published};
+use muster_scenarios::thesis::{Experiment, Flights, published};
 
 use crate::support::{fly, rows, scenario};
 
@@ -72,7 +72,7 @@ fn flight_time_s(drone: &DroneReport) -> f64 {
 #[test]
 fn flight_times_and_messages_agree_with_tables_9_to_13() {
     for seed in ["1", "2", "3"] {
-        for experiment in fly_all(seed).experiments {
+        for experiment in fly_all(seed) {
             let name = &experiment.report.scenario;
             let [master, maximum, mean, received] = experiment.quantities;
             for (quantity, share) in [
@@ -88,14 +88,14 @@ fn flight_times_and_messages_agree_with_tables_9_to_13() {
     }
 }
 
-fn fly_all(seed: &str) -> Comparison {
-    let flights = Flights::load(&[Override::seed(seed)]).unwrap();
-    flights.fly(Engine::Events, |_| None).unwrap()
+fn fly_all(seed: &str) -> Vec<Experiment> {
+    let flights = Flights::load(&[Override::seed(seed)], 1).unwrap();
+    flights.fly_experiments(Engine::Events, |_| None).unwrap()
 }
 
 #[test]
 fn every_flight_time_obeys_the_law_of_the_five_experiments() {
-    for experiment in fly_all("1").experiments {
+    for experiment in fly_all("1") {
         for (drone, law_s) in experiment.report.drones.iter().zip(experiment.law_s) {
             let what = format!("{} drone {}", experiment.report.scenario, drone.id);
             assert_within(0.03, flight_time_s(drone), law_s, &what);

@@ -1,0 +1,80 @@
+//! Runs of the same scenarios with further seeds, on several threads.
+
+use std::num::NonZeroUsize;
+use std::sync::mpsc::sync_channel;
+use std::sync::{Mutex, PoisonError};
+
+use crate::engine::{self, Engine, RunError};
+use crate::report::Report;
+use crate::scenario::Scenario;
+
+/// What runs the drones in them.
+pub(super) const ENGINE: Engine = Engine::Events;
+
+/// How many seeds a scenario takes, from 0 on.
+const SEEDS: u64 = i64::MAX as u64 + 1;
+
+/// As many seeds as there are `runs`, from `first` on; after the highest comes 0.
+pub(super) fn seeds(first: u64, runs: u32) -> Vec<u64> {
+    let after = |place| (first % SEEDS + u64::from(place)) % SEEDS;
+    (0..runs).map(after).collect()
+}
+
+/// Flies each scenario with each of the seeds, `jobs` runs at once; their reports, scenario by scenario, in the order of
+/// the seeds. `told` hears after each how many of how many are done.
+pub(super) fn fly<const SCENARIOS: usize>(
+    scenarios: [&Scenario; SCENARIOS],
+    seeds: &[u64],
+    jobs: NonZeroUsize,
+    mut told: impl FnMut(usize, usize),
+) -> Result<[Vec<Report>; SCENARIOS], RunError> {
+    let total = SCENARIOS * seeds.len();
+    let queue = Mutex::new((0..SCENARIOS).flat_map(|of| seeds.iter().map(move |seed| (of, *seed))));
+    let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let mut flown = std::thread::scope(|scope| {
+        let jobs = jobs.get().min(total);
+        let (sender, receiver) = sync_channel(jobs);
+        for _ in 0..jobs {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                while let Some((of, seed)) = next() {
+                    let scenario = Scenario {
+                        seed,
+                        ..scenarios[of].clone()
+                    };
+                    let run = engine::run(&scenario, ENGINE, None).map(|(report, _)| (of, report));
+                    if sender.send(run).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        // Returning drops the receiver: every thread ends after the run that it is at.
+        let mut flown = Vec::with_capacity(total);
+        for run in receiver {
+            flown.push(run?);
+            told(flown.len(), total);
+        }
+        Ok(flown)
+    })?;
+    let place = |report: &Report| seeds.iter().position(|seed| *seed == report.seed);
+    flown.sort_by_key(|(_, report)| place(report));
+    let mut reports = [const { Vec::new() }; SCENARIOS];
+    for (of, report) in flown {
+        reports[of].push(report);
+    }
+    Ok(reports)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_go_on_from_the_first_and_begin_again_after_the_highest() {
+        assert_eq!(seeds(7, 3), [7, 8, 9]);
+        let highest = i64::MAX as u64;
+        assert_eq!(seeds(highest - 1, 4), [highest - 1, highest, 0, 1]);
+    }
+}
