@@ -436,6 +436,57 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 100\n[[follow.pilot]]\nafter_s = 5\nclimb_mps = -1.5",
+            &[
+                "the pilot would get to -119.8 m from here on",
+                "follow.pilot.after_s",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nland_after_s = 100\n[[follow.pilot]]\nafter_s = 5\nclimb_mps = 2.5",
+            &["the pilot would get to 268.8 m from here on"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nperiod_ms = 1000",
+            &[
+                "the hold, 1000 ms, is not above the period, 1000 ms",
+                "follow.period_ms",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "kind = \"follow\"\n\n[follow]\nperiod_ms = 1001",
+            &["1001 is not", "a whole number from 1 to 1000"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nkill = 5",
+            &["there is no drone 5 in a swarm of 5", "faults.kill"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nkill = \"slave\"",
+            &["\"master\" or the number of a drone"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 1",
+            &["a fault is either `kill`, or `crash` with its `drone`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\nsuccession = \"inherit\"",
+            &["unknown variant `inherit`", "\"elect\""],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\nparameters = \"slow\"",
+            &["unknown variant `slow`", "\"fast\""],
+        ),
+        (
+            "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[limits]\naltitude_max_m = 20",
             &["over the limit of 20 m", "altitude_max_m"],
         ),
@@ -556,6 +607,7 @@ fn an_argument_that_cannot_be_used_is_refused_with_what_could() {
             &["range_m=-5", "metres, a number from 0.01"],
         ),
         (&["--set", "range_m=5"], &["did you mean `radio.range_m`?"]),
+        (&["--set", "relays.north_m=5"], &["relays"]),
         (&["--set", "radio.range_m"], &["key=value"]),
         (
             &["--set", "mission.file=nowhere.plan"],

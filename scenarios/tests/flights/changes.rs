@@ -88,6 +88,25 @@ fn a_change_goes_on_when_any_actor_fails_in_the_middle_of_it() {
 }
 
 #[test]
+fn ways_that_a_change_of_formation_breaks_are_not_relied_on_afterwards() {
+    // All hear each other until they are in line.
+    let change = r#"changes=[{ waypoint = 1, kind = "linear" }]"#;
+    let fields = [
+        change,
+        "formation.kind=compact-mesh",
+        "formation.drones=4",
+        "mission.file=missions/field.waypoints",
+        "protocol.liveness=pulse",
+    ];
+    for seed in 1..4 {
+        let seed = format!("seed={seed}");
+        let fields: Vec<&str> = fields.iter().copied().chain([&*seed]).collect();
+        let report = fly(&scenario("thesis-1.toml", &fields), Engine::Events);
+        assert_changed(&report, &seed);
+    }
+}
+
+#[test]
 fn a_swarm_may_change_formation_before_it_follows_its_master() {
     let changes = r#"changes=[{ waypoint = 0, kind = "regular-matrix", spacing_m = 140 }]"#;
     let report = fly(&scenario("follow.toml", &[changes]), Engine::Events);

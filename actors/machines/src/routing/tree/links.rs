@@ -20,6 +20,9 @@ const STALE_BEACONS_MAX: f64 = 5.0;
 /// out of reach.
 const GIVEN_UP_MAX: u32 = 2;
 
+/// How often a neighbour is told of a new reign beyond what is said anyway.
+const TOLD_OF_REIGN_MAX: u32 = 8;
+
 /// What is known of each neighbour, from the frames of its own that were heard.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Links(BTreeMap<NodeId, Link>);
@@ -40,6 +43,8 @@ pub(super) struct Link {
     given_up: u32,
     /// Whether it repeated itself to this drone and has not been answered.
     pub(super) asks: bool,
+    /// How often it has been told of the reign that it was not heard under yet; nothing once it was.
+    told_of_reign: Option<u32>,
     /// What it said last; of the neighbours that it hears, only [`Self::symmetric`] is kept.
     pub(super) said: Tree,
 }
@@ -48,6 +53,12 @@ impl Link {
     /// Whether it can be reached, as far as is known.
     pub(super) const fn is_reachable(&self) -> bool {
         self.given_up < GIVEN_UP_MAX
+    }
+
+    /// Whether it is perhaps not aware of the reign, though it hears this drone.
+    pub(super) fn obeys_another(&self) -> bool {
+        let told = self.told_of_reign;
+        self.symmetric && told.is_some_and(|times| times < TOLD_OF_REIGN_MAX)
     }
 
     /// Whether it knows of an order, as it said or the medium did.
@@ -107,6 +118,7 @@ impl Links {
                     told: (0, NodeSet::default()),
                     given_up: 0,
                     asks: false,
+                    told_of_reign: None,
                     said,
                 };
                 self.0.insert(id, link);
@@ -121,6 +133,7 @@ impl Links {
                 link.learn(0.0);
                 link.heard_at = now;
                 link.given_up = 0;
+                link.told_of_reign = None;
                 if !said.tells(&link.told) {
                     // It restarted, or spoke before it knew.
                     link.told = (0, NodeSet::default());
@@ -147,6 +160,9 @@ impl Links {
             ..Tree::default()
         };
         self.hear(own, id, said, now);
+        if let Some(link) = self.0.get_mut(&id) {
+            link.told_of_reign = Some(0);
+        }
     }
 
     /// Whether a neighbour that says this hears `own`, as far as is known.
@@ -166,6 +182,7 @@ impl Links {
             link.told = (0, NodeSet::default());
             link.given_up = 0;
             link.asks = false;
+            link.told_of_reign = Some(0);
         }
     }
 
@@ -211,6 +228,9 @@ impl Links {
     pub(super) fn answered(&mut self, to: Option<NodeId>) {
         for (id, link) in &mut self.0 {
             link.asks &= to.is_some_and(|to| to != *id);
+            if let Some(times) = &mut link.told_of_reign {
+                *times += 1;
+            }
         }
     }
 

@@ -154,7 +154,11 @@ impl TreeRouting {
         self.links
             .iter()
             .filter(move |(id, link)| {
-                link.is_reachable() && (link.asks || parent == Some(*id) || is_child_behind(link))
+                let lacks = link.asks
+                    || parent == Some(*id)
+                    || is_child_behind(link)
+                    || link.obeys_another();
+                link.is_reachable() && lacks
             })
             .map(|(id, _)| id)
     }
