@@ -259,6 +259,11 @@ pub(super) mod tests {
             sample::swarm(5)
         };
         report.engine = Engine::Events;
+        report.elections = vec![crate::report::Election {
+            at_s: 100.0,
+            settled_after_s: Some(0.5),
+            masters: vec![1, 3],
+        }];
         Row::new(campaign, run, &report)
     }
 

@@ -145,6 +145,11 @@ impl Scenario {
                 link_time_to_live: protocol.time_to_live,
                 // Ways are lost and found again while drones spread out.
                 time_to_live: protocol.time_to_live * 2,
+                patience: match protocol.succession {
+                    // Somebody else's next beacon may still come.
+                    Succession::Elect => protocol.beacon * 3 / 2,
+                    Succession::Land => protocol.time_to_live * 3,
+                },
             }),
         }
     }

@@ -493,8 +493,8 @@ impl From<BarrierName> for Barrier {
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SuccessionName {
-    #[default]
     Elect,
+    #[default]
     Land,
 }
 

@@ -5,6 +5,8 @@ use muster_scenarios::report::Report;
 
 use crate::support::{fly, scenario};
 
+const ELECT: &str = "protocol.succession=elect";
+
 /// Whoever lives has flown the mission to its end.
 fn assert_flown(report: &Report, killed: &[u32], what: &str) {
     assert_eq!(report.violations, [], "{what}");
@@ -75,6 +77,7 @@ fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
             let fields = [
                 &*format!("protocol.policy={policy}"),
                 "protocol.liveness=pulse",
+                ELECT,
                 &*format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]"),
             ];
             let scenario = scenario("thesis-1.toml", &fields);
@@ -120,11 +123,11 @@ fn clusters_whose_master_is_killed_are_swarms_with_masters_of_their_own() {
 fn a_swarm_that_changes_formation_or_follows_its_master_elects_another_too() {
     for at_s in [150, 160, 172] {
         let fault = format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]");
-        let report = fly(&scenario("shake-up.toml", &[&fault]), Engine::Events);
+        let report = fly(&scenario("shake-up.toml", &[ELECT, &fault]), Engine::Events);
         assert_flown(&report, &[4], &fault);
     }
     let fault = r#"faults=[{ at_s = 200, kill = "master" }]"#;
-    let report = fly(&scenario("follow.toml", &[fault]), Engine::Events);
+    let report = fly(&scenario("follow.toml", &[ELECT, fault]), Engine::Events);
     assert_eq!(report.violations, []);
     for drone in report.drones.iter().filter(|drone| drone.id != 7) {
         assert_eq!(drone.state, "finished", "{drone:?}");

@@ -51,9 +51,10 @@ pub struct Config {
     pub repair_max: Duration,
     /// How long a neighbour may be silent before its link is taken for lost.
     pub link_time_to_live: Duration,
-    /// How long a drone may be without a way to the master, or a member without a way to this drone, before it is
-    /// taken for lost.
+    /// How long a member may be without a way to this drone before it is taken for lost.
     pub time_to_live: Duration,
+    /// How long a drone may be without a way to the master before that is taken for lost.
+    pub patience: Duration,
 }
 
 /// From this share of missed frames on a leaf is not trusted to have heard what was said to all.
@@ -392,12 +393,6 @@ impl TreeRouting {
             self.update_routes(now);
         }
         self.report_members(now);
-        if !self.is_master()
-            && let Some((since, _)) = self.orphaned
-            && now.since(since) > self.config.time_to_live
-        {
-            self.miss_master();
-        }
     }
 
     fn miss_master(&mut self) {

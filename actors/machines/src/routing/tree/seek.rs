@@ -1,5 +1,5 @@
 //! Whether the parent is still there: a drone that has not heard it for a while asks it, and asks again; only if it does
-//! not answer any of them, and nobody else has heard more of the master, the master is missed.
+//! not answer any of them, and nobody else has heard more of the master for a while, the master is missed.
 //!
 //! Each drone watches its own link only. Whoever is farther out hears from its parent, which lives, what has become of
 //! the master; so nobody waits for as long as numbers may be lost over all hops together.
@@ -29,7 +29,11 @@ impl TreeRouting {
         if self.durable.landing.is_some() || self.durable.stopped {
             return None;
         }
-        let parent = self.links.get(self.routes.parent?)?;
+        let Some(parent) = self.routes.parent else {
+            let (since, _) = self.orphaned.filter(|_| !self.master_silent)?;
+            return Some(since + self.config.patience);
+        };
+        let parent = self.links.get(parent)?;
         let stale_at = parent.stale_at(self.config.beacon);
         Some(self.current_seek().map_or(stale_at, |seek| seek.due))
     }
@@ -46,11 +50,10 @@ impl TreeRouting {
         if self.next_seek().is_none_or(|due| due > now) {
             return;
         }
-        let Some((parent, link)) = self
-            .routes
-            .parent
-            .and_then(|id| Some((id, self.links.get(id)?)))
-        else {
+        let Some(parent) = self.routes.parent else {
+            return self.miss_master();
+        };
+        let Some(link) = self.links.get(parent) else {
             return;
         };
         let (heard_at, is_reachable) = (link.heard_at, link.is_reachable());
@@ -58,11 +61,7 @@ impl TreeRouting {
         if asked >= ASKED_MAX || (asked > 0 && !is_reachable) {
             self.seek = None;
             self.links.forget(parent);
-            self.update_routes(now);
-            if self.routes.parent.is_none() {
-                self.miss_master();
-            }
-            return;
+            return self.update_routes(now);
         }
         let pause = self.config.repair;
         let due = now + pause + self.jitter(pause);

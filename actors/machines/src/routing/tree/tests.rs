@@ -20,6 +20,7 @@ fn config(id: u32) -> Config {
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),
         time_to_live: Duration::from_secs(10),
+        patience: Duration::from_secs(10),
     }
 }
 
