@@ -442,3 +442,78 @@ impl Node {
         }
     }
 }
+
+/// Drone 1, which has heard its parent, the master, once a second for long enough to trust the link.
+fn child_of_a_master_that_it_hears_well() -> Node {
+    let mut child = Node::new(1);
+    for pulse in 1..=50 {
+        child.hear(0, beacon_of_the_master(pulse));
+        child.wait(1_000);
+    }
+    child.notices.clear();
+    child
+}
+
+fn beacon_of_the_master(pulse: u32) -> Tree {
+    Tree {
+        hops: Some(0),
+        pulse,
+        hears: Some(ids([1])),
+        alive: ids([0, 1]),
+        ..Tree::default()
+    }
+}
+
+#[test]
+fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
+    let mut child = child_of_a_master_that_it_hears_well();
+    // Two beacons without a word are more than chance by now.
+    let asked = child.wait(2_000);
+    assert_eq!(asked.len(), 20, "{asked:?}");
+    assert!(asked.iter().all(|it| it.to == Some(NodeId(0))));
+    assert!(!child.notices.contains(&Notice::MasterSilent), "not yet");
+    let asked = child.wait(15_000);
+    assert_eq!(asked, [], "there is nobody left to ask");
+    let silent = child.notices.iter();
+    let silent = silent.filter(|it| **it == Notice::MasterSilent);
+    assert_eq!(silent.count(), 1);
+}
+
+#[test]
+fn a_parent_that_answers_is_asked_no_more() {
+    let mut child = child_of_a_master_that_it_hears_well();
+    let asked = child.wait(1_020);
+    assert!((1..20).contains(&asked.len()), "{asked:?}");
+    child.hear(0, beacon_of_the_master(51));
+    assert_eq!(child.wait(900), []);
+    assert_eq!(child.notices, []);
+}
+
+#[test]
+fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
+    let better = Ballot {
+        term: 2,
+        rank: 2,
+        master: NodeId(2),
+    };
+    let claim = |hears: NodeSet, beat: u32| Input::Heard {
+        sender: NodeId(2),
+        ballot: better,
+        payload: wire::encode_packet(&Packet::Tree(Tree {
+            beat,
+            hops: Some(0),
+            pulse: 1,
+            hears: Some(hears),
+            ..Tree::default()
+        }))
+        .into(),
+    };
+    let mut child = child_of_a_master_that_it_hears_well();
+    child.tell(claim(ids([3]), 1));
+    assert_eq!(child.notices, []);
+    child.tell(claim(ids([1, 3]), 2));
+    assert_eq!(child.notices, [Notice::Reign(better)]);
+    child.hear(0, beacon_of_the_master(51));
+    assert_eq!(child.routing.durable.ballot, Some(better), "it never falls");
+    assert_eq!(child.routing.routes.parent, Some(NodeId(2)));
+}
