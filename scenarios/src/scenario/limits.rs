@@ -16,7 +16,7 @@ use super::raw::{Raw, Seconds};
 use crate::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
-pub(super) const ALTITUDE_MAX_M: f64 = 120.0;
+const ALTITUDE_MAX_M: f64 = 120.0;
 /// The longest that a run may take, whatever its mission, in seconds: a week.
 const DURATION_MAX_S: f64 = 604_800.0;
 
@@ -130,19 +130,25 @@ impl Course<'_> {
     }
 }
 
+/// How high above home a drone may fly, in metres.
+pub(super) fn altitude_max_m(raw: &Raw) -> f64 {
+    let altitude_max = raw.limits.altitude_max_m.as_ref();
+    altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0)
+}
+
 /// Refuses a mission that leaves no room for the altitude layers that its formations need.
 pub(super) fn check_layers(
     source: &Source,
     raw: &Raw,
     course: &Course<'_>,
 ) -> Result<(), BadInput> {
-    let altitude_max = raw.limits.altitude_max_m.as_ref();
-    let altitude_max_m = altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
+    let altitude_max_m = altitude_max_m(raw);
     let layer_m = course.highest_layer_m();
     let highest_m = course.highest_waypoint_m();
     if highest_m + layer_m <= altitude_max_m {
         return Ok(());
     }
+    let altitude_max = raw.limits.altitude_max_m.as_ref();
     let place = altitude_max.map_or_else(|| raw.mission.file.span(), Spanned::span);
     let message = format!(
         "the mission flies at up to {highest_m} m and this formation needs layers up to {layer_m} m above it, which \

@@ -19,7 +19,7 @@ use super::faults::faults;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
 use super::formation;
-use super::limits::{ALTITUDE_MAX_M, Course, check_layers, highest_layer_m, limits};
+use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
 use super::{Protocol, Scenario};
 use crate::vehicle::Landing;
@@ -59,11 +59,9 @@ pub(crate) fn load_from(
     let changes: Arc<[Change]> =
         formation::changes(&source, &raw, &layout, waypoints.len())?.into();
     let vehicle = vehicle(&raw);
-    let altitude_max_m = raw.limits.altitude_max_m.as_ref();
-    let altitude_max_m = altitude_max_m.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
-        highest_m: altitude_max_m - highest_layer_m(&layout, &changes, &waypoints),
+        highest_m: altitude_max_m(&raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
     let follow = follow(&source, &raw, vehicle, heights)?;
     let landing = landing(&raw, vehicle);

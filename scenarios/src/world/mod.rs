@@ -512,8 +512,10 @@ impl World {
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
-                if let mission::Event::Obeys(ballot) = event {
-                    self.look_at_elections(ballot.is_elected());
+                if let mission::Event::Obeys(ballot) = event
+                    && ballot.is_elected()
+                {
+                    self.look_at_elections();
                 }
                 if drone == self.recorder.centre()
                     && *event == mission::Event::State(State::Following)
@@ -575,14 +577,11 @@ impl World {
         self.recorder.killed(drone, self.now);
         self.barrier.given_up(drone);
         self.command(drone, Demand::Land);
-        self.look_at_elections(true);
+        self.look_at_elections();
     }
 
     /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
-    fn look_at_elections(&mut self, is_disturbed: bool) {
-        if !is_disturbed {
-            return;
-        }
+    fn look_at_elections(&mut self) {
         let masters = self.masters_if_settled();
         self.recorder.election(self.now, masters);
     }
