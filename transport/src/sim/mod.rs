@@ -136,6 +136,17 @@ impl Medium {
     /// Stops a jammer, if there is such a one.
     pub fn stop_jamming(&mut self, jammer: u32) {
         self.air.disturbance.stop_jamming(jammer);
+    /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
+    /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a radio that is not there.
+    #[must_use]
+    pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.air.loss(from, to)
+    }
+
+    /// Visits every two radios that may hear each other once, in an order that depends on nothing but where they have
+    /// been; between all others each frame is lost. Costs what there are of them.
+    pub fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
+        self.air.each_pair_in_reach(visit);
     }
 
     /// What the radios have done so far; an ideal medium does not count.
