@@ -6,12 +6,14 @@ mod barrier;
 mod bounds;
 mod election;
 mod landing;
+mod obedience;
 mod separation;
 
 pub(crate) use barrier::BarrierChecker;
 pub(crate) use bounds::BoundsChecker;
 pub(crate) use election::ElectionChecker;
 pub(crate) use landing::check_landed;
+pub(crate) use obedience::ObedienceChecker;
 pub(crate) use separation::SeparationChecker;
 
 use muster_machines::identity::NodeId;

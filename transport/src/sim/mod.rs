@@ -136,6 +136,8 @@ impl Medium {
     /// Stops a jammer, if there is such a one.
     pub fn stop_jamming(&mut self, jammer: u32) {
         self.air.disturbance.stop_jamming(jammer);
+    }
+
     /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
     /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a radio that is not there.
     #[must_use]
