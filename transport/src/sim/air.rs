@@ -41,6 +41,23 @@ impl Air {
         self.grid.in_range(from, found)
     }
 
+    /// Visits every two radios that may hear each other once.
+    pub(super) fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
+        self.grid.each_pair_in_range(visit);
+    }
+
+    /// The chance that a frame from one radio is lost on its way to another, as things are now, 0 to 1.
+    pub(super) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        let (Some(here), Some(there)) = (self.grid.place_of(from), self.grid.place_of(to)) else {
+            return 1.0;
+        };
+        let distance_m = here.distance_m(there);
+        if distance_m > self.curve.reach_m() {
+            return 1.0;
+        }
+        1.0 - self.curve.delivery(distance_m) * (1.0 - self.loss)
+    }
+
     /// Draws whether a frame gets from one radio to another that may hear it.
     pub(super) fn carries(&mut self, from: NodeId, to: NodeId) -> bool {
         if self.curve.is_certain() {

@@ -120,6 +120,19 @@ impl Medium {
         self.air.place(id, place);
     }
 
+    /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance
+    /// and by the configured share. What others send at the same time is not in it. 1 for a radio that is not there.
+    #[must_use]
+    pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.air.loss(from, to)
+    }
+
+    /// Visits every two radios that may hear each other once, in an order that depends on nothing but where they have
+    /// been; between all others each frame is lost. Costs what there are of them.
+    pub fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
+        self.air.each_pair_in_reach(visit);
+    }
+
     /// What the radios have done so far; an ideal medium does not count.
     #[must_use]
     pub fn counters(&self) -> Counters {
