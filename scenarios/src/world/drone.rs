@@ -40,11 +40,6 @@ impl Drone {
         self.up[address as usize]
     }
 
-    /// Whether frames get through it to others.
-    pub(crate) const fn passes_on(&self) -> bool {
-        self.is_up(Address::Radio) && self.is_up(Address::Routing)
-    }
-
     pub(crate) const fn bring_up(&mut self, address: Address) {
         self.up[address as usize] = true;
     }

@@ -4,13 +4,13 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod connected;
 mod drone;
 mod heap;
-mod part;
 mod recorder;
 mod trace;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -32,12 +32,13 @@ use rand_chacha::ChaCha8Rng;
 
 use self::drone::Drone;
 use self::heap::Heap;
-use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    BarrierChecker, BoundsChecker, ElectionChecker, SeparationChecker, Violation, check_landed,
+    ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
+    SeparationChecker, SettledChecker, Violation, check_landed,
 };
+use crate::parts::Parts;
 use crate::scenario::{FaultKind, Follow, Scenario, Target};
 use crate::vehicle::Vehicle;
 
@@ -119,10 +120,15 @@ pub(crate) struct World {
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
-    range_m: f64,
     /// What is to happen once the master is followed.
     follow: Option<Follow>,
+    parts: Parts,
+    /// When the links are looked at next.
+    next_look: Timestamp,
     election: ElectionChecker,
+    settled: SettledChecker,
+    obedience: ObedienceChecker,
+    arming: ArmingChecker,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -174,9 +180,13 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
-            range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
+            parts: Parts::default(),
+            next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
+            settled: SettledChecker::new(scenario.settling()),
+            obedience: ObedienceChecker::default(),
+            arming: ArmingChecker::new(nodes as usize),
             barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
             separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
@@ -205,10 +215,14 @@ impl World {
 
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
+        self.obedience.goes_on();
         loop {
             while let Some((drone, envelope)) = self.inbox.pop_front() {
                 let address = envelope.address();
                 if self.drone(drone).is_up(address) {
+                    self.arming.told(drone, &envelope);
+                    let obeyed = self.election.obeyed(drone);
+                    self.obedience.told(drone, &envelope, obeyed);
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -299,6 +313,10 @@ impl World {
 
     /// Does what a step asked for, in order, and sets the machine's timer.
     pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+        let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
+        let effects = &reaction.effects;
+        let found = self.obedience.stepped(now, drone, from, effects, kept);
+        self.find(found);
         for effect in reaction.effects.drain(..) {
             self.effect(drone, effect);
         }
@@ -393,6 +411,8 @@ impl World {
 
     fn command(&mut self, drone: NodeId, demand: Demand) {
         self.trace.value(self.now, drone, Kind::Commanded, &demand);
+        let found = self.arming.commands(self.now, drone, demand);
+        self.find(found);
         let index = drone.0 as usize;
         if !matches!(demand, Demand::Report) {
             let found = self.separation.path_ends(self.now, drone, &self.vehicles);
@@ -493,6 +513,7 @@ impl World {
                 self.medium.place(id, vehicle.motion().position(self.now));
             }
         }
+        self.watch_links();
         let next = self.now + PLACE_RADIOS_EVERY;
         self.heap.plan(next, Planned::PlaceRadios);
     }
@@ -505,10 +526,13 @@ impl World {
                 let now = self.now;
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
-                let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let drones = &self.drones;
-                let passes_on = |id: NodeId| drones[id.0 as usize].passes_on();
-                let part = || part_of(drone, range_m, now, vehicles, passes_on);
+                let obeyed = self.election.obeyed(drone);
+                let found = self.arming.observe(now, drone, event, obeyed);
+                self.find(found);
+                if matches!(event, mission::Event::Opened { .. }) {
+                    self.look_at_links();
+                }
+                let part = || self.parts.part_of(drone);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
@@ -580,41 +604,10 @@ impl World {
         self.look_at_elections();
     }
 
-    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
-    fn look_at_elections(&mut self) {
-        let masters = self.masters_if_settled();
-        self.recorder.election(self.now, masters);
-    }
-
-    /// The masters, if those that fly the mission obey, in each part, one drone of that part.
-    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
-        let flies = |id: NodeId| self.recorder.is_following(id) && !self.recorder.is_killed(id);
-        let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
-        let ids = || (0..).map(NodeId).take(self.vehicles.len());
-        let mut masters = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        for id in ids().filter(|id| flies(*id)) {
-            if seen.contains(&id) {
-                continue;
-            }
-            let part = part_of(id, self.range_m, self.now, &self.vehicles, passes_on);
-            let obeyed = self.election.obeyed(id)?;
-            let is_one = part
-                .iter()
-                .filter(|id| flies(**id))
-                .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !part.contains(&obeyed.master) || !flies(obeyed.master) {
-                return None;
-            }
-            masters.insert(obeyed.master);
-            seen.extend(part);
-        }
-        Some(masters)
-    }
-
     /// An actor is about to be built.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
+        self.arming.starting(drone, address);
         self.drone(drone).bring_up(address);
     }
 

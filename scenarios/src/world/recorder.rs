@@ -223,8 +223,15 @@ impl Recorder {
         &self.elections
     }
 
-    pub(crate) fn is_killed(&self, id: NodeId) -> bool {
-        self.nodes[id.0 as usize].killed.is_some()
+    /// How often actors of a node were restarted so far.
+    pub(crate) fn restarts_of(&self, id: NodeId) -> u32 {
+        self.nodes[id.0 as usize].restarts
+    }
+
+    /// Whether a drone is done.
+    pub(crate) fn is_finished(&self, id: NodeId) -> bool {
+        let last = self.nodes[id.0 as usize].states.last();
+        last.is_some_and(|(_, state)| *state == State::Finished)
     }
 
     /// Whether a drone is in the air and takes part in the mission.
@@ -308,8 +315,7 @@ impl Recorder {
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
         let record = &self.nodes[id.0 as usize];
-        let last = record.states.last().map(|(_, state)| *state);
-        record.given_up || record.killed.is_some() || last == Some(State::Finished)
+        record.given_up || record.killed.is_some() || self.is_finished(id)
     }
 
     fn is_landing(&self, id: NodeId) -> bool {
