@@ -17,6 +17,8 @@ use super::Violation;
 ///   the operator told the master to fly outlives it.
 /// - A vehicle is told to arm only while its drone takes off, or flies on after that, and never again once the drone has
 ///   begun to land: so once a flight, whatever is restarted in the air.
+/// - A drone whose process starts anew arms no vehicle in that flight any more; one that had been told to fly, and was
+///   still on the ground, does not take off at all.
 #[derive(Debug)]
 pub(crate) struct ArmingChecker {
     drones: Vec<Phase>,
@@ -34,6 +36,8 @@ enum Phase {
     Leads,
     /// It takes off or has done so.
     Up,
+    /// Likewise, but its process has started anew since.
+    UpAgain,
     /// It lands or has landed, or never will take off.
     Down,
 }
@@ -70,6 +74,16 @@ impl ArmingChecker {
         }
     }
 
+    /// A drone's process starts anew.
+    pub(crate) fn boots(&mut self, drone: NodeId) {
+        let phase = &mut self.drones[drone.0 as usize];
+        *phase = match phase {
+            Phase::Grounded => Phase::Grounded,
+            Phase::Up | Phase::UpAgain => Phase::UpAgain,
+            Phase::Told | Phase::Leads | Phase::Down => Phase::Down,
+        };
+    }
+
     pub(crate) fn observe(
         &mut self,
         now: Timestamp,
@@ -88,8 +102,8 @@ impl ArmingChecker {
             return None;
         }
         let what = match *phase {
-            Phase::Up => return None,
-            Phase::Down => format!("drone {drone} flies on after it had begun to land"),
+            Phase::Up | Phase::UpAgain => return None,
+            Phase::Down => format!("drone {drone} flies though it was to stay down"),
             Phase::Grounded => format!("drone {drone} takes off and was not told to"),
             Phase::Told | Phase::Leads => {
                 *phase = Phase::Up;
@@ -112,13 +126,17 @@ impl ArmingChecker {
             (Demand::Land, _) => {
                 // Whatever runs on it from now on, it has not been told anything, and does not fly a second time.
                 *phase = match phase {
-                    Phase::Up | Phase::Down => Phase::Down,
+                    Phase::Up | Phase::UpAgain | Phase::Down => Phase::Down,
                     Phase::Grounded | Phase::Told | Phase::Leads => Phase::Grounded,
                 };
                 None
             }
+            (Demand::Arm, Phase::UpAgain) => {
+                let what = format!("drone {drone} arms after its process has started anew");
+                Some(violation(now, drone, what))
+            }
             (Demand::Arm, Phase::Down) => {
-                let what = format!("drone {drone} arms after it had begun to land");
+                let what = format!("drone {drone} arms though it was to stay down");
                 Some(violation(now, drone, what))
             }
             (Demand::Arm, Phase::Grounded | Phase::Told | Phase::Leads) => {
@@ -161,12 +179,13 @@ mod tests {
         IsToldToTakeOff(u32),
         RestartsMission,
         RestartsNavigation,
+        Boots,
         /// Enters a state while it obeys a ballot of this term.
         Enters(State, u32),
         Commands(Demand),
     }
     use Does::{
-        Commands, Enters, IsToldToFly, IsToldToTakeOff, RestartsMission, RestartsNavigation,
+        Boots, Commands, Enters, IsToldToFly, IsToldToTakeOff, RestartsMission, RestartsNavigation,
     };
 
     const TAKES_OFF: Does = Enters(State::TakingOff, 1);
@@ -197,6 +216,10 @@ mod tests {
                 }
                 RestartsNavigation => {
                     checker.starting(DRONE, Address::Navigation);
+                    None
+                }
+                Boots => {
+                    checker.boots(DRONE);
                     None
                 }
                 Enters(state, term) => {
@@ -265,6 +288,16 @@ mod tests {
         assert_eq!(found(&again), Some(4));
         let again = [&flight[..], &[IsToldToTakeOff(1), TAKES_OFF]].concat();
         assert_eq!(found(&again), Some(5));
+    }
+
+    #[test]
+    fn a_drone_whose_process_starts_anew_flies_on_and_never_arms() {
+        let flight = [IsToldToTakeOff(1), TAKES_OFF, ARMS, Boots, TAKES_OFF];
+        assert_eq!(found(&flight), None);
+        let again = [&flight[..], &[ARMS]].concat();
+        assert_eq!(found(&again), Some(5));
+        assert_eq!(found(&[IsToldToFly, Boots, TAKES_OFF]), Some(2));
+        assert_eq!(found(&[Boots, IsToldToTakeOff(1), TAKES_OFF, ARMS]), None);
     }
 
     #[test]

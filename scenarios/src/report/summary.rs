@@ -128,7 +128,9 @@ fn state(record: &Record) -> String {
         .states
         .last()
         .map_or(State::Start, |(_, state)| *state);
-    if record.killed.is_some() {
+    if record.fell {
+        format!("fell while {last}")
+    } else if record.killed.is_some() {
         format!("killed while {last}")
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
         format!("on the ground, an actor given up while {last}")
@@ -145,6 +147,8 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::Late => Some("it was late at its slot"),
         LandingReason::Overdue => Some("a leg took too long"),
         LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
+        LandingReason::Restarted => Some("its process restarted on the ground"),
+        LandingReason::Controller => Some("its flight controller brought it down"),
     }
 }
 

@@ -9,6 +9,7 @@ use muster_machines::identity::NodeId;
 use super::World;
 use crate::checkers::Standing;
 use crate::parts::Link;
+use crate::scenario::Occasion;
 
 /// How often links are looked at while drones fly, besides whenever something happens that depends on them: at 10 m/s
 /// each, two drones come 10 m nearer to each other meanwhile.
@@ -27,7 +28,8 @@ impl World {
     pub(super) fn look_at_links(&mut self) {
         self.next_look = self.now + LOOK_AT_LINKS_EVERY;
         let ids = (0..).map(NodeId).take(self.drones.len());
-        let live = ids.map(|id| self.passes_on(id).then(|| self.recorder.restarts_of(id)));
+        let changes = |id: NodeId| self.recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
+        let live = ids.map(|id| self.passes_on(id).then(|| changes(id)));
         self.parts
             .look(self.now, live.collect(), Link::all(&self.medium));
     }
@@ -42,16 +44,20 @@ impl World {
         self.find(found);
     }
 
-    /// Whether frames get through a drone to others: it has what it takes, and is not done.
+    /// Whether frames get through a drone to others: what passes them on runs, and has not fallen silent because the drone
+    /// is done or has no mission any more.
     fn passes_on(&self, id: NodeId) -> bool {
         let drone = &self.drones[id.0 as usize];
-        let needed = [Address::Radio, Address::Routing, Address::Mission];
-        needed.iter().all(|address| drone.is_up(*address)) && !self.recorder.is_finished(id)
+        let runs = |address| drone.is_up(address) && !drone.is_hung(address);
+        runs(Address::Radio)
+            && runs(Address::Routing)
+            && drone.is_up(Address::Mission)
+            && !self.recorder.is_finished(id)
     }
 
     /// Whether a drone is in the air, flies the mission, and can be led.
     fn flies(&self, id: NodeId) -> bool {
-        self.recorder.is_following(id) && !self.recorder.is_out_of_it(id)
+        self.recorder.is_following(id) && self.drones[id.0 as usize].is_sound()
     }
 
     /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
@@ -59,7 +65,9 @@ impl World {
         self.look_at_links();
         self.check_masters();
         let masters = self.masters_if_settled();
-        self.recorder.election(self.now, masters);
+        if self.recorder.election(self.now, masters) {
+            self.occurs(Occasion::Settled);
+        }
     }
 
     /// The masters, if those that fly the mission obey, among all that some link connects, one drone of these.

@@ -31,6 +31,10 @@ pub(crate) enum Kind {
     Steered,
     Killed,
     Addressed,
+    Fell,
+    Stopped,
+    Hung,
+    WentOn,
 }
 
 impl Trace {

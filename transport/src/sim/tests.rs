@@ -206,3 +206,52 @@ proptest! {
         prop_assert_eq!(pairs, all);
     }
 }
+
+#[test]
+fn a_link_that_is_cut_one_way_still_carries_the_other() {
+    let mut medium = medium(CONFIG, 1, &line(3, 150.0));
+    medium.set_loss(NodeId(0), NodeId(1), Some(1.0));
+    assert_eq!(heard_by(&mut medium, 0), [2]);
+    assert_eq!(heard_by(&mut medium, 1), [0, 2]);
+    medium.set_loss(NodeId(0), NodeId(1), None);
+    assert_eq!(heard_by(&mut medium, 0), [1, 2]);
+}
+
+#[test]
+fn a_degraded_link_loses_the_share_that_it_is_said_to() {
+    let mut medium = medium(CONFIG, 1, &line(2, 150.0));
+    medium.set_loss(NodeId(0), NodeId(1), Some(0.3));
+    let heard: usize = (0..2_000).map(|_| heard_by(&mut medium, 0).len()).sum();
+    assert!((1_300..1_500).contains(&heard), "{heard} of 2000");
+}
+
+#[test]
+fn nothing_is_made_out_near_a_jammer_until_it_stops() {
+    for access in [CONFIG.access, CSMA] {
+        let mut medium = medium(Config { access, ..CONFIG }, 1, &line(3, 150.0));
+        medium.jam(7, Ned::new(10.0, 300.0, 0.0), 100.0);
+        assert_eq!(heard_by_all(&mut medium, 1), [0]);
+        assert_eq!(heard_by_all(&mut medium, 2), [0, 1], "{access:?}");
+        medium.stop_jamming(7);
+        assert_eq!(heard_by_all(&mut medium, 1), [0, 2], "{access:?}");
+    }
+}
+
+const CSMA: Access = Access::Csma {
+    jitter: Duration::ZERO,
+    queue_max: NonZeroUsize::MIN,
+};
+
+/// Likewise on a medium that takes its time.
+fn heard_by_all(medium: &mut Medium, from: u32) -> Vec<u32> {
+    let mut heard = heard_by(medium, from);
+    while let Some(at) = medium.next_timeout() {
+        medium.handle_timeout(at);
+        let events = std::iter::from_fn(|| medium.poll_event());
+        heard.extend(events.filter_map(|event| match event {
+            Event::Arrival(arrival) => Some(arrival.to.0),
+            Event::Outcome(_) => None,
+        }));
+    }
+    heard
+}
