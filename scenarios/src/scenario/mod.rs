@@ -7,7 +7,9 @@ mod follow;
 mod formation;
 mod limits;
 mod load;
+mod outlook;
 mod raw;
+mod settling;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,6 +32,7 @@ pub use fault::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, T
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
+pub use settling::Settling;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
@@ -155,6 +158,14 @@ impl Scenario {
         }
     }
 
+    /// How long it may take until each part of the swarm has its one master.
+    #[must_use]
+    pub fn settling(&self) -> Settling {
+        let routing = self.routing(self.layout.formation().centre());
+        let (radio, limits) = (&self.radio, &self.limits);
+        Settling::new(&routing, radio, self.protocol.liveness, limits.leg)
+    }
+
     /// What one of its drones is built with.
     pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
@@ -276,6 +287,8 @@ pub struct Limits {
     pub separation: Separation,
     /// How long the run may last: by then every drone is on the ground.
     pub duration: Duration,
+    /// How long all between take-off and the ground should take.
+    pub flight: Duration,
     /// How long the master waits for members on the ground.
     pub set_up: Duration,
     /// How long a take-off may take.
@@ -292,4 +305,16 @@ pub struct Limits {
     pub watchdog: Duration,
     /// When failed actors are restarted and when that is given up.
     pub restarts: RestartLimits,
+}
+
+/// What the default bound on a run allows for besides: times to live that run out, and a master lost on the way.
+const MARGIN: Duration = Duration::from_secs(300);
+
+impl Limits {
+    /// How long a run may last unless it is told: as long as drones may wait on the ground and take off, twice what the
+    /// flight should take, and [`MARGIN`]; at most a week.
+    fn default_duration(&self) -> Duration {
+        let on_the_ground = self.set_up + self.take_off;
+        (on_the_ground + self.flight * 2 + MARGIN).min(limits::DURATION_MAX)
+    }
 }

@@ -79,13 +79,6 @@ impl Drone {
         self.runs && !self.given_up && Address::ALL.iter().all(|it| !self.is_hung(*it))
     }
 
-    /// Whether frames get through it to others.
-    pub(crate) fn passes_on(&self) -> bool {
-        [Address::Radio, Address::Routing]
-            .iter()
-            .all(|it| self.is_up(*it) && !self.is_hung(*it))
-    }
-
     /// Keeps what a machine is built anew from.
     pub(crate) fn keep(&mut self, checkpoint: Checkpoint) {
         let Some(journal) = &mut self.journal else {

@@ -5,17 +5,17 @@
 //! were sent, one at a time, before anything else happens.
 
 mod clock;
+mod connected;
 mod disk;
 mod drone;
 mod faults;
 mod heap;
-mod part;
 mod process;
 mod recorder;
 mod tampering;
 mod trace;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -38,14 +38,14 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
-use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
 use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    BarrierChecker, BoundsChecker, ElectionChecker, ObedienceChecker, SeparationChecker, Violation,
-    check_landed,
+    AdmissionChecker, ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker,
+    ObedienceChecker, SeparationChecker, SettledChecker, Violation, check_landed,
 };
+use crate::parts::Parts;
 use crate::scenario::{Follow, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -169,11 +169,16 @@ pub(crate) struct World {
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
-    range_m: f64,
     /// What is to happen once the master is followed.
     follow: Option<Follow>,
+    parts: Parts,
+    /// When the links are looked at next.
+    next_look: Timestamp,
     election: ElectionChecker,
+    admission: AdmissionChecker,
+    settled: SettledChecker,
     obedience: ObedienceChecker,
+    arming: ArmingChecker,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -228,10 +233,14 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
-            range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
+            parts: Parts::default(),
+            next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
+            admission: AdmissionChecker::default(),
+            settled: SettledChecker::new(scenario.settling()),
             obedience: ObedienceChecker::default(),
+            arming: ArmingChecker::new(nodes as usize),
             barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
             separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
@@ -265,6 +274,7 @@ impl World {
 
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
+        self.obedience.goes_on();
         loop {
             while let Some((drone, envelope)) = self.inbox.pop_front() {
                 let address = envelope.address();
@@ -273,7 +283,10 @@ impl World {
                     continue;
                 }
                 if self.drone(drone).is_up(address) {
-                    self.obedience.is_told(drone, &envelope);
+                    self.admission.told(drone, &envelope);
+                    self.arming.told(drone, &envelope);
+                    let obeyed = self.election.obeyed(drone);
+                    self.obedience.told(drone, &envelope, obeyed);
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -325,7 +338,7 @@ impl World {
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
                 if !is_genuine {
-                    self.obedience.spurious(to, &datagram);
+                    self.admission.spurious(to, &datagram);
                 }
                 self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
             }
@@ -384,6 +397,10 @@ impl World {
 
     /// Does what a step asked for, in order, and sets the machine's timer.
     pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+        let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
+        let effects = &reaction.effects;
+        let found = self.obedience.stepped(now, drone, from, effects, kept);
+        self.find(found);
         for effect in reaction.effects.drain(..) {
             self.effect(drone, effect);
         }
@@ -427,7 +444,7 @@ impl World {
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder.received(drone);
-            let found = self.obedience.lets_in(self.now, drone);
+            let found = self.admission.lets_in(self.now, drone);
             self.find(found);
         }
         let address = envelope.address();
@@ -496,6 +513,8 @@ impl World {
 
     fn command(&mut self, drone: NodeId, demand: Demand) {
         self.trace.value(self.now, drone, Kind::Commanded, &demand);
+        let found = self.arming.commands(self.now, drone, demand);
+        self.find(found);
         let index = drone.0 as usize;
         if !matches!(demand, Demand::Report) {
             let found = self.separation.path_ends(self.now, drone, &self.vehicles);
@@ -601,6 +620,7 @@ impl World {
                 self.medium.place(id, vehicle.motion().position(self.now));
             }
         }
+        self.watch_links();
         let next = self.now + PLACE_RADIOS_EVERY;
         self.heap.plan(next, Planned::PlaceRadios);
     }
@@ -613,10 +633,13 @@ impl World {
                 let now = self.now;
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
-                let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let drones = &self.drones;
-                let passes_on = |id: NodeId| drones[id.0 as usize].passes_on();
-                let part = || part_of(drone, range_m, now, vehicles, passes_on);
+                let obeyed = self.election.obeyed(drone);
+                let found = self.arming.observe(now, drone, event, obeyed);
+                self.find(found);
+                if matches!(event, mission::Event::Opened { .. }) {
+                    self.look_at_links();
+                }
+                let part = || self.parts.part_of(drone);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
@@ -682,44 +705,10 @@ impl World {
         }
     }
 
-    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
-    fn look_at_elections(&mut self) {
-        let masters = self.masters_if_settled();
-        if self.recorder.election(self.now, masters) {
-            self.occurs(Occasion::Settled);
-        }
-    }
-
-    /// The masters, if those that fly the mission obey, in each part, one drone of that part.
-    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
-        let is_sound = |id: NodeId| self.drones[id.0 as usize].is_sound();
-        let flies = |id: NodeId| self.recorder.is_following(id) && is_sound(id);
-        let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
-        let ids = || (0..).map(NodeId).take(self.vehicles.len());
-        let mut masters = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        for id in ids().filter(|id| flies(*id)) {
-            if seen.contains(&id) {
-                continue;
-            }
-            let part = part_of(id, self.range_m, self.now, &self.vehicles, passes_on);
-            let obeyed = self.election.obeyed(id)?;
-            let is_one = part
-                .iter()
-                .filter(|id| flies(**id))
-                .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !part.contains(&obeyed.master) || !flies(obeyed.master) {
-                return None;
-            }
-            masters.insert(obeyed.master);
-            seen.extend(part);
-        }
-        Some(masters)
-    }
-
     /// An actor is about to be built.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
+        self.arming.starting(drone, address);
         self.drone(drone).bring_up(address);
     }
 

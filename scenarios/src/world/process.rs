@@ -55,6 +55,7 @@ impl World {
         }
         self.drone(drone).begin();
         self.recorder.rebooted(drone);
+        self.arming.boots(drone);
         Some(Task {
             drone,
             address: Address::Radio,

@@ -99,8 +99,7 @@ fn a_flapping_link_costs_no_drone() {
 
 #[test]
 fn a_jammed_swarm_flies_on_in_parts() {
-    let faults =
-        "{ at_s = 150, jam = { north_m = 500, east_m = 0, radius_m = 200 }, for_s = 30 }";
+    let faults = "{ at_s = 150, jam = { north_m = 500, east_m = 0, radius_m = 200 }, for_s = 30 }";
     assert_all_finished_but(&fly_with(faults), &[], faults);
 }
 
@@ -133,7 +132,10 @@ fn nothing_that_is_done_to_frames_is_obeyed() {
         assert_all_finished_but(&report, &[], faults);
         assert_eq!(report.elections, [], "{faults}");
         assert!(
-            report.dropped.get(reason).is_some_and(|dropped| *dropped > 0),
+            report
+                .dropped
+                .get(reason)
+                .is_some_and(|dropped| *dropped > 0),
             "{faults}: {:?}",
             report.dropped
         );
