@@ -6,7 +6,8 @@ use bytes::Bytes;
 use super::Barrier;
 use super::order::Step;
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId, NodeSet};
+use crate::identity::{NodeId, NodeSet};
+use crate::reign::Obeyed;
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
@@ -115,7 +116,7 @@ impl fmt::Display for State {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Checkpoint {
     /// Whom the drone obeys.
-    pub ballot: Option<Ballot>,
+    pub obeyed: Obeyed,
     /// What the drone is doing.
     pub state: State,
     /// The mission, as far as it is known.

@@ -72,7 +72,7 @@ impl Mission {
 
     /// Tells a restarted routing the reign and the newest order once more.
     pub(super) fn repeat_lead(&mut self) {
-        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.ballot) {
+        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.obeyed.ballot()) {
             self.outbox.transmit(Transmit::Lead(ballot));
             self.outbox.transmit(Transmit::Publish {
                 sequence: lead.sequence,

@@ -169,7 +169,7 @@ pub enum Event {
 }
 
 /// The mission of one drone.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Mission {
     config: Config,
     durable: Checkpoint,
@@ -302,7 +302,11 @@ impl Mission {
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
         // After an election there may be parts of the swarm that do not fly in step with this one.
-        self.durable.in_layer = self.durable.ballot.is_some_and(|it| it.is_elected());
+        self.durable.in_layer = self
+            .durable
+            .obeyed
+            .ballot()
+            .is_some_and(|it| it.is_elected());
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }

@@ -6,6 +6,7 @@
 mod beats;
 pub mod flood;
 mod packet;
+mod reign;
 pub mod tree;
 
 use std::convert::Infallible;
@@ -14,6 +15,7 @@ use bytes::Bytes;
 
 pub use beats::Beats;
 pub use packet::{Flood, Member, Packet, Tree};
+pub use reign::Reign;
 
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};

@@ -514,6 +514,10 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
     child.tell(claim(ids([1, 3]), 2));
     assert_eq!(child.notices, [Notice::Reign(better)]);
     child.hear(0, beacon_of_the_master(51));
-    assert_eq!(child.routing.durable.ballot, Some(better), "it never falls");
+    assert_eq!(
+        child.routing.durable.reign.ballot(),
+        Some(better),
+        "it never falls"
+    );
     assert_eq!(child.routing.routes.parent, Some(NodeId(2)));
 }
