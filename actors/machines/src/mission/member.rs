@@ -130,7 +130,9 @@ impl Mission {
             Liveness::Pulse => self.durable.state.is_following(),
             Liveness::Thesis => self.durable.state.is_waiting(),
         };
-        if self.master_silent && looks {
+        // It may have led and not remember: a reign that nobody leads is as good as over.
+        let has_nobody = self.master_silent || self.durable.obeyed.is_of(self.config.id);
+        if has_nobody && looks {
             self.succeed(now);
         }
     }

@@ -105,6 +105,8 @@ pub enum Transmit {
     Lead(Ballot),
     /// To the routing, as master: a new order.
     Publish {
+        /// Under which ballot of its own.
+        ballot: Ballot,
         /// Its number.
         sequence: u32,
         /// The order, encoded.
@@ -112,6 +114,8 @@ pub enum Transmit {
     },
     /// To the routing: this order and all before it are carried out.
     Acknowledge {
+        /// Whose order it is.
+        ballot: Ballot,
         /// The order's number.
         sequence: u32,
     },
@@ -201,6 +205,12 @@ impl Mission {
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
         (self.durable.plan.len(), self.config.waypoints_max)
+    }
+
+    /// Whether it has been told that its master is silent, and has neither heard of it since nor turned to another.
+    #[must_use]
+    pub const fn misses_master(&self) -> bool {
+        self.master_silent
     }
 
     fn checkpoint(&mut self) {
@@ -419,7 +429,15 @@ impl Mission {
     fn acknowledge(&mut self, sequence: u32) {
         if sequence > self.durable.acknowledged {
             self.durable.acknowledged = sequence;
-            self.outbox.transmit(Transmit::Acknowledge { sequence });
+            self.say_acknowledged();
+        }
+    }
+
+    fn say_acknowledged(&mut self) {
+        if let Some(ballot) = self.durable.obeyed.ballot() {
+            let sequence = self.durable.acknowledged;
+            self.outbox
+                .transmit(Transmit::Acknowledge { ballot, sequence });
         }
     }
 
@@ -448,8 +466,7 @@ impl Mission {
                 awaited.silent = false;
             }
         }
-        let sequence = self.durable.acknowledged;
-        self.outbox.transmit(Transmit::Acknowledge { sequence });
+        self.say_acknowledged();
         match self.durable.state {
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),

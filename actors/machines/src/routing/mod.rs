@@ -31,7 +31,7 @@ pub enum Config {
 }
 
 /// What a routing is told.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Input {
     /// By the radio: a frame was let in.
     Heard {
@@ -55,6 +55,8 @@ pub enum Input {
     Lead(Ballot),
     /// By the protocol, as master: this is the newest order.
     Publish {
+        /// Under which ballot of its own; nothing is published if another has been heard of meanwhile.
+        ballot: Ballot,
         /// One more than the order before it.
         sequence: u32,
         /// The order.
@@ -62,6 +64,8 @@ pub enum Input {
     },
     /// By the protocol: this order and all before it are carried out.
     Acknowledge {
+        /// Whose order it is; nothing is acknowledged if the drone has turned to another meanwhile.
+        ballot: Ballot,
         /// The order's number.
         sequence: u32,
     },
@@ -96,7 +100,7 @@ pub enum Transmit {
 }
 
 /// What a routing lets its protocol know.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Notice {
     /// Whom this drone obeys from now on: it heard of a better ballot.
     Reign(Ballot),

@@ -64,10 +64,11 @@ impl Reign {
         verdict
     }
 
-    /// Takes an order of the drone's own; whether it is news. Nobody orders in the name of another: the protocol of a
-    /// drone that has just turned may not know so yet.
-    pub fn publish(&mut self, own: NodeId, sequence: u32, order: Bytes) -> bool {
-        self.is_led_by(own) && self.take(sequence, order)
+    /// Takes an order that the drone gives under its ballot; whether it is news. It is not if the drone has turned to
+    /// another, of which its protocol need not know yet: nobody orders in the name of another.
+    pub fn publish(&mut self, own: NodeId, ballot: Ballot, sequence: u32, order: Bytes) -> bool {
+        let is_current = self.is_led_by(own) && self.ballot() == Some(ballot);
+        is_current && self.take(sequence, order)
     }
 
     /// Takes an order that was heard under this reign; whether it is news. A master hears its own orders only.
@@ -85,9 +86,9 @@ impl Reign {
         is_news
     }
 
-    /// Takes in that the drone has carried out an order, and all before it; whether that is news.
-    pub const fn acknowledge(&mut self, sequence: u32) -> bool {
-        let is_news = sequence > self.acknowledged;
+    /// Takes in that the drone has carried out an order of this reign, and all before it; whether that is news.
+    pub fn acknowledge(&mut self, ballot: Ballot, sequence: u32) -> bool {
+        let is_news = self.ballot() == Some(ballot) && sequence > self.acknowledged;
         if is_news {
             self.acknowledged = sequence;
         }
@@ -114,5 +115,56 @@ impl Reign {
     pub fn notices(&self) -> impl Iterator<Item = Notice> {
         let reign = self.ballot().map(Notice::Reign);
         reign.into_iter().chain(self.newest_order())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ballot(term: u32, master: u32) -> Ballot {
+        let master = NodeId(master);
+        let rank = master.0;
+        Ballot { term, rank, master }
+    }
+
+    const ORDER: Bytes = Bytes::from_static(b"go");
+
+    #[test]
+    fn what_a_protocol_says_under_an_older_ballot_is_not_taken() {
+        let (own, claimed, better) = (NodeId(1), ballot(2, 1), ballot(3, 2));
+        let mut reign = Reign::of(claimed);
+        assert!(reign.publish(own, claimed, 1, ORDER));
+        assert!(reign.acknowledge(claimed, 1) && reign.is_carried_out());
+        // A frame under a better ballot comes before what the protocol said next.
+        assert_eq!(reign.hear(better, Way::Mutual), Verdict::Turned);
+        assert_eq!(reign.hear(claimed, Way::Mutual), Verdict::Ignored);
+        assert!(!reign.publish(own, claimed, 2, ORDER));
+        assert!(!reign.publish(own, better, 2, ORDER), "it is another's");
+        assert!(reign.hear_order(own, 1, ORDER));
+        assert!(!reign.acknowledge(claimed, 1) && !reign.is_carried_out());
+    }
+
+    #[test]
+    fn orders_are_taken_from_the_master_only_and_each_once() {
+        let master = ballot(1, 2);
+        let mut reign = Reign::of(master);
+        assert!(reign.hear_order(NodeId(1), 3, ORDER));
+        assert!(!reign.hear_order(NodeId(1), 3, ORDER) && !reign.hear_order(NodeId(1), 2, ORDER));
+        assert!(
+            !reign.hear_order(NodeId(2), 4, ORDER),
+            "a master has its own"
+        );
+        assert!(
+            !Reign::default().hear_order(NodeId(1), 1, ORDER),
+            "whose is it?"
+        );
+        let order = Notice::Order {
+            ballot: master,
+            sequence: 3,
+            order: ORDER,
+        };
+        let notices: Vec<_> = reign.notices().collect();
+        assert_eq!(notices, [Notice::Reign(master), order]);
     }
 }

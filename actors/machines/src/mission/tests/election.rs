@@ -36,7 +36,7 @@ fn order_of(master: Ballot, sequence: u32, order: &Order) -> RoutingNotice {
 
 fn acknowledged(transmits: &[Transmit]) -> Vec<u32> {
     let sequences = transmits.iter().filter_map(|transmit| match transmit {
-        Transmit::Acknowledge { sequence } => Some(*sequence),
+        Transmit::Acknowledge { sequence, .. } => Some(*sequence),
         _ => None,
     });
     sequences.collect()
@@ -157,6 +157,18 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
     hears(&mut again, 42.0, order_of(ballot(1, 0, 1), 9, &order));
     assert_eq!(again.durable.obeyed.ballot(), Some(ballot(4, 2, 2)));
     assert_eq!(again.durable.state, State::WaypointReached { waypoint: 0 });
+}
+
+#[test]
+fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
+    let mut forgetful = elects(0);
+    let said = hears(&mut forgetful, 41.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    assert_eq!(said[0], Transmit::Lead(ballot(5, 1, 0)));
+    assert_eq!(orders(&said), [Order::Move { waypoint: 0 }]);
+    let mut obedient = mission(0, Liveness::Pulse);
+    ordered(&mut obedient, 1, &whole_plan());
+    let said = hears(&mut obedient, 2.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    assert_eq!(said, [], "on the ground nobody claims");
 }
 
 #[test]

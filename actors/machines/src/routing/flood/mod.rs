@@ -262,13 +262,18 @@ impl Machine for FloodRouting {
                 payload,
             } => self.heard(now, sender, ballot, &payload),
             Input::Lead(ballot) => self.lead(now, ballot),
-            Input::Publish { sequence, order } => {
-                if self.durable.reign.publish(self.config.id, sequence, order) {
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = self.config.id;
+                if self.durable.reign.publish(own, ballot, sequence, order) {
                     self.checkpoint();
                 }
             }
-            Input::Acknowledge { sequence } => {
-                if self.durable.reign.acknowledge(sequence) {
+            Input::Acknowledge { ballot, sequence } => {
+                if self.durable.reign.acknowledge(ballot, sequence) {
                     self.checkpoint();
                 }
             }

@@ -354,7 +354,10 @@ fn a_drone_that_is_done_says_so_once_and_falls_silent() {
     stimulate(
         &mut slave,
         at(0.1),
-        Stimulus::Input(Input::Acknowledge { sequence: 4 }),
+        Stimulus::Input(Input::Acknowledge {
+            ballot: MASTER,
+            sequence: 4,
+        }),
     );
     let last = stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Stop)).sent;
     let [Packet::Flood(last)] = last.as_slice() else {

@@ -477,14 +477,19 @@ impl Machine for TreeRouting {
                 delivered,
             } => self.outcome(now, to, &payload, delivered),
             Input::Lead(ballot) => self.lead(now, ballot),
-            Input::Publish { sequence, order } => {
-                if self.durable.reign.publish(self.config.id, sequence, order) {
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = self.config.id;
+                if self.durable.reign.publish(own, ballot, sequence, order) {
                     self.checkpoint();
                     self.say(now, speak::Occasion::News);
                 }
             }
-            Input::Acknowledge { sequence } => {
-                if self.durable.reign.acknowledge(sequence) {
+            Input::Acknowledge { ballot, sequence } => {
+                if self.durable.reign.acknowledge(ballot, sequence) {
                     self.checkpoint();
                     self.acknowledge(now);
                 }
