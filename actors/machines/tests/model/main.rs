@@ -36,6 +36,18 @@ fn whatever_single_fault_befalls_three_drones_the_rules_hold_in_every_state() {
 }
 
 #[test]
+fn three_drones_cut_apart_one_of_which_crashes_and_restarts_keep_the_rules_in_every_state() {
+    let faults = Faults {
+        crashes: 1,
+        splits: 1,
+        ..NONE
+    };
+    let found = search(Swarm::new(3, faults, Pace::Prompt), None);
+    assert!(found.is_exhausted && found.states > 100_000);
+    assert_holds(&found, "");
+}
+
+#[test]
 fn whoever_falsely_suspects_its_master_over_a_link_that_carries_one_way_changes_nothing_for_good() {
     let faults = Faults {
         one_way: 1,
