@@ -1,10 +1,12 @@
 //! Whom a drone obeys. Routing and mission each hold one of these and decide by nothing else, so that they can't differ
 //! in what a better ballot is.
 
+use serde::{Deserialize, Serialize};
+
 use crate::identity::{Ballot, NodeId};
 
 /// The ballot that a drone obeys, if it has heard of any; it never falls.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Obeyed(Option<Ballot>);
 
 /// By which way a ballot is heard of.

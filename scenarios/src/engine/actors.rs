@@ -101,6 +101,7 @@ impl Driver {
             What::Step(stimulus) => Message::Step(stimulus),
             What::Crash => Message::Crash,
             What::Restart => return drone.restart(address),
+            What::Boot => return drone.boot(),
         };
         drone
             .book()
@@ -116,7 +117,7 @@ struct SimulatedEnvironment {
 
 impl Environment for SimulatedEnvironment {
     fn now(&self) -> Timestamp {
-        lock(&self.world).now()
+        lock(&self.world).now_of(self.id)
     }
 
     fn seed(&self) -> u64 {

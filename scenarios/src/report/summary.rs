@@ -4,6 +4,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
 use muster_transport::sim::Access;
 
+use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
@@ -29,10 +30,12 @@ pub(crate) fn summary(
             ..drone(id, recorder.centre(), record)
         })
         .collect();
+    let overrides: Vec<_> = scenario.overrides.iter().map(ToString::to_string).collect();
     let report = Report {
+        command: command(&scenario.name, scenario.seed, engine, &overrides),
         scenario: scenario.name.clone(),
         seed: scenario.seed,
-        overrides: scenario.overrides.iter().map(ToString::to_string).collect(),
+        overrides,
         engine,
         trace: outcome.trace.clone(),
         simulated_s: outcome.ended.as_secs_f64(),
@@ -125,7 +128,9 @@ fn state(record: &Record) -> String {
         .states
         .last()
         .map_or(State::Start, |(_, state)| *state);
-    if record.killed.is_some() {
+    if record.fell {
+        format!("fell while {last}")
+    } else if record.killed.is_some() {
         format!("killed while {last}")
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
         format!("on the ground, an actor given up while {last}")
@@ -142,6 +147,8 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::Late => Some("it was late at its slot"),
         LandingReason::Overdue => Some("a leg took too long"),
         LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
+        LandingReason::Restarted => Some("its process restarted on the ground"),
+        LandingReason::Controller => Some("its flight controller brought it down"),
     }
 }
 

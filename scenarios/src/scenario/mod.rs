@@ -1,17 +1,20 @@
 //! What is simulated: a scenario, as parsed.
 
+mod fault;
 mod faults;
 mod file;
 mod follow;
 mod formation;
 mod limits;
 mod load;
+mod outlook;
 mod raw;
+mod settling;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Blueprint};
+use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
@@ -19,16 +22,17 @@ use muster_machines::mission::{Barrier, Following, Liveness, Succession};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
-use muster_machines::time::Timestamp;
 use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::Landing;
 
+pub use fault::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
+pub use settling::Settling;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
@@ -146,12 +150,20 @@ impl Scenario {
                 // Ways are lost and found again while drones spread out.
                 time_to_live: protocol.time_to_live * 2,
                 patience: match protocol.succession {
-                    // Somebody else's next beacon may still come.
-                    Succession::Elect => protocol.beacon * 3 / 2,
+                    // A frame of somebody else's that has heard more may be on its way.
+                    Succession::Elect => protocol.beacon / 4,
                     Succession::Land => protocol.time_to_live * 3,
                 },
             }),
         }
+    }
+
+    /// How long it may take until each part of the swarm has its one master.
+    #[must_use]
+    pub fn settling(&self) -> Settling {
+        let routing = self.routing(self.layout.formation().centre());
+        let (radio, limits) = (&self.radio, &self.limits);
+        Settling::new(&routing, radio, self.protocol.liveness, limits.leg)
     }
 
     /// What one of its drones is built with.
@@ -163,7 +175,6 @@ impl Scenario {
             radio: radio::Config {
                 id,
                 swarm: SWARM,
-                boot: 1,
                 budget: Budget {
                     interval: protocol.period / BUDGET_PER_PERIOD,
                     burst: BUDGET_BURST,
@@ -184,6 +195,10 @@ impl Scenario {
                 barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 succession: protocol.succession,
+                spreading_patience: match protocol.succession {
+                    Succession::Elect => protocol.time_to_live * 3,
+                    Succession::Land => Duration::ZERO,
+                },
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,
@@ -272,6 +287,8 @@ pub struct Limits {
     pub separation: Separation,
     /// How long the run may last: by then every drone is on the ground.
     pub duration: Duration,
+    /// How long all between take-off and the ground should take.
+    pub flight: Duration,
     /// How long the master waits for members on the ground.
     pub set_up: Duration,
     /// How long a take-off may take.
@@ -282,33 +299,22 @@ pub struct Limits {
     pub waypoints_max: usize,
     /// The most messages that wait for one actor.
     pub waiting_max: usize,
+    /// How long an actor may hang before its supervisor takes it for failed.
+    pub hang: Duration,
+    /// How long a process may hang before its service manager ends it and starts it again.
+    pub watchdog: Duration,
     /// When failed actors are restarted and when that is given up.
     pub restarts: RestartLimits,
 }
 
-/// Something that goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Fault {
-    /// When.
-    pub at: Timestamp,
-    /// What.
-    pub kind: FaultKind,
-}
+/// What the default bound on a run allows for besides: times to live that run out, and a master lost on the way.
+const MARGIN: Duration = Duration::from_secs(300);
 
-/// What can go wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FaultKind {
-    /// One of a drone's actors panics.
-    CrashActor(NodeId, Address),
-    /// A drone's companion computer dies: its aircraft comes down by its controller's failsafe.
-    Kill(Target),
-}
-
-/// Whom a fault befalls.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Target {
-    /// This one.
-    Drone(NodeId),
-    /// Whoever leads by then; of several the one with the best ballot.
-    Master,
+impl Limits {
+    /// How long a run may last unless it is told: as long as drones may wait on the ground and take off, twice what the
+    /// flight should take, and [`MARGIN`]; at most a week.
+    fn default_duration(&self) -> Duration {
+        let on_the_ground = self.set_up + self.take_off;
+        (on_the_ground + self.flight * 2 + MARGIN).min(limits::DURATION_MAX)
+    }
 }

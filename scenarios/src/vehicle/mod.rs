@@ -35,6 +35,7 @@ pub(crate) struct Vehicle {
     armed: bool,
     has_flown: bool,
     is_landing: bool,
+    is_wreck: bool,
     target: Option<Ned>,
 }
 
@@ -46,6 +47,7 @@ impl Vehicle {
             armed: false,
             has_flown: false,
             is_landing: false,
+            is_wreck: false,
             target: None,
         }
     }
@@ -154,12 +156,26 @@ impl Vehicle {
         obeys
     }
 
-    /// Its motion has come to its end: a landing ends disarmed.
-    pub(crate) fn come_to_rest(&mut self) {
-        if self.is_landing {
-            self.is_landing = false;
-            self.armed = false;
-        }
+    /// Whether it fell: nobody can be kept apart from it any more.
+    pub(crate) const fn is_wreck(&self) -> bool {
+        self.is_wreck
+    }
+
+    /// Falls to the ground as fast as it does by its own weight, on from how it moves, its motors off for good.
+    pub(crate) fn fall(&mut self, now: Timestamp) {
+        self.armed = false;
+        self.has_flown = true;
+        self.is_landing = false;
+        self.is_wreck = true;
+        self.target = None;
+        self.motion.fall(now);
+    }
+
+    /// Its motion has come to its end: a landing ends disarmed. Whether it was one.
+    pub(crate) fn come_to_rest(&mut self) -> bool {
+        let lands = std::mem::take(&mut self.is_landing);
+        self.armed &= !lands;
+        lands
     }
 }
 

@@ -4,13 +4,18 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod clock;
+mod connected;
+mod disk;
 mod drone;
+mod faults;
 mod heap;
-mod part;
+mod process;
 mod recorder;
+mod tampering;
 mod trace;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -31,14 +36,17 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use self::drone::Drone;
+use self::faults::Plan;
 use self::heap::Heap;
-use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
+use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    BarrierChecker, BoundsChecker, ElectionChecker, SeparationChecker, Violation, check_landed,
+    AdmissionChecker, ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker,
+    ObedienceChecker, SeparationChecker, SettledChecker, Violation, check_landed,
 };
-use crate::scenario::{FaultKind, Follow, Scenario, Target};
+use crate::parts::Parts;
+use crate::scenario::{Follow, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
@@ -47,6 +55,7 @@ const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
 const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
+const FAULTS_STREAM: u64 = u64::MAX;
 
 /// What an engine is to do next.
 #[derive(Debug)]
@@ -64,6 +73,8 @@ pub(crate) enum What {
     Crash,
     /// Build the actor anew.
     Restart,
+    /// Build all five, under a new supervisor.
+    Boot,
 }
 
 #[derive(Debug)]
@@ -74,6 +85,8 @@ enum Planned {
     Arrive {
         to: NodeId,
         datagram: Bytes,
+        /// Whether its sender said it, and for the first time.
+        is_genuine: bool,
     },
     /// What became of a frame for one drone.
     Outcome(muster_transport::Outcome),
@@ -90,12 +103,43 @@ enum Planned {
     Restart {
         drone: NodeId,
         address: Address,
+        life: u32,
     },
-    Crash {
+    /// A drone's process starts.
+    Boot {
         drone: NodeId,
-        address: Address,
+        life: u32,
     },
-    Kill(Target),
+    /// Whoever watches a drone finds that it hangs.
+    Watchdog {
+        drone: NodeId,
+        actor: Option<Address>,
+        hangs: u32,
+    },
+    /// A drone's clock gains so many millionths from now on.
+    Skew {
+        drone: NodeId,
+        ppm: i32,
+    },
+    /// What hangs goes on.
+    GoOn {
+        drone: NodeId,
+        hangs: u32,
+    },
+    /// What has waited for a drone that hung is handed to it.
+    Backlog {
+        drone: NodeId,
+        life: u32,
+    },
+    /// A fault of the plan befalls, for the nth time from 0.
+    Fault {
+        index: usize,
+        nth: u32,
+    },
+    /// It is over.
+    FaultOver {
+        index: usize,
+    },
     /// The master's pilot moves the sticks.
     Steer(Velocity),
     /// The operator ends the flight.
@@ -108,6 +152,8 @@ pub(crate) struct World {
     now: Timestamp,
     limit: Timestamp,
     heap: Heap<Planned>,
+    plan: Plan,
+    tampering: Tampering,
     inbox: VecDeque<(NodeId, Envelope)>,
     medium: Medium,
     /// When the medium is woken next, as far as that is planned.
@@ -116,13 +162,23 @@ pub(crate) struct World {
     vehicles: Vec<Vehicle>,
     /// How long a vehicle takes at most to come to rest at the end of a leg.
     settle: Duration,
+    /// How long an actor may hang before its supervisor takes it for failed.
+    hang_max: Duration,
+    /// How long a process may before its service manager ends it.
+    watchdog: Duration,
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
-    range_m: f64,
     /// What is to happen once the master is followed.
     follow: Option<Follow>,
+    parts: Parts,
+    /// When the links are looked at next.
+    next_look: Timestamp,
     election: ElectionChecker,
+    admission: AdmissionChecker,
+    settled: SettledChecker,
+    obedience: ObedienceChecker,
+    arming: ArmingChecker,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -147,36 +203,44 @@ impl World {
         };
         let mut heap = Heap::new();
         heap.plan(Timestamp::ZERO, Planned::Fly);
-        for fault in &scenario.faults {
-            heap.plan(
-                fault.at,
-                match fault.kind {
-                    FaultKind::CrashActor(drone, address) => Planned::Crash { drone, address },
-                    FaultKind::Kill(target) => Planned::Kill(target),
-                },
-            );
+        let plan = Plan::new(&scenario.faults);
+        let has_journals = plan.restarts_processes();
+        for (index, at) in plan.timed() {
+            heap.plan(at, Planned::Fault { index, nth: 0 });
         }
         Self {
             now: Timestamp::ZERO,
             limit: Timestamp::ZERO + scenario.limits.duration,
             heap,
+            tampering: Tampering::new(
+                generator(FAULTS_STREAM),
+                plan.listened_to(nodes).into_iter(),
+            ),
+            plan,
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
             medium_wakes: None,
             drones: (0..u64::from(nodes))
-                .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
+                .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
             vehicles: places
                 .iter()
                 .map(|place| Vehicle::new(scenario.landing, *place))
                 .collect(),
             settle: scenario.settle,
+            hang_max: scenario.limits.hang,
+            watchdog: scenario.limits.watchdog,
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
-            range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
+            parts: Parts::default(),
+            next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
+            admission: AdmissionChecker::default(),
+            settled: SettledChecker::new(scenario.settling()),
+            obedience: ObedienceChecker::default(),
+            arming: ArmingChecker::new(nodes as usize),
             barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
             separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
@@ -188,6 +252,11 @@ impl World {
 
     pub(crate) const fn now(&self) -> Timestamp {
         self.now
+    }
+
+    /// What a drone's own clock shows.
+    pub(crate) fn now_of(&self, drone: NodeId) -> Timestamp {
+        self.drones[drone.0 as usize].clock.at(self.now)
     }
 
     pub(crate) const fn recorder(&self) -> &Recorder {
@@ -205,10 +274,19 @@ impl World {
 
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
+        self.obedience.goes_on();
         loop {
             while let Some((drone, envelope)) = self.inbox.pop_front() {
                 let address = envelope.address();
+                if self.drone(drone).is_hung(address) {
+                    self.wait_for(drone, envelope);
+                    continue;
+                }
                 if self.drone(drone).is_up(address) {
+                    self.admission.told(drone, &envelope);
+                    self.arming.told(drone, &envelope);
+                    let obeyed = self.election.obeyed(drone);
+                    self.obedience.told(drone, &envelope, obeyed);
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -234,6 +312,15 @@ impl World {
         }
     }
 
+    /// Keeps what comes for an actor that hangs, as far as there is room.
+    fn wait_for(&mut self, drone: NodeId, envelope: Envelope) {
+        let waiting_max = self.bounds.waiting_max;
+        let backlog = &mut self.drone(drone).backlog;
+        if backlog.len() < waiting_max {
+            backlog.push_back(envelope);
+        }
+    }
+
     /// Lets something planned happen; whom to step for it, if that is not told by message.
     fn happen(&mut self, planned: Planned) -> Option<Task> {
         match planned {
@@ -242,10 +329,17 @@ impl World {
                 self.post(master, Envelope::Mission(mission::Input::Fly));
             }
             Planned::Medium => self.wake_medium(),
-            Planned::Arrive { to, datagram } => {
+            Planned::Arrive {
+                to,
+                datagram,
+                is_genuine,
+            } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                if !is_genuine {
+                    self.admission.spurious(to, &datagram);
+                }
                 self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
             }
             Planned::Outcome(outcome) => {
@@ -269,29 +363,33 @@ impl World {
             }
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
-            Planned::Restart { drone, address } => {
-                return (!self.drone(drone).given_up).then_some(Task {
+            Planned::Boot { drone, life } => return self.boot(drone, life),
+            Planned::Watchdog {
+                drone,
+                actor,
+                hangs,
+            } => return self.bite(drone, actor, hangs),
+            Planned::Skew { drone, ppm } => self.skew(drone, ppm),
+            Planned::GoOn { drone, hangs } => self.go_on(drone, hangs),
+            Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
+            Planned::Restart {
+                drone,
+                address,
+                life,
+            } => {
+                let state = self.drone(drone);
+                return (!state.given_up && state.lives == life).then_some(Task {
                     drone,
                     address,
                     what: What::Restart,
                 });
             }
-            Planned::Kill(target) => {
-                if let Some(drone) = self.find_target(target) {
-                    self.kill(drone);
-                }
-            }
+            Planned::Fault { index, nth } => return self.befall(index, nth),
+            Planned::FaultOver { index } => self.is_over_now(index),
             Planned::Steer(velocity) => self.steer(velocity),
             Planned::Land => {
                 let master = self.recorder.centre();
                 self.post(master, Envelope::Mission(mission::Input::Land));
-            }
-            Planned::Crash { drone, address } => {
-                return self.drone(drone).is_up(address).then_some(Task {
-                    drone,
-                    address,
-                    what: What::Crash,
-                });
             }
         }
         None
@@ -299,19 +397,30 @@ impl World {
 
     /// Does what a step asked for, in order, and sets the machine's timer.
     pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+        let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
+        let effects = &reaction.effects;
+        let found = self.obedience.stepped(now, drone, from, effects, kept);
+        self.find(found);
         for effect in reaction.effects.drain(..) {
             self.effect(drone, effect);
         }
         let table = reaction.occupancy;
         self.find(self.bounds.table(self.now, drone, from, table));
-        let generation = self.drone(drone).set_timer(from, reaction.deadline);
-        if let (Some(generation), Some(deadline)) = (generation, reaction.deadline) {
+        self.set_timer(drone, from, reaction.deadline);
+    }
+
+    /// Sets a machine's timer, by its drone's own clock.
+    fn set_timer(&mut self, drone: NodeId, address: Address, deadline: Option<Timestamp>) {
+        let state = self.drone(drone);
+        let generation = state.set_timer(address, deadline);
+        if let (Some(generation), Some(deadline)) = (generation, deadline) {
+            let at = state.clock.when(deadline).max(self.now);
             let wake = Planned::Wake {
                 drone,
-                address: from,
+                address,
                 generation,
             };
-            self.heap.plan(deadline.max(self.now), wake);
+            self.heap.plan(at, wake);
         }
     }
 
@@ -327,7 +436,7 @@ impl World {
                 self.send(drone, to, &frame);
             }
             Effect::Command(demand) => self.command(drone, demand),
-            Effect::Keep(checkpoint) => self.drone(drone).checkpoints.keep(checkpoint),
+            Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(observation) => self.observe(drone, &observation),
         }
     }
@@ -335,6 +444,8 @@ impl World {
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder.received(drone);
+            let found = self.admission.lets_in(self.now, drone);
+            self.find(found);
         }
         let address = envelope.address();
         self.inbox.push_back((drone, envelope));
@@ -350,6 +461,7 @@ impl World {
         let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
         self.trace
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
+        self.tampering.record(drone, frame);
         if let Some(to) = to {
             self.trace.value(self.now, drone, Kind::Addressed, &to);
         }
@@ -375,8 +487,16 @@ impl World {
         while let Some(event) = self.medium.poll_event() {
             match event {
                 Event::Arrival(arrival) => {
-                    let (to, datagram) = (arrival.to, arrival.datagram);
-                    self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+                    let to = arrival.to;
+                    let (first, twin) = self.tampering.pass(to, arrival.datagram);
+                    for passage in std::iter::once(first).chain(twin) {
+                        let arrive = Planned::Arrive {
+                            to,
+                            datagram: passage.datagram,
+                            is_genuine: passage.is_genuine,
+                        };
+                        self.heap.plan(arrival.at + passage.late, arrive);
+                    }
                 }
                 Event::Outcome(outcome) => {
                     self.heap.plan(outcome.at, Planned::Outcome(outcome));
@@ -393,6 +513,8 @@ impl World {
 
     fn command(&mut self, drone: NodeId, demand: Demand) {
         self.trace.value(self.now, drone, Kind::Commanded, &demand);
+        let found = self.arming.commands(self.now, drone, demand);
+        self.find(found);
         let index = drone.0 as usize;
         if !matches!(demand, Demand::Report) {
             let found = self.separation.path_ends(self.now, drone, &self.vehicles);
@@ -402,22 +524,27 @@ impl World {
         let was_armed = vehicle.is_armed();
         let moves = vehicle.obey(self.now, demand);
         if vehicle.is_armed() && !was_armed {
-            self.recorder.armed(drone, self.now);
-            if self.airborne == 0 {
-                self.heap.plan(self.now, Planned::PlaceRadios);
-            }
-            self.airborne += 1;
+            self.armed(drone);
         }
         if moves {
             if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
                 && let Some(time) = self.drones[index].draw_settling(self.settle)
             {
-                vehicle.settle(time);
+                self.vehicles[index].settle(time);
             }
             self.plan_rest(drone);
         } else {
             self.report_telemetry(drone);
         }
+    }
+
+    fn armed(&mut self, drone: NodeId) {
+        self.recorder.armed(drone, self.now);
+        if self.airborne == 0 {
+            self.heap.plan(self.now, Planned::PlaceRadios);
+        }
+        self.airborne += 1;
+        self.occurs(Occasion::TakingOff);
     }
 
     /// Plans the end of the motion that a vehicle has just begun.
@@ -472,9 +599,9 @@ impl World {
         let found = self.separation.path_ends(self.now, drone, &self.vehicles);
         self.find(found);
         let vehicle = &mut self.vehicles[drone.0 as usize];
-        vehicle.come_to_rest();
+        let lands = vehicle.come_to_rest();
         let position = vehicle.motion().position(self.now);
-        if !vehicle.is_armed() {
+        if lands {
             self.airborne -= 1;
             self.medium.place(drone, position);
             self.recorder.disarmed(drone, self.now);
@@ -493,6 +620,7 @@ impl World {
                 self.medium.place(id, vehicle.motion().position(self.now));
             }
         }
+        self.watch_links();
         let next = self.now + PLACE_RADIOS_EVERY;
         self.heap.plan(next, Planned::PlaceRadios);
     }
@@ -505,13 +633,17 @@ impl World {
                 let now = self.now;
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
-                let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let drones = &self.drones;
-                let passes_on = |id: NodeId| drones[id.0 as usize].passes_on();
-                let part = || part_of(drone, range_m, now, vehicles, passes_on);
+                let obeyed = self.election.obeyed(drone);
+                let found = self.arming.observe(now, drone, event, obeyed);
+                self.find(found);
+                if matches!(event, mission::Event::Opened { .. }) {
+                    self.look_at_links();
+                }
+                let part = || self.parts.part_of(drone);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
+                self.occurs_to(drone, event);
                 if let mission::Event::Obeys(ballot) = event
                     && ballot.is_elected()
                 {
@@ -538,7 +670,14 @@ impl World {
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder.restarts(drone);
-                self.heap.plan(at, Planned::Restart { drone, address });
+                let at = self.drone(drone).clock.when(at).max(self.now);
+                let life = self.drone(drone).lives;
+                let restart = Planned::Restart {
+                    drone,
+                    address,
+                    life,
+                };
+                self.heap.plan(at, restart);
             }
             Verdict::GiveUp => {
                 self.recorder.given_up(drone);
@@ -552,69 +691,24 @@ impl World {
         }
     }
 
-    /// Whom a fault befalls, if there is such a drone.
-    fn find_target(&self, target: Target) -> Option<NodeId> {
-        match target {
-            Target::Drone(drone) => Some(drone),
-            Target::Master => (0..)
-                .map(NodeId)
-                .take(self.drones.len())
-                .filter(|id| !self.drones[id.0 as usize].given_up)
-                .filter_map(|id| self.election.obeyed(id).filter(|it| it.master == id))
-                .reduce(|best, ballot| if ballot.beats(&best) { ballot } else { best })
-                .map(|ballot| ballot.master),
-        }
-    }
-
-    /// A drone's companion computer dies: nothing of it runs any more, and its flight controller brings it down.
-    fn kill(&mut self, drone: NodeId) {
-        self.trace.value(self.now, drone, Kind::Killed, &());
-        for address in Address::ALL {
-            self.drone(drone).take_down(address);
-        }
-        self.inbox.retain(|(to, _)| *to != drone);
-        self.drone(drone).given_up = true;
-        self.recorder.killed(drone, self.now);
-        self.barrier.given_up(drone);
-        self.command(drone, Demand::Land);
-        self.look_at_elections();
-    }
-
-    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
-    fn look_at_elections(&mut self) {
-        let masters = self.masters_if_settled();
-        self.recorder.election(self.now, masters);
-    }
-
-    /// The masters, if those that fly the mission obey, in each part, one drone of that part.
-    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
-        let flies = |id: NodeId| self.recorder.is_following(id) && !self.recorder.is_killed(id);
-        let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
-        let ids = || (0..).map(NodeId).take(self.vehicles.len());
-        let mut masters = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        for id in ids().filter(|id| flies(*id)) {
-            if seen.contains(&id) {
-                continue;
+    /// What happens to a drone may be what a fault waits for.
+    fn occurs_to(&mut self, drone: NodeId, event: &mission::Event) {
+        match *event {
+            mission::Event::State(State::WaypointReached { waypoint }) => {
+                self.occurs(Occasion::Waypoint(waypoint));
             }
-            let part = part_of(id, self.range_m, self.now, &self.vehicles, passes_on);
-            let obeyed = self.election.obeyed(id)?;
-            let is_one = part
-                .iter()
-                .filter(|id| flies(**id))
-                .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !part.contains(&obeyed.master) || !flies(obeyed.master) {
-                return None;
+            mission::Event::Landing(_) => self.occurs(Occasion::Landing),
+            mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == drone => {
+                self.occurs(Occasion::Elected);
             }
-            masters.insert(obeyed.master);
-            seen.extend(part);
+            _ => {}
         }
-        Some(masters)
     }
 
     /// An actor is about to be built.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
+        self.arming.starting(drone, address);
         self.drone(drone).bring_up(address);
     }
 

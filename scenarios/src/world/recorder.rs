@@ -46,9 +46,12 @@ pub(crate) struct Record {
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
     pub(crate) given_up: bool,
-    /// When its companion computer died.
+    /// When its companion computer died, or the aircraft fell.
     pub(crate) killed: Option<Timestamp>,
+    pub(crate) fell: bool,
     pub(crate) restarts: u32,
+    /// How often its process started anew.
+    pub(crate) reboots: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
     /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
@@ -101,7 +104,9 @@ impl Recorder {
             reason: None,
             given_up: false,
             killed: None,
+            fell: false,
             restarts: 0,
+            reboots: 0,
             armed: None,
             disarmed: None,
             sent: 0,
@@ -202,29 +207,48 @@ impl Recorder {
         self.record(id).restarts += 1;
     }
 
+    /// Its process is there again.
+    pub(crate) fn rebooted(&mut self, id: NodeId) {
+        let record = self.record(id);
+        record.reboots += 1;
+        record.killed = None;
+    }
+
     pub(crate) fn given_up(&mut self, id: NodeId) {
         self.record(id).given_up = true;
     }
 
-    /// Whether each part has a master now, and who they are.
-    pub(crate) fn election(&mut self, now: Timestamp, masters: Option<BTreeSet<NodeId>>) {
+    /// Whether each part has a master now, and who they are; whether an election has just ended by that.
+    pub(crate) fn election(&mut self, now: Timestamp, masters: Option<BTreeSet<NodeId>>) -> bool {
         let open = self.elections.last_mut().filter(|it| it.settled.is_none());
         match (open, masters) {
-            (Some(election), Some(masters)) => election.settled = Some((now, masters)),
+            (Some(election), Some(masters)) => {
+                election.settled = Some((now, masters));
+                return true;
+            }
             (None, None) => self.elections.push(Election {
                 begun: now,
                 settled: None,
             }),
             (Some(_), None) | (None, Some(_)) => {}
         }
+        false
     }
 
     pub(crate) fn elections(&self) -> &[Election] {
         &self.elections
     }
 
-    pub(crate) fn is_killed(&self, id: NodeId) -> bool {
-        self.nodes[id.0 as usize].killed.is_some()
+    /// How often actors of a node, or its process, were restarted so far.
+    pub(crate) fn restarts_of(&self, id: NodeId) -> u32 {
+        let record = &self.nodes[id.0 as usize];
+        record.restarts + record.reboots
+    }
+
+    /// Whether a drone is done.
+    pub(crate) fn is_finished(&self, id: NodeId) -> bool {
+        let last = self.nodes[id.0 as usize].states.last();
+        last.is_some_and(|(_, state)| *state == State::Finished)
     }
 
     /// Whether a drone is in the air and takes part in the mission.
@@ -235,6 +259,11 @@ impl Recorder {
 
     pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {
         self.record(id).killed = Some(now);
+    }
+
+    pub(crate) fn fell(&mut self, id: NodeId, now: Timestamp) {
+        self.killed(id, now);
+        self.record(id).fell = true;
     }
 
     pub(crate) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {
@@ -308,8 +337,7 @@ impl Recorder {
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
         let record = &self.nodes[id.0 as usize];
-        let last = record.states.last().map(|(_, state)| *state);
-        record.given_up || record.killed.is_some() || last == Some(State::Finished)
+        record.given_up || record.killed.is_some() || self.is_finished(id)
     }
 
     fn is_landing(&self, id: NodeId) -> bool {

@@ -31,6 +31,11 @@ pub(crate) enum Kind {
     Steered,
     Killed,
     Addressed,
+    Fell,
+    Stopped,
+    Hung,
+    WentOn,
+    Skewed,
 }
 
 impl Trace {

@@ -46,6 +46,8 @@ pub struct Config {
     pub liveness: Liveness,
     /// What a drone in the air does once its master counts as lost.
     pub succession: Succession,
+    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again.
+    pub spreading_patience: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.
@@ -148,6 +150,10 @@ pub enum LandingReason {
     Overdue,
     /// An actor of the drone can't be kept alive.
     ActorGivenUp,
+    /// The drone's process restarted on the ground: it stays there.
+    Restarted,
+    /// Its flight controller brings it down, or has brought it down, by itself.
+    Controller,
 }
 
 /// What can be seen of a mission.
@@ -177,7 +183,8 @@ pub enum Event {
 pub struct Mission {
     config: Config,
     durable: Checkpoint,
-    master_silent: bool,
+    /// Since when the master has been missed.
+    master_silent: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -188,17 +195,29 @@ impl Mission {
         let mut mission = Self {
             config,
             durable: Checkpoint::default(),
-            master_silent: false,
+            master_silent: None,
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
+            if mission.durable.restarted {
+                mission.begin_life();
+            }
             mission.outbox.transmit(Transmit::Resync);
             if let Some(goal) = mission.goal() {
                 mission.outbox.transmit(Transmit::Goal(goal));
             }
         }
         mission
+    }
+
+    /// The process started anew: on the ground the drone stays there, in the air it has to catch up.
+    fn begin_life(&mut self) {
+        match self.durable.state {
+            State::SetUp => self.stay_down(LandingReason::Restarted),
+            state => self.durable.in_layer |= state.is_following(),
+        }
+        self.checkpoint();
     }
 
     /// Entries in the larger of its tables, and the most either takes.
@@ -210,7 +229,7 @@ impl Mission {
     /// Whether it has been told that its master is silent, and has neither heard of it since nor turned to another.
     #[must_use]
     pub const fn misses_master(&self) -> bool {
-        self.master_silent
+        self.master_silent.is_some()
     }
 
     fn checkpoint(&mut self) {
@@ -248,6 +267,7 @@ impl Mission {
                 Some(Goal::TakeOff {
                     to,
                     transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
+                    arm: !self.durable.restarted,
                 })
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -311,12 +331,14 @@ impl Mission {
 
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
-        // After an election there may be parts of the swarm that do not fly in step with this one.
-        self.durable.in_layer = self
+        // After an election there may be parts of the swarm that do not fly in step with this one; and whoever has
+        // fallen behind does not itself.
+        let is_elected = self
             .durable
             .obeyed
             .ballot()
             .is_some_and(|it| it.is_elected());
+        self.durable.in_layer |= is_elected || self.durable.opened > Some(waypoint);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }
@@ -324,7 +346,11 @@ impl Mission {
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
         match notice {
             RoutingNotice::Reign(ballot) => {
-                self.hear_reign(ballot);
+                let is_obeyed = self.hear_reign(ballot);
+                if is_obeyed && ballot.master == self.config.id && self.durable.lead.is_none() {
+                    // It led, and lost the memory of it: nobody leads.
+                    self.master_silent.get_or_insert(now);
+                }
             }
             RoutingNotice::Order {
                 ballot,
@@ -359,8 +385,10 @@ impl Mission {
             RoutingNotice::Returned(member) => {
                 self.hear_member(member, |awaited| awaited.silent = false);
             }
-            RoutingNotice::MasterSilent => self.master_silent = true,
-            RoutingNotice::MasterReturned => self.master_silent = false,
+            RoutingNotice::MasterSilent => {
+                self.master_silent.get_or_insert(now);
+            }
+            RoutingNotice::MasterReturned => self.master_silent = None,
             RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
             RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
@@ -442,10 +470,20 @@ impl Mission {
     }
 
     fn landed(&mut self) {
-        if self.durable.state == State::Landing {
-            self.enter(State::Finished);
-            self.carried_out();
-            self.outbox.transmit(Transmit::Stop);
+        match self.durable.state {
+            State::Start | State::SetUp | State::Finished => return,
+            State::Landing => {}
+            _ => self.land(LandingReason::Controller),
+        }
+        self.enter(State::Finished);
+        self.carried_out();
+        self.outbox.transmit(Transmit::Stop);
+    }
+
+    /// The flight controller brings the drone down without having been told to.
+    fn coming_down(&mut self) {
+        if self.durable.state.is_following() || self.durable.state == State::MovingToLand {
+            self.land(LandingReason::Controller);
         }
     }
 
@@ -478,18 +516,19 @@ impl Mission {
         self.abandon_swarm();
         match self.durable.state {
             State::Landing | State::Finished => {}
-            State::Start | State::SetUp => {
-                // It never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
-                self.outbox
-                    .event(Event::Landing(LandingReason::ActorGivenUp));
-                self.durable.limit = None;
-                self.durable.lead = None;
-                self.enter(State::Finished);
-                self.outbox.transmit(Transmit::Land);
-                self.outbox.transmit(Transmit::Stop);
-            }
+            State::Start | State::SetUp => self.stay_down(LandingReason::ActorGivenUp),
             _ => self.land(LandingReason::ActorGivenUp),
         }
+    }
+
+    /// It never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
+    fn stay_down(&mut self, reason: LandingReason) {
+        self.outbox.event(Event::Landing(reason));
+        self.durable.limit = None;
+        self.durable.lead = None;
+        self.enter(State::Finished);
+        self.outbox.transmit(Transmit::Land);
+        self.outbox.transmit(Transmit::Stop);
     }
 }
 
@@ -511,6 +550,7 @@ impl Machine for Mission {
             Input::Navigation(NavigationNotice::At { position, velocity }) => {
                 self.located(now, position, velocity);
             }
+            Input::Navigation(NavigationNotice::ComingDown) => self.coming_down(),
             Input::Navigation(NavigationNotice::Landed) => self.landed(),
             Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
             Input::GiveUp => self.give_up(),
@@ -521,6 +561,10 @@ impl Machine for Mission {
 
     fn handle_timeout(&mut self, now: Timestamp) {
         self.locate_if_due(now);
+        if self.succeeds_at().is_some_and(|at| at <= now) {
+            self.succeed(now);
+            self.checkpoint();
+        }
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
             if self.durable.pending.is_some() || self.durable.state == State::Following {
@@ -536,7 +580,7 @@ impl Machine for Mission {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.durable.limit, self.next_fix()];
+        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }

@@ -4,6 +4,8 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
@@ -26,7 +28,7 @@ pub struct Config {
 }
 
 /// Where a mission wants its drone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     /// Arm, climb straight up to a height, fly level to above `to`, go there.
     TakeOff {
@@ -34,6 +36,8 @@ pub enum Goal {
         to: Ned,
         /// The height at which the way is flown, in metres above home.
         transit_altitude_m: f64,
+        /// Whether to arm a vehicle that is not; otherwise it stays on the ground.
+        arm: bool,
     },
     /// Fly straight there.
     FlyTo {
@@ -96,6 +100,8 @@ pub enum Notice {
         /// How it moved.
         velocity: Velocity,
     },
+    /// The vehicle is coming down to land, which it was not told to.
+    ComingDown,
     /// The drone is on the ground and disarmed.
     Landed,
     /// This navigation restarted: tell me again where to go.
@@ -110,7 +116,7 @@ pub enum Event {
 }
 
 /// What outlives a navigation.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Where the mission wants the drone.
     pub goal: Option<Goal>,
@@ -119,7 +125,7 @@ pub struct Checkpoint {
 }
 
 /// What has become of a goal.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub enum Progress {
     /// The vehicle's state is needed before legs can be laid.
     #[default]
@@ -222,6 +228,12 @@ impl Navigation {
         let Some(goal) = self.durable.goal else {
             return;
         };
+        if goal != Goal::Land && self.durable.progress != Progress::Done {
+            let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. });
+            if telemetry.landing || !(telemetry.armed || may_arm) {
+                return self.find_out_of_the_air(telemetry);
+            }
+        }
         match self.durable.progress.clone() {
             Progress::Done => {}
             Progress::Planning => self.plan(goal, telemetry),
@@ -229,6 +241,15 @@ impl Navigation {
             Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
             Progress::Flying(corners) => self.watch_legs(goal, corners, telemetry),
         }
+    }
+
+    /// The vehicle can't be flown anywhere any more: it is on the ground, or on its way there.
+    fn find_out_of_the_air(&mut self, telemetry: &Telemetry) {
+        self.inform(if telemetry.armed {
+            Notice::ComingDown
+        } else {
+            Notice::Landed
+        });
     }
 
     /// Lays the legs to a goal from where the vehicle would come to rest.
@@ -242,6 +263,7 @@ impl Navigation {
             Goal::TakeOff {
                 to,
                 transit_altitude_m,
+                ..
             } => vec![
                 start.at_altitude(transit_altitude_m),
                 to.at_altitude(transit_altitude_m),

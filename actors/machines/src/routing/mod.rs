@@ -10,12 +10,15 @@ mod reign;
 pub mod tree;
 
 use std::convert::Infallible;
+use std::time::Duration;
 
 use bytes::Bytes;
 
 pub use beats::Beats;
 pub use packet::{Flood, Member, Packet, Tree};
 pub use reign::Reign;
+
+use serde::{Deserialize, Serialize};
 
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};
@@ -28,6 +31,35 @@ pub enum Config {
     Flood(flood::Config),
     /// On change, along a tree, repaired at each hop.
     Tree(tree::Config),
+}
+
+impl Config {
+    /// How long a drone takes at most until it misses a master that is gone.
+    #[must_use]
+    pub fn detection(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.detection(),
+            Self::Tree(config) => config.detection(),
+        }
+    }
+
+    /// How long news takes to a neighbour, losses included, the way through the air apart.
+    #[must_use]
+    pub fn hop(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.hop(),
+            Self::Tree(config) => config.hop(),
+        }
+    }
+
+    /// The longest that a drone keeps silent that is not landing.
+    #[must_use]
+    pub fn turn(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.turn(),
+            Self::Tree(config) => config.turn(),
+        }
+    }
 }
 
 /// What a routing is told.
@@ -165,7 +197,7 @@ pub enum Event {
 }
 
 /// A drone's way to the master.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Routes {
     /// Hops to the master; 0 for the master itself.
     pub hops: Option<u16>,
@@ -180,12 +212,32 @@ pub struct Routes {
 }
 
 /// What outlives a routing.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Checkpoint {
     /// Of policy `flood`.
     Flood(flood::Checkpoint),
     /// Of policy `tree`.
     Tree(tree::Checkpoint),
+}
+
+impl Checkpoint {
+    /// Whether what must never fall back has changed since `before`: whom the drone obeys, which numbers it may have
+    /// used, whether it is done.
+    pub(crate) fn is_news(&self, before: &Self) -> bool {
+        match (self, before) {
+            (Self::Flood(own), Self::Flood(before)) => {
+                (own.landing, own.phase) != (before.landing, before.phase)
+                    || own.reign.is_news(&before.reign)
+                    || own.beats.reserved() != before.beats.reserved()
+            }
+            (Self::Tree(own), Self::Tree(before)) => {
+                (own.landing, own.stopped) != (before.landing, before.stopped)
+                    || own.reign.is_news(&before.reign)
+                    || own.beats.reserved() != before.beats.reserved()
+            }
+            _ => true,
+        }
+    }
 }
 
 /// The routing of one drone, by whichever policy.

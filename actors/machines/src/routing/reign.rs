@@ -1,4 +1,5 @@
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 use super::Notice;
 use crate::identity::{Ballot, NodeId};
@@ -6,7 +7,7 @@ use crate::reign::{Obeyed, Verdict, Way};
 
 /// What a drone's routing knows of the reign that it is under, by any policy: whose it is, its newest order, and how
 /// far the drone has got.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Reign {
     obeyed: Obeyed,
     sequence: u32,
@@ -99,6 +100,11 @@ impl Reign {
     #[must_use]
     pub const fn is_carried_out(&self) -> bool {
         self.sequence > 0 && self.acknowledged >= self.sequence
+    }
+
+    /// Whether what must never fall back has changed since `before`: whose reign it is, and how many orders it had.
+    pub(super) fn is_news(&self, before: &Self) -> bool {
+        (self.obeyed, self.sequence) != (before.obeyed, before.sequence)
     }
 
     /// For the protocol: the newest order.

@@ -1,9 +1,11 @@
+use serde::{Deserialize, Serialize};
+
 use crate::identity::NodeId;
 use crate::routing::{Beats, Reign, Routes};
 use crate::time::Timestamp;
 
 /// What outlives a routing.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom this drone obeys, and what it was ordered.
     pub reign: Reign,
@@ -20,7 +22,7 @@ pub struct Checkpoint {
 }
 
 /// What a routing is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Phase {
     /// There are no routes yet: everyone repeats all it knows.
     #[default]

@@ -1,8 +1,10 @@
+use serde::{Deserialize, Serialize};
+
 use crate::routing::{Beats, Reign};
 use crate::time::Timestamp;
 
 /// What outlives a routing of policy `tree`; who is near is learnt anew.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom this drone obeys, and what it was ordered.
     pub reign: Reign,

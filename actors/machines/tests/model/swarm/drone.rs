@@ -189,20 +189,20 @@ impl Drone {
 
     /// Steps the mission.
     pub(crate) fn stimulate(&mut self, input: mission::Input) {
+        self.step_mission(Stimulus::Input(input));
+    }
+
+    fn step_mission(&mut self, stimulus: Stimulus<mission::Input>) {
         let Some(mission) = &mut self.mission else {
             return;
         };
         let (mut posts, mut checkpoint) = (Vec::new(), None);
-        let Ok(_) = step(
-            Arc::make_mut(mission),
-            Timestamp::ZERO,
-            Stimulus::Input(input),
-            |said| match said {
-                Said::Transmit(transmit) => posts.extend(to_routing(transmit)),
-                Said::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
-                Said::Event(_) => {}
-            },
-        );
+        let mission = Arc::make_mut(mission);
+        let Ok(_) = step(mission, Timestamp::ZERO, stimulus, |said| match said {
+            Said::Transmit(transmit) => posts.extend(to_routing(transmit)),
+            Said::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
+            Said::Event(_) => {}
+        });
         if let Some(checkpoint) = checkpoint {
             self.journal.mission.write(Kept::new(checkpoint));
         }
@@ -227,15 +227,9 @@ impl Drone {
             }
             _ => {
                 let checkpoint = (*self.journal.mission.newest().0).clone();
-                let mut mission = Mission::new(config.clone(), Some(checkpoint));
-                let mut posts = Vec::new();
-                let Ok(_) = step(&mut mission, Timestamp::ZERO, Stimulus::Timeout, |said| {
-                    if let Said::Transmit(transmit) = said {
-                        posts.extend(to_routing(transmit));
-                    }
-                });
+                let mission = Mission::new(config.clone(), Some(checkpoint));
                 self.mission = Some(Arc::new(mission));
-                self.send(posts);
+                self.step_mission(Stimulus::Timeout);
             }
         }
     }
@@ -253,6 +247,10 @@ impl Drone {
     /// The process starts again from its journal.
     pub(crate) fn restart(&mut self, config: &Config) {
         self.is_up = true;
+        let mut checkpoint = (*self.journal.mission.newest().0).clone();
+        checkpoint.restarted = true;
+        self.journal.mission.write(Kept::new(checkpoint));
+        self.journal.sync();
         // The one that starts second is there when the first is answered.
         self.mission = Some(Arc::new(Mission::new(config.clone(), None)));
         self.revive(Address::Routing, config);
@@ -261,14 +259,16 @@ impl Drone {
 
     /// Notes if it obeys an older ballot than `before`, or than it ever spoke under.
     pub(crate) fn compare(&mut self, before: &Self) {
-        let ever_said = self.said.iter().map(|frame| frame.ballot);
-        let was = ever_said.chain(before.ballot().filter(|_| before.is_up && self.is_up));
         let fell = |now: Option<Ballot>, was: Ballot| now.is_some_and(|now| was.beats(&now));
-        let routing = self.ballot();
-        let mission = before.mission_ballot().filter(|_| self.is_up);
-        if was.into_iter().any(|was| fell(routing, was))
-            || mission.is_some_and(|was| fell(self.mission_ballot(), was))
-        {
+        let mut ever_said = self.said.iter().map(|frame| frame.ballot);
+        let mut has_fallen = ever_said.any(|was| fell(self.ballot(), was));
+        if before.is_up && self.is_up {
+            let Journal { reign, mission } = &before.journal;
+            let was = (reign.newest().ballot(), mission.newest().0.obeyed.ballot());
+            has_fallen |= was.0.is_some_and(|was| fell(self.ballot(), was))
+                || was.1.is_some_and(|was| fell(self.mission_ballot(), was));
+        }
+        if has_fallen {
             self.broke = Some(Broken::BallotFell);
         }
     }

@@ -92,10 +92,11 @@ impl Hash for Mission {
             assembled_at,
             limit,
             lead,
+            restarted,
         } = &*self.0;
         (obeyed, state, plan.len(), plan_complete).hash(hasher);
         (opened, changes, pending, acknowledged).hash(hasher);
-        (*routes as u8, in_layer, limit).hash(hasher);
+        (*routes as u8, in_layer, limit, restarted).hash(hasher);
         for place in [Some(*land_at), *assembled_at] {
             place.map(bits).hash(hasher);
         }

@@ -94,6 +94,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             barrier: Barrier::Strict,
             liveness: Liveness::Pulse,
             succession: Succession::Elect,
+            spreading_patience: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
             leg_limit: 100 * second,
