@@ -167,7 +167,10 @@ fn done(parent: u32, hops: u16, acknowledged: NodeSet) -> Tree {
     }
 }
 
-const ACKNOWLEDGE: Input = Input::Acknowledge { sequence: 1 };
+const ACKNOWLEDGE: Input = Input::Acknowledge {
+    ballot: MASTER,
+    sequence: 1,
+};
 
 #[test]
 fn acknowledgements_come_from_the_farthest_inwards_merged_on_the_way() {
@@ -260,6 +263,7 @@ fn a_master_names_all_from_the_first_order_on_and_only_those_that_are_missing_af
     let mut node = Node::new(0);
     node.tell(Input::Lead(MASTER));
     let first = node.tell(Input::Publish {
+        ballot: MASTER,
         sequence: 1,
         order: Bytes::from_static(b"go"),
     });
@@ -530,6 +534,10 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
     child.tell(claim(ids([1, 3]), 2));
     assert_eq!(child.notices, [Notice::Reign(better)]);
     child.hear(0, beacon_of_the_master(51));
-    assert_eq!(child.routing.durable.ballot, Some(better), "it never falls");
+    assert_eq!(
+        child.routing.durable.reign.ballot(),
+        Some(better),
+        "it never falls"
+    );
     assert_eq!(child.routing.routes.parent, Some(NodeId(2)));
 }
