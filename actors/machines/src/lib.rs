@@ -11,6 +11,7 @@ pub mod msp;
 pub mod navigation;
 pub mod radio;
 pub mod routing;
+mod stall;
 pub mod supervision;
 pub mod time;
 pub mod wire;

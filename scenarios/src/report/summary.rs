@@ -142,6 +142,11 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::Late => Some("it was late at its slot"),
         LandingReason::Overdue => Some("a leg took too long"),
         LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
+        LandingReason::Alone => Some("it heard of no other drone"),
+        LandingReason::Geofence => Some("it was about to leave the geofence"),
+        LandingReason::BatteryLow => Some("its battery was low"),
+        LandingReason::PositionLost => Some("it did not know where it was"),
+        LandingReason::BatteryCritical => Some("its battery was all but empty"),
     }
 }
 

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use muster_machines::cell::Address;
-use muster_machines::mission::{Barrier, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -222,6 +222,36 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "vehicle.settle_ms",
         "milliseconds, a whole number from 0 to 60000",
     ),
+    (
+        "vehicle.endurance_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    ("failsafe", "a table"),
+    (
+        "failsafe.alone",
+        "\"carry-on\" or \"land\": what a drone does that hears of nobody else",
+    ),
+    (
+        "failsafe.position_hold_s",
+        "seconds, a number from 0 to 604800",
+    ),
+    (
+        "failsafe.battery_low",
+        "a share from 0 to 1, above `battery_critical`",
+    ),
+    (
+        "failsafe.battery_critical",
+        "a share from 0 to 1, below `battery_low`",
+    ),
+    ("geofence", "a table with `radius_m`"),
+    (
+        "geofence.radius_m",
+        "metres from home over ground, a number from 0.01 to 100000",
+    ),
+    (
+        "geofence.altitude_max_m",
+        "metres above home, a number from 0.01 to 100000",
+    ),
     ("limits", "a table"),
     (
         "limits.separation_horizontal_m",
@@ -291,6 +321,9 @@ pub(super) struct Raw {
     pub(super) follow: Option<Spanned<Follow>>,
     #[serde(default)]
     pub(super) vehicle: Vehicle,
+    #[serde(default)]
+    pub(super) failsafe: Failsafe,
+    pub(super) geofence: Option<Spanned<Geofence>>,
     #[serde(default)]
     pub(super) limits: Limits,
     #[serde(default)]
@@ -542,6 +575,41 @@ pub(super) struct Vehicle {
     pub(super) landing_mps: Option<Rate>,
     pub(super) landing_altitude_m: Option<Height>,
     pub(super) settle_ms: Option<Whole<0, 60_000>>,
+    pub(super) endurance_s: Option<Seconds>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[failsafe]`")]
+pub(super) struct Failsafe {
+    #[serde(default)]
+    pub(super) alone: AloneName,
+    pub(super) position_hold_s: Option<Instant>,
+    pub(super) battery_low: Option<Spanned<Share>>,
+    pub(super) battery_critical: Option<Spanned<Share>>,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum AloneName {
+    #[default]
+    CarryOn,
+    Land,
+}
+
+impl From<AloneName> for Alone {
+    fn from(name: AloneName) -> Self {
+        match name {
+            AloneName::CarryOn => Self::CarryOn,
+            AloneName::Land => Self::Land,
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[geofence]`")]
+pub(super) struct Geofence {
+    pub(super) radius_m: Length,
+    pub(super) altitude_max_m: Option<Length>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -5,6 +5,7 @@
 //! were sent, one at a time, before anything else happens.
 
 mod drone;
+mod health;
 mod heap;
 mod part;
 mod recorder;
@@ -87,6 +88,8 @@ enum Planned {
         generation: u32,
     },
     PlaceRadios,
+    /// A battery says that there is less in it.
+    Drained(NodeId),
     Restart {
         drone: NodeId,
         address: Address,
@@ -168,7 +171,7 @@ impl World {
                 .collect(),
             vehicles: places
                 .iter()
-                .map(|place| Vehicle::new(scenario.landing, *place))
+                .map(|place| Vehicle::new(scenario.landing, *place).lasting(scenario.endurance))
                 .collect(),
             settle: scenario.settle,
             airborne: 0,
@@ -269,6 +272,7 @@ impl World {
             }
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
+            Planned::Drained(drone) => self.drained(drone),
             Planned::Restart { drone, address } => {
                 return (!self.drone(drone).given_up).then_some(Task {
                     drone,
@@ -407,6 +411,7 @@ impl World {
                 self.heap.plan(self.now, Planned::PlaceRadios);
             }
             self.airborne += 1;
+            self.watch_battery(drone);
         }
         if moves {
             if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))

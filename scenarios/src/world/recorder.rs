@@ -48,6 +48,8 @@ pub(crate) struct Record {
     pub(crate) given_up: bool,
     /// When its companion computer died.
     pub(crate) killed: Option<Timestamp>,
+    /// Whether its battery is empty.
+    pub(crate) ran_empty: bool,
     pub(crate) restarts: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
@@ -101,6 +103,7 @@ impl Recorder {
             reason: None,
             given_up: false,
             killed: None,
+            ran_empty: false,
             restarts: 0,
             armed: None,
             disarmed: None,
@@ -235,6 +238,10 @@ impl Recorder {
 
     pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {
         self.record(id).killed = Some(now);
+    }
+
+    pub(crate) fn ran_empty(&mut self, id: NodeId) {
+        self.record(id).ran_empty = true;
     }
 
     pub(crate) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {

@@ -3,8 +3,8 @@ use std::fmt;
 
 use bytes::Bytes;
 
-use super::Barrier;
 use super::order::Step;
+use super::{Barrier, LandingReason};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::time::Timestamp;
@@ -134,6 +134,8 @@ pub struct Checkpoint {
     pub acknowledged: u32,
     /// Whether the drone flies in its own altitude layer, because there may be some it is not in lockstep with.
     pub in_layer: bool,
+    /// Why the drone goes to land by itself: as soon as it is in its slot, or on its way already.
+    pub leaving: Option<LandingReason>,
     /// Where the centre of the formation lands.
     pub land_at: Ned,
     /// Where the swarm assembled around its master after following it.

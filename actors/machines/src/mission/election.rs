@@ -38,7 +38,9 @@ impl Mission {
         self.durable.ballot = Some(ballot);
         self.outbox.event(Event::Obeys(ballot));
         self.master_silent = false;
-        if self.durable.lead.take().is_some() && self.durable.pending.is_none() {
+        let has_own_limit =
+            self.durable.pending.is_some() || self.durable.state == State::MovingToLand;
+        if self.durable.lead.take().is_some() && !has_own_limit {
             // It was the limit of its patience with the others.
             self.durable.limit = None;
         }

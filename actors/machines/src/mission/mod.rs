@@ -3,6 +3,7 @@
 mod change;
 mod durable;
 mod election;
+mod failsafe;
 mod follow;
 mod master;
 mod member;
@@ -24,6 +25,7 @@ use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::Notice as RoutingNotice;
+use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -46,6 +48,8 @@ pub struct Config {
     pub liveness: Liveness,
     /// What a drone in the air does once its master counts as lost.
     pub succession: Succession,
+    /// What a drone in the air does that hears of nobody else.
+    pub alone: Alone,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.
@@ -80,6 +84,15 @@ pub enum Succession {
     /// It leads whoever hears it, unless it hears of a better claim.
     Elect,
     /// It lands on the spot.
+    Land,
+}
+
+/// What a drone in the air does that leads and has not heard of any other for the time to live.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alone {
+    /// It flies on, a swarm of one.
+    CarryOn,
+    /// It goes to land from the waypoint that it is at or makes for.
     Land,
 }
 
@@ -144,6 +157,16 @@ pub enum LandingReason {
     Overdue,
     /// An actor of the drone can't be kept alive.
     ActorGivenUp,
+    /// It had not heard of any other drone for the time to live.
+    Alone,
+    /// It was about to leave the geofence.
+    Geofence,
+    /// Its battery was low.
+    BatteryLow,
+    /// It did not know where it was.
+    PositionLost,
+    /// Its battery was all but empty.
+    BatteryCritical,
 }
 
 /// What can be seen of a mission.
@@ -174,6 +197,7 @@ pub struct Mission {
     config: Config,
     durable: Checkpoint,
     master_silent: bool,
+    punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -185,6 +209,7 @@ impl Mission {
             config,
             durable: Checkpoint::default(),
             master_silent: false,
+            punctuality: Punctuality::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -248,18 +273,31 @@ impl Mission {
                     let to = to.at_altitude(to.altitude_m() + layer_m);
                     Goal::TransitTo { to }
                 } else {
-                    Goal::FlyTo { to }
+                    let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                    Goal::FlyTo {
+                        to,
+                        refuge_altitude_m,
+                    }
                 })
             }
             State::ChangingFormation { change, step } => {
                 let to = self.corner(change, step)?;
-                Some(Goal::FlyTo { to })
+                // In a column of its own, or in its sector.
+                let refuge_altitude_m = to.altitude_m();
+                Some(Goal::FlyTo {
+                    to,
+                    refuge_altitude_m,
+                })
             }
             State::Following => self.goal_as_followed(),
             State::Assembling => {
                 let at = self.durable.assembled_at?;
                 let to = layout.slot(id, at);
-                Some(Goal::FlyTo { to })
+                let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                Some(Goal::FlyTo {
+                    to,
+                    refuge_altitude_m,
+                })
             }
             State::MovingToLand => {
                 let at = self.durable.land_at;
@@ -279,6 +317,9 @@ impl Mission {
 
     /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
     fn landing_layer_m(&self) -> f64 {
+        if self.durable.leaving.is_some() {
+            return self.layer_alone_m(self.config.id);
+        }
         let layout = self.layout();
         let slot = self.config.id.0 as usize;
         let land_at = Some(self.durable.land_at);
@@ -296,6 +337,16 @@ impl Mission {
         self.outbox.event(Event::Landing(reason));
         self.outbox.transmit(Transmit::Land);
         self.durable.limit = None;
+        self.pursue_goal();
+    }
+
+    /// Goes to its landing place around `at`.
+    fn move_to_land(&mut self, now: Timestamp, at: Ned, reason: LandingReason) {
+        self.durable.land_at = at;
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.enter(State::MovingToLand);
+        self.outbox.event(Event::Landing(reason));
+        self.outbox.transmit(Transmit::Land);
         self.pursue_goal();
     }
 
@@ -347,6 +398,10 @@ impl Mission {
             }
             RoutingNotice::MasterSilent => self.master_silent = true,
             RoutingNotice::MasterReturned => self.master_silent = false,
+            // It leads no longer; one that takes the swarm down with it has ordered that.
+            RoutingNotice::MasterLands => {
+                self.master_silent |= self.config.succession == Succession::Elect;
+            }
             RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
             RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
@@ -429,6 +484,9 @@ impl Mission {
 
     /// Goes on as far as what is known allows.
     fn react(&mut self, now: Timestamp) {
+        if self.leave_if_due(now) {
+            return;
+        }
         if self.durable.lead.is_some() {
             self.lead(now);
         } else {
@@ -454,21 +512,25 @@ impl Mission {
     }
 
     fn give_up(&mut self) {
-        self.abandon_swarm();
+        let reason = LandingReason::ActorGivenUp;
         match self.durable.state {
             State::Landing | State::Finished => {}
-            State::Start | State::SetUp => {
-                // It never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
-                self.outbox
-                    .event(Event::Landing(LandingReason::ActorGivenUp));
-                self.durable.limit = None;
-                self.durable.lead = None;
-                self.enter(State::Finished);
-                self.outbox.transmit(Transmit::Land);
-                self.outbox.transmit(Transmit::Stop);
-            }
-            _ => self.land(LandingReason::ActorGivenUp),
+            State::Start | State::SetUp => self.stay_down(reason),
+            _ => self.come_down(reason),
         }
+    }
+
+    /// The host stood still, perhaps while others did what the drone waits for: it gives them as long again.
+    fn allow_for_stall(&mut self, now: Timestamp) {
+        if let (Some(stall), Some(limit)) = (self.punctuality.stalled_for(now), self.durable.limit)
+        {
+            self.durable.limit = Some(limit.max(now) + stall);
+        }
+    }
+
+    fn deadline(&self) -> Option<Timestamp> {
+        let deadlines = [self.durable.limit, self.next_fix()];
+        deadlines.into_iter().flatten().min()
     }
 }
 
@@ -479,6 +541,7 @@ impl Machine for Mission {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.allow_for_stall(now);
         match input {
             Input::Fly => self.fly(now),
             Input::Land => self.end_following(),
@@ -491,32 +554,39 @@ impl Machine for Mission {
                 self.located(now, position, velocity);
             }
             Input::Navigation(NavigationNotice::Landed) => self.landed(),
+            Input::Navigation(NavigationNotice::Failing {
+                failure,
+                stop,
+                is_airborne,
+            }) => self.fail(now, failure, stop, is_airborne),
             Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
             Input::GiveUp => self.give_up(),
         }
         self.checkpoint();
+        self.punctuality.ask(now, self.deadline());
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        self.allow_for_stall(now);
         self.locate_if_due(now);
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
-            if self.durable.pending.is_some() || self.durable.state == State::Following {
+            let is_under_way = matches!(self.durable.state, State::Following | State::MovingToLand);
+            if self.durable.pending.is_some() || is_under_way {
                 // It is this drone that is late.
-                self.abandon_swarm();
-                self.land(LandingReason::Overdue);
+                self.come_down(LandingReason::Overdue);
             } else {
                 self.leave_out_the_late();
                 self.react(now);
             }
             self.checkpoint();
         }
+        self.punctuality.ask(now, self.deadline());
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.durable.limit, self.next_fix()];
-        self.outbox.poll(deadlines.into_iter().flatten().min())
+        self.outbox.poll(self.deadline())
     }
 }
 

@@ -86,9 +86,12 @@ impl TreeRouting {
         all
     }
 
-    /// Who of them is going to land.
+    /// Who of them is going to land, and the master where it is: whoever does not hear it itself is to know, too.
     fn landing(&self) -> NodeSet {
         let mut all = self.below(|said| &said.landing);
+        if self.master_lands && self.durable.landing.is_none() {
+            all.extend(self.durable.ballot.map(|ballot| ballot.master));
+        }
         if self.durable.landing.is_some() {
             all.insert(self.config.id);
         }
@@ -378,6 +381,7 @@ impl TreeRouting {
     /// Says for the last time how far this drone has got.
     pub(super) fn stop(&mut self, now: Timestamp) {
         if !self.durable.stopped {
+            self.durable.landing.get_or_insert(now);
             self.say(now, Occasion::News);
             self.durable.stopped = true;
             self.next_beacon = None;

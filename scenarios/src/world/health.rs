@@ -1,0 +1,59 @@
+//! What befalls a vehicle in the air: its battery drains, it does not know where it is.
+
+use muster_machines::identity::NodeId;
+
+use super::trace::Kind;
+use super::{Planned, World};
+
+impl World {
+    /// Plans when a battery next says that there is less in it.
+    pub(super) fn watch_battery(&mut self, drone: NodeId) {
+        let next = self.vehicles[drone.0 as usize]
+            .battery()
+            .next_step(self.now);
+        if let Some(next) = next {
+            self.heap.plan(next, Planned::Drained(drone));
+        }
+    }
+
+    /// Another hundredth of a battery is gone; an empty one takes the drone down.
+    pub(super) fn drained(&mut self, drone: NodeId) {
+        let now = self.now;
+        let vehicle = &mut self.vehicles[drone.0 as usize];
+        if vehicle.is_armed() && vehicle.battery().is_due(now) {
+            self.tell_charge(drone);
+        }
+    }
+
+    /// All but a share of a battery is gone at once.
+    pub(super) fn drain(&mut self, drone: NodeId, to: f64) {
+        self.trace.value(self.now, drone, Kind::Drained, &to);
+        let vehicle = &mut self.vehicles[drone.0 as usize];
+        vehicle.battery().drain(self.now, to);
+        self.tell_charge(drone);
+    }
+
+    fn tell_charge(&mut self, drone: NodeId) {
+        let charge = self.vehicles[drone.0 as usize].battery().charge(self.now);
+        if charge > 0.0 {
+            self.watch_battery(drone);
+            self.report_telemetry(drone);
+        } else {
+            self.recorder.ran_empty(drone);
+            self.kill(drone);
+        }
+    }
+
+    /// A vehicle does not know any more where it is over ground, or knows it again.
+    pub(super) fn position_is(&mut self, drone: NodeId, is_known: bool) {
+        self.trace
+            .value(self.now, drone, Kind::Positioned, &is_known);
+        let vehicle = &mut self.vehicles[drone.0 as usize];
+        if is_known {
+            vehicle.find_position();
+        } else {
+            vehicle.lose_position(self.now);
+        }
+        self.report_telemetry(drone);
+    }
+}
