@@ -334,8 +334,8 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "liveness = \"thesis\"",
-            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 5\ncrash = \"radio\"",
-            &["there is no drone 5 in a swarm of 5", "faults.drone"],
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncrash = 5\nactor = \"radio\"",
+            &["there is no drone 5 in a swarm of 5", "faults.crash"],
         ),
         (
             "policy = \"flood\"\nliveness = \"thesis\"",
@@ -370,7 +370,7 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "liveness = \"thesis\"",
-            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 1\ncrash = \"wings\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncrash = 1\nactor = \"wings\"",
             &["unknown variant `wings`", "an actor:"],
         ),
         (
@@ -524,7 +524,112 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         (
             "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrone = 1",
-            &["a fault is either `kill`, or `crash` with its `drone`"],
+            &["unknown field `drone`", "the fields are at_s, at_waypoint"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1",
+            &["one thing that goes wrong, no more and no less"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrain = 1",
+            &["`drain` without the charge `to` which it goes"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nto = 0.1\nkill = 1",
+            &["`to` goes with `drain`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrain = 1\nto = 15",
+            &["15 is not a share from 0 to 1", "`faults.to`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nlose_gps = 5",
+            &["there is no drone 5 in a swarm of 5", "`faults.lose_gps`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nkill = 1\ncrash_aircraft = 2",
+            &["one thing that goes wrong, no more and no less"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncrash = 1",
+            &["`crash` without the `actor` that panics"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nkill = 1\nactor = \"radio\"",
+            &["`actor` goes with `crash` or `hang`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nkill = 1",
+            &["either `at_s`, `at_waypoint` or `when`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nwhen = \"elected\"\nkill = 1",
+            &["either `at_s`, `at_waypoint` or `when`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nwhen = \"never\"\nkill = 1",
+            &["unknown variant `never`", "taking-off"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nafter_s = 1\nkill = 1",
+            &["`after_s` goes with"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nfor_s = 1\nkill = 1",
+            &["nothing that lasts"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ntimes = 3\nkill = 1",
+            &["`times` without `every_s`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nevery_s = 3\nkill = 1",
+            &["`every_s` without `times`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncut = [1, 5]",
+            &["there is no drone 5", "`[[0, 1, 2], [3, 4]]`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncut = [[0, 1], [1, 2]]",
+            &["drone 1 is on both sides"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncut = 1",
+            &["two drones or groups of drones"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndegrade = [1, 2]",
+            &["`degrade` without the `loss`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ncut = [1, 2]\nloss = 0.5",
+            &["`loss` goes with `degrade`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\njam = { north_m = 0, east_m = 0 }",
+            &["missing field `radius_m`"],
         ),
         (
             "liveness = \"thesis\"",

@@ -31,6 +31,8 @@ pub struct DroneConfig {
 pub enum SupervisorMessage {
     /// By the environment: the time of a restart has come.
     Restart(Address),
+    /// By the environment: the drone's process has started anew, as far as the world outside can see.
+    Boot,
 }
 
 impl Drone {
@@ -48,6 +50,7 @@ impl Drone {
             environment,
             book: book.clone(),
             supervision: Supervision::new(config.restarts),
+            restarts: config.restarts,
         };
         let (supervisor, _) = Actor::spawn(None, Supervisor, tree).await?;
         Ok(Self { supervisor, book })
@@ -63,6 +66,12 @@ impl Drone {
     pub fn restart(&self, address: Address) {
         // A supervisor that is gone has nothing left to restart.
         let _ = self.supervisor.cast(SupervisorMessage::Restart(address));
+    }
+
+    /// Stops the five, forgets how often they have failed, and starts them again, as a new process would.
+    pub fn boot(&self) {
+        // A supervisor that is gone has nothing left to start.
+        let _ = self.supervisor.cast(SupervisorMessage::Boot);
     }
 
     /// Stops the five and the supervisor and waits until they are gone.
@@ -81,6 +90,7 @@ struct Tree {
     environment: Arc<dyn Environment>,
     book: AddressBook,
     supervision: Supervision,
+    restarts: RestartLimits,
 }
 
 impl Tree {
@@ -129,10 +139,19 @@ impl Actor for Supervisor {
         message: SupervisorMessage,
         tree: &mut Tree,
     ) -> Result<(), ActorProcessingErr> {
-        let SupervisorMessage::Restart(address) = message;
-        if tree.seat(address, &myself).await.is_err() {
-            // It failed again while it was built.
-            tree.failed(address);
+        let addresses = match message {
+            SupervisorMessage::Restart(address) => vec![address],
+            SupervisorMessage::Boot => {
+                myself.stop_children_and_wait(None, None).await;
+                tree.supervision = Supervision::new(tree.restarts);
+                Address::ALL.into()
+            }
+        };
+        for address in addresses {
+            if tree.seat(address, &myself).await.is_err() {
+                // It failed again while it was built.
+                tree.failed(address);
+            }
         }
         Ok(())
     }

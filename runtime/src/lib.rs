@@ -2,4 +2,5 @@
 
 pub mod diagnostic;
 pub mod geodetic;
+pub mod journal;
 pub mod mission_file;

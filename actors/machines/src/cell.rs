@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 use crate::identity::NodeId;
 use crate::machine::{Machine, Said, Stimulus, step};
@@ -129,7 +130,7 @@ pub enum Observation {
 }
 
 /// What one of the five machines is rebuilt from.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Checkpoint {
     /// The radio.
     Radio(radio::Checkpoint),
@@ -143,9 +144,10 @@ pub enum Checkpoint {
     Msp(msp::Checkpoint),
 }
 
-/// The newest checkpoint of each machine of a drone.
-#[derive(Debug, Clone, Default)]
+/// The newest checkpoint of each machine of a drone, and which life of its process this is.
+#[derive(Debug, Clone)]
 pub struct Checkpoints {
+    boot: u32,
     radio: radio::Checkpoint,
     routing: Option<Box<routing::Checkpoint>>,
     mission: Option<Box<mission::Checkpoint>>,
@@ -153,15 +155,80 @@ pub struct Checkpoints {
     msp: Option<msp::Checkpoint>,
 }
 
+impl Default for Checkpoints {
+    /// Of a drone that starts for the first time.
+    fn default() -> Self {
+        Self {
+            boot: 1,
+            radio: radio::Checkpoint::default(),
+            routing: None,
+            mission: None,
+            navigation: None,
+            msp: None,
+        }
+    }
+}
+
 impl Checkpoints {
-    /// Keeps a checkpoint in the place of the one before.
-    pub fn keep(&mut self, checkpoint: Checkpoint) {
+    /// Keeps a checkpoint in the place of the one before; whether nothing may be done on its account before it would
+    /// outlive the process: whom the drone obeys, what it is doing and which numbers it may have used must never fall
+    /// back.
+    pub fn keep(&mut self, checkpoint: Checkpoint) -> bool {
         match checkpoint {
-            Checkpoint::Radio(checkpoint) => self.radio = checkpoint,
-            Checkpoint::Routing(checkpoint) => self.routing = Some(checkpoint),
-            Checkpoint::Mission(checkpoint) => self.mission = Some(checkpoint),
-            Checkpoint::Navigation(checkpoint) => self.navigation = Some(checkpoint),
-            Checkpoint::Msp(checkpoint) => self.msp = Some(checkpoint),
+            Checkpoint::Radio(checkpoint) => {
+                self.radio = checkpoint;
+                true
+            }
+            Checkpoint::Routing(checkpoint) => {
+                let before = self.routing.replace(checkpoint);
+                before.is_none_or(|before| {
+                    self.routing.as_ref().is_some_and(|it| it.is_news(&before))
+                })
+            }
+            Checkpoint::Mission(checkpoint) => {
+                let before = self.mission.replace(checkpoint);
+                before.is_none_or(|before| {
+                    self.mission.as_ref().is_some_and(|it| it.is_news(&before))
+                })
+            }
+            Checkpoint::Navigation(checkpoint) => {
+                // The mission says again where to go.
+                self.navigation = Some(checkpoint);
+                false
+            }
+            Checkpoint::Msp(checkpoint) => self.msp.replace(checkpoint) != Some(checkpoint),
+        }
+    }
+
+    /// Which life of the drone's process this is, from 1.
+    #[must_use]
+    pub const fn boot(&self) -> u32 {
+        self.boot
+    }
+
+    /// Each machine's, as far as there is one.
+    pub fn iter(&self) -> impl Iterator<Item = Checkpoint> + '_ {
+        let radio = std::iter::once(Checkpoint::Radio(self.radio));
+        let routing = self.routing.clone().map(Checkpoint::Routing);
+        let mission = self.mission.clone().map(Checkpoint::Mission);
+        let navigation = self.navigation.clone().map(Checkpoint::Navigation);
+        let msp = self.msp.map(Checkpoint::Msp);
+        radio
+            .chain(routing)
+            .chain(mission)
+            .chain(navigation)
+            .chain(msp)
+    }
+
+    /// The process has started, for the `boot`th time from 1: nothing arms because of that.
+    pub fn begin_life(&mut self, boot: u32) {
+        self.boot = boot;
+        if boot > 1 {
+            // Where it was on the way to is asked for anew, of a vehicle that went on meanwhile.
+            self.navigation = None;
+            if let Some(mission) = &mut self.mission {
+                mission.begin_life();
+            }
         }
     }
 }
@@ -205,6 +272,7 @@ impl Blueprint {
             Address::Radio => Cell::Radio(Radio::new(
                 self.radio.clone(),
                 IdealAuthenticator,
+                checkpoints.boot,
                 checkpoints.radio,
             )),
             Address::Routing => Cell::Routing(routing::Routing::new(

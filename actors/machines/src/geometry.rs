@@ -3,9 +3,11 @@
 use std::ops::{Add, Sub};
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// A place or a displacement in the swarm's local frame: metres north, east and down of the mission's home.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Ned(pub Vector3<f64>);
 
 impl Ned {
@@ -73,7 +75,8 @@ impl Ned {
 }
 
 /// A velocity in the swarm's local frame: metres a second north, east and down.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Velocity(pub Vector3<f64>);
 
 impl Velocity {
@@ -100,5 +103,29 @@ impl Sub for Ned {
 
     fn sub(self, origin: Self) -> Self {
         Self(self.0 - origin.0)
+    }
+}
+
+impl From<[f64; 3]> for Ned {
+    fn from(components: [f64; 3]) -> Self {
+        Self(components.into())
+    }
+}
+
+impl From<Ned> for [f64; 3] {
+    fn from(it: Ned) -> Self {
+        it.0.into()
+    }
+}
+
+impl From<[f64; 3]> for Velocity {
+    fn from(components: [f64; 3]) -> Self {
+        Self(components.into())
+    }
+}
+
+impl From<Velocity> for [f64; 3] {
+    fn from(it: Velocity) -> Self {
+        it.0.into()
     }
 }

@@ -2,8 +2,10 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 /// A drone, unique within its swarm; also the index of its slot in the formation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct NodeId(pub u32);
 
 impl fmt::Display for NodeId {
@@ -20,7 +22,7 @@ pub struct SwarmId(pub u32);
 ///
 /// Of two ballots the later term wins, then the smaller rank; ranks are unique in a swarm, the centre slot first,
 /// so two parts of a swarm may share a term but never a ballot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Ballot {
     /// Rises with each election.
     pub term: u32,
@@ -54,7 +56,7 @@ impl fmt::Display for Ballot {
 }
 
 /// A set of drones, a bit each; as small as its highest member asks for.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct NodeSet(Vec<u8>);
 
 impl NodeSet {

@@ -5,6 +5,8 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
 
@@ -112,7 +114,7 @@ pub enum Event {
 }
 
 /// What outlives a link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whether the supervisor has told it to land and to obey nobody.
     pub gave_up: bool,

@@ -60,6 +60,11 @@ impl BarrierChecker {
         self.drones[drone.0 as usize].state = State::Landing;
     }
 
+    /// A drone's process has ended; it counts again once it says what it does.
+    pub(crate) fn ended(&mut self, drone: NodeId) {
+        self.given_up(drone);
+    }
+
     fn enters(&mut self, now: Timestamp, drone: NodeId, state: State) -> Option<Violation> {
         let progress = &mut self.drones[drone.0 as usize];
         progress.state = state;

@@ -7,7 +7,7 @@ use super::Violation;
 use crate::vehicle::{Piece, Vehicle};
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
-/// their paths; nobody lands on one that is down already.
+/// their paths; nobody lands on one that is down already. An aircraft that fell is left out from then on.
 ///
 /// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did.
 #[derive(Debug)]
@@ -44,7 +44,8 @@ impl SeparationChecker {
         for other in (0..vehicles.len()).filter(|other| *other != index) {
             let since = self.checked[index].max(self.checked[other]);
             let pair = (&vehicles[index], &vehicles[other]);
-            if since < now && (pair.0.is_armed() || pair.1.is_armed()) {
+            let flies = pair.0.is_armed() || pair.1.is_armed();
+            if since < now && flies && !pair.0.is_wreck() && !pair.1.is_wreck() {
                 let found = self.look_at(pair, since..now);
                 violation = violation.or(found.map(|(at, horizontal_m, vertical_m)| Violation {
                     rule: 4,

@@ -101,6 +101,7 @@ impl Driver {
             What::Step(stimulus) => Message::Step(stimulus),
             What::Crash => Message::Crash,
             What::Restart => return drone.restart(address),
+            What::Boot => return drone.boot(),
         };
         drone
             .book()

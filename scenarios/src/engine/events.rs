@@ -29,9 +29,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         })
         .collect();
     for (id, drone) in (0..).map(NodeId).zip(&mut drones) {
-        for address in Address::ALL {
-            drone.build(&mut world, id, address, &mut reaction);
-        }
+        drone.build_all(&mut world, id, &mut reaction);
     }
     while let Some(task) = world.next() {
         if let Some(meter) = &mut meter {
@@ -39,16 +37,24 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         }
         let (id, address) = (task.drone, task.address);
         let drone = &mut drones[id.0 as usize];
-        if let What::Restart = task.what {
-            drone.build(&mut world, id, address, &mut reaction);
-            continue;
+        match task.what {
+            What::Restart => {
+                drone.build(&mut world, id, address, &mut reaction);
+                continue;
+            }
+            What::Boot => {
+                drone.supervision = Supervision::new(scenario.limits.restarts);
+                drone.build_all(&mut world, id, &mut reaction);
+                continue;
+            }
+            What::Step(_) | What::Crash => {}
         }
         let Some(cell) = &mut drone.cells[address as usize] else {
             continue;
         };
         let step = AssertUnwindSafe(|| match task.what {
             What::Step(stimulus) => cell.react(world.now(), stimulus, &mut reaction),
-            What::Crash | What::Restart => resume_unwind(Box::new(InjectedCrash)),
+            What::Crash | What::Restart | What::Boot => resume_unwind(Box::new(InjectedCrash)),
         });
         match catch_unwind(step) {
             Ok(()) => world.carry_out(id, address, &mut reaction),
@@ -59,6 +65,12 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
 }
 
 impl Drone {
+    fn build_all(&mut self, world: &mut World, id: NodeId, reaction: &mut Reaction) {
+        for address in Address::ALL {
+            self.build(world, id, address, reaction);
+        }
+    }
+
     fn build(&mut self, world: &mut World, id: NodeId, address: Address, reaction: &mut Reaction) {
         world.starting(id, address);
         let seed = world.seed(id);

@@ -125,7 +125,11 @@ fn state(record: &Record) -> String {
         .states
         .last()
         .map_or(State::Start, |(_, state)| *state);
-    if record.killed.is_some() {
+    if record.fell {
+        format!("fell while {last}")
+    } else if record.ran_empty {
+        format!("its battery empty while {last}")
+    } else if record.killed.is_some() {
         format!("killed while {last}")
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
         format!("on the ground, an actor given up while {last}")
@@ -147,6 +151,8 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::BatteryLow => Some("its battery was low"),
         LandingReason::PositionLost => Some("it did not know where it was"),
         LandingReason::BatteryCritical => Some("its battery was all but empty"),
+        LandingReason::Restarted => Some("its process restarted on the ground"),
+        LandingReason::Controller => Some("its flight controller brought it down"),
     }
 }
 

@@ -1,44 +1,208 @@
 use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
 
+use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
+use toml::Spanned;
 
 use super::file::Source;
-use super::raw::{self, Office, Raw, Victim, Whole};
-use super::{Fault, FaultKind, Target};
+use super::raw::{self, Office, Pair, Raw, Victim, Whole};
+use super::{Fault, FaultKind, Link, Links, Occasion, Target, When};
 
 /// What goes wrong, and when.
 pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
     let drones = raw.formation.drones.get_ref().0 + raw.relays.len() as u64;
-    let drone = |drone: &Whole<0, 99_999>, span: Range<usize>| {
-        let id = u32::try_from(drone.0).ok().filter(|_| drone.0 < drones);
-        id.map(NodeId).ok_or_else(|| {
-            let message = format!("there is no drone {} in a swarm of {drones}", drone.0);
-            source.error(span, &message)
-        })
-    };
-    let kind = |fault: &raw::Fault| match (&fault.crash, &fault.drone, &fault.kill) {
-        (Some(actor), Some(of), None) => {
-            let drone = drone(of.get_ref(), of.span())?;
-            Ok(FaultKind::CrashActor(drone, actor.get_ref().address()))
+    let reader = Reader { source, drones };
+    raw.faults.iter().map(|fault| reader.fault(fault)).collect()
+}
+
+struct Reader<'a> {
+    source: &'a Source,
+    /// How many drones and relays there are.
+    drones: u64,
+}
+
+impl Reader<'_> {
+    fn fault(&self, fault: &Spanned<raw::Fault>) -> Result<Fault, BadInput> {
+        let (span, fault) = (fault.span(), fault.get_ref());
+        let kind = self.kind(span.clone(), fault)?;
+        let lasts = fault.for_s.as_ref();
+        if let Some(lasts) = lasts
+            && !kind.can_last()
+        {
+            let message = "nothing that lasts, so nothing that is over after a while";
+            return Err(self.source.error(lasts.span(), message));
         }
-        (None, None, Some(victim)) => Ok(FaultKind::Kill(match victim.get_ref() {
-            Victim::Office(Office::Master) => Target::Master,
-            Victim::Drone(id) => Target::Drone(drone(id, victim.span())?),
-        })),
-        _ => {
-            let message = "a fault is either `kill`, or `crash` with its `drone`";
-            Err(source.error(fault.at_s.span(), message))
-        }
-    };
-    raw.faults
-        .iter()
-        .map(|fault| {
-            Ok(Fault {
-                at: Timestamp::from_secs_f64(fault.at_s.get_ref().0),
-                kind: kind(fault)?,
-            })
+        let (times, every) = self.repetition(fault)?;
+        Ok(Fault {
+            when: self.when(span, fault)?,
+            kind,
+            lasts: lasts.map(|lasts| Duration::from_secs_f64(lasts.get_ref().0)),
+            times,
+            every,
         })
-        .collect()
+    }
+
+    fn when(&self, span: Range<usize>, fault: &raw::Fault) -> Result<When, BadInput> {
+        let after = fault.after_s.as_ref();
+        let later = after.map_or(Duration::ZERO, |it| Duration::from_secs_f64(it.get_ref().0));
+        match (&fault.at_s, &fault.at_waypoint, &fault.when) {
+            (Some(at), None, None) => match after {
+                None => Ok(When::At(Timestamp::from_secs_f64(at.0))),
+                Some(after) => {
+                    let message = "`after_s` goes with `at_waypoint` or `when`, not with `at_s`";
+                    Err(self.source.error(after.span(), message))
+                }
+            },
+            (None, Some(waypoint), None) => {
+                let waypoint = u16::try_from(waypoint.0).unwrap_or(u16::MAX);
+                Ok(When::After(Occasion::Waypoint(waypoint), later))
+            }
+            (None, None, Some(occasion)) => Ok(When::After((*occasion).into(), later)),
+            _ => {
+                let message = "a fault happens either `at_s`, `at_waypoint` or `when`";
+                Err(self.source.error(span, message))
+            }
+        }
+    }
+
+    fn repetition(&self, fault: &raw::Fault) -> Result<(u32, Duration), BadInput> {
+        match (&fault.times, &fault.every_s) {
+            (None, None) => Ok((1, Duration::ZERO)),
+            (Some(times), Some(every)) => Ok((
+                u32::try_from(times.get_ref().0).unwrap_or(u32::MAX),
+                Duration::from_secs_f64(every.get_ref().0),
+            )),
+            (Some(alone), None) => {
+                let message = "`times` without `every_s`";
+                Err(self.source.error(alone.span(), message))
+            }
+            (None, Some(alone)) => {
+                let message = "`every_s` without `times`";
+                Err(self.source.error(alone.span(), message))
+            }
+        }
+    }
+
+    fn kind(&self, span: Range<usize>, fault: &raw::Fault) -> Result<FaultKind, BadInput> {
+        let mut kinds = Vec::new();
+        if let Some(actor) = &fault.actor
+            && fault.crash.is_none()
+            && fault.hang.is_none()
+        {
+            let message = "`actor` goes with `crash` or `hang`";
+            return Err(self.source.error(actor.span(), message));
+        }
+        let actor = fault.actor.as_ref().map(|actor| actor.get_ref().address());
+        if let Some(victim) = &fault.crash {
+            let Some(actor) = actor else {
+                let message = "`crash` without the `actor` that panics";
+                return Err(self.source.error(victim.span(), message));
+            };
+            kinds.push(FaultKind::CrashActor(self.target(victim)?, actor));
+        }
+        if let Some(victim) = &fault.hang {
+            kinds.push(FaultKind::Hang(self.target(victim)?, actor));
+        }
+        if let Some(victim) = &fault.restart {
+            kinds.push(FaultKind::Restart(self.target(victim)?));
+        }
+        if let Some(victim) = &fault.kill {
+            kinds.push(FaultKind::Kill(self.target(victim)?));
+        }
+        if let Some(victim) = &fault.crash_aircraft {
+            kinds.push(FaultKind::CrashAircraft(self.target(victim)?));
+        }
+        if let Some(victim) = &fault.lose_gps {
+            kinds.push(FaultKind::LoseGps(self.target(victim)?));
+        }
+        kinds.extend(self.drained(fault)?);
+        for (pair, link) in [
+            (&fault.cut, Link::Cut),
+            (&fault.one_way, Link::OneWay),
+            (&fault.degrade, self.degraded(fault)?),
+            (&fault.heal, Link::Healed),
+        ] {
+            if let Some(pair) = pair {
+                kinds.push(FaultKind::Links(self.links(pair)?, link));
+            }
+        }
+        if let Some(disc) = &fault.jam {
+            kinds.push(FaultKind::Jam {
+                centre: Ned::new(disc.north_m.0, disc.east_m.0, 0.0),
+                radius_m: disc.radius_m.0,
+            });
+        }
+        match (kinds.pop(), kinds.is_empty()) {
+            (Some(kind), true) => Ok(kind),
+            _ => {
+                let message = "a fault is one thing that goes wrong, no more and no less";
+                Err(self.source.error(span, message))
+            }
+        }
+    }
+
+    fn drained(&self, fault: &raw::Fault) -> Result<Option<FaultKind>, BadInput> {
+        match (&fault.drain, &fault.to) {
+            (None, None) => Ok(None),
+            (Some(victim), Some(to)) => {
+                let target = self.target(victim)?;
+                Ok(Some(FaultKind::Drain(target, to.get_ref().0)))
+            }
+            (Some(alone), None) => {
+                let message = "`drain` without the charge `to` which it goes";
+                Err(self.source.error(alone.span(), message))
+            }
+            (None, Some(alone)) => Err(self.source.error(alone.span(), "`to` goes with `drain`")),
+        }
+    }
+
+    fn degraded(&self, fault: &raw::Fault) -> Result<Link, BadInput> {
+        match (&fault.degrade, &fault.loss) {
+            (_, None) if fault.degrade.is_none() => Ok(Link::Healed),
+            (Some(_), Some(loss)) => Ok(Link::Degraded(loss.get_ref().0)),
+            (Some(pair), None) => {
+                let message = "`degrade` without the `loss` that it brings";
+                Err(self.source.error(pair.span(), message))
+            }
+            (None, loss) => {
+                let span = loss.as_ref().map(Spanned::span).unwrap_or_default();
+                Err(self.source.error(span, "`loss` goes with `degrade`"))
+            }
+        }
+    }
+
+    fn target(&self, victim: &Spanned<Victim>) -> Result<Target, BadInput> {
+        match victim.get_ref() {
+            Victim::Office(Office::Master) => Ok(Target::Master),
+            Victim::Drone(id) => Ok(Target::Drone(self.drone(id, victim.span())?)),
+        }
+    }
+
+    fn links(&self, pair: &Spanned<Pair>) -> Result<Links, BadInput> {
+        let group = |ids: &[Whole<0, 99_999>]| {
+            let ids = ids.iter().map(|id| self.drone(id, pair.span()));
+            ids.collect::<Result<Arc<[NodeId]>, BadInput>>()
+        };
+        let [from, to] = match pair.get_ref() {
+            Pair::Drones(drones) => [group(&drones[..1])?, group(&drones[1..])?],
+            Pair::Groups(groups) => [group(&groups[0])?, group(&groups[1])?],
+        };
+        if let Some(both) = from.iter().find(|id| to.contains(id)) {
+            let message = format!("drone {both} is on both sides");
+            return Err(self.source.error(pair.span(), &message));
+        }
+        Ok(Links { from, to })
+    }
+
+    fn drone(&self, id: &Whole<0, 99_999>, span: Range<usize>) -> Result<NodeId, BadInput> {
+        let known = u32::try_from(id.0).ok().filter(|_| id.0 < self.drones);
+        known.map(NodeId).ok_or_else(|| {
+            let message = format!("there is no drone {} in a swarm of {}", id.0, self.drones);
+            self.source.error(span, &message)
+        })
+    }
 }

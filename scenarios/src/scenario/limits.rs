@@ -12,7 +12,7 @@ use toml::Spanned;
 use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
-use super::raw::{Raw, Seconds};
+use super::raw::{Milliseconds, Raw, Seconds};
 use crate::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
@@ -162,6 +162,9 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         let seconds = value.map_or(default.min(DURATION_MAX_S), |value| value.0);
         Duration::from_secs_f64(seconds)
     };
+    let milliseconds = |value: Option<Milliseconds>, default: u64| {
+        Duration::from_millis(value.map_or(default, |value| value.0))
+    };
     let farthest_s = course.farthest_s();
     let longest_s = course
         .legs_s()
@@ -180,6 +183,8 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
         waypoints_max: mission_file::WAYPOINTS_MAX + 1,
         waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
+        hang: milliseconds(raw.limits.hang_ms, 1_000),
+        watchdog: milliseconds(raw.limits.watchdog_ms, 3_000),
         restarts: RestartLimits {
             restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
             window: seconds(raw.limits.restart_window_s, 30.0),

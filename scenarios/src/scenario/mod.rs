@@ -1,6 +1,7 @@
 //! What is simulated: a scenario, as parsed.
 
 mod failsafe;
+mod fault;
 mod faults;
 mod file;
 mod follow;
@@ -12,7 +13,7 @@ mod raw;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Blueprint};
+use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
@@ -20,13 +21,13 @@ use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
-use muster_machines::time::Timestamp;
 use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::Landing;
 
+pub use fault::{Fault, FaultKind, Link, Links, Occasion, Target, When};
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
@@ -168,7 +169,6 @@ impl Scenario {
             radio: radio::Config {
                 id,
                 swarm: SWARM,
-                boot: 1,
                 budget: Budget {
                     interval: protocol.period / BUDGET_PER_PERIOD,
                     burst: BUDGET_BURST,
@@ -288,33 +288,10 @@ pub struct Limits {
     pub waypoints_max: usize,
     /// The most messages that wait for one actor.
     pub waiting_max: usize,
+    /// How long an actor may hang before its supervisor takes it for failed.
+    pub hang: Duration,
+    /// How long a process may hang before its service manager ends it and starts it again.
+    pub watchdog: Duration,
     /// When failed actors are restarted and when that is given up.
     pub restarts: RestartLimits,
-}
-
-/// Something that goes wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Fault {
-    /// When.
-    pub at: Timestamp,
-    /// What.
-    pub kind: FaultKind,
-}
-
-/// What can go wrong.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FaultKind {
-    /// One of a drone's actors panics.
-    CrashActor(NodeId, Address),
-    /// A drone's companion computer dies: its aircraft comes down by its controller's failsafe.
-    Kill(Target),
-}
-
-/// Whom a fault befalls.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Target {
-    /// This one.
-    Drone(NodeId),
-    /// Whoever leads by then; of several the one with the best ballot.
-    Master,
 }

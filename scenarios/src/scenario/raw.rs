@@ -8,7 +8,10 @@ use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::Policy;
+use super::{Occasion, Policy};
+
+/// What links are named by.
+const TWO_GROUPS: &str = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`";
 
 /// Every field of a scenario file, with what it accepts; the page on scenarios describes each.
 pub(super) const FIELDS: &[(&str, &str)] = &[
@@ -281,28 +284,91 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("limits.waiting_max", "a whole number from 8 to 1000000"),
     ("limits.restarts_max", "a whole number from 0 to 1000000"),
     (
+        "limits.hang_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
+        "limits.watchdog_ms",
+        "milliseconds, a whole number from 1 to 3600000",
+    ),
+    (
         "limits.restart_window_s",
         "seconds, a number above 0, at most 604800",
     ),
     (
         "faults",
-        "tables, each begun by a line `[[faults]]`, with `at_s`, and either `kill` or `drone` and `crash`",
+        "tables, each begun by a line `[[faults]]`: when, by `at_s`, `at_waypoint` or `when`, and one of `crash`, \
+         `hang`, `restart`, `kill`, `crash_aircraft`, `lose_gps`, `drain`, `cut`, `one_way`, `degrade`, `heal`, `jam`",
     ),
     (
         "faults.at_s",
         "seconds from the start of the run, a number from 0 to 604800",
     ),
     (
-        "faults.drone",
-        "the number of a drone, from 0 to one below `formation.drones`, or of a relay, from there on",
+        "faults.at_waypoint",
+        "the number of a waypoint, which the first drone has then reached, from 0 to 65534",
+    ),
+    (
+        "faults.when",
+        "\"taking-off\", \"elected\", \"settled\" or \"landing\", for the first time",
+    ),
+    (
+        "faults.after_s",
+        "seconds later than `at_waypoint` or `when` says, a number from 0 to 604800",
+    ),
+    (
+        "faults.for_s",
+        "seconds after which it is over, a number above 0, at most 604800, with a fault that lasts",
+    ),
+    (
+        "faults.times",
+        "how often it happens, a whole number from 1 to 100000, with `every_s`",
+    ),
+    (
+        "faults.every_s",
+        "seconds from one time to the next, a number above 0, at most 604800, with `times`",
     ),
     (
         "faults.crash",
-        "an actor: \"radio\", \"routing\", \"mission\", \"navigation\" or \"msp\"",
+        "\"master\", or the number of a drone or of a relay, with `actor`",
+    ),
+    (
+        "faults.actor",
+        "an actor: \"radio\", \"routing\", \"mission\", \"navigation\" or \"msp\", with `crash` or `hang`",
+    ),
+    (
+        "faults.hang",
+        "\"master\", or the number of a drone or of a relay; with `actor`, only that actor",
+    ),
+    (
+        "faults.restart",
+        "\"master\", or the number of a drone or of a relay",
     ),
     (
         "faults.kill",
-        "\"master\", or the number of a drone, from 0 to one below `formation.drones`",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.crash_aircraft",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.lose_gps",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.drain",
+        "\"master\", or the number of a drone or of a relay, with `to`",
+    ),
+    ("faults.to", "a share from 0 to 1, with `drain`"),
+    ("faults.cut", TWO_GROUPS),
+    ("faults.one_way", TWO_GROUPS),
+    ("faults.degrade", TWO_GROUPS),
+    ("faults.heal", TWO_GROUPS),
+    ("faults.loss", "a share from 0 to 1, with `degrade`"),
+    (
+        "faults.jam",
+        "a disc, `{ north_m = 0, east_m = 0, radius_m = 100 }`, in metres from home",
     ),
 ];
 
@@ -327,7 +393,7 @@ pub(super) struct Raw {
     #[serde(default)]
     pub(super) limits: Limits,
     #[serde(default)]
-    pub(super) faults: Vec<Fault>,
+    pub(super) faults: Vec<Spanned<Fault>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -624,16 +690,75 @@ pub(super) struct Limits {
     pub(super) leg_s: Option<Seconds>,
     pub(super) waiting_max: Option<Whole<8, 1_000_000>>,
     pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
+    pub(super) hang_ms: Option<Milliseconds>,
+    pub(super) watchdog_ms: Option<Milliseconds>,
     pub(super) restart_window_s: Option<Seconds>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
 pub(super) struct Fault {
-    pub(super) at_s: Spanned<Instant>,
-    pub(super) drone: Option<Spanned<Whole<0, 99_999>>>,
-    pub(super) crash: Option<Spanned<ActorName>>,
+    pub(super) at_s: Option<Instant>,
+    pub(super) at_waypoint: Option<Whole<0, 65_534>>,
+    pub(super) when: Option<OccasionName>,
+    pub(super) after_s: Option<Spanned<Instant>>,
+    pub(super) for_s: Option<Spanned<Seconds>>,
+    pub(super) times: Option<Spanned<Whole<1, 100_000>>>,
+    pub(super) every_s: Option<Spanned<Seconds>>,
+    pub(super) crash: Option<Spanned<Victim>>,
+    pub(super) actor: Option<Spanned<ActorName>>,
+    pub(super) hang: Option<Spanned<Victim>>,
+    pub(super) restart: Option<Spanned<Victim>>,
     pub(super) kill: Option<Spanned<Victim>>,
+    pub(super) crash_aircraft: Option<Spanned<Victim>>,
+    pub(super) lose_gps: Option<Spanned<Victim>>,
+    pub(super) drain: Option<Spanned<Victim>>,
+    pub(super) to: Option<Spanned<Share>>,
+    pub(super) cut: Option<Spanned<Pair>>,
+    pub(super) one_way: Option<Spanned<Pair>>,
+    pub(super) degrade: Option<Spanned<Pair>>,
+    pub(super) loss: Option<Spanned<Share>>,
+    pub(super) heal: Option<Spanned<Pair>>,
+    pub(super) jam: Option<Disc>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum OccasionName {
+    TakingOff,
+    Elected,
+    Settled,
+    Landing,
+}
+
+impl From<OccasionName> for Occasion {
+    fn from(name: OccasionName) -> Self {
+        match name {
+            OccasionName::TakingOff => Self::TakingOff,
+            OccasionName::Elected => Self::Elected,
+            OccasionName::Settled => Self::Settled,
+            OccasionName::Landing => Self::Landing,
+        }
+    }
+}
+
+/// Two drones, or two groups of them.
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`"
+)]
+pub(super) enum Pair {
+    Drones([Whole<0, 99_999>; 2]),
+    Groups([Vec<Whole<0, 99_999>>; 2]),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Disc {
+    pub(super) north_m: Offset,
+    pub(super) east_m: Offset,
+    pub(super) radius_m: Length,
 }
 
 /// A drone by its number or by its office.

@@ -37,12 +37,13 @@ pub(crate) struct Vehicle {
     armed: bool,
     has_flown: bool,
     is_landing: bool,
+    is_wreck: bool,
     target: Option<Ned>,
     /// Whether its pilot's sticks are ignored.
     is_held: bool,
     battery: Battery,
-    /// Since when it has not known where it is over ground.
-    lost: Option<Timestamp>,
+    /// Since when it has not known where it is over ground, and until when it won't.
+    lost: Option<(Timestamp, Timestamp)>,
 }
 
 impl Vehicle {
@@ -53,6 +54,7 @@ impl Vehicle {
             armed: false,
             has_flown: false,
             is_landing: false,
+            is_wreck: false,
             target: None,
             is_held: false,
             battery: Battery::full(),
@@ -70,14 +72,15 @@ impl Vehicle {
         &mut self.battery
     }
 
-    /// It does not know any more where it is over ground.
-    pub(crate) fn lose_position(&mut self, now: Timestamp) {
-        self.lost.get_or_insert(now);
+    /// It does not know where it is over ground, until then at least.
+    pub(crate) fn lose_position(&mut self, now: Timestamp, until: Timestamp) {
+        let lost = self.lost.get_or_insert((now, until));
+        lost.1 = lost.1.max(until);
     }
 
-    /// It knows again.
-    pub(crate) const fn find_position(&mut self) {
-        self.lost = None;
+    /// It knows again, unless it has lost it for longer.
+    pub(crate) fn find_position(&mut self, now: Timestamp) {
+        self.lost = self.lost.filter(|(_, until)| now < *until);
     }
 
     pub(crate) const fn motion(&self) -> &Motion {
@@ -95,12 +98,12 @@ impl Vehicle {
 
     pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
         let known = |place: Ned| match self.lost {
-            Some(lost) => self.motion.position(lost).at_altitude(place.altitude_m()),
+            Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
             None => place,
         };
         Telemetry {
             position: known(self.motion.position(now)),
-            position_lost_for: self.lost.map(|lost| now.since(lost)),
+            position_lost_for: self.lost.map(|(lost, _)| now.since(lost)),
             velocity: self.motion.velocity(now).map_or(Velocity::ZERO, Velocity),
             stop: known(self.motion.stop(now)),
             at_rest: self.motion.is_at_rest(now),
@@ -209,12 +212,26 @@ impl Vehicle {
         obeys
     }
 
-    /// Its motion has come to its end: a landing ends disarmed.
-    pub(crate) fn come_to_rest(&mut self) {
-        if self.is_landing {
-            self.is_landing = false;
-            self.armed = false;
-        }
+    /// Whether it fell: nobody can be kept apart from it any more.
+    pub(crate) const fn is_wreck(&self) -> bool {
+        self.is_wreck
+    }
+
+    /// Falls to the ground as fast as it does by its own weight, on from how it moves, its motors off for good.
+    pub(crate) fn fall(&mut self, now: Timestamp) {
+        self.armed = false;
+        self.has_flown = true;
+        self.is_landing = false;
+        self.is_wreck = true;
+        self.target = None;
+        self.motion.fall(now);
+    }
+
+    /// Its motion has come to its end: a landing ends disarmed. Whether it was one.
+    pub(crate) fn come_to_rest(&mut self) -> bool {
+        let lands = std::mem::take(&mut self.is_landing);
+        self.armed &= !lands;
+        lands
     }
 }
 

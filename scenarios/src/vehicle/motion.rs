@@ -4,6 +4,9 @@ use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
 
+/// Standard gravity, in m/s².
+const GRAVITY_MPS2: f64 = 9.806_65;
+
 /// A motion under constant acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Piece {
@@ -207,6 +210,25 @@ impl Motion {
         let end = self.push(start, before_ramp, ahead * speed, -push, ramp_s);
         // A rest exactly at the end of the leg, free of rounding.
         self.push(end, to.0, Vector3::zeros(), Vector3::zeros(), 0.0);
+    }
+
+    /// Drops all that is planned after `at` and falls to the ground.
+    pub(super) fn fall(&mut self, at: Timestamp) {
+        let velocity = self.velocity(at).unwrap_or_default();
+        let position = self.position(at).0;
+        self.cut(at);
+        // Down is positive: 0 = z + v t + g t² / 2, the height being -z.
+        let seconds = (-velocity.z
+            + (velocity.z * velocity.z - 2.0 * GRAVITY_MPS2 * position.z).sqrt())
+            / GRAVITY_MPS2;
+        let gravity = Vector3::new(0.0, 0.0, GRAVITY_MPS2);
+        let end = self.push(at, position, velocity, gravity, seconds);
+        let ground = Vector3::new(
+            position.x + velocity.x * seconds,
+            position.y + velocity.y * seconds,
+            0.0,
+        );
+        self.push(end, ground, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
     /// Stays for `time` where all that is planned ends.

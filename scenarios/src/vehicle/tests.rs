@@ -311,8 +311,9 @@ fn a_vehicle_that_holds_ignores_its_pilot_until_it_is_given_back() {
 fn a_vehicle_that_lost_its_position_tells_where_it_was_then_and_for_how_long() {
     let mut vehicle = hovering();
     vehicle.obey(Timestamp::ZERO, leg(500.0, 30.0));
-    vehicle.lose_position(at(10.0));
-    vehicle.lose_position(at(12.0));
+    vehicle.lose_position(at(10.0), at(25.0));
+    vehicle.lose_position(at(12.0), at(15.0));
+    vehicle.find_position(at(15.0));
     let told = vehicle.telemetry(at(20.0));
     let then = vehicle.motion().position(at(10.0));
     assert_eq!(told.position_lost_for, Some(Duration::from_secs(10)));
@@ -321,7 +322,7 @@ fn a_vehicle_that_lost_its_position_tells_where_it_was_then_and_for_how_long() {
         told.position.altitude_m() > then.altitude_m(),
         "its height it knows"
     );
-    vehicle.find_position();
+    vehicle.find_position(at(25.0));
     let told = vehicle.telemetry(at(20.0));
     assert_eq!(told.position_lost_for, None);
     assert_eq!(told.position, vehicle.motion().position(at(20.0)));

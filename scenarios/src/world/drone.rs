@@ -1,17 +1,35 @@
+use std::collections::VecDeque;
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Checkpoints};
+use muster_machines::cell::{Address, Checkpoint, Checkpoints, Envelope};
 use muster_machines::time::Timestamp;
+use muster_runtime::journal::Journal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+
+use super::disk::Disk;
+
+/// A simulated disk refuses nothing.
+const NEVER_FAILS: &str = "a simulated disk never fails";
 
 /// What the world keeps for one drone: its random source, its journal, its timers, which of its actors run.
 #[derive(Debug)]
 pub(crate) struct Drone {
     pub(crate) rng: ChaCha8Rng,
     pub(crate) checkpoints: Checkpoints,
+    /// What outlives its process, in a world in which processes start anew.
+    journal: Option<Journal<Disk>>,
+    /// Whether its process runs.
+    pub(crate) runs: bool,
+    /// How often its process has ended; what was planned for an earlier life does not happen.
+    pub(crate) lives: u32,
     /// Whether one of its actors could not be kept alive.
     pub(crate) given_up: bool,
+    /// Which of its actors hang, and what waits for them.
+    hung: [bool; 5],
+    pub(super) backlog: VecDeque<Envelope>,
+    /// How often a hang has begun or ended.
+    pub(crate) hangs: u32,
     timers: [Timer; 5],
     up: [bool; 5],
     motion: u32,
@@ -25,11 +43,20 @@ struct Timer {
 }
 
 impl Drone {
-    pub(crate) fn new(rng: ChaCha8Rng) -> Self {
+    /// A drone before its actors are built; with a journal in a world in which processes start anew.
+    pub(crate) fn new(rng: ChaCha8Rng, has_journal: bool) -> Self {
+        let opened = has_journal.then(|| Journal::open(Disk::default()).expect(NEVER_FAILS));
+        let (journal, checkpoints) = opened.unzip();
         Self {
             rng,
-            checkpoints: Checkpoints::default(),
+            checkpoints: checkpoints.unwrap_or_default(),
+            journal,
+            runs: true,
+            lives: 0,
             given_up: false,
+            hung: [false; 5],
+            backlog: VecDeque::new(),
+            hangs: 0,
             timers: [Timer::default(); 5],
             up: [false; 5],
             motion: 0,
@@ -40,9 +67,72 @@ impl Drone {
         self.up[address as usize]
     }
 
+    pub(crate) const fn is_hung(&self, address: Address) -> bool {
+        self.hung[address as usize]
+    }
+
+    /// Whether it can do what it is told: its process runs, and all of it.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.runs && !self.given_up && Address::ALL.iter().all(|it| !self.is_hung(*it))
+    }
+
     /// Whether frames get through it to others.
-    pub(crate) const fn passes_on(&self) -> bool {
-        self.is_up(Address::Radio) && self.is_up(Address::Routing)
+    pub(crate) fn passes_on(&self) -> bool {
+        [Address::Radio, Address::Routing]
+            .iter()
+            .all(|it| self.is_up(*it) && !self.is_hung(*it))
+    }
+
+    /// Keeps what a machine is built anew from.
+    pub(crate) fn keep(&mut self, checkpoint: Checkpoint) {
+        let Some(journal) = &mut self.journal else {
+            self.checkpoints.keep(checkpoint);
+            return;
+        };
+        let must_last = self.checkpoints.keep(checkpoint.clone());
+        journal
+            .keep(&checkpoint, &self.checkpoints, must_last)
+            .expect(NEVER_FAILS);
+    }
+
+    /// Its process ends, and the power with it: nothing of it is left but what its journal holds.
+    pub(crate) fn end(&mut self) {
+        for address in Address::ALL {
+            self.take_down(address);
+        }
+        self.runs = false;
+        self.lives += 1;
+        self.go_on(&Address::ALL);
+        self.backlog.clear();
+        if let Some(journal) = self.journal.take() {
+            let mut disk = journal.into_storage();
+            disk.lose_power(&mut self.rng);
+            let (journal, checkpoints) = Journal::open(disk).expect(NEVER_FAILS);
+            self.journal = Some(journal);
+            self.checkpoints = checkpoints;
+        }
+    }
+
+    /// Its process is there again.
+    pub(crate) const fn begin(&mut self) {
+        self.runs = true;
+        self.given_up = false;
+    }
+
+    /// Some of its actors do nothing any more, until they go on.
+    pub(crate) fn hang(&mut self, addresses: &[Address]) {
+        self.hangs += 1;
+        for address in addresses {
+            self.hung[*address as usize] = true;
+        }
+    }
+
+    /// Some of its actors go on; whether they hung.
+    pub(crate) fn go_on(&mut self, addresses: &[Address]) {
+        self.hangs += 1;
+        for address in addresses {
+            self.hung[*address as usize] = false;
+        }
     }
 
     pub(crate) const fn bring_up(&mut self, address: Address) {
@@ -51,13 +141,26 @@ impl Drone {
 
     pub(crate) fn take_down(&mut self, address: Address) {
         self.up[address as usize] = false;
+        self.hung[address as usize] = false;
+        self.backlog.retain(|it| it.address() != address);
         self.set_timer(address, None);
     }
 
-    /// Whether a wake-up still counts; if so the timer is spent.
+    /// The timer of an actor that hung at its time.
+    pub(crate) fn overdue(&self, address: Address, now: Timestamp) -> Option<u32> {
+        let timer = self.timers[address as usize];
+        timer
+            .deadline
+            .filter(|deadline| *deadline <= now)
+            .map(|_| timer.generation)
+    }
+
+    /// Whether a wake-up still counts and the actor does not hang; if so the timer is spent.
     pub(crate) fn wake(&mut self, address: Address, generation: u32) -> bool {
         let timer = &mut self.timers[address as usize];
-        let counts = timer.generation == generation && timer.deadline.is_some();
+        let counts = timer.generation == generation
+            && timer.deadline.is_some()
+            && !self.hung[address as usize];
         if counts {
             timer.deadline = None;
         }
@@ -103,7 +206,7 @@ mod tests {
 
     #[test]
     fn settling_is_drawn_anew_for_each_leg_and_is_no_longer_than_the_longest() {
-        let mut drone = Drone::new(ChaCha8Rng::seed_from_u64(1));
+        let mut drone = Drone::new(ChaCha8Rng::seed_from_u64(1), false);
         let most = Duration::from_millis(800);
         let draws: Vec<_> = (0..100)
             .map(|_| drone.draw_settling(most).unwrap())
@@ -117,7 +220,7 @@ mod tests {
     #[test]
     fn nothing_is_drawn_for_a_vehicle_that_settles_at_once() {
         let rng = ChaCha8Rng::seed_from_u64(1);
-        let mut drone = Drone::new(rng.clone());
+        let mut drone = Drone::new(rng.clone(), false);
         assert_eq!(drone.draw_settling(Duration::ZERO), None);
         assert_eq!(drone.rng, rng);
     }

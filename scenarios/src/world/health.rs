@@ -1,5 +1,7 @@
 //! What befalls a vehicle in the air: its battery drains, it does not know where it is.
 
+use std::time::Duration;
+
 use muster_machines::identity::NodeId;
 
 use super::trace::Kind;
@@ -44,16 +46,19 @@ impl World {
         }
     }
 
-    /// A vehicle does not know any more where it is over ground, or knows it again.
-    pub(super) fn position_is(&mut self, drone: NodeId, is_known: bool) {
+    /// A vehicle does not know any more where it is over ground.
+    pub(super) fn lose_position(&mut self, drone: NodeId, lasts: Option<Duration>) {
         self.trace
-            .value(self.now, drone, Kind::Positioned, &is_known);
-        let vehicle = &mut self.vehicles[drone.0 as usize];
-        if is_known {
-            vehicle.find_position();
-        } else {
-            vehicle.lose_position(self.now);
-        }
+            .value(self.now, drone, Kind::PositionLost, &lasts);
+        let until = self.now + lasts.unwrap_or(Duration::MAX);
+        self.vehicles[drone.0 as usize].lose_position(self.now, until);
+        self.heap.plan(until, Planned::PositionFound(drone));
+        self.report_telemetry(drone);
+    }
+
+    /// It knows again, unless it has lost it for longer.
+    pub(super) fn find_position(&mut self, drone: NodeId) {
+        self.vehicles[drone.0 as usize].find_position(self.now);
         self.report_telemetry(drone);
     }
 }

@@ -4,10 +4,13 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod disk;
 mod drone;
+mod faults;
 mod health;
 mod heap;
 mod part;
+mod process;
 mod recorder;
 mod trace;
 
@@ -32,6 +35,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use self::drone::Drone;
+use self::faults::Plan;
 use self::heap::Heap;
 use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
@@ -39,7 +43,7 @@ use self::trace::{Kind, Trace};
 use crate::checkers::{
     BarrierChecker, BoundsChecker, ElectionChecker, SeparationChecker, Violation, check_landed,
 };
-use crate::scenario::{FaultKind, Follow, Scenario, Target};
+use crate::scenario::{Follow, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
@@ -65,6 +69,8 @@ pub(crate) enum What {
     Crash,
     /// Build the actor anew.
     Restart,
+    /// Build all five, under a new supervisor.
+    Boot,
 }
 
 #[derive(Debug)]
@@ -90,15 +96,43 @@ enum Planned {
     PlaceRadios,
     /// A battery says that there is less in it.
     Drained(NodeId),
+    /// A vehicle knows again where it is.
+    PositionFound(NodeId),
     Restart {
         drone: NodeId,
         address: Address,
+        life: u32,
     },
-    Crash {
+    /// A drone's process starts.
+    Boot {
         drone: NodeId,
-        address: Address,
+        life: u32,
     },
-    Kill(Target),
+    /// Whoever watches a drone finds that it hangs.
+    Watchdog {
+        drone: NodeId,
+        actor: Option<Address>,
+        hangs: u32,
+    },
+    /// What hangs goes on.
+    GoOn {
+        drone: NodeId,
+        hangs: u32,
+    },
+    /// What has waited for a drone that hung is handed to it.
+    Backlog {
+        drone: NodeId,
+        life: u32,
+    },
+    /// A fault of the plan befalls, for the nth time from 0.
+    Fault {
+        index: usize,
+        nth: u32,
+    },
+    /// It is over.
+    FaultOver {
+        index: usize,
+    },
     /// The master's pilot moves the sticks.
     Steer(Velocity),
     /// The operator ends the flight.
@@ -111,6 +145,7 @@ pub(crate) struct World {
     now: Timestamp,
     limit: Timestamp,
     heap: Heap<Planned>,
+    plan: Plan,
     inbox: VecDeque<(NodeId, Envelope)>,
     medium: Medium,
     /// When the medium is woken next, as far as that is planned.
@@ -119,6 +154,10 @@ pub(crate) struct World {
     vehicles: Vec<Vehicle>,
     /// How long a vehicle takes at most to come to rest at the end of a leg.
     settle: Duration,
+    /// How long an actor may hang before its supervisor takes it for failed.
+    hang_max: Duration,
+    /// How long a process may before its service manager ends it.
+    watchdog: Duration,
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
@@ -150,30 +189,29 @@ impl World {
         };
         let mut heap = Heap::new();
         heap.plan(Timestamp::ZERO, Planned::Fly);
-        for fault in &scenario.faults {
-            heap.plan(
-                fault.at,
-                match fault.kind {
-                    FaultKind::CrashActor(drone, address) => Planned::Crash { drone, address },
-                    FaultKind::Kill(target) => Planned::Kill(target),
-                },
-            );
+        let plan = Plan::new(&scenario.faults);
+        let has_journals = plan.restarts_processes();
+        for (index, at) in plan.timed() {
+            heap.plan(at, Planned::Fault { index, nth: 0 });
         }
         Self {
             now: Timestamp::ZERO,
             limit: Timestamp::ZERO + scenario.limits.duration,
             heap,
+            plan,
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
             medium_wakes: None,
             drones: (0..u64::from(nodes))
-                .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id)))
+                .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
             vehicles: places
                 .iter()
                 .map(|place| Vehicle::new(scenario.landing, *place).lasting(scenario.endurance))
                 .collect(),
             settle: scenario.settle,
+            hang_max: scenario.limits.hang,
+            watchdog: scenario.limits.watchdog,
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
@@ -211,6 +249,10 @@ impl World {
         loop {
             while let Some((drone, envelope)) = self.inbox.pop_front() {
                 let address = envelope.address();
+                if self.drone(drone).is_hung(address) {
+                    self.wait_for(drone, envelope);
+                    continue;
+                }
                 if self.drone(drone).is_up(address) {
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
@@ -234,6 +276,15 @@ impl World {
             if let Some(task) = self.happen(planned) {
                 return Some(task);
             }
+        }
+    }
+
+    /// Keeps what comes for an actor that hangs, as far as there is room.
+    fn wait_for(&mut self, drone: NodeId, envelope: Envelope) {
+        let waiting_max = self.bounds.waiting_max;
+        let backlog = &mut self.drone(drone).backlog;
+        if backlog.len() < waiting_max {
+            backlog.push_back(envelope);
         }
     }
 
@@ -273,29 +324,33 @@ impl World {
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
             Planned::Drained(drone) => self.drained(drone),
-            Planned::Restart { drone, address } => {
-                return (!self.drone(drone).given_up).then_some(Task {
+            Planned::PositionFound(drone) => self.find_position(drone),
+            Planned::Boot { drone, life } => return self.boot(drone, life),
+            Planned::Watchdog {
+                drone,
+                actor,
+                hangs,
+            } => return self.bite(drone, actor, hangs),
+            Planned::GoOn { drone, hangs } => self.go_on(drone, hangs),
+            Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
+            Planned::Restart {
+                drone,
+                address,
+                life,
+            } => {
+                let state = self.drone(drone);
+                return (!state.given_up && state.lives == life).then_some(Task {
                     drone,
                     address,
                     what: What::Restart,
                 });
             }
-            Planned::Kill(target) => {
-                if let Some(drone) = self.find_target(target) {
-                    self.kill(drone);
-                }
-            }
+            Planned::Fault { index, nth } => return self.befall(index, nth),
+            Planned::FaultOver { index } => self.is_over_now(index),
             Planned::Steer(velocity) => self.steer(velocity),
             Planned::Land => {
                 let master = self.recorder.centre();
                 self.post(master, Envelope::Mission(mission::Input::Land));
-            }
-            Planned::Crash { drone, address } => {
-                return self.drone(drone).is_up(address).then_some(Task {
-                    drone,
-                    address,
-                    what: What::Crash,
-                });
             }
         }
         None
@@ -331,7 +386,7 @@ impl World {
                 self.send(drone, to, &frame);
             }
             Effect::Command(demand) => self.command(drone, demand),
-            Effect::Keep(checkpoint) => self.drone(drone).checkpoints.keep(checkpoint),
+            Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(observation) => self.observe(drone, &observation),
         }
     }
@@ -406,23 +461,28 @@ impl World {
         let was_armed = vehicle.is_armed();
         let moves = vehicle.obey(self.now, demand);
         if vehicle.is_armed() && !was_armed {
-            self.recorder.armed(drone, self.now);
-            if self.airborne == 0 {
-                self.heap.plan(self.now, Planned::PlaceRadios);
-            }
-            self.airborne += 1;
-            self.watch_battery(drone);
+            self.armed(drone);
         }
         if moves {
             if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
                 && let Some(time) = self.drones[index].draw_settling(self.settle)
             {
-                vehicle.settle(time);
+                self.vehicles[index].settle(time);
             }
             self.plan_rest(drone);
         } else {
             self.report_telemetry(drone);
         }
+    }
+
+    fn armed(&mut self, drone: NodeId) {
+        self.recorder.armed(drone, self.now);
+        if self.airborne == 0 {
+            self.heap.plan(self.now, Planned::PlaceRadios);
+        }
+        self.airborne += 1;
+        self.watch_battery(drone);
+        self.occurs(Occasion::TakingOff);
     }
 
     /// Plans the end of the motion that a vehicle has just begun.
@@ -477,9 +537,9 @@ impl World {
         let found = self.separation.path_ends(self.now, drone, &self.vehicles);
         self.find(found);
         let vehicle = &mut self.vehicles[drone.0 as usize];
-        vehicle.come_to_rest();
+        let lands = vehicle.come_to_rest();
         let position = vehicle.motion().position(self.now);
-        if !vehicle.is_armed() {
+        if lands {
             self.airborne -= 1;
             self.medium.place(drone, position);
             self.recorder.disarmed(drone, self.now);
@@ -517,6 +577,7 @@ impl World {
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
+                self.occurs_to(drone, event);
                 if let mission::Event::Obeys(ballot) = event
                     && ballot.is_elected()
                 {
@@ -543,7 +604,13 @@ impl World {
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder.restarts(drone);
-                self.heap.plan(at, Planned::Restart { drone, address });
+                let life = self.drone(drone).lives;
+                let restart = Planned::Restart {
+                    drone,
+                    address,
+                    life,
+                };
+                self.heap.plan(at, restart);
             }
             Verdict::GiveUp => {
                 self.recorder.given_up(drone);
@@ -557,43 +624,32 @@ impl World {
         }
     }
 
-    /// Whom a fault befalls, if there is such a drone.
-    fn find_target(&self, target: Target) -> Option<NodeId> {
-        match target {
-            Target::Drone(drone) => Some(drone),
-            Target::Master => (0..)
-                .map(NodeId)
-                .take(self.drones.len())
-                .filter(|id| !self.drones[id.0 as usize].given_up)
-                .filter_map(|id| self.election.obeyed(id).filter(|it| it.master == id))
-                .reduce(|best, ballot| if ballot.beats(&best) { ballot } else { best })
-                .map(|ballot| ballot.master),
+    /// What happens to a drone may be what a fault waits for.
+    fn occurs_to(&mut self, drone: NodeId, event: &mission::Event) {
+        match *event {
+            mission::Event::State(State::WaypointReached { waypoint }) => {
+                self.occurs(Occasion::Waypoint(waypoint));
+            }
+            mission::Event::Landing(_) => self.occurs(Occasion::Landing),
+            mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == drone => {
+                self.occurs(Occasion::Elected);
+            }
+            _ => {}
         }
-    }
-
-    /// A drone's companion computer dies: nothing of it runs any more, and its flight controller brings it down.
-    fn kill(&mut self, drone: NodeId) {
-        self.trace.value(self.now, drone, Kind::Killed, &());
-        for address in Address::ALL {
-            self.drone(drone).take_down(address);
-        }
-        self.inbox.retain(|(to, _)| *to != drone);
-        self.drone(drone).given_up = true;
-        self.recorder.killed(drone, self.now);
-        self.barrier.given_up(drone);
-        self.command(drone, Demand::Land);
-        self.look_at_elections();
     }
 
     /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
     fn look_at_elections(&mut self) {
         let masters = self.masters_if_settled();
-        self.recorder.election(self.now, masters);
+        if self.recorder.election(self.now, masters) {
+            self.occurs(Occasion::Settled);
+        }
     }
 
     /// The masters, if those that fly the mission obey, in each part, one drone of that part.
     fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
-        let flies = |id: NodeId| self.recorder.is_following(id) && !self.recorder.is_killed(id);
+        let is_sound = |id: NodeId| self.drones[id.0 as usize].is_sound();
+        let flies = |id: NodeId| self.recorder.is_following(id) && is_sound(id);
         let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
         let ids = || (0..).map(NodeId).take(self.vehicles.len());
         let mut masters = BTreeSet::new();

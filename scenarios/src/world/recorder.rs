@@ -46,11 +46,14 @@ pub(crate) struct Record {
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
     pub(crate) given_up: bool,
-    /// When its companion computer died.
+    /// When its companion computer died, or the aircraft fell.
     pub(crate) killed: Option<Timestamp>,
     /// Whether its battery is empty.
     pub(crate) ran_empty: bool,
+    pub(crate) fell: bool,
     pub(crate) restarts: u32,
+    /// How often its process started anew.
+    pub(crate) reboots: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
     /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
@@ -104,7 +107,9 @@ impl Recorder {
             given_up: false,
             killed: None,
             ran_empty: false,
+            fell: false,
             restarts: 0,
+            reboots: 0,
             armed: None,
             disarmed: None,
             sent: 0,
@@ -205,29 +210,36 @@ impl Recorder {
         self.record(id).restarts += 1;
     }
 
+    /// Its process is there again.
+    pub(crate) fn rebooted(&mut self, id: NodeId) {
+        let record = self.record(id);
+        record.reboots += 1;
+        record.killed = None;
+    }
+
     pub(crate) fn given_up(&mut self, id: NodeId) {
         self.record(id).given_up = true;
     }
 
-    /// Whether each part has a master now, and who they are.
-    pub(crate) fn election(&mut self, now: Timestamp, masters: Option<BTreeSet<NodeId>>) {
+    /// Whether each part has a master now, and who they are; whether an election has just ended by that.
+    pub(crate) fn election(&mut self, now: Timestamp, masters: Option<BTreeSet<NodeId>>) -> bool {
         let open = self.elections.last_mut().filter(|it| it.settled.is_none());
         match (open, masters) {
-            (Some(election), Some(masters)) => election.settled = Some((now, masters)),
+            (Some(election), Some(masters)) => {
+                election.settled = Some((now, masters));
+                return true;
+            }
             (None, None) => self.elections.push(Election {
                 begun: now,
                 settled: None,
             }),
             (Some(_), None) | (None, Some(_)) => {}
         }
+        false
     }
 
     pub(crate) fn elections(&self) -> &[Election] {
         &self.elections
-    }
-
-    pub(crate) fn is_killed(&self, id: NodeId) -> bool {
-        self.nodes[id.0 as usize].killed.is_some()
     }
 
     /// Whether a drone is in the air and takes part in the mission.
@@ -242,6 +254,11 @@ impl Recorder {
 
     pub(crate) fn ran_empty(&mut self, id: NodeId) {
         self.record(id).ran_empty = true;
+    }
+
+    pub(crate) fn fell(&mut self, id: NodeId, now: Timestamp) {
+        self.killed(id, now);
+        self.record(id).fell = true;
     }
 
     pub(crate) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {

@@ -32,7 +32,11 @@ pub(crate) enum Kind {
     Killed,
     Addressed,
     Drained,
-    Positioned,
+    PositionLost,
+    Fell,
+    Stopped,
+    Hung,
+    WentOn,
 }
 
 impl Trace {

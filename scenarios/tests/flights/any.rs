@@ -4,7 +4,7 @@ use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::Engine;
-use muster_scenarios::scenario::{Fault, FaultKind, Scenario};
+use muster_scenarios::scenario::{Fault, FaultKind, Scenario, Target};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -48,12 +48,11 @@ fn any(draw: u64) -> Scenario {
     let overrides: Vec<&str> = fields.iter().chain(&numbers).map(String::as_str).collect();
     let mut scenario = scenario("thesis-1.toml", &overrides);
     scenario.faults = (0..rng.random_range(0..4))
-        .map(|_| Fault {
-            at: Timestamp::from_secs_f64(rng.random_range(0.0..400.0)),
-            kind: FaultKind::CrashActor(
-                NodeId(rng.random_range(0..drones)),
-                *Address::ALL.choose(&mut rng).unwrap(),
-            ),
+        .map(|_| {
+            let at = Timestamp::from_secs_f64(rng.random_range(0.0..400.0));
+            let drone = Target::Drone(NodeId(rng.random_range(0..drones)));
+            let actor = *Address::ALL.choose(&mut rng).unwrap();
+            Fault::at(at, FaultKind::CrashActor(drone, actor))
         })
         .collect();
     scenario

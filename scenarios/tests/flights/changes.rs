@@ -79,7 +79,7 @@ fn a_change_goes_on_when_any_actor_fails_in_the_middle_of_it() {
             // The third change lasts from 148 to 182 s.
             for at_s in [150, 160, 172] {
                 let fault =
-                    format!("faults=[{{ at_s = {at_s}, drone = {drone}, crash = \"{actor}\" }}]");
+                    format!("faults=[{{ at_s = {at_s}, crash = {drone}, actor = \"{actor}\" }}]");
                 let report = fly(&scenario("shake-up.toml", &[&fault]), Engine::Events);
                 assert_changed(&report, &fault);
             }

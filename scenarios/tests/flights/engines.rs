@@ -7,7 +7,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
-use muster_scenarios::scenario::{Fault, FaultKind, Scenario};
+use muster_scenarios::scenario::{Fault, FaultKind, Scenario, Target};
 
 use crate::support::{fly, scenario};
 
@@ -25,10 +25,8 @@ fn on_both_engines(scenario: &Scenario) -> Report {
 }
 
 fn crash(at_s: f64, drone: u32, actor: Address) -> Fault {
-    Fault {
-        at: Timestamp::from_secs_f64(at_s),
-        kind: FaultKind::CrashActor(NodeId(drone), actor),
-    }
+    let kind = FaultKind::CrashActor(Target::Drone(NodeId(drone)), actor);
+    Fault::at(Timestamp::from_secs_f64(at_s), kind)
 }
 
 fn assert_all_finished(report: &Report) {

@@ -69,11 +69,11 @@ fn flood_carries_the_protocol_too_only_later() {
 #[test]
 fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
     let faults = r#"faults=[
-        { at_s = 80, drone = 7, crash = "mission" }, { at_s = 90, drone = 3, crash = "mission" },
-        { at_s = 100, drone = 7, crash = "navigation" }, { at_s = 110, drone = 11, crash = "navigation" },
-        { at_s = 120, drone = 7, crash = "routing" }, { at_s = 130, drone = 5, crash = "routing" },
-        { at_s = 140, drone = 7, crash = "msp" }, { at_s = 150, drone = 9, crash = "msp" },
-        { at_s = 160, drone = 7, crash = "radio" }, { at_s = 170, drone = 9, crash = "radio" },
+        { at_s = 80, crash = 7, actor = "mission" }, { at_s = 90, crash = 3, actor = "mission" },
+        { at_s = 100, crash = 7, actor = "navigation" }, { at_s = 110, crash = 11, actor = "navigation" },
+        { at_s = 120, crash = 7, actor = "routing" }, { at_s = 130, crash = 5, actor = "routing" },
+        { at_s = 140, crash = 7, actor = "msp" }, { at_s = 150, crash = 9, actor = "msp" },
+        { at_s = 160, crash = 7, actor = "radio" }, { at_s = 170, crash = 9, actor = "radio" },
     ]"#;
     for overrides in [&[][..], &[faults]] {
         let scenario = scenario("follow.toml", overrides);
@@ -88,7 +88,7 @@ fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
 #[test]
 fn slaves_of_a_master_that_fell_silent_come_down() {
     let crashes: Vec<_> = (0..8)
-        .map(|times| format!("{{ at_s = {}, drone = 7, crash = \"radio\" }}", 100 + times))
+        .map(|times| format!("{{ at_s = {}, crash = 7, actor = \"radio\" }}", 100 + times))
         .collect();
     let faults = format!("faults=[{}]", crashes.join(", "));
     let report = fly(&scenario("follow.toml", &[&faults]), Engine::Events);

@@ -40,7 +40,7 @@ fn without_relays_the_others_are_never_set_up_and_stay_on_the_ground() {
 
 #[test]
 fn a_relay_whose_actors_fail_passes_on_again() {
-    let faults = r#"faults=[{ at_s = 40, drone = 3, crash = "routing" }, { at_s = 41, drone = 4, crash = "radio" }]"#;
+    let faults = r#"faults=[{ at_s = 40, crash = 3, actor = "routing" }, { at_s = 41, crash = 4, actor = "radio" }]"#;
     let scenario = scenario("relay.toml", &[faults]);
     let report = fly(&scenario, Engine::Events);
     assert_eq!(report.trace, fly(&scenario, Engine::Actors).trace);

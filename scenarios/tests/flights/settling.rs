@@ -8,7 +8,7 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::{Engine, run};
 use muster_scenarios::report::FlightOfDrone;
-use muster_scenarios::scenario::{Fault, FaultKind, Scenario};
+use muster_scenarios::scenario::{Fault, FaultKind, Scenario, Target};
 
 use crate::support::{fly, scenario};
 
@@ -58,9 +58,10 @@ fn both_engines_draw_the_same() {
         let mut scenario = settling(5_000, &["radio.loss=0.1"]);
         scenario.faults = crash
             .into_iter()
-            .map(|at_s| Fault {
-                at: Timestamp::from_secs_f64(f64::from(at_s)),
-                kind: FaultKind::CrashActor(NodeId(1), Address::Navigation),
+            .map(|at_s| {
+                let drone = Target::Drone(NodeId(1));
+                let kind = FaultKind::CrashActor(drone, Address::Navigation);
+                Fault::at(Timestamp::from_secs_f64(f64::from(at_s)), kind)
             })
             .collect();
         let events = fly(&scenario, Engine::Events);

@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::Config;
+use super::disturbance::Disturbance;
 use super::grid::Grid;
 use super::propagation::Curve;
 use crate::SendError;
@@ -15,6 +16,7 @@ pub(super) struct Air {
     grid: Grid,
     curve: Curve,
     loss: f64,
+    pub(super) disturbance: Disturbance,
 }
 
 impl Air {
@@ -24,6 +26,7 @@ impl Air {
             grid: Grid::new(curve.reach_m(), places),
             curve,
             loss: config.loss,
+            disturbance: Disturbance::default(),
             rng,
         }
     }
@@ -41,8 +44,32 @@ impl Air {
         self.grid.in_range(from, found)
     }
 
+    /// Visits every two radios that may hear each other once.
+    pub(super) fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
+        self.grid.each_pair_in_range(visit);
+    }
+
+    /// The chance that a frame from one radio is lost on its way to another, as things are now, 0 to 1.
+    pub(super) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        let (Some(here), Some(there)) = (self.grid.place_of(from), self.grid.place_of(to)) else {
+            return 1.0;
+        };
+        let distance_m = here.distance_m(there);
+        if distance_m > self.curve.reach_m() {
+            return 1.0;
+        }
+        if self.disturbance.is_jammed(there) {
+            return 1.0;
+        }
+        let undisturbed = self.curve.delivery(distance_m) * (1.0 - self.loss);
+        1.0 - undisturbed * (1.0 - self.disturbance.loss(from, to))
+    }
+
     /// Draws whether a frame gets from one radio to another that may hear it.
     pub(super) fn carries(&mut self, from: NodeId, to: NodeId) -> bool {
+        if self.disturbance.loss(from, to) >= 1.0 {
+            return false;
+        }
         if self.curve.is_certain() {
             return true;
         }
@@ -52,8 +79,18 @@ impl Air {
         self.curve.is_heard(here.distance_m(there), &mut self.rng)
     }
 
-    /// Draws whether a frame that got there is lost all the same.
-    pub(super) fn is_lost(&mut self) -> bool {
-        self.loss > 0.0 && self.rng.random::<f64>() < self.loss
+    /// Draws whether a frame that got from one radio to another is lost all the same.
+    pub(super) fn is_lost(&mut self, from: NodeId, to: NodeId) -> bool {
+        let is_lost = self.loss > 0.0 && self.rng.random::<f64>() < self.loss;
+        is_lost || (!self.disturbance.is_none() && self.is_spoilt(from, to))
+    }
+
+    fn is_spoilt(&mut self, from: NodeId, to: NodeId) -> bool {
+        let place = self.grid.place_of(to);
+        if place.is_some_and(|place| self.disturbance.is_jammed(place)) {
+            return true;
+        }
+        let loss = self.disturbance.loss(from, to);
+        loss > 0.0 && self.rng.random::<f64>() < loss
     }
 }

@@ -61,6 +61,26 @@ impl Grid {
         Ok(())
     }
 
+    /// Visits every two radios in range of each other once, in an order that depends on nothing but where they have been.
+    pub(super) fn each_pair_in_range(&self, mut visit: impl FnMut(NodeId, NodeId)) {
+        for ((row, column), cell) in &self.cells {
+            // Of the cells around, those that have not come to this one.
+            let beside = (*row, column + 1)..=(*row, column + 1);
+            let below = (row + 1, column - 1)..=(row + 1, column + 1);
+            let around = self.cells.range(beside).chain(self.cells.range(below));
+            let others: Vec<&[NodeId]> = around.map(|(_, cell)| cell.as_slice()).collect();
+            for (at, a) in cell.iter().enumerate() {
+                let place = self.places[a.0 as usize];
+                let others = others.iter().copied().flatten();
+                for b in cell[at + 1..].iter().chain(others) {
+                    if self.places[b.0 as usize].distance_m(place) <= self.range_m {
+                        visit(*a, *b);
+                    }
+                }
+            }
+        }
+    }
+
     #[expect(
         clippy::cast_possible_truncation,
         reason = "a place beyond 2^63 cells is beyond any mission that loads"

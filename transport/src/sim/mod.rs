@@ -2,6 +2,7 @@
 
 mod air;
 mod csma;
+mod disturbance;
 mod gamma;
 mod grid;
 mod ideal;
@@ -118,6 +119,36 @@ impl Medium {
     /// When the medium was built without that drone.
     pub fn place(&mut self, id: NodeId, place: Ned) {
         self.air.place(id, place);
+    }
+
+    /// Lets a share of the frames from one radio to another be lost besides what is lost anyway, from now on; with
+    /// nothing the link is as it was. Where all are lost the receiver does not even sense them.
+    pub fn set_loss(&mut self, from: NodeId, to: NodeId, loss: Option<f64>) {
+        self.air.disturbance.set_loss(from, to, loss);
+    }
+
+    /// Starts a jammer: radios within `radius_m` metres of `centre` over ground make nothing out, until that jammer
+    /// is stopped. They sense frames as before, and what they send is heard where no jammer is.
+    pub fn jam(&mut self, jammer: u32, centre: Ned, radius_m: f64) {
+        self.air.disturbance.jam(jammer, centre, radius_m);
+    }
+
+    /// Stops a jammer, if there is such a one.
+    pub fn stop_jamming(&mut self, jammer: u32) {
+        self.air.disturbance.stop_jamming(jammer);
+    }
+
+    /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
+    /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a radio that is not there.
+    #[must_use]
+    pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.air.loss(from, to)
+    }
+
+    /// Visits every two radios that may hear each other once, in an order that depends on nothing but where they have
+    /// been; between all others each frame is lost. Costs what there are of them.
+    pub fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
+        self.air.each_pair_in_reach(visit);
     }
 
     /// What the radios have done so far; an ideal medium does not count.

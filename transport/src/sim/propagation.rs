@@ -135,12 +135,13 @@ impl Curve {
         rng.random::<f64>() < self.delivery(distance_m)
     }
 
+    /// The share of frames that is heard over a distance within the reach, 0 to 1.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a distance is not negative, and the cast saturates"
     )]
-    fn delivery(&self, distance_m: f64) -> f64 {
+    pub(super) fn delivery(&self, distance_m: f64) -> f64 {
         let position = distance_m / self.reach_m * f64::from(STEPS);
         let step = position as usize;
         match self.table.get(step..step + 2) {

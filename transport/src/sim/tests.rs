@@ -161,6 +161,22 @@ fn the_ancestors_curve_and_fading_are_drawn_for_each_frame() {
     }
 }
 
+#[test]
+fn the_chance_of_loss_is_that_of_the_distance_and_the_configured_share() {
+    let lossy = Config {
+        propagation: Propagation::Ieee80211a { range_m: RANGE_M },
+        loss: 0.2,
+        ..CONFIG
+    };
+    let medium = medium(lossy, 1, &line(3, 160.0));
+    // By hand: 5.335e-7 · 160² + 3.395e-5 · 160 = 0.01909; 0.8 of the others get through.
+    let loss = medium.loss(NodeId(0), NodeId(1));
+    assert!((loss - (1.0 - 0.8 * (1.0 - 0.019_09))).abs() < 1e-5);
+    let lost = |to| medium.loss(NodeId(0), NodeId(to)) >= 1.0;
+    assert!(lost(2), "out of range");
+    assert!(lost(9), "nobody is there");
+}
+
 proptest! {
     #[test]
     fn the_grid_finds_whom_a_look_at_all_finds(
@@ -174,13 +190,68 @@ proptest! {
             places[index] = Ned::new(north, east, -20.0);
             medium.place(NodeId(u32::try_from(index).unwrap()), places[index]);
         }
+        let mut pairs = Vec::new();
+        medium.each_pair_in_reach(|a, b| pairs.push((a.0.min(b.0), a.0.max(b.0))));
+        pairs.sort_unstable();
+        let mut all = Vec::new();
         for (from, place) in (0..).zip(&places) {
             let near: Vec<u32> = (0..)
                 .zip(&places)
                 .filter(|(id, other)| *id != from && other.distance_m(*place) <= RANGE_M)
                 .map(|(id, _)| id)
                 .collect();
+            all.extend(near.iter().filter(|id| **id > from).map(|id| (from, *id)));
             prop_assert_eq!(heard_by(&mut medium, from), near);
         }
+        prop_assert_eq!(pairs, all);
     }
+}
+
+#[test]
+fn a_link_that_is_cut_one_way_still_carries_the_other() {
+    let mut medium = medium(CONFIG, 1, &line(3, 150.0));
+    medium.set_loss(NodeId(0), NodeId(1), Some(1.0));
+    assert_eq!(heard_by(&mut medium, 0), [2]);
+    assert_eq!(heard_by(&mut medium, 1), [0, 2]);
+    medium.set_loss(NodeId(0), NodeId(1), None);
+    assert_eq!(heard_by(&mut medium, 0), [1, 2]);
+}
+
+#[test]
+fn a_degraded_link_loses_the_share_that_it_is_said_to() {
+    let mut medium = medium(CONFIG, 1, &line(2, 150.0));
+    medium.set_loss(NodeId(0), NodeId(1), Some(0.3));
+    let heard: usize = (0..2_000).map(|_| heard_by(&mut medium, 0).len()).sum();
+    assert!((1_300..1_500).contains(&heard), "{heard} of 2000");
+}
+
+#[test]
+fn nothing_is_made_out_near_a_jammer_until_it_stops() {
+    for access in [CONFIG.access, CSMA] {
+        let mut medium = medium(Config { access, ..CONFIG }, 1, &line(3, 150.0));
+        medium.jam(7, Ned::new(10.0, 300.0, 0.0), 100.0);
+        assert_eq!(heard_by_all(&mut medium, 1), [0]);
+        assert_eq!(heard_by_all(&mut medium, 2), [0, 1], "{access:?}");
+        medium.stop_jamming(7);
+        assert_eq!(heard_by_all(&mut medium, 1), [0, 2], "{access:?}");
+    }
+}
+
+const CSMA: Access = Access::Csma {
+    jitter: Duration::ZERO,
+    queue_max: NonZeroUsize::MIN,
+};
+
+/// Likewise on a medium that takes its time.
+fn heard_by_all(medium: &mut Medium, from: u32) -> Vec<u32> {
+    let mut heard = heard_by(medium, from);
+    while let Some(at) = medium.next_timeout() {
+        medium.handle_timeout(at);
+        let events = std::iter::from_fn(|| medium.poll_event());
+        heard.extend(events.filter_map(|event| match event {
+            Event::Arrival(arrival) => Some(arrival.to.0),
+            Event::Outcome(_) => None,
+        }));
+    }
+    heard
 }

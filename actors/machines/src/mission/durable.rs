@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 use super::order::Step;
 use super::{Barrier, LandingReason};
@@ -10,7 +11,7 @@ use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum State {
     /// On the ground, told nothing yet.
     #[default]
@@ -112,7 +113,7 @@ impl fmt::Display for State {
 }
 
 /// What outlives a mission.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom the drone obeys.
     pub ballot: Option<Ballot>,
@@ -144,10 +145,32 @@ pub struct Checkpoint {
     pub limit: Option<Timestamp>,
     /// What only a master has.
     pub lead: Option<Lead>,
+    /// Whether the drone's process started anew since it was first told something: the drone does not arm any more.
+    pub restarted: bool,
+}
+
+impl Checkpoint {
+    /// Whether what must never fall back has changed since `before`: whom the drone obeys, what it is doing, which
+    /// numbers its orders may have used.
+    pub(crate) fn is_news(&self, before: &Self) -> bool {
+        let order = |it: &Self| it.lead.as_ref().map(|lead| lead.sequence);
+        self.ballot != before.ballot
+            || self.state != before.state
+            || self.opened != before.opened
+            || self.changes != before.changes
+            || self.leaving != before.leaving
+            || self.plan_complete != before.plan_complete
+            || order(self) != order(before)
+    }
+
+    /// The drone's process has started anew.
+    pub(crate) fn begin_life(&mut self) {
+        self.restarted |= !matches!(self.state, State::Start | State::Finished);
+    }
 }
 
 /// How far the routing has got.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 pub enum RoutesPhase {
     /// Not begun.
     #[default]
@@ -161,7 +184,7 @@ pub enum RoutesPhase {
 }
 
 /// A master's own state.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Lead {
     /// The number of its newest order.
     pub sequence: u32,
@@ -176,7 +199,7 @@ pub struct Lead {
 }
 
 /// What a master knows that is followed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Followed {
     /// Which waypoint it makes for, where nobody flies it by hand.
     pub bound_for: u16,
@@ -189,7 +212,7 @@ pub struct Followed {
 }
 
 /// Whether a master waits for a member.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Awaited {
     /// The newest order that the member has carried out.
     pub acknowledged: u32,

@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 pub use durable::{Awaited, Checkpoint, Followed, Lead, RoutesPhase, State};
 pub use follow::Following;
@@ -145,7 +146,7 @@ pub enum Transmit {
 }
 
 /// Why a drone comes down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum LandingReason {
     /// The mission is over.
     MissionOver,
@@ -157,6 +158,10 @@ pub enum LandingReason {
     Overdue,
     /// An actor of the drone can't be kept alive.
     ActorGivenUp,
+    /// The drone's process restarted on the ground: it stays there.
+    Restarted,
+    /// Its flight controller brings it down, or has brought it down, by itself.
+    Controller,
     /// It had not heard of any other drone for the time to live.
     Alone,
     /// It was about to leave the geofence.
@@ -214,12 +219,24 @@ impl Mission {
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
+            if mission.durable.restarted {
+                mission.begin_life();
+            }
             mission.outbox.transmit(Transmit::Resync);
             if let Some(goal) = mission.goal() {
                 mission.outbox.transmit(Transmit::Goal(goal));
             }
         }
         mission
+    }
+
+    /// The process started anew: on the ground the drone stays there, in the air it has to catch up.
+    fn begin_life(&mut self) {
+        match self.durable.state {
+            State::SetUp => self.stay_down(LandingReason::Restarted),
+            state => self.durable.in_layer |= state.is_following(),
+        }
+        self.checkpoint();
     }
 
     /// Entries in the larger of its tables, and the most either takes.
@@ -263,6 +280,7 @@ impl Mission {
                 Some(Goal::TakeOff {
                     to,
                     transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
+                    arm: !self.durable.restarted,
                 })
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -352,8 +370,10 @@ impl Mission {
 
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
-        // After an election there may be parts of the swarm that do not fly in step with this one.
-        self.durable.in_layer = self.durable.ballot.is_some_and(|it| it.is_elected());
+        // After an election there may be parts of the swarm that do not fly in step with this one; and whoever has
+        // fallen behind does not itself.
+        let is_elected = self.durable.ballot.is_some_and(|it| it.is_elected());
+        self.durable.in_layer |= is_elected || self.durable.opened > Some(waypoint);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }
@@ -475,10 +495,20 @@ impl Mission {
     }
 
     fn landed(&mut self) {
-        if self.durable.state == State::Landing {
-            self.enter(State::Finished);
-            self.carried_out();
-            self.outbox.transmit(Transmit::Stop);
+        match self.durable.state {
+            State::Start | State::SetUp | State::Finished => return,
+            State::Landing => {}
+            _ => self.come_down(LandingReason::Controller),
+        }
+        self.enter(State::Finished);
+        self.carried_out();
+        self.outbox.transmit(Transmit::Stop);
+    }
+
+    /// The flight controller brings the drone down without having been told to.
+    fn coming_down(&mut self) {
+        if self.durable.state.is_following() || self.durable.state == State::MovingToLand {
+            self.come_down(LandingReason::Controller);
         }
     }
 
@@ -553,6 +583,7 @@ impl Machine for Mission {
             Input::Navigation(NavigationNotice::At { position, velocity }) => {
                 self.located(now, position, velocity);
             }
+            Input::Navigation(NavigationNotice::ComingDown) => self.coming_down(),
             Input::Navigation(NavigationNotice::Landed) => self.landed(),
             Input::Navigation(NavigationNotice::Failing {
                 failure,

@@ -1,3 +1,5 @@
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Ned, Velocity};
 
 /// What a master tells its swarm to do, one order after the other.
@@ -48,7 +50,7 @@ pub enum Order {
 }
 
 /// A step of a change of formation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Step {
     /// Climb into the sector.
     Climb,

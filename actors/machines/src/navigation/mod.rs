@@ -6,6 +6,8 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
@@ -33,7 +35,7 @@ pub struct Config {
 }
 
 /// Where a mission wants its drone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     /// Arm, climb straight up to a height, fly level to above `to`, go there.
     TakeOff {
@@ -41,6 +43,8 @@ pub enum Goal {
         to: Ned,
         /// The height at which the way is flown, in metres above home.
         transit_altitude_m: f64,
+        /// Whether to arm a vehicle that is not; otherwise it stays on the ground.
+        arm: bool,
     },
     /// Fly straight there.
     FlyTo {
@@ -107,6 +111,8 @@ pub enum Notice {
         /// How it moved.
         velocity: Velocity,
     },
+    /// The vehicle is coming down to land, which it was not told to.
+    ComingDown,
     /// The drone is on the ground and disarmed.
     Landed,
     /// The drone can't go on; of what has been told before, only what is worse. It holds where the failure is its
@@ -131,7 +137,7 @@ pub enum Event {
 }
 
 /// What outlives a navigation.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Where the mission wants the drone.
     pub goal: Option<Goal>,
@@ -140,7 +146,7 @@ pub struct Checkpoint {
 }
 
 /// What has become of a goal.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub enum Progress {
     /// The vehicle's state is needed before legs can be laid.
     #[default]
@@ -244,7 +250,8 @@ impl Navigation {
             });
         }
         self.heed(now, telemetry);
-        if !self.watch.is_lost() || self.durable.goal == Some(Goal::Land) {
+        let comes_down = telemetry.landing || self.durable.goal == Some(Goal::Land);
+        if comes_down || !self.watch.is_lost() {
             self.pursue(telemetry);
         }
     }
@@ -309,6 +316,12 @@ impl Navigation {
         let Some(goal) = self.durable.goal else {
             return;
         };
+        if goal != Goal::Land && self.durable.progress != Progress::Done {
+            let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. });
+            if telemetry.landing || !(telemetry.armed || may_arm) {
+                return self.find_out_of_the_air(telemetry);
+            }
+        }
         match self.durable.progress.clone() {
             Progress::Done => {}
             Progress::Planning => self.plan(goal, telemetry),
@@ -316,6 +329,15 @@ impl Navigation {
             Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
             Progress::Flying(corners) => self.watch_legs(goal, corners, telemetry),
         }
+    }
+
+    /// The vehicle can't be flown anywhere any more: it is on the ground, or on its way there.
+    fn find_out_of_the_air(&mut self, telemetry: &Telemetry) {
+        self.inform(if telemetry.armed {
+            Notice::ComingDown
+        } else {
+            Notice::Landed
+        });
     }
 
     /// Lays the legs to a goal from where the vehicle would come to rest.
@@ -333,6 +355,7 @@ impl Navigation {
             Goal::TakeOff {
                 to,
                 transit_altitude_m,
+                ..
             } => vec![
                 start.at_altitude(transit_altitude_m),
                 to.at_altitude(transit_altitude_m),

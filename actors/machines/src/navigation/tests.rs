@@ -76,6 +76,7 @@ fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
     let goal = Goal::TakeOff {
         to,
         transit_altitude_m: 30.0,
+        arm: true,
     };
     let asks = told(&mut navigation, Input::Goal(goal));
     assert_eq!(asks, [Transmit::Demand(Demand::Report)]);

@@ -10,6 +10,8 @@ use bytes::Bytes;
 pub use admission::{Admission, Budget, DropReason};
 pub use authenticator::{Authenticator, IdealAuthenticator};
 
+use serde::{Deserialize, Serialize};
+
 use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
@@ -25,8 +27,6 @@ pub struct Config {
     pub id: NodeId,
     /// The swarm it belongs to.
     pub swarm: SwarmId,
-    /// Which life of the drone's process this is.
-    pub boot: u32,
     /// How much of each sender is let in.
     pub budget: Budget,
     /// The most senders that are told apart; frames of further ones are dropped.
@@ -107,7 +107,7 @@ pub enum Event {
 }
 
 /// What outlives a radio: the counters it may already have used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// The first counter that no frame has used.
     pub counter: u64,
@@ -117,6 +117,7 @@ pub struct Checkpoint {
 #[derive(Debug)]
 pub struct Radio<A> {
     config: Config,
+    boot: u32,
     authenticator: A,
     admission: Admission,
     counter: u64,
@@ -125,13 +126,15 @@ pub struct Radio<A> {
 }
 
 impl<A: Authenticator> Radio<A> {
-    /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window.
+    /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window, in the
+    /// `boot`th life of the drone's process.
     #[must_use]
-    pub fn new(config: Config, authenticator: A, checkpoint: Checkpoint) -> Self {
+    pub fn new(config: Config, authenticator: A, boot: u32, checkpoint: Checkpoint) -> Self {
         let admission = Admission::new(config.budget, config.senders_max);
         Self {
             admission,
             authenticator,
+            boot,
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
             outbox: Outbox::new(),
@@ -160,7 +163,7 @@ impl<A: Authenticator> Radio<A> {
         let header = Header {
             swarm: self.config.swarm,
             sender: self.config.id,
-            boot: self.config.boot,
+            boot: self.boot,
             counter: self.counter,
             ballot,
         };

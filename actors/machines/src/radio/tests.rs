@@ -13,14 +13,13 @@ fn radio(id: u32) -> Radio<IdealAuthenticator> {
     let config = Config {
         id: NodeId(id),
         swarm: SwarmId(1),
-        boot: 1,
         budget: Budget {
             interval: Duration::from_millis(100),
             burst: 3,
         },
         senders_max: 2,
     };
-    Radio::new(config, IdealAuthenticator, Checkpoint::default())
+    Radio::new(config, IdealAuthenticator, 1, Checkpoint::default())
 }
 
 fn told(
@@ -102,7 +101,7 @@ fn a_frame_is_let_in_once() {
 fn a_frame_of_an_earlier_life_is_a_replay() {
     let mut earlier = radio(0);
     let mut later = radio(0);
-    later.config.boot = 2;
+    later.boot = 2;
     let mut receiver = radio(1);
     let old = sent_by(&mut earlier, b"old");
     let new = sent_by(&mut later, b"new");

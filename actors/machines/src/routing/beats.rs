@@ -1,8 +1,10 @@
+use serde::{Deserialize, Serialize};
+
 /// How many numbers are reserved at once, so that a restart never falls back to one already used.
 const BLOCK: u32 = 256;
 
 /// The numbers by which drones prove that they live; they only rise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Beats {
     /// This drone's own last number.
     pub own: u32,
@@ -26,6 +28,11 @@ impl Beats {
             self.reserved = highest + BLOCK;
         }
         exhausted
+    }
+
+    /// The first number that may not have been used yet.
+    pub(super) const fn reserved(self) -> u32 {
+        self.reserved
     }
 
     /// The same under another master, whose number has not been heard yet.

@@ -15,6 +15,8 @@ use bytes::Bytes;
 pub use beats::Beats;
 pub use packet::{Flood, Member, Packet, Tree};
 
+use serde::{Deserialize, Serialize};
+
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
@@ -161,7 +163,7 @@ pub enum Event {
 }
 
 /// A drone's way to the master.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Routes {
     /// Hops to the master; 0 for the master itself.
     pub hops: Option<u16>,
@@ -176,12 +178,37 @@ pub struct Routes {
 }
 
 /// What outlives a routing.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Checkpoint {
     /// Of policy `flood`.
     Flood(flood::Checkpoint),
     /// Of policy `tree`.
     Tree(tree::Checkpoint),
+}
+
+impl Checkpoint {
+    /// Whether what must never fall back has changed since `before`: whom the drone obeys, which numbers it may have
+    /// used, whether it is done.
+    pub(crate) fn is_news(&self, before: &Self) -> bool {
+        match (self, before) {
+            (Self::Flood(own), Self::Flood(before)) => {
+                (own.ballot, own.sequence, own.landing, own.phase)
+                    != (before.ballot, before.sequence, before.landing, before.phase)
+                    || own.beats.reserved() != before.beats.reserved()
+            }
+            (Self::Tree(own), Self::Tree(before)) => {
+                (own.ballot, own.sequence, own.landing, own.stopped)
+                    != (
+                        before.ballot,
+                        before.sequence,
+                        before.landing,
+                        before.stopped,
+                    )
+                    || own.beats.reserved() != before.beats.reserved()
+            }
+            _ => true,
+        }
+    }
 }
 
 /// The routing of one drone, by whichever policy.

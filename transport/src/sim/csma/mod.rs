@@ -194,7 +194,7 @@ impl Csma {
         let mut hearers = std::mem::take(&mut self.frames[frame.0].hearers);
         for id in in_reach.drain(..) {
             if air.carries(from, id) {
-                let is_damaged = air.is_lost();
+                let is_damaged = air.is_lost(from, id);
                 hearers.push(Hearer { id, is_damaged });
                 let hearer = self.station(id);
                 hearer.reception.begins(now, frame, hearer.is_sending);

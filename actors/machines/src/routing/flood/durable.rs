@@ -1,11 +1,12 @@
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 use crate::identity::{Ballot, NodeId};
 use crate::routing::{Beats, Routes};
 use crate::time::Timestamp;
 
 /// What outlives a routing.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom this drone obeys.
     pub ballot: Option<Ballot>,
@@ -28,7 +29,7 @@ pub struct Checkpoint {
 }
 
 /// What a routing is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Phase {
     /// There are no routes yet: everyone repeats all it knows.
     #[default]

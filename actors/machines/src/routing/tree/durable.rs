@@ -1,11 +1,12 @@
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 use crate::identity::Ballot;
 use crate::routing::Beats;
 use crate::time::Timestamp;
 
 /// What outlives a routing of policy `tree`; who is near is learnt anew.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom this drone obeys.
     pub ballot: Option<Ballot>,

@@ -1,0 +1,135 @@
+//! What goes wrong in a scenario: a fault plan.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+
+/// Something that goes wrong, once or several times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fault {
+    /// When, for the first time.
+    pub when: When,
+    /// What.
+    pub kind: FaultKind,
+    /// After how long it is over, where it lasts; for good otherwise.
+    pub lasts: Option<Duration>,
+    /// How often it happens.
+    pub times: u32,
+    /// From one time to the next.
+    pub every: Duration,
+}
+
+impl Fault {
+    /// A fault that happens once, at a time of the run, and for good.
+    #[must_use]
+    pub const fn at(at: Timestamp, kind: FaultKind) -> Self {
+        Self {
+            when: When::At(at),
+            kind,
+            lasts: None,
+            times: 1,
+            every: Duration::ZERO,
+        }
+    }
+}
+
+/// When a fault happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum When {
+    /// At this time of the run.
+    At(Timestamp),
+    /// So long after something has happened for the first time.
+    After(Occasion, Duration),
+}
+
+/// What a fault may wait for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Occasion {
+    /// A vehicle is armed.
+    TakingOff,
+    /// A drone has reached this waypoint.
+    Waypoint(u16),
+    /// A drone leads that was elected.
+    Elected,
+    /// After an election each part of the swarm has one master again.
+    Settled,
+    /// A drone begins to come down: it makes for its landing place, or descends.
+    Landing,
+}
+
+/// Whom a fault befalls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// This one.
+    Drone(NodeId),
+    /// Whoever leads by then; of several the one with the best ballot.
+    Master,
+}
+
+/// What can go wrong.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FaultKind {
+    /// One of a drone's actors panics.
+    CrashActor(Target, Address),
+    /// A drone's companion computer dies: its aircraft comes down by its controller's failsafe.
+    Kill(Target),
+    /// An aircraft falls out of the sky.
+    CrashAircraft(Target),
+    /// A drone's process ends, and is started again; the vehicle goes on with what it was told last.
+    Restart(Target),
+    /// One of a drone's actors, or its whole process, does nothing any more, while what comes for it waits.
+    Hang(Target, Option<Address>),
+    /// All but this share of a full battery is gone at once.
+    Drain(Target, f64),
+    /// A vehicle does not know where it is over ground.
+    LoseGps(Target),
+    /// Links between drones are not what they were.
+    Links(Links, Link),
+    /// Nothing is received within a disc, however high.
+    Jam {
+        /// Its centre; the height does not matter.
+        centre: Ned,
+        /// In metres.
+        radius_m: f64,
+    },
+}
+
+impl FaultKind {
+    /// Whether it can be over after a while.
+    #[must_use]
+    pub const fn can_last(&self) -> bool {
+        match self {
+            Self::CrashActor(..) | Self::Kill(_) | Self::CrashAircraft(_) | Self::Drain(..) => {
+                false
+            }
+            Self::Links(_, link) => !matches!(link, Link::Healed),
+            Self::Restart(_) | Self::Hang(..) | Self::LoseGps(_) | Self::Jam { .. } => true,
+        }
+    }
+}
+
+/// The links from each drone of one group to each of another.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Links {
+    /// One group.
+    pub from: Arc<[NodeId]>,
+    /// The other.
+    pub to: Arc<[NodeId]>,
+}
+
+/// How links are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Link {
+    /// Nothing gets through, either way.
+    Cut,
+    /// Nothing gets through from the second group to the first.
+    OneWay,
+    /// This share of the frames is lost besides, either way.
+    Degraded(f64),
+    /// As the radio has them.
+    Healed,
+}

@@ -1,0 +1,196 @@
+//! What a fault plan does to a world, and when.
+
+use std::time::Duration;
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+
+use super::{Planned, Task, What, World};
+use crate::scenario::{Fault, FaultKind, Link, Links, Occasion, Target, When};
+
+/// A scenario's fault plan, and which of it still waits for something to happen first.
+#[derive(Debug)]
+pub(super) struct Plan {
+    faults: Vec<Fault>,
+    waiting: Vec<usize>,
+}
+
+/// How long a process takes to be there again, unless the plan says otherwise.
+pub(super) const RESTART_AFTER: Duration = Duration::from_secs(1);
+
+impl Plan {
+    pub(super) fn new(faults: &[Fault]) -> Self {
+        let waits = |fault: &Fault| matches!(fault.when, When::After(..));
+        Self {
+            faults: faults.to_vec(),
+            waiting: (0..faults.len())
+                .filter(|index| waits(&faults[*index]))
+                .collect(),
+        }
+    }
+
+    /// Whether a drone's process may start anew.
+    pub(super) fn restarts_processes(&self) -> bool {
+        self.faults
+            .iter()
+            .any(|fault| matches!(fault.kind, FaultKind::Restart(_) | FaultKind::Hang(_, None)))
+    }
+
+    /// What happens at a time of its own, and when.
+    pub(super) fn timed(&self) -> impl Iterator<Item = (usize, Timestamp)> + '_ {
+        self.faults
+            .iter()
+            .enumerate()
+            .filter_map(|(index, fault)| match fault.when {
+                When::At(at) => Some((index, at)),
+                When::After(..) => None,
+            })
+    }
+}
+
+impl World {
+    /// Something happened that faults may wait for.
+    pub(super) fn occurs(&mut self, occasion: Occasion) {
+        let now = self.now;
+        let (faults, heap) = (&self.plan.faults, &mut self.heap);
+        self.plan.waiting.retain(|index| match faults[*index].when {
+            When::After(awaited, after) if awaited == occasion => {
+                let (index, nth) = (*index, 0);
+                heap.plan(now + after, Planned::Fault { index, nth });
+                false
+            }
+            _ => true,
+        });
+    }
+
+    /// A fault befalls; whom to step for it, if that is not told by message.
+    pub(super) fn befall(&mut self, index: usize, nth: u32) -> Option<Task> {
+        let fault = self.plan.faults[index].clone();
+        if nth + 1 < fault.times {
+            let again = Planned::Fault {
+                index,
+                nth: nth + 1,
+            };
+            self.heap.plan(self.now + fault.every, again);
+        }
+        let task = match &fault.kind {
+            FaultKind::CrashActor(target, address) => {
+                let drone = self.find_target(*target)?;
+                let what = What::Crash;
+                return self.drone(drone).is_up(*address).then_some(Task {
+                    drone,
+                    address: *address,
+                    what,
+                });
+            }
+            FaultKind::Kill(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.kill(drone);
+                }
+                None
+            }
+            FaultKind::CrashAircraft(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.crash_aircraft(drone);
+                }
+                None
+            }
+            FaultKind::Restart(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.restart(drone, fault.lasts.unwrap_or(RESTART_AFTER));
+                }
+                return None;
+            }
+            FaultKind::Hang(target, actor) => {
+                let drone = self.find_target(*target)?;
+                self.hang(drone, *actor);
+                if let Some(lasts) = fault.lasts {
+                    let over = Planned::GoOn {
+                        drone,
+                        hangs: self.drone(drone).hangs,
+                    };
+                    self.heap.plan(self.now + lasts, over);
+                }
+                return None;
+            }
+            FaultKind::Drain(target, to) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.drain(drone, *to);
+                }
+                return None;
+            }
+            FaultKind::LoseGps(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.lose_position(drone, fault.lasts);
+                }
+                return None;
+            }
+            FaultKind::Links(links, link) => {
+                self.set_links(links, *link);
+                None
+            }
+            FaultKind::Jam { centre, radius_m } => {
+                let jammer = u32::try_from(index).unwrap_or(u32::MAX);
+                self.medium.jam(jammer, *centre, *radius_m);
+                None
+            }
+        };
+        if let Some(lasts) = fault.lasts {
+            self.heap
+                .plan(self.now + lasts, Planned::FaultOver { index });
+        }
+        self.look_at_elections();
+        task
+    }
+
+    /// A fault that lasted is over.
+    pub(super) fn is_over_now(&mut self, index: usize) {
+        match self.plan.faults[index].kind.clone() {
+            FaultKind::Links(links, _) => self.set_links(&links, Link::Healed),
+            FaultKind::Jam { .. } => {
+                let jammer = u32::try_from(index).unwrap_or(u32::MAX);
+                self.medium.stop_jamming(jammer);
+            }
+            FaultKind::CrashActor(..)
+            | FaultKind::Kill(_)
+            | FaultKind::CrashAircraft(_)
+            | FaultKind::Restart(_)
+            | FaultKind::Drain(..)
+            | FaultKind::LoseGps(_)
+            | FaultKind::Hang(..) => {}
+        }
+        self.look_at_elections();
+    }
+
+    fn set_links(&mut self, links: &Links, link: Link) {
+        let (there, back) = match link {
+            Link::Cut => (Some(1.0), Some(1.0)),
+            Link::OneWay => (None, Some(1.0)),
+            Link::Degraded(loss) => (Some(loss), Some(loss)),
+            Link::Healed => (None, None),
+        };
+        for from in links.from.iter().copied() {
+            for to in links.to.iter().copied() {
+                self.medium.set_loss(from, to, there);
+                self.medium.set_loss(to, from, back);
+            }
+        }
+    }
+
+    /// Whom a fault befalls, if there is such a drone.
+    fn find_target(&self, target: Target) -> Option<NodeId> {
+        match target {
+            Target::Drone(drone) => Some(drone),
+            Target::Master => (0..)
+                .map(NodeId)
+                .take(self.drones.len())
+                .filter(|id| {
+                    let drone = &self.drones[id.0 as usize];
+                    drone.runs && !drone.given_up
+                })
+                .filter_map(|id| self.election.obeyed(id).filter(|it| it.master == id))
+                .reduce(|best, ballot| if ballot.beats(&best) { ballot } else { best })
+                .map(|ballot| ballot.master),
+        }
+    }
+}

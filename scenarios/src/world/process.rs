@@ -1,0 +1,152 @@
+//! Drones whose processes end, hang, or start anew.
+
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+use muster_machines::msp::Demand;
+
+use super::faults::RESTART_AFTER;
+use super::trace::Kind;
+use super::{Planned, Task, What, World};
+
+impl World {
+    /// A drone's companion computer dies: nothing of it runs any more, and its flight controller brings it down.
+    pub(super) fn kill(&mut self, drone: NodeId) {
+        self.trace.value(self.now, drone, Kind::Killed, &());
+        self.end_process(drone);
+        self.recorder.killed(drone, self.now);
+        self.command(drone, Demand::Land);
+    }
+
+    /// An aircraft falls, with all that is on it.
+    pub(super) fn crash_aircraft(&mut self, drone: NodeId) {
+        self.trace.value(self.now, drone, Kind::Fell, &());
+        self.end_process(drone);
+        self.recorder.fell(drone, self.now);
+        let found = self.separation.path_ends(self.now, drone, &self.vehicles);
+        self.find(found);
+        let vehicle = &mut self.vehicles[drone.0 as usize];
+        if vehicle.is_armed() {
+            self.airborne -= 1;
+            self.recorder.disarmed(drone, self.now);
+        }
+        vehicle.fall(self.now);
+        self.plan_rest(drone);
+    }
+
+    /// A drone's process ends, and its service manager starts it again after a while.
+    pub(super) fn restart(&mut self, drone: NodeId, after: Duration) {
+        if self.vehicles[drone.0 as usize].is_wreck() {
+            return;
+        }
+        self.trace.value(self.now, drone, Kind::Stopped, &());
+        self.end_process(drone);
+        let life = self.drone(drone).lives;
+        self.heap
+            .plan(self.now + after, Planned::Boot { drone, life });
+        self.look_at_elections();
+    }
+
+    /// A drone's process starts; whom to step for it.
+    pub(super) fn boot(&mut self, drone: NodeId, life: u32) -> Option<Task> {
+        if self.drone(drone).lives != life || self.drone(drone).runs {
+            return None;
+        }
+        self.drone(drone).begin();
+        self.recorder.rebooted(drone);
+        Some(Task {
+            drone,
+            address: Address::Radio,
+            what: What::Boot,
+        })
+    }
+
+    /// One of a drone's actors does nothing any more, or its whole process; what comes for it waits. Somebody watches:
+    /// the supervisor takes such an actor for failed, the service manager such a process.
+    pub(super) fn hang(&mut self, drone: NodeId, actor: Option<Address>) {
+        if !self.drone(drone).runs {
+            return;
+        }
+        self.trace.value(self.now, drone, Kind::Hung, &actor);
+        let watchdog = match actor {
+            Some(actor) => {
+                self.drone(drone).hang(&[actor]);
+                self.hang_max
+            }
+            None => {
+                self.drone(drone).hang(&Address::ALL);
+                self.watchdog
+            }
+        };
+        let watched = Planned::Watchdog {
+            drone,
+            actor,
+            hangs: self.drone(drone).hangs,
+        };
+        self.heap.plan(self.now + watchdog, watched);
+        self.look_at_elections();
+    }
+
+    /// A hang has lasted for too long; whom to step for it.
+    pub(super) fn bite(
+        &mut self,
+        drone: NodeId,
+        actor: Option<Address>,
+        hangs: u32,
+    ) -> Option<Task> {
+        if self.drone(drone).hangs != hangs {
+            return None;
+        }
+        let Some(address) = actor else {
+            self.restart(drone, RESTART_AFTER);
+            return None;
+        };
+        self.drone(drone).is_up(address).then_some(Task {
+            drone,
+            address,
+            what: What::Crash,
+        })
+    }
+
+    /// What hung goes on: timers that are overdue first, then what has waited.
+    pub(super) fn go_on(&mut self, drone: NodeId, hangs: u32) {
+        if self.drone(drone).hangs != hangs {
+            return;
+        }
+        self.trace.value(self.now, drone, Kind::WentOn, &());
+        let now = self.now;
+        let state = self.drone(drone);
+        state.go_on(&Address::ALL);
+        let overdue = Address::ALL.map(|address| (address, state.overdue(address, now)));
+        for (address, generation) in overdue {
+            if let Some(generation) = generation {
+                let wake = Planned::Wake {
+                    drone,
+                    address,
+                    generation,
+                };
+                self.heap.plan(now, wake);
+            }
+        }
+        let life = self.drone(drone).lives;
+        self.heap.plan(now, Planned::Backlog { drone, life });
+        self.look_at_elections();
+    }
+
+    /// What has waited for a drone that hung is handed to it.
+    pub(super) fn hand_over_backlog(&mut self, drone: NodeId, life: u32) {
+        if self.drone(drone).lives == life {
+            let backlog = std::mem::take(&mut self.drone(drone).backlog);
+            self.inbox
+                .extend(backlog.into_iter().map(|envelope| (drone, envelope)));
+        }
+    }
+
+    /// Nothing of a drone runs any more.
+    fn end_process(&mut self, drone: NodeId) {
+        self.inbox.retain(|(to, _)| *to != drone);
+        self.drone(drone).end();
+        self.barrier.ended(drone);
+    }
+}
