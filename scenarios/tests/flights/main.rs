@@ -12,5 +12,6 @@ mod formations;
 mod relay;
 mod settling;
 mod support;
+mod sweep;
 mod thesis;
 mod tree;

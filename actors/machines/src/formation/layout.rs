@@ -178,7 +178,13 @@ impl Layout {
     #[must_use]
     pub fn layer_alone_m(&self, id: NodeId, waypoints: &[Ned]) -> f64 {
         let own_m = self.layers_m(waypoints)[id.0 as usize];
-        own_m.max(self.separation.pitch_m())
+        own_m.max(self.pitch_m())
+    }
+
+    /// From one altitude layer to the next, in metres.
+    #[must_use]
+    pub fn pitch_m(&self) -> f64 {
+        self.separation.pitch_m()
     }
 
     /// The highest layer of all, in metres above the mission's altitude.

@@ -1,11 +1,17 @@
 //! What a drone does that can't go on with its swarm, or has none left. Of several failures the most severe decides: a
 //! drone that comes down on the spot does nothing else any more, one that goes to land never rejoins.
+//!
+//! A drone goes to land below its slot at the waypoint that it is at or makes for. No way of the others leads through
+//! that column while they wait for it; it holds them up until it is below all that they may fly.
 
 use super::{Alone, Event, LandingReason, Mission, State, Succession, Transmit};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
-use crate::navigation::Failure;
+use crate::navigation::{Failure, Goal};
 use crate::time::Timestamp;
+
+/// The lowest that a drone goes other than to land, in metres.
+const LOWEST_M: f64 = 2.0;
 
 impl From<Failure> for LandingReason {
     fn from(failure: Failure) -> Self {
@@ -25,7 +31,13 @@ impl Mission {
         match (self.durable.state, failure) {
             (State::Landing | State::Finished, _) => {}
             (State::Start | State::SetUp, _) => self.stay_down(reason),
-            (_, Failure::PositionLost | Failure::BatteryCritical) => self.come_down(reason),
+            (_, Failure::BatteryCritical) => self.come_down(reason),
+            (_, Failure::PositionLost) => {
+                // It has held the swarm up, which is not to fly on over it while it comes down: who waits goes on once
+                // it is on the ground and says so.
+                self.leave_swarm();
+                self.descend(reason);
+            }
             (State::TakingOff, _) if !is_airborne => self.come_down(reason),
             (State::MovingToLand, Failure::BatteryLow) => {}
             // The way to land leads out of the fence.
@@ -66,7 +78,7 @@ impl Mission {
         }
     }
 
-    /// Goes to its landing place as soon as it is in its slot, if it has a reason; whether it does.
+    /// Goes to land as soon as it is in its slot, if it has a reason; whether it does.
     pub(super) fn leave_if_due(&mut self, now: Timestamp) -> bool {
         let is_alone = self.config.alone == Alone::Land && self.is_alone();
         if is_alone && self.durable.state == State::Following {
@@ -77,7 +89,6 @@ impl Mission {
         else {
             return false;
         };
-        self.carried_out();
         self.leave(now, centre, reason);
         true
     }
@@ -105,13 +116,27 @@ impl Mission {
         self.durable.state.is_following() && is_out && others.any(|it| it.silent)
     }
 
-    /// Goes to its own landing place around `centre`.
+    /// Goes to land below its slot around `centre`.
     fn leave(&mut self, now: Timestamp, centre: Ned, reason: LandingReason) {
-        self.leave_swarm();
+        if self.config.succession == Succession::Land && self.durable.lead.is_some() {
+            return self.come_down(reason);
+        }
+        // It has not carried out what it was told until nobody needs to wait for it any more.
         self.durable.pending = None;
-        let goes_alone = self.config.succession == Succession::Elect || self.durable.lead.is_none();
-        self.durable.leaving = goes_alone.then_some(reason);
-        self.move_to_land(now, centre, reason);
+        self.durable.leaving = Some(reason);
+        self.durable.land_at = centre;
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.enter(State::MovingToLand);
+        self.outbox.event(Event::Landing(reason));
+        self.pursue_goal();
+    }
+
+    /// Below its slot, and below all that the others may fly.
+    pub(super) fn goal_alone(&self) -> Option<Goal> {
+        let slot = self.layout().slot(self.config.id, self.durable.land_at);
+        let below_m = slot.altitude_m() - self.layout().pitch_m();
+        let to = slot.at_altitude(below_m.max(LOWEST_M));
+        Some(Goal::TransitTo { to })
     }
 
     /// As master that is followed: stops, calls the others together and lands with them.
@@ -122,7 +147,7 @@ impl Mission {
         }
     }
 
-    /// How far above its slot a drone flies that goes to land while others fly on: above them in any case.
+    /// How far above its slot a drone holds while others fly on: above all that fly in lockstep.
     pub(super) fn layer_alone_m(&self, id: NodeId) -> f64 {
         self.layout().layer_alone_m(id, &self.durable.plan)
     }

@@ -1,6 +1,6 @@
 //! What a drone does that is led.
 
-use super::{Event, LandingReason, Liveness, Mission, Order, State};
+use super::{Event, LandingReason, Liveness, Mission, Order, State, Transmit};
 use crate::geometry::Ned;
 use crate::time::Timestamp;
 use crate::wire::PLAN_PART_MAX;
@@ -105,7 +105,13 @@ impl Mission {
         self.durable.pending = Some(sequence);
         self.durable.changes = changes;
         self.durable.leaving = None;
-        self.move_to_land(now, at, LandingReason::MissionOver);
+        self.durable.land_at = at;
+        self.durable.limit = Some(now + self.config.leg_limit);
+        self.enter(State::MovingToLand);
+        self.outbox
+            .event(Event::Landing(LandingReason::MissionOver));
+        self.outbox.transmit(Transmit::Land);
+        self.pursue_goal();
     }
 
     /// Goes on to what has been opened, acknowledges what has been reached, lands if there is nobody to follow.

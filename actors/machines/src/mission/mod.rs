@@ -317,6 +317,7 @@ impl Mission {
                     refuge_altitude_m,
                 })
             }
+            State::MovingToLand if self.durable.leaving.is_some() => self.goal_alone(),
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = at.altitude_m() + self.landing_layer_m();
@@ -335,9 +336,6 @@ impl Mission {
 
     /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
     fn landing_layer_m(&self) -> f64 {
-        if self.durable.leaving.is_some() {
-            return self.layer_alone_m(self.config.id);
-        }
         let layout = self.layout();
         let slot = self.config.id.0 as usize;
         let land_at = Some(self.durable.land_at);
@@ -351,20 +349,15 @@ impl Mission {
     }
 
     fn land(&mut self, reason: LandingReason) {
-        self.enter(State::Landing);
-        self.outbox.event(Event::Landing(reason));
         self.outbox.transmit(Transmit::Land);
-        self.durable.limit = None;
-        self.pursue_goal();
+        self.descend(reason);
     }
 
-    /// Goes to its landing place around `at`.
-    fn move_to_land(&mut self, now: Timestamp, at: Ned, reason: LandingReason) {
-        self.durable.land_at = at;
-        self.durable.limit = Some(now + self.config.leg_limit);
-        self.enter(State::MovingToLand);
+    /// Comes down on the spot; that it does is told separately.
+    fn descend(&mut self, reason: LandingReason) {
+        self.enter(State::Landing);
         self.outbox.event(Event::Landing(reason));
-        self.outbox.transmit(Transmit::Land);
+        self.durable.limit = None;
         self.pursue_goal();
     }
 
@@ -471,6 +464,9 @@ impl Mission {
             State::Following => self.arrived_as_followed(now),
             State::Assembling => self.carried_out(),
             State::MovingToLand => {
+                if self.durable.leaving.is_some() {
+                    self.outbox.transmit(Transmit::Land);
+                }
                 self.durable.limit = None;
                 self.enter(State::Landing);
                 self.pursue_goal();
@@ -535,6 +531,8 @@ impl Mission {
         let sequence = self.durable.acknowledged;
         self.outbox.transmit(Transmit::Acknowledge { sequence });
         match self.durable.state {
+            // It says so once it is below the others.
+            State::MovingToLand if self.durable.leaving.is_some() => {}
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),
             _ => {}

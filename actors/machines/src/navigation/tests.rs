@@ -319,6 +319,7 @@ fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
     let take_off = Goal::TakeOff {
         to: Ned::new(0.0, 100.0, -25.0),
         transit_altitude_m: 30.0,
+        arm: true,
     };
     let mut navigation = Navigation::new(CONFIG, None);
     told(&mut navigation, Input::Goal(take_off));

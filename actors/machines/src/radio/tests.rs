@@ -182,7 +182,7 @@ fn a_restarted_radio_uses_no_counter_twice() {
         panic!("counters are reserved before they are used");
     };
     sent_by(&mut first, b"");
-    let mut second = Radio::new(first.config.clone(), IdealAuthenticator, *checkpoint);
+    let mut second = Radio::new(first.config.clone(), IdealAuthenticator, 1, *checkpoint);
     let frame = sent_by(&mut second, b"");
     let counter = wire::decode_frame(&frame).unwrap().header.counter;
     assert!(

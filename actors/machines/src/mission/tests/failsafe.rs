@@ -53,15 +53,21 @@ fn a_drone_whose_battery_is_low_flies_its_leg_to_the_end_and_lands_from_there() 
         "in lockstep: stopping would put it in others' way"
     );
     let said = arrives(&mut slave, 60.0);
-    assert!(said.contains(&Transmit::Acknowledge { sequence: 4 }));
-    assert!(said.contains(&Transmit::Land), "nobody waits for it");
-    let place = slave.config.layout.place(NodeId(0), waypoints()[1]);
-    let to = place.at_altitude(25.0 + PITCH_M);
-    assert!(said.contains(&Transmit::Goal(Goal::TransitTo { to })));
+    let slot = slave.config.layout.slot(NodeId(0), waypoints()[1]);
+    let to = slot.at_altitude(25.0 - PITCH_M);
+    assert_eq!(
+        said,
+        [Transmit::Goal(Goal::TransitTo { to })],
+        "the others wait until it is below them"
+    );
     // It never rejoins.
     ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
     assert_eq!(slave.durable.state, State::MovingToLand);
-    arrives(&mut slave, 80.0);
+    let said = arrives(&mut slave, 80.0);
+    assert!(
+        said.contains(&Transmit::Land),
+        "nobody waits for it any more"
+    );
     assert_eq!(slave.durable.state, State::Landing);
 }
 
@@ -96,6 +102,16 @@ fn a_drone_that_does_not_know_where_it_is_lands_on_the_spot() {
     let (said, reasons) = fails(&mut slave, Failure::PositionLost);
     assert!(said.contains(&Transmit::Goal(Goal::Land)));
     assert_eq!(reasons, [LandingReason::PositionLost]);
+    assert!(
+        !said.contains(&Transmit::Land),
+        "the swarm waits until it is down"
+    );
+    let said = told(
+        &mut slave,
+        80.0,
+        Input::Navigation(NavigationNotice::Landed),
+    );
+    assert!(said.contains(&Transmit::Stop));
 }
 
 #[test]
@@ -103,10 +119,7 @@ fn a_drone_stopped_at_its_fence_lands_around_where_it_was_stopped_and_at_a_secon
  {
     let mut slave = elects(0, true);
     let (said, reasons) = fails(&mut slave, Failure::Geofence);
-    // Its slot is 100 m west of the centre.
-    let centre = Ned::new(50.0, 0.0, -25.0);
-    let place = slave.config.layout.place(NodeId(0), centre);
-    let to = place.at_altitude(25.0 + PITCH_M);
+    let to = Ned::new(50.0, -100.0, -25.0 + PITCH_M);
     assert!(said.contains(&Transmit::Goal(Goal::TransitTo { to })));
     assert_eq!(reasons, [LandingReason::Geofence]);
     let (said, _) = fails(&mut slave, Failure::Geofence);

@@ -86,12 +86,9 @@ impl TreeRouting {
         all
     }
 
-    /// Who of them is going to land, and the master where it is: whoever does not hear it itself is to know, too.
+    /// Who of them is going to land.
     fn landing(&self) -> NodeSet {
         let mut all = self.below(|said| &said.landing);
-        if self.master_lands && self.durable.landing.is_none() {
-            all.extend(self.durable.ballot.map(|ballot| ballot.master));
-        }
         if self.durable.landing.is_some() {
             all.insert(self.config.id);
         }
@@ -111,7 +108,14 @@ impl TreeRouting {
         let mut state = self.state();
         self.said_sequence = state.sequence;
         match occasion {
-            Occasion::KeepAlive => state.hears = Some(self.links.ids()),
+            Occasion::KeepAlive => {
+                state.hears = Some(self.links.ids());
+                if self.master_lands {
+                    // Whoever does not hear it itself is to know, too.
+                    let master = self.durable.ballot.map(|ballot| ballot.master);
+                    state.landing.extend(master);
+                }
+            }
             Occasion::News | Occasion::Repair => state.to = self.addressee(),
             Occasion::Seek => state.to = self.routes.parent,
         }
