@@ -42,7 +42,12 @@ fn describe(file: &Path) -> Result<String, BadInput> {
     {
         let scenario = scenario::load(file, &[])?;
         let notes = scenario.notes.clone();
-        Ok(with_notes(scenario.description(), &notes))
+        let mut description = scenario.description();
+        for line in scenario.outlook() {
+            description.push_str("\n  ");
+            description.push_str(&line);
+        }
+        Ok(with_notes(description, &notes))
     } else {
         let mission = mission_file::load(file)?;
         let waypoints = mission.waypoints();

@@ -175,6 +175,38 @@ fn a_broken_rule_ends_the_run_with_exit_code_3_and_its_name() {
 }
 
 #[test]
+fn a_broken_rule_comes_with_a_command_that_breaks_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    // A mast where drone 3 is to fly.
+    let mast = "relays=[{ north_m = 0, east_m = 160, altitude_m = 25 }]";
+    let first = muster(folder.path())
+        .args(["sim", &scenario("thesis-1.toml"), "--seed", "5"])
+        .args(["--set", "protocol.policy=tree", "--set", mast])
+        .assert()
+        .code(3);
+    let printed = String::from_utf8(first.get_output().stdout.clone()).unwrap();
+    let line = |printed: &str, start: &str| {
+        let mut lines = printed.lines().map(str::trim);
+        let found = lines.find(|line| line.starts_with(start));
+        found
+            .unwrap_or_else(|| panic!("no {start} in {printed}"))
+            .to_owned()
+    };
+    let command = line(&printed, "muster sim ");
+    assert!(command.contains("--seed 5 --engine actors"), "{command}");
+    let programs = assert_cmd::cargo::cargo_bin("muster");
+    let path = format!("{}:/usr/bin:/bin", programs.parent().unwrap().display());
+    let again = Command::new("sh")
+        .args(["-c", &command])
+        .env("PATH", path)
+        .current_dir(folder.path())
+        .assert()
+        .code(3);
+    let again = String::from_utf8(again.get_output().stdout.clone()).unwrap();
+    assert_eq!(line(&printed, "rule 4 at "), line(&again, "rule 4 at "));
+}
+
+#[test]
 fn overrides_reach_the_drones() {
     let folder = tempfile::tempdir().unwrap();
     let report = json_of(
@@ -222,10 +254,13 @@ fn shipped_files_pass_their_check() {
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    for told in ["settles in ", "all down by ", "layers taking off: "] {
+        assert_eq!(printed.matches(told).count(), 2, "{told}: {printed}");
+    }
     assert_eq!(
         printed
             .lines()
-            .filter(|line| !line.starts_with("  note"))
+            .filter(|line| !line.starts_with("  "))
             .count(),
         files.len()
     );

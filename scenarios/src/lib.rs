@@ -4,6 +4,7 @@
 pub mod campaign;
 mod checkers;
 pub mod engine;
+mod parts;
 pub mod report;
 pub mod scenario;
 mod simulated_link;

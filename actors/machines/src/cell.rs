@@ -231,6 +231,18 @@ impl Checkpoints {
             }
         }
     }
+
+    /// Whether this very checkpoint is the one that is kept.
+    #[must_use]
+    pub fn holds(&self, checkpoint: &Checkpoint) -> bool {
+        match checkpoint {
+            Checkpoint::Radio(checkpoint) => self.radio == *checkpoint,
+            Checkpoint::Routing(checkpoint) => self.routing.as_ref() == Some(checkpoint),
+            Checkpoint::Mission(checkpoint) => self.mission.as_ref() == Some(checkpoint),
+            Checkpoint::Navigation(checkpoint) => self.navigation.as_ref() == Some(checkpoint),
+            Checkpoint::Msp(checkpoint) => self.msp == Some(*checkpoint),
+        }
+    }
 }
 
 /// What a drone is: all that its machines are built with.

@@ -2,17 +2,25 @@
 //!
 //! Rules bear the numbers of the design's list of invariants.
 
+mod admission;
+mod arming;
 mod barrier;
 mod bounds;
 mod election;
 mod landing;
+mod obedience;
 mod separation;
+mod settled;
 
+pub(crate) use admission::AdmissionChecker;
+pub(crate) use arming::ArmingChecker;
 pub(crate) use barrier::BarrierChecker;
 pub(crate) use bounds::BoundsChecker;
 pub(crate) use election::ElectionChecker;
 pub(crate) use landing::check_landed;
+pub(crate) use obedience::ObedienceChecker;
 pub(crate) use separation::SeparationChecker;
+pub(crate) use settled::{SettledChecker, Standing};
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;

@@ -112,12 +112,6 @@ impl Report {
         stem.and_then(|stem| stem.to_str())
             .unwrap_or(&self.scenario)
     }
-
-    /// The command that repeats the run, to be typed into a POSIX shell.
-    #[must_use]
-    pub fn command(&self) -> String {
-        command(&self.scenario, self.seed, self.engine, &self.overrides)
-    }
 }
 
 /// The command that makes a run, to be typed into a POSIX shell.
@@ -191,7 +185,7 @@ pub(crate) fn plural(number: usize, thing: &str) -> String {
 }
 
 /// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5, 9".
-pub(super) fn drones(ids: &[u32]) -> String {
+pub(crate) fn drones(ids: &[u32]) -> String {
     match ids {
         [] => "no drone".to_owned(),
         [only] => format!("drone {only}"),
@@ -245,23 +239,14 @@ mod tests {
 
     #[test]
     fn the_command_survives_a_shell() {
-        let (mut report, _) = sample::swarm(2);
+        let command = |scenario: &str| command(scenario, 7, Engine::Actors, &["a=[1]".to_owned()]);
         assert_eq!(
-            report.command(),
-            "muster sim scenarios/thesis-2.toml --seed 7 --engine actors"
+            command("scenarios/thesis-2.toml"),
+            "muster sim scenarios/thesis-2.toml --seed 7 --engine actors --set 'a=[1]'"
         );
-        report.scenario = "it's $HOME.toml".to_owned();
-        assert!(
-            report
-                .command()
-                .starts_with(r"muster sim 'it'\''s $HOME.toml' --seed")
-        );
-        report.scenario = "-x.toml".to_owned();
-        assert!(
-            report
-                .command()
-                .starts_with("muster sim './-x.toml' --seed")
-        );
+        let hostile = command("it's $HOME.toml");
+        assert!(hostile.starts_with(r"muster sim 'it'\''s $HOME.toml' --seed"));
+        assert!(command("-x.toml").starts_with("muster sim './-x.toml' --seed"));
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct Report {
     pub overrides: Vec<String>,
     /// What ran the drones.
     pub engine: Engine,
+    /// The command that repeats the run, to be typed into a POSIX shell.
+    pub command: String,
     /// BLAKE3 of everything observable, in hexadecimal.
     pub trace: String,
     /// How long the run lasted, in simulated seconds.

@@ -40,6 +40,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         seed: 7,
         overrides: Vec::new(),
         engine: Engine::Actors,
+        command: "muster sim scenarios/thesis-2.toml --seed 7 --engine actors".to_owned(),
         trace: "9f2d6c1b7a4e80353c5d1f6e8b9a07d24c3f5e6a1b8d9c0e7f2a4b6c8d0e1f35".to_owned(),
         simulated_s: script.end_s,
         wall_s: 1.87,

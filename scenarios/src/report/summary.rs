@@ -4,6 +4,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
 use muster_transport::sim::Access;
 
+use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
@@ -29,10 +30,12 @@ pub(crate) fn summary(
             ..drone(id, recorder.centre(), record)
         })
         .collect();
+    let overrides: Vec<_> = scenario.overrides.iter().map(ToString::to_string).collect();
     let report = Report {
+        command: command(&scenario.name, scenario.seed, engine, &overrides),
         scenario: scenario.name.clone(),
         seed: scenario.seed,
-        overrides: scenario.overrides.iter().map(ToString::to_string).collect(),
+        overrides,
         engine,
         trace: outcome.trace.clone(),
         simulated_s: outcome.ended.as_secs_f64(),

@@ -314,6 +314,9 @@ fn rules(report: &Report, colour: Colour, text: &mut String) {
             painted(&in_words(violation), paint, colour)
         ));
     }
+    if !report.violations.is_empty() {
+        text.push_str(&format!("     {}\n", report.command));
+    }
 }
 
 fn in_words(violation: &Violation) -> String {

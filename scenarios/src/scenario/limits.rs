@@ -17,8 +17,8 @@ use crate::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
 const ALTITUDE_MAX_M: f64 = 120.0;
-/// The longest that a run may take, whatever its mission, in seconds: a week.
-const DURATION_MAX_S: f64 = 604_800.0;
+/// The longest that a run may take, whatever its mission: a week.
+pub(super) const DURATION_MAX: Duration = Duration::from_secs(604_800);
 
 /// How many legs the way from the ground to a slot has: up, across, and up or down again.
 const LEGS_PER_WAY: u32 = 3;
@@ -158,9 +158,9 @@ pub(super) fn check_layers(
 }
 
 pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> Limits {
-    let seconds = |value: Option<Seconds>, default: f64| {
-        let seconds = value.map_or(default.min(DURATION_MAX_S), |value| value.0);
-        Duration::from_secs_f64(seconds)
+    let seconds = |value: Option<Seconds>, default_s: f64| {
+        let seconds = value.map_or(default_s, |value| value.0);
+        Duration::from_secs_f64(seconds.min(DURATION_MAX.as_secs_f64()))
     };
     let milliseconds = |value: Option<Milliseconds>, default: u64| {
         Duration::from_millis(value.map_or(default, |value| value.0))
@@ -170,16 +170,13 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         .legs_s()
         .chain(course.changes_s())
         .fold(farthest_s, f64::max);
-    let set_up = seconds(raw.limits.set_up_s, 30.0);
-    let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
-    let on_the_ground_s = set_up.as_secs_f64() + take_off.as_secs_f64();
-    let duration_s = on_the_ground_s + 2.0 * course.flight_s() + 300.0;
     let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
-    Limits {
+    let mut limits = Limits {
         separation,
-        duration: seconds(raw.limits.duration_s, duration_s),
-        set_up,
-        take_off,
+        duration: Duration::ZERO,
+        flight: seconds(None, course.flight_s()),
+        set_up: seconds(raw.limits.set_up_s, 30.0),
+        take_off: seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0),
         leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
         waypoints_max: mission_file::WAYPOINTS_MAX + 1,
         waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
@@ -191,5 +188,8 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
             back_off: Duration::from_millis(10),
             back_off_max: Duration::from_secs(1),
         },
-    }
+    };
+    let default_s = limits.default_duration().as_secs_f64();
+    limits.duration = seconds(raw.limits.duration_s, default_s);
+    limits
 }

@@ -8,7 +8,9 @@ mod follow;
 mod formation;
 mod limits;
 mod load;
+mod outlook;
 mod raw;
+mod settling;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -27,10 +29,11 @@ use muster_transport::sim;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::Landing;
 
-pub use fault::{Fault, FaultKind, Link, Links, Occasion, Target, When};
+pub use fault::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
+pub use settling::Settling;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
@@ -152,12 +155,20 @@ impl Scenario {
                 // Ways are lost and found again while drones spread out.
                 time_to_live: protocol.time_to_live * 2,
                 patience: match protocol.succession {
-                    // Somebody else's next beacon may still come.
-                    Succession::Elect => protocol.beacon * 3 / 2,
+                    // A frame of somebody else's that has heard more may be on its way.
+                    Succession::Elect => protocol.beacon / 4,
                     Succession::Land => protocol.time_to_live * 3,
                 },
             }),
         }
+    }
+
+    /// How long it may take until each part of the swarm has its one master.
+    #[must_use]
+    pub fn settling(&self) -> Settling {
+        let routing = self.routing(self.layout.formation().centre());
+        let (radio, limits) = (&self.radio, &self.limits);
+        Settling::new(&routing, radio, self.protocol.liveness, limits.leg)
     }
 
     /// What one of its drones is built with.
@@ -190,6 +201,10 @@ impl Scenario {
                 liveness: protocol.liveness,
                 succession: protocol.succession,
                 alone: self.alone,
+                spreading_patience: match protocol.succession {
+                    Succession::Elect => protocol.time_to_live * 3,
+                    Succession::Land => Duration::ZERO,
+                },
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,
@@ -278,6 +293,8 @@ pub struct Limits {
     pub separation: Separation,
     /// How long the run may last: by then every drone is on the ground.
     pub duration: Duration,
+    /// How long all between take-off and the ground should take.
+    pub flight: Duration,
     /// How long the master waits for members on the ground.
     pub set_up: Duration,
     /// How long a take-off may take.
@@ -294,4 +311,16 @@ pub struct Limits {
     pub watchdog: Duration,
     /// When failed actors are restarted and when that is given up.
     pub restarts: RestartLimits,
+}
+
+/// What the default bound on a run allows for besides: times to live that run out, and a master lost on the way.
+const MARGIN: Duration = Duration::from_secs(300);
+
+impl Limits {
+    /// How long a run may last unless it is told: as long as drones may wait on the ground and take off, twice what the
+    /// flight should take, and [`MARGIN`]; at most a week.
+    fn default_duration(&self) -> Duration {
+        let on_the_ground = self.set_up + self.take_off;
+        (on_the_ground + self.flight * 2 + MARGIN).min(limits::DURATION_MAX)
+    }
 }

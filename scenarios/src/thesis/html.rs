@@ -357,7 +357,7 @@ fn method(comparison: &Comparison) -> Markup {
                 code {
                     "muster thesis --seed " (comparison.seed) " --runs " (comparison.waits_runs.seeds.len())
                     " --engine " (comparison.engine) "\n"
-                    @for report in comparison.of_first_seed() { (report.command()) "\n" }
+                    @for report in comparison.of_first_seed() { (report.command) "\n" }
                 }
             }
             p.about {

@@ -145,7 +145,7 @@ fn rules(comparison: &Comparison, colour: Colour) -> String {
     let broken: Vec<_> = comparison
         .reports()
         .filter(|report| !report.violations.is_empty())
-        .map(|report| format!("broken by: {}", report.command()))
+        .map(|report| format!("broken by: {}", report.command))
         .collect();
     let verdict = if broken.is_empty() {
         painted("none broken", GREEN, colour)

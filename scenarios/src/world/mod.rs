@@ -4,17 +4,19 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod clock;
+mod connected;
 mod disk;
 mod drone;
 mod faults;
 mod health;
 mod heap;
-mod part;
 mod process;
 mod recorder;
+mod tampering;
 mod trace;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -37,12 +39,14 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
-use self::part::part_of;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
+use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    BarrierChecker, BoundsChecker, ElectionChecker, SeparationChecker, Violation, check_landed,
+    AdmissionChecker, ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker,
+    ObedienceChecker, SeparationChecker, SettledChecker, Violation, check_landed,
 };
+use crate::parts::Parts;
 use crate::scenario::{Follow, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -52,6 +56,7 @@ const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
 const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
+const FAULTS_STREAM: u64 = u64::MAX;
 
 /// What an engine is to do next.
 #[derive(Debug)]
@@ -81,6 +86,8 @@ enum Planned {
     Arrive {
         to: NodeId,
         datagram: Bytes,
+        /// Whether its sender said it, and for the first time.
+        is_genuine: bool,
     },
     /// What became of a frame for one drone.
     Outcome(muster_transport::Outcome),
@@ -114,6 +121,11 @@ enum Planned {
         actor: Option<Address>,
         hangs: u32,
     },
+    /// A drone's clock gains so many millionths from now on.
+    Skew {
+        drone: NodeId,
+        ppm: i32,
+    },
     /// What hangs goes on.
     GoOn {
         drone: NodeId,
@@ -146,6 +158,7 @@ pub(crate) struct World {
     limit: Timestamp,
     heap: Heap<Planned>,
     plan: Plan,
+    tampering: Tampering,
     inbox: VecDeque<(NodeId, Envelope)>,
     medium: Medium,
     /// When the medium is woken next, as far as that is planned.
@@ -161,10 +174,16 @@ pub(crate) struct World {
     airborne: usize,
     trace: Trace,
     recorder: Recorder,
-    range_m: f64,
     /// What is to happen once the master is followed.
     follow: Option<Follow>,
+    parts: Parts,
+    /// When the links are looked at next.
+    next_look: Timestamp,
     election: ElectionChecker,
+    admission: AdmissionChecker,
+    settled: SettledChecker,
+    obedience: ObedienceChecker,
+    arming: ArmingChecker,
     barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
@@ -198,6 +217,10 @@ impl World {
             now: Timestamp::ZERO,
             limit: Timestamp::ZERO + scenario.limits.duration,
             heap,
+            tampering: Tampering::new(
+                generator(FAULTS_STREAM),
+                plan.listened_to(nodes).into_iter(),
+            ),
             plan,
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
@@ -215,9 +238,14 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             recorder: Recorder::new(drones, nodes, layout.formation().centre()),
-            range_m: scenario.radio.propagation.range_m(),
             follow: scenario.follow.clone(),
+            parts: Parts::default(),
+            next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
+            admission: AdmissionChecker::default(),
+            settled: SettledChecker::new(scenario.settling()),
+            obedience: ObedienceChecker::default(),
+            arming: ArmingChecker::new(nodes as usize),
             barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
             separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
@@ -229,6 +257,11 @@ impl World {
 
     pub(crate) const fn now(&self) -> Timestamp {
         self.now
+    }
+
+    /// What a drone's own clock shows.
+    pub(crate) fn now_of(&self, drone: NodeId) -> Timestamp {
+        self.drones[drone.0 as usize].clock.at(self.now)
     }
 
     pub(crate) const fn recorder(&self) -> &Recorder {
@@ -246,6 +279,7 @@ impl World {
 
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
+        self.obedience.goes_on();
         loop {
             while let Some((drone, envelope)) = self.inbox.pop_front() {
                 let address = envelope.address();
@@ -254,6 +288,10 @@ impl World {
                     continue;
                 }
                 if self.drone(drone).is_up(address) {
+                    self.admission.told(drone, &envelope);
+                    self.arming.told(drone, &envelope);
+                    let obeyed = self.election.obeyed(drone);
+                    self.obedience.told(drone, &envelope, obeyed);
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -296,10 +334,17 @@ impl World {
                 self.post(master, Envelope::Mission(mission::Input::Fly));
             }
             Planned::Medium => self.wake_medium(),
-            Planned::Arrive { to, datagram } => {
+            Planned::Arrive {
+                to,
+                datagram,
+                is_genuine,
+            } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                if !is_genuine {
+                    self.admission.spurious(to, &datagram);
+                }
                 self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
             }
             Planned::Outcome(outcome) => {
@@ -331,6 +376,7 @@ impl World {
                 actor,
                 hangs,
             } => return self.bite(drone, actor, hangs),
+            Planned::Skew { drone, ppm } => self.skew(drone, ppm),
             Planned::GoOn { drone, hangs } => self.go_on(drone, hangs),
             Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
             Planned::Restart {
@@ -358,19 +404,30 @@ impl World {
 
     /// Does what a step asked for, in order, and sets the machine's timer.
     pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+        let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
+        let effects = &reaction.effects;
+        let found = self.obedience.stepped(now, drone, from, effects, kept);
+        self.find(found);
         for effect in reaction.effects.drain(..) {
             self.effect(drone, effect);
         }
         let table = reaction.occupancy;
         self.find(self.bounds.table(self.now, drone, from, table));
-        let generation = self.drone(drone).set_timer(from, reaction.deadline);
-        if let (Some(generation), Some(deadline)) = (generation, reaction.deadline) {
+        self.set_timer(drone, from, reaction.deadline);
+    }
+
+    /// Sets a machine's timer, by its drone's own clock.
+    fn set_timer(&mut self, drone: NodeId, address: Address, deadline: Option<Timestamp>) {
+        let state = self.drone(drone);
+        let generation = state.set_timer(address, deadline);
+        if let (Some(generation), Some(deadline)) = (generation, deadline) {
+            let at = state.clock.when(deadline).max(self.now);
             let wake = Planned::Wake {
                 drone,
-                address: from,
+                address,
                 generation,
             };
-            self.heap.plan(deadline.max(self.now), wake);
+            self.heap.plan(at, wake);
         }
     }
 
@@ -394,6 +451,8 @@ impl World {
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder.received(drone);
+            let found = self.admission.lets_in(self.now, drone);
+            self.find(found);
         }
         let address = envelope.address();
         self.inbox.push_back((drone, envelope));
@@ -409,6 +468,7 @@ impl World {
         let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
         self.trace
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
+        self.tampering.record(drone, frame);
         if let Some(to) = to {
             self.trace.value(self.now, drone, Kind::Addressed, &to);
         }
@@ -434,8 +494,16 @@ impl World {
         while let Some(event) = self.medium.poll_event() {
             match event {
                 Event::Arrival(arrival) => {
-                    let (to, datagram) = (arrival.to, arrival.datagram);
-                    self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+                    let to = arrival.to;
+                    let (first, twin) = self.tampering.pass(to, arrival.datagram);
+                    for passage in std::iter::once(first).chain(twin) {
+                        let arrive = Planned::Arrive {
+                            to,
+                            datagram: passage.datagram,
+                            is_genuine: passage.is_genuine,
+                        };
+                        self.heap.plan(arrival.at + passage.late, arrive);
+                    }
                 }
                 Event::Outcome(outcome) => {
                     self.heap.plan(outcome.at, Planned::Outcome(outcome));
@@ -452,6 +520,8 @@ impl World {
 
     fn command(&mut self, drone: NodeId, demand: Demand) {
         self.trace.value(self.now, drone, Kind::Commanded, &demand);
+        let found = self.arming.commands(self.now, drone, demand);
+        self.find(found);
         let index = drone.0 as usize;
         if !matches!(demand, Demand::Report) {
             let found = self.separation.path_ends(self.now, drone, &self.vehicles);
@@ -558,6 +628,7 @@ impl World {
                 self.medium.place(id, vehicle.motion().position(self.now));
             }
         }
+        self.watch_links();
         let next = self.now + PLACE_RADIOS_EVERY;
         self.heap.plan(next, Planned::PlaceRadios);
     }
@@ -570,10 +641,13 @@ impl World {
                 let now = self.now;
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
-                let (range_m, vehicles) = (self.range_m, &self.vehicles);
-                let drones = &self.drones;
-                let passes_on = |id: NodeId| drones[id.0 as usize].passes_on();
-                let part = || part_of(drone, range_m, now, vehicles, passes_on);
+                let obeyed = self.election.obeyed(drone);
+                let found = self.arming.observe(now, drone, event, obeyed);
+                self.find(found);
+                if matches!(event, mission::Event::Opened { .. }) {
+                    self.look_at_links();
+                }
+                let part = || self.parts.part_of(drone);
                 let found = self.barrier.observe(now, drone, event, part);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
@@ -604,6 +678,7 @@ impl World {
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder.restarts(drone);
+                let at = self.drone(drone).clock.when(at).max(self.now);
                 let life = self.drone(drone).lives;
                 let restart = Planned::Restart {
                     drone,
@@ -638,44 +713,10 @@ impl World {
         }
     }
 
-    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
-    fn look_at_elections(&mut self) {
-        let masters = self.masters_if_settled();
-        if self.recorder.election(self.now, masters) {
-            self.occurs(Occasion::Settled);
-        }
-    }
-
-    /// The masters, if those that fly the mission obey, in each part, one drone of that part.
-    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
-        let is_sound = |id: NodeId| self.drones[id.0 as usize].is_sound();
-        let flies = |id: NodeId| self.recorder.is_following(id) && is_sound(id);
-        let passes_on = |id: NodeId| self.drones[id.0 as usize].passes_on();
-        let ids = || (0..).map(NodeId).take(self.vehicles.len());
-        let mut masters = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        for id in ids().filter(|id| flies(*id)) {
-            if seen.contains(&id) {
-                continue;
-            }
-            let part = part_of(id, self.range_m, self.now, &self.vehicles, passes_on);
-            let obeyed = self.election.obeyed(id)?;
-            let is_one = part
-                .iter()
-                .filter(|id| flies(**id))
-                .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !part.contains(&obeyed.master) || !flies(obeyed.master) {
-                return None;
-            }
-            masters.insert(obeyed.master);
-            seen.extend(part);
-        }
-        Some(masters)
-    }
-
     /// An actor is about to be built.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
+        self.arming.starting(drone, address);
         self.drone(drone).bring_up(address);
     }
 

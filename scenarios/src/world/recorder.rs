@@ -242,6 +242,18 @@ impl Recorder {
         &self.elections
     }
 
+    /// How often actors of a node, or its process, were restarted so far.
+    pub(crate) fn restarts_of(&self, id: NodeId) -> u32 {
+        let record = &self.nodes[id.0 as usize];
+        record.restarts + record.reboots
+    }
+
+    /// Whether a drone is done.
+    pub(crate) fn is_finished(&self, id: NodeId) -> bool {
+        let last = self.nodes[id.0 as usize].states.last();
+        last.is_some_and(|(_, state)| *state == State::Finished)
+    }
+
     /// Whether a drone is in the air and takes part in the mission.
     pub(crate) fn is_following(&self, id: NodeId) -> bool {
         let last = self.nodes[id.0 as usize].states.last();
@@ -332,8 +344,7 @@ impl Recorder {
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
         let record = &self.nodes[id.0 as usize];
-        let last = record.states.last().map(|(_, state)| *state);
-        record.given_up || record.killed.is_some() || last == Some(State::Finished)
+        record.given_up || record.killed.is_some() || self.is_finished(id)
     }
 
     fn is_landing(&self, id: NodeId) -> bool {

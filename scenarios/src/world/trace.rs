@@ -37,6 +37,7 @@ pub(crate) enum Kind {
     Stopped,
     Hung,
     WentOn,
+    Skewed,
 }
 
 impl Trace {

@@ -7,6 +7,7 @@ mod changes;
 mod election;
 mod engines;
 mod failsafe;
+mod faults;
 mod follow;
 mod formations;
 mod relay;

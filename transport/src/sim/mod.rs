@@ -139,7 +139,8 @@ impl Medium {
     }
 
     /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
-    /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a radio that is not there.
+    /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a
+    /// radio that is not there.
     #[must_use]
     pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
         self.air.loss(from, to)

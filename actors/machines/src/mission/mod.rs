@@ -51,6 +51,8 @@ pub struct Config {
     pub succession: Succession,
     /// What a drone in the air does that hears of nobody else.
     pub alone: Alone,
+    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again.
+    pub spreading_patience: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.
@@ -201,7 +203,10 @@ pub enum Event {
 pub struct Mission {
     config: Config,
     durable: Checkpoint,
-    master_silent: bool,
+    /// Since when the master has been missed.
+    master_silent: Option<Timestamp>,
+    /// Whether it says that it is going to land.
+    master_lands: bool,
     punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
@@ -213,7 +218,8 @@ impl Mission {
         let mut mission = Self {
             config,
             durable: Checkpoint::default(),
-            master_silent: false,
+            master_silent: None,
+            master_lands: false,
             punctuality: Punctuality::default(),
             outbox: Outbox::new(),
         };
@@ -409,12 +415,16 @@ impl Mission {
             RoutingNotice::Returned(member) => {
                 self.hear_member(member, |awaited| awaited.silent = false);
             }
-            RoutingNotice::MasterSilent => self.master_silent = true,
-            RoutingNotice::MasterReturned => self.master_silent = false,
-            // It leads no longer; one that takes the swarm down with it has ordered that.
-            RoutingNotice::MasterLands => {
-                self.master_silent |= self.config.succession == Succession::Elect;
+            RoutingNotice::MasterSilent => {
+                self.master_silent.get_or_insert(now);
             }
+            RoutingNotice::MasterReturned => self.master_silent = None,
+            // It leads no longer; one that takes the swarm down with it has ordered that.
+            RoutingNotice::MasterLands if self.config.succession == Succession::Elect => {
+                self.master_lands = true;
+                self.master_silent.get_or_insert(now);
+            }
+            RoutingNotice::MasterLands => {}
             RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
             RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
@@ -550,14 +560,14 @@ impl Mission {
 
     /// The host stood still, perhaps while others did what the drone waits for: it gives them as long again.
     fn allow_for_stall(&mut self, now: Timestamp) {
-        if let (Some(stall), Some(limit)) = (self.punctuality.stalled_for(now), self.durable.limit)
-        {
-            self.durable.limit = Some(limit.max(now) + stall);
+        if let Some(stall) = self.punctuality.stalled_for(now) {
+            self.durable.limit = self.durable.limit.map(|limit| limit.max(now) + stall);
+            self.master_silent = self.master_silent.map(|_| now);
         }
     }
 
     fn deadline(&self) -> Option<Timestamp> {
-        let deadlines = [self.durable.limit, self.next_fix()];
+        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
         deadlines.into_iter().flatten().min()
     }
 }
@@ -599,6 +609,10 @@ impl Machine for Mission {
     fn handle_timeout(&mut self, now: Timestamp) {
         self.allow_for_stall(now);
         self.locate_if_due(now);
+        if self.succeeds_at().is_some_and(|at| at <= now) {
+            self.succeed(now);
+            self.checkpoint();
+        }
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
             let is_under_way = matches!(self.durable.state, State::Following | State::MovingToLand);

@@ -50,6 +50,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         liveness,
         succession: Succession::Land,
         alone: Alone::CarryOn,
+        spreading_patience: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,

@@ -9,6 +9,7 @@ mod packet;
 pub mod tree;
 
 use std::convert::Infallible;
+use std::time::Duration;
 
 use bytes::Bytes;
 
@@ -28,6 +29,35 @@ pub enum Config {
     Flood(flood::Config),
     /// On change, along a tree, repaired at each hop.
     Tree(tree::Config),
+}
+
+impl Config {
+    /// How long a drone takes at most until it misses a master that is gone.
+    #[must_use]
+    pub fn detection(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.detection(),
+            Self::Tree(config) => config.detection(),
+        }
+    }
+
+    /// How long news takes to a neighbour, losses included, the way through the air apart.
+    #[must_use]
+    pub fn hop(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.hop(),
+            Self::Tree(config) => config.hop(),
+        }
+    }
+
+    /// The longest that a drone keeps silent that is not landing.
+    #[must_use]
+    pub fn turn(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.turn(),
+            Self::Tree(config) => config.turn(),
+        }
+    }
 }
 
 /// What a routing is told.

@@ -170,7 +170,7 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
         section { h2 { "Drones" } (tables::swarm(report)) }
         section {
             h2 { "Run it again" }
-            pre { code { (report.command()) } }
+            pre { code { (report.command) } }
             p.about {
                 "The same program gives the same trace: " code.trace { (report.trace) }
                 ". All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }

@@ -2,13 +2,35 @@
 
 use std::time::Duration;
 
-use super::{Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
+use super::{Config, Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::wire;
 
 /// The longest that a first hello waits, so that neighbours do not all answer one at the same instant.
 const FIRST_HELLO_MAX: Duration = Duration::from_millis(20);
+
+impl Config {
+    /// How long a drone takes at most until it misses its master: nobody watches while routes are looked for, which
+    /// ends with the time to live at the latest, and who watches looks at its own turn.
+    #[must_use]
+    pub fn detection(&self) -> Duration {
+        self.discovery + self.time_to_live * 2 + self.period
+    }
+
+    /// The longest that a drone keeps silent that is not landing.
+    #[must_use]
+    pub const fn turn(&self) -> Duration {
+        self.period
+    }
+
+    /// How long news takes to a neighbour whether or not it gets there at the first try, the way through the air
+    /// apart: of two in five lost frames the mean is less than two turns.
+    #[must_use]
+    pub fn hop(&self) -> Duration {
+        self.period * 2
+    }
+}
 
 impl FloodRouting {
     /// Says what is due at `due`; when to speak next.

@@ -14,7 +14,7 @@ const STALE: f64 = 1e-2;
 /// However lossy a link is, it is given up after this many beacons.
 const LOST_BEACONS_MAX: f64 = 30.0;
 /// And asked after this many: to ask costs a frame.
-const STALE_BEACONS_MAX: f64 = 5.0;
+pub(super) const STALE_BEACONS_MAX: f64 = 5.0;
 
 /// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
 /// out of reach.

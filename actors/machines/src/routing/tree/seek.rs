@@ -4,8 +4,11 @@
 //! Each drone watches its own link only. Whoever is farther out hears from its parent, which lives, what has become of
 //! the master; so nobody waits for as long as numbers may be lost over all hops together.
 
-use super::TreeRouting;
+use std::time::Duration;
+
+use super::links::STALE_BEACONS_MAX;
 use super::speak::Occasion;
+use super::{Config, TreeRouting};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
@@ -21,6 +24,16 @@ pub(super) struct Seek {
     heard_at: Timestamp,
     due: Timestamp,
     asked: u32,
+}
+
+impl Config {
+    /// How long a drone takes at most, from when it last heard a parent that is gone, until the master is missed: until
+    /// the parent is asked, until it has not answered, and until nobody else has heard more of the master.
+    #[must_use]
+    pub fn detection(&self) -> Duration {
+        let asked = self.repair * 2 * ASKED_MAX;
+        self.beacon.mul_f64(STALE_BEACONS_MAX) + asked + self.patience
+    }
 }
 
 impl TreeRouting {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::links::Link;
 use super::{
-    CONFIRM_ABOVE_LOSS, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree, TreeRouting,
+    CONFIRM_ABOVE_LOSS, Config, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree, TreeRouting,
 };
 use crate::time::Timestamp;
 use crate::wire;
@@ -33,6 +33,21 @@ pub(super) enum Occasion {
     Repair,
     /// The parent has not been heard for a while.
     Seek,
+}
+
+impl Config {
+    /// The longest that a drone keeps silent that is not landing; a master speaks sooner.
+    #[must_use]
+    pub fn turn(&self) -> Duration {
+        self.beacon * 5 / 4 + self.beacon / 8
+    }
+
+    /// How long news takes to a neighbour whether or not it gets there at the first try, the way through the air
+    /// apart: each repair makes up for a loss, and of two in five lost frames the mean is less than one repair.
+    #[must_use]
+    pub fn hop(&self) -> Duration {
+        self.repair * 2
+    }
 }
 
 impl TreeRouting {

@@ -1,0 +1,205 @@
+use muster_machines::identity::{Ballot, NodeId};
+use muster_machines::time::Timestamp;
+
+use super::Violation;
+use crate::parts::{Part, Parts};
+use crate::scenario::Settling;
+
+/// Rule 1, (c): once links have been still for the settling time, and while no grey link decides who is connected, each
+/// part has exactly one master, obeyed by all its members.
+///
+/// A part is whoever is connected by links that are up; it is still while none of its links, and none of its members,
+/// changes or fails. Its members are those in the air that fly the mission; drones on the ground or going to land only
+/// pass on. Their master is the one drone that they all obey, itself included; it must be in the part. A master that goes
+/// to land is theirs until it falls silent. Where a swarm does not elect, drones without a master are to be landing by
+/// then. The instant at which anyone turns to another ballot counts like any other: a false election is found even if
+/// all agree again a moment later.
+#[derive(Debug)]
+pub(crate) struct SettledChecker {
+    settling: Settling,
+}
+
+/// What a drone does, as far as this rule is about it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Standing {
+    /// Whether it is in the air and flies the mission.
+    pub(crate) flies: bool,
+    /// Whom it obeys.
+    pub(crate) obeys: Option<Ballot>,
+}
+
+impl SettledChecker {
+    pub(crate) const fn new(settling: Settling) -> Self {
+        Self { settling }
+    }
+
+    /// Looks at every part.
+    pub(crate) fn look(
+        &self,
+        now: Timestamp,
+        parts: &Parts,
+        standing: impl Fn(NodeId) -> Standing,
+    ) -> Option<Violation> {
+        // The diameter, which is long to find, is asked for only where something is wrong.
+        let is_settled = |part: &Part, diameter| {
+            part.is_decided && now.since(part.still_since) > self.settling.time(diameter)
+        };
+        parts.iter().find_map(|part| {
+            if !is_settled(part, 0) {
+                return None;
+            }
+            let what = disagreement(part, &standing)?;
+            is_settled(part, parts.diameter(part)).then(|| Violation {
+                rule: 1,
+                at: now,
+                drones: flying(part, &standing).collect(),
+                what: format!(
+                    "{what}, though no link of their part has changed for {:.1} s",
+                    now.since(part.still_since).as_secs_f64()
+                ),
+            })
+        })
+    }
+}
+
+fn flying(part: &Part, standing: impl Fn(NodeId) -> Standing) -> impl Iterator<Item = NodeId> {
+    let members = part.members.iter().copied();
+    members.filter(move |id| standing(*id).flies)
+}
+
+/// What is wrong with who leads a part; nothing if it has its one master, or nobody who needs one.
+fn disagreement(part: &Part, standing: &impl Fn(NodeId) -> Standing) -> Option<String> {
+    let first = flying(part, standing).next()?;
+    let Some(ballot) = standing(first).obeys else {
+        return Some(format!("drone {first} obeys nobody"));
+    };
+    let master = ballot.master;
+    if let Some(other) = flying(part, standing).find(|id| standing(*id).obeys != Some(ballot)) {
+        let obeyed = standing(other).obeys;
+        let obeyed = obeyed.map_or_else(|| "nobody".to_owned(), |it| it.to_string());
+        return Some(format!(
+            "drone {first} obeys {ballot} and drone {other} {obeyed}"
+        ));
+    }
+    if !part.members.contains(&master) {
+        return Some(format!(
+            "drone {first} obeys drone {master}, which no link leads to"
+        ));
+    }
+    let leads = standing(master).obeys == Some(ballot);
+    (!leads).then(|| format!("drone {first} obeys {ballot}, under which that drone does not act"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::parts::tests::{at, line, link};
+
+    /// Two hops across, a swarm settles in 6 s.
+    const CHECKER: SettledChecker = SettledChecker::new(Settling {
+        detection: Duration::from_secs(1),
+        hop: Duration::from_secs(1),
+        back_off: Duration::from_secs(1),
+    });
+
+    fn under(term: u32, master: u32) -> Standing {
+        Standing {
+            flies: true,
+            obeys: Some(Ballot {
+                term,
+                rank: master,
+                master: NodeId(master),
+            }),
+        }
+    }
+
+    /// Three in line, still since the start.
+    fn parts() -> Parts {
+        let mut parts = Parts::default();
+        parts.look(at(0.0), vec![Some(0); 3], line(3));
+        parts
+    }
+
+    fn found(now_s: f64, parts: &Parts, drones: &[Standing]) -> Option<String> {
+        let found = CHECKER.look(at(now_s), parts, |id| drones[id.0 as usize]);
+        found.map(|violation| {
+            assert_eq!(violation.rule, 1);
+            violation.what
+        })
+    }
+
+    #[test]
+    fn one_master_obeyed_by_all_is_right_at_any_time() {
+        assert_eq!(found(100.0, &parts(), &[under(2, 1); 3]), None);
+    }
+
+    #[test]
+    fn two_masters_are_found_once_the_part_has_settled_and_not_before() {
+        let drones = [under(1, 0), under(2, 2), under(2, 2)];
+        assert_eq!(found(6.0, &parts(), &drones), None);
+        assert!(found(6.1, &parts(), &drones).is_some());
+    }
+
+    #[test]
+    fn the_time_starts_anew_with_every_change_of_a_link() {
+        let mut parts = parts();
+        let mut links = line(3);
+        links.push(link(0, 2, 0.5));
+        parts.look(at(5.0), vec![Some(0); 3], links);
+        let drones = [under(1, 0), under(2, 2), under(2, 2)];
+        assert_eq!(found(7.0, &parts, &drones), None);
+        assert!(found(12.0, &parts, &drones).is_some());
+    }
+
+    #[test]
+    fn nothing_is_found_while_a_grey_link_decides() {
+        let mut parts = Parts::default();
+        let links = vec![link(0, 1, 0.0), link(1, 2, 0.6)];
+        parts.look(at(0.0), vec![Some(0); 3], links);
+        assert_eq!(found(100.0, &parts, &[under(1, 2); 3]), None);
+    }
+
+    #[test]
+    fn a_master_that_is_not_in_the_part_is_found() {
+        let mut parts = parts();
+        parts.look(at(0.0), vec![Some(0), Some(0), None], line(3));
+        let what = found(100.0, &parts, &[under(1, 2); 3]).unwrap();
+        assert!(what.contains("which no link leads to"), "{what}");
+    }
+
+    #[test]
+    fn a_master_that_does_not_obey_its_own_ballot_is_found() {
+        let landing = Standing {
+            flies: false,
+            ..under(3, 1)
+        };
+        let drones = [under(2, 2), under(2, 2), landing];
+        assert!(found(100.0, &parts(), &drones).is_some());
+        let lands = Standing {
+            flies: false,
+            ..under(2, 2)
+        };
+        let drones = [under(2, 2), under(2, 2), lands];
+        assert_eq!(found(100.0, &parts(), &drones), None, "it leads to the end");
+    }
+
+    #[test]
+    fn whoever_is_on_the_ground_or_landing_needs_no_master() {
+        let down = Standing {
+            flies: false,
+            obeys: None,
+        };
+        assert_eq!(
+            found(100.0, &parts(), &[under(1, 0), down, under(1, 0)]),
+            None
+        );
+        assert_eq!(found(100.0, &parts(), &[down; 3]), None);
+        let lost = Standing {
+            obeys: None,
+            ..under(1, 0)
+        };
+        assert!(found(100.0, &parts(), &[under(1, 0), lost, down]).is_some());
+    }
+}

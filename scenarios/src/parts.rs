@@ -1,0 +1,340 @@
+//! Which drones are connected by radio, and since when nothing of that has changed.
+
+use std::collections::{BTreeSet, VecDeque};
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_transport::sim::Medium;
+
+/// A link is up if it loses at most this share of frames each way.
+pub(crate) const UP_LOSS_MAX: f64 = 0.4;
+/// And down if it loses at least this share either way; in between it is grey.
+const DOWN_LOSS_MIN: f64 = 0.9;
+
+/// Up to how many members a part's diameter is found exactly, which takes a search from each.
+const EXACT_DIAMETER_MAX: usize = 256;
+
+/// The parts of a swarm as they were when last looked at: whoever is connected by links that are up.
+#[derive(Debug, Default)]
+pub(crate) struct Parts {
+    /// Each node that takes part in the radio's work, with a number that changes whenever it has failed.
+    live: Vec<Option<u32>>,
+    /// Between live nodes, each once, sorted.
+    links: Vec<Link>,
+    /// When each node, or a link of it, last changed.
+    changed: Vec<Timestamp>,
+    parts: Vec<Part>,
+    /// Which of the parts each node is in.
+    part_of: Vec<Option<usize>>,
+    /// The first of those that each node is connected with by links that are not down.
+    reach: Vec<NodeId>,
+}
+
+/// A link that is not down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Link {
+    /// The lower id first.
+    ends: (NodeId, NodeId),
+    is_up: bool,
+}
+
+impl Link {
+    /// Between two nodes, by the share of frames that is lost on the worse way; nothing if that makes it down.
+    pub(crate) fn between(a: NodeId, b: NodeId, loss: f64) -> Option<Self> {
+        (loss < DOWN_LOSS_MIN).then(|| Self {
+            ends: (a.min(b), a.max(b)),
+            is_up: loss <= UP_LOSS_MAX,
+        })
+    }
+
+    /// All that a medium has as it is now.
+    pub(crate) fn all(medium: &Medium) -> Vec<Self> {
+        let mut links = Vec::new();
+        medium.each_pair_in_reach(|a, b| {
+            let loss = medium.loss(a, b).max(medium.loss(b, a));
+            links.extend(Self::between(a, b, loss));
+        });
+        links
+    }
+}
+
+/// Live nodes that are connected by links that are up.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    /// Lowest first.
+    pub(crate) members: Vec<NodeId>,
+    /// Whether no grey link decides who is in it.
+    pub(crate) is_decided: bool,
+    /// Since when neither its members nor their links have changed.
+    pub(crate) still_since: Timestamp,
+}
+
+impl Parts {
+    /// Takes in how things are now. What `live` says of a node is any number that changes when it has failed in between,
+    /// and nothing for one that passes nothing on. Links of nodes that are not live are left out.
+    pub(crate) fn look(&mut self, now: Timestamp, live: Vec<Option<u32>>, mut links: Vec<Link>) {
+        let is_live = |id: NodeId| live.get(id.0 as usize).is_some_and(Option::is_some);
+        links.retain(|link| is_live(link.ends.0) && is_live(link.ends.1));
+        links.sort_unstable();
+        if live == self.live && links == self.links {
+            return;
+        }
+        self.changed.resize(live.len(), now);
+        let before = self.live.iter().zip(&live);
+        for (changed, _) in self
+            .changed
+            .iter_mut()
+            .zip(before)
+            .filter(|(_, it)| it.0 != it.1)
+        {
+            *changed = now;
+        }
+        for link in differing(&self.links, &links) {
+            self.changed[link.ends.0.0 as usize] = now;
+            self.changed[link.ends.1.0 as usize] = now;
+        }
+        self.live = live;
+        self.links = links;
+        self.divide();
+    }
+
+    fn divide(&mut self) {
+        let up = first_connected(self.live.len(), self.links.iter().filter(|link| link.is_up));
+        self.reach = first_connected(self.live.len(), self.links.iter());
+        self.parts.clear();
+        self.part_of = vec![None; self.live.len()];
+        for (id, first) in (0..).map(NodeId).zip(up) {
+            let index = id.0 as usize;
+            if self.live[index].is_none() {
+                continue;
+            }
+            let part = *self.part_of[first.0 as usize].get_or_insert(self.parts.len());
+            self.part_of[index] = Some(part);
+            match self.parts.get_mut(part) {
+                Some(part) => part.members.push(id),
+                None => self.parts.push(Part {
+                    members: vec![id],
+                    is_decided: true,
+                    still_since: Timestamp::ZERO,
+                }),
+            }
+        }
+        for link in &self.links {
+            let [a, b] = [link.ends.0, link.ends.1].map(|id| self.part_of[id.0 as usize]);
+            if let (Some(a), Some(b), true) = (a, b, a != b) {
+                self.parts[a].is_decided = false;
+                self.parts[b].is_decided = false;
+            }
+        }
+        for part in &mut self.parts {
+            let changes = part.members.iter().map(|id| self.changed[id.0 as usize]);
+            part.still_since = changes.max().unwrap_or_default();
+        }
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Part> {
+        self.parts.iter()
+    }
+
+    /// Whom links that are up connect with a node, over others too; itself among them.
+    pub(crate) fn part_of(&self, id: NodeId) -> BTreeSet<NodeId> {
+        let part = self.part_of.get(id.0 as usize).copied().flatten();
+        let members = part.map_or(&[][..], |part| &self.parts[part].members);
+        members.iter().copied().chain([id]).collect()
+    }
+
+    /// Whom links that are up or grey connect with a node, likewise.
+    pub(crate) fn reach_of(&self, id: NodeId) -> BTreeSet<NodeId> {
+        let first = self.reach.get(id.0 as usize);
+        let others = (0..).map(NodeId).zip(&self.reach);
+        let reached = others.filter(|(other, it)| Some(*it) == first && self.is_live(*other));
+        reached.map(|(other, _)| other).chain([id]).collect()
+    }
+
+    fn is_live(&self, id: NodeId) -> bool {
+        self.live[id.0 as usize].is_some()
+    }
+
+    /// The most hops between any two members of a part, over links that are up; of a large part at most twice as many
+    /// as there are.
+    pub(crate) fn diameter(&self, part: &Part) -> u32 {
+        let mut neighbours = vec![Vec::new(); self.live.len()];
+        for link in self.links.iter().filter(|link| link.is_up) {
+            neighbours[link.ends.0.0 as usize].push(link.ends.1);
+            neighbours[link.ends.1.0 as usize].push(link.ends.0);
+        }
+        if part.members.len() > EXACT_DIAMETER_MAX {
+            return 2 * farthest(&neighbours, part.members[0]);
+        }
+        let hops = part.members.iter().map(|id| farthest(&neighbours, *id));
+        hops.max().unwrap_or(0)
+    }
+}
+
+/// How many hops it takes from a node to whoever takes the most.
+fn farthest(neighbours: &[Vec<NodeId>], from: NodeId) -> u32 {
+    let mut hops = vec![None; neighbours.len()];
+    hops[from.0 as usize] = Some(0);
+    let mut to_look_at = VecDeque::from([(from, 0)]);
+    let mut most = 0;
+    while let Some((id, so_far)) = to_look_at.pop_front() {
+        most = so_far;
+        for other in &neighbours[id.0 as usize] {
+            let known = &mut hops[other.0 as usize];
+            if known.is_none() {
+                *known = Some(so_far + 1);
+                to_look_at.push_back((*other, so_far + 1));
+            }
+        }
+    }
+    most
+}
+
+/// For each of `nodes` the lowest that `links` connect it with.
+fn first_connected<'a>(nodes: usize, links: impl Iterator<Item = &'a Link>) -> Vec<NodeId> {
+    fn first(of: &mut [NodeId], mut id: NodeId) -> NodeId {
+        while of[id.0 as usize] != id {
+            // Shortens the way for whoever asks next.
+            of[id.0 as usize] = of[of[id.0 as usize].0 as usize];
+            id = of[id.0 as usize];
+        }
+        id
+    }
+    let mut of: Vec<NodeId> = (0..).map(NodeId).take(nodes).collect();
+    for link in links {
+        let (a, b) = (first(&mut of, link.ends.0), first(&mut of, link.ends.1));
+        of[a.max(b).0 as usize] = a.min(b);
+    }
+    for id in (0..).map(NodeId).take(nodes) {
+        of[id.0 as usize] = first(&mut of, id);
+    }
+    of
+}
+
+/// What is in one of two sorted lists only.
+fn differing<'a>(a: &'a [Link], b: &'a [Link]) -> impl Iterator<Item = &'a Link> {
+    let only = |these: &'a [Link], those: &'a [Link]| {
+        let is_only_here = move |link: &&Link| those.binary_search(link).is_err();
+        these.iter().filter(is_only_here)
+    };
+    only(a, b).chain(only(b, a))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn at(seconds: f64) -> Timestamp {
+        Timestamp::from_secs_f64(seconds)
+    }
+
+    pub(crate) fn link(a: u32, b: u32, loss: f64) -> Link {
+        Link::between(NodeId(a), NodeId(b), loss).unwrap()
+    }
+
+    /// A line of so many nodes, all of whose links lose nothing.
+    pub(crate) fn line(nodes: u32) -> Vec<Link> {
+        (1..nodes).map(|id| link(id - 1, id, 0.0)).collect()
+    }
+
+    fn live(nodes: usize) -> Vec<Option<u32>> {
+        vec![Some(0); nodes]
+    }
+
+    fn members(parts: &Parts) -> Vec<Vec<u32>> {
+        let ids = |part: &Part| part.members.iter().map(|id| id.0).collect();
+        parts.iter().map(ids).collect()
+    }
+
+    fn set(ids: &[u32]) -> BTreeSet<NodeId> {
+        ids.iter().copied().map(NodeId).collect()
+    }
+
+    #[test]
+    fn a_link_that_loses_two_fifths_is_up_and_one_that_loses_nine_tenths_is_down() {
+        let is_up = |loss| Link::between(NodeId(1), NodeId(0), loss).map(|link| link.is_up);
+        assert_eq!(is_up(0.4), Some(true));
+        assert_eq!(is_up(0.41), Some(false));
+        assert_eq!(is_up(0.89), Some(false));
+        assert_eq!(is_up(0.9), None);
+    }
+
+    #[test]
+    fn parts_are_what_links_that_are_up_connect() {
+        let mut parts = Parts::default();
+        let links = vec![link(3, 1, 0.3), link(1, 0, 0.0), link(4, 2, 0.4)];
+        parts.look(at(1.0), live(6), links);
+        assert_eq!(members(&parts), [vec![0, 1, 3], vec![2, 4], vec![5]]);
+        assert!(parts.iter().all(|part| part.is_decided));
+        assert_eq!(parts.part_of(NodeId(4)), set(&[2, 4]));
+    }
+
+    #[test]
+    fn a_grey_link_decides_only_where_nothing_else_connects() {
+        let mut parts = Parts::default();
+        let mut links = line(3);
+        links.extend([link(0, 2, 0.6), link(2, 3, 0.6), link(4, 5, 0.0)]);
+        parts.look(at(1.0), live(6), links);
+        let decided: Vec<_> = parts.iter().map(|part| part.is_decided).collect();
+        assert_eq!(members(&parts), [vec![0, 1, 2], vec![3], vec![4, 5]]);
+        assert_eq!(decided, [false, false, true]);
+        assert_eq!(parts.reach_of(NodeId(3)), set(&[0, 1, 2, 3]));
+    }
+
+    #[test]
+    fn whoever_passes_nothing_on_connects_nobody() {
+        let mut parts = Parts::default();
+        let mut live = live(3);
+        live[1] = None;
+        parts.look(at(1.0), live, line(3));
+        assert_eq!(members(&parts), [[0], [2]]);
+        assert_eq!(parts.part_of(NodeId(1)), set(&[1]));
+        assert_eq!(parts.reach_of(NodeId(0)), set(&[0]));
+    }
+
+    #[test]
+    fn a_part_is_still_until_one_of_its_links_changes_or_one_of_it_fails() {
+        let mut parts = Parts::default();
+        let mut links = line(3);
+        links.push(link(3, 4, 0.0));
+        let still_since =
+            |parts: &Parts| -> Vec<_> { parts.iter().map(|it| it.still_since).collect() };
+        parts.look(at(1.0), live(5), links.clone());
+        links.reverse();
+        parts.look(at(2.0), live(5), links.clone());
+        assert_eq!(still_since(&parts), [at(1.0), at(1.0)], "nothing changed");
+        links.push(link(0, 2, 0.7));
+        parts.look(at(3.0), live(5), links.clone());
+        assert_eq!(still_since(&parts), [at(3.0), at(1.0)], "a link more");
+        links.pop();
+        parts.look(at(4.0), live(5), links.clone());
+        assert_eq!(still_since(&parts), [at(4.0), at(1.0)], "a link less");
+        let mut failed = live(5);
+        failed[4] = Some(1);
+        parts.look(at(5.0), failed, links);
+        assert_eq!(
+            still_since(&parts),
+            [at(4.0), at(5.0)],
+            "an actor was restarted"
+        );
+    }
+
+    #[test]
+    fn what_splits_is_new_on_both_sides() {
+        let mut parts = Parts::default();
+        parts.look(at(1.0), live(4), line(4));
+        parts.look(at(2.0), live(4), vec![link(0, 1, 0.0), link(2, 3, 0.0)]);
+        assert!(parts.iter().all(|part| part.still_since == at(2.0)));
+    }
+
+    #[test]
+    fn the_diameter_is_the_most_hops_between_two() {
+        let mut parts = Parts::default();
+        let mut links = line(6);
+        links.push(link(0, 3, 0.0));
+        links.push(link(0, 5, 0.8));
+        parts.look(at(1.0), live(8), links);
+        let hops: Vec<_> = parts.iter().map(|part| parts.diameter(part)).collect();
+        assert_eq!(hops, [4, 0, 0], "from 1 to 5, over 0 or over 2");
+    }
+}

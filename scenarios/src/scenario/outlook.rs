@@ -1,0 +1,122 @@
+//! What can be told of a scenario before it is flown.
+
+use std::collections::BTreeMap;
+
+use muster_machines::formation::Change;
+use muster_machines::identity::NodeId;
+use muster_transport::sim::Medium;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::{MARGIN, Scenario};
+use crate::parts::{Link, Parts};
+use crate::report::figures::{drones, figure, plural};
+
+/// For swarms of at most so many the diameter is found; of larger ones it is taken for the most that it can be.
+const DIAMETER_NODES_MAX: u32 = 1_000;
+
+impl Scenario {
+    /// How long it may take until each part has its one master, by when all are down, and who flies in which altitude
+    /// layer: a line each.
+    #[must_use]
+    pub fn outlook(&self) -> Vec<String> {
+        let mut lines = vec![self.settling_in_words(), self.bound_in_words()];
+        lines.extend(self.layers_in_words());
+        lines
+    }
+
+    fn settling_in_words(&self) -> String {
+        let settling = self.settling();
+        let (diameter, is_at_most) = self.diameter();
+        let seconds = |time: std::time::Duration, digits| figure(time.as_secs_f64(), digits);
+        format!(
+            "settles in {} s: {} s until whoever has lost the master misses it, 2 × {}{} of {} s, {} s until what was \
+             lost on the way has been said again",
+            seconds(settling.time(diameter), 1),
+            seconds(settling.detection, 2),
+            if is_at_most { "at most " } else { "" },
+            plural(diameter as usize, "hop"),
+            seconds(settling.hop, 3),
+            seconds(settling.back_off, 2),
+        )
+    }
+
+    /// The most hops between two that some links connect with the master, as all are in their slots; whether it is only
+    /// known that there are no more.
+    fn diameter(&self) -> (u32, bool) {
+        let nodes = self.nodes();
+        if nodes > DIAMETER_NODES_MAX {
+            return (nodes - 1, true);
+        }
+        let formation = self.layout.formation();
+        let slots =
+            (0..formation.drones()).map(|id| self.layout.slot(NodeId(id), self.waypoints[0]));
+        let places: Vec<_> = slots.chain(self.relays.iter().copied()).collect();
+        // Nothing is drawn from it.
+        let medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
+        let mut parts = Parts::default();
+        let live = vec![Some(0); places.len()];
+        parts.look(
+            muster_machines::time::Timestamp::ZERO,
+            live,
+            Link::all(&medium),
+        );
+        let masters = parts
+            .iter()
+            .find(|part| part.members.contains(&formation.centre()));
+        (masters.map_or(0, |part| parts.diameter(part)), false)
+    }
+
+    fn bound_in_words(&self) -> String {
+        let limits = &self.limits;
+        let seconds = |time: std::time::Duration| figure(time.as_secs_f64(), 0);
+        let formula = format!(
+            "set-up {} s + take-off {} s + twice the flight of {} s + {} s",
+            seconds(limits.set_up),
+            seconds(limits.take_off),
+            seconds(limits.flight),
+            seconds(MARGIN),
+        );
+        let default = limits.default_duration();
+        if limits.duration == default {
+            format!("all down by {} s: {formula}", seconds(limits.duration))
+        } else {
+            format!(
+                "all down by {} s, as `limits.duration_s` says; without it by {} s: {formula}",
+                seconds(limits.duration),
+                seconds(default)
+            )
+        }
+    }
+
+    fn layers_in_words(&self) -> Vec<String> {
+        let first = &self.layout;
+        let last = self.changes.last().map_or(&**first, Change::layout);
+        let mut lines = vec![
+            in_words("taking off", first.take_off_layers_m()),
+            in_words("out of lockstep", &first.layers_m(&self.waypoints)),
+            in_words("going to land", last.landing_layers_m()),
+        ];
+        let sectors_m = self.changes.iter().flat_map(Change::sectors_m).copied();
+        if let Some(highest_m) = sectors_m.reduce(f64::max) {
+            lines.push(format!(
+                "sectors of {}: up to {highest_m} m",
+                plural(self.changes.len(), "change of formation")
+            ));
+        }
+        lines
+    }
+}
+
+/// Who flies in which layer, the lowest first.
+fn in_words(when: &str, layers_m: &[f64]) -> String {
+    let mut layers: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
+    for (id, layer_m) in (0..).zip(layers_m) {
+        // Layers are not negative, so their bits are in their order.
+        layers.entry(layer_m.to_bits()).or_default().push(id);
+    }
+    let layers = layers
+        .iter()
+        .map(|(layer_m, ids)| format!("+{} m {}", f64::from_bits(*layer_m), drones(ids)));
+    format!("layers {when}: {}", layers.collect::<Vec<_>>().join("; "))
+}

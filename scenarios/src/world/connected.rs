@@ -1,0 +1,96 @@
+//! Who is connected with whom, and so who is to have the same master.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+
+use super::World;
+use crate::checkers::Standing;
+use crate::parts::Link;
+use crate::scenario::Occasion;
+
+/// How often links are looked at while drones fly, besides whenever something happens that depends on them: at 10 m/s
+/// each, two drones come 10 m nearer to each other meanwhile.
+const LOOK_AT_LINKS_EVERY: Duration = Duration::from_millis(500);
+
+impl World {
+    /// Looks at the links if it is time to.
+    pub(super) fn watch_links(&mut self) {
+        if self.now >= self.next_look {
+            self.look_at_links();
+            self.check_masters();
+        }
+    }
+
+    /// Takes in how the links are now.
+    pub(super) fn look_at_links(&mut self) {
+        self.next_look = self.now + LOOK_AT_LINKS_EVERY;
+        let ids = (0..).map(NodeId).take(self.drones.len());
+        let changes = |id: NodeId| self.recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
+        let live = ids.map(|id| self.passes_on(id).then(|| changes(id)));
+        self.parts
+            .look(self.now, live.collect(), Link::all(&self.medium));
+    }
+
+    /// Each part has its master, once it has had the time to settle.
+    pub(super) fn check_masters(&mut self) {
+        let standing = |id| Standing {
+            flies: self.flies(id),
+            obeys: self.election.obeyed(id),
+        };
+        let found = self.settled.look(self.now, &self.parts, standing);
+        self.find(found);
+    }
+
+    /// Whether frames get through a drone to others: what passes them on runs, and has not fallen silent because the drone
+    /// is done or has no mission any more.
+    fn passes_on(&self, id: NodeId) -> bool {
+        let drone = &self.drones[id.0 as usize];
+        let runs = |address| drone.is_up(address) && !drone.is_hung(address);
+        runs(Address::Radio)
+            && runs(Address::Routing)
+            && drone.is_up(Address::Mission)
+            && !self.recorder.is_finished(id)
+    }
+
+    /// Whether a drone is in the air, flies the mission, and can be led.
+    fn flies(&self, id: NodeId) -> bool {
+        self.recorder.is_following(id) && self.drones[id.0 as usize].is_sound()
+    }
+
+    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
+    pub(super) fn look_at_elections(&mut self) {
+        self.look_at_links();
+        self.check_masters();
+        let masters = self.masters_if_settled();
+        if self.recorder.election(self.now, masters) {
+            self.occurs(Occasion::Settled);
+        }
+    }
+
+    /// The masters, if those that fly the mission obey, among all that some link connects, one drone of these.
+    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
+        let mut masters = BTreeSet::new();
+        let mut seen = BTreeSet::new();
+        let ids = (0..).map(NodeId).take(self.drones.len());
+        for id in ids.filter(|id| self.flies(*id)) {
+            if seen.contains(&id) {
+                continue;
+            }
+            let connected = self.parts.reach_of(id);
+            let obeyed = self.election.obeyed(id)?;
+            let is_one = connected
+                .iter()
+                .filter(|id| self.flies(**id))
+                .all(|id| self.election.obeyed(*id) == Some(obeyed));
+            if !is_one || !connected.contains(&obeyed.master) || !self.flies(obeyed.master) {
+                return None;
+            }
+            masters.insert(obeyed.master);
+            seen.extend(connected);
+        }
+        Some(masters)
+    }
+}
