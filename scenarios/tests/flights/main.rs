@@ -13,6 +13,5 @@ mod formations;
 mod relay;
 mod settling;
 mod support;
-mod sweep;
 mod thesis;
 mod tree;
