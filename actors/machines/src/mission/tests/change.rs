@@ -51,9 +51,9 @@ fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
                 refuge_altitude_m
             })
         );
-        assert!(!said.contains(&Transmit::Acknowledge { sequence }));
+        assert!(!said.contains(&acknowledges(sequence)));
         let said = arrives(&mut slave, 30.0);
-        assert!(said.contains(&Transmit::Acknowledge { sequence }));
+        assert!(said.contains(&acknowledges(sequence)));
     }
     assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
     let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });
