@@ -471,9 +471,10 @@ fn beacon_of_the_master(pulse: u32) -> Tree {
 #[test]
 fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
     let mut child = child_of_a_master_that_it_hears_well();
-    // Two beacons without a word are more than chance by now.
-    let asked = child.wait(2_000);
-    assert_eq!(asked.len(), 20, "{asked:?}");
+    // Two beacons without a word are more than chance by now, and of a link that loses next to nothing few questions
+    // prove enough.
+    let asked = child.wait(1_100);
+    assert_eq!(asked.len(), 7, "{asked:?}");
     assert!(asked.iter().all(|it| it.to == Some(NodeId(0))));
     assert!(!child.notices.contains(&Notice::MasterSilent), "not yet");
     let asked = child.wait(15_000);
@@ -484,10 +485,25 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
 }
 
 #[test]
+fn a_parent_over_a_lossy_link_is_asked_more_often() {
+    let mut links = Links::default();
+    // One in five is lost.
+    for beat in (1..250).filter(|beat| beat % 5 != 0) {
+        let said = Tree {
+            beat,
+            ..Tree::default()
+        };
+        links.hear(NodeId(1), NodeId(0), said, Timestamp::ZERO);
+    }
+    let questions = links.get(NodeId(0)).unwrap().questions();
+    assert!((18..25).contains(&questions), "{questions}");
+}
+
+#[test]
 fn a_parent_that_answers_is_asked_no_more() {
     let mut child = child_of_a_master_that_it_hears_well();
     let asked = child.wait(1_020);
-    assert!((1..20).contains(&asked.len()), "{asked:?}");
+    assert!((1..7).contains(&asked.len()), "{asked:?}");
     child.hear(0, beacon_of_the_master(51));
     assert_eq!(child.wait(900), []);
     assert_eq!(child.notices, []);
