@@ -2,6 +2,7 @@
 //!
 //! Rules bear the numbers of the design's list of invariants.
 
+mod admission;
 mod arming;
 mod barrier;
 mod bounds;
@@ -11,6 +12,7 @@ mod obedience;
 mod separation;
 mod settled;
 
+pub(crate) use admission::AdmissionChecker;
 pub(crate) use arming::ArmingChecker;
 pub(crate) use barrier::BarrierChecker;
 pub(crate) use bounds::BoundsChecker;

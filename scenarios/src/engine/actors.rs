@@ -117,7 +117,7 @@ struct SimulatedEnvironment {
 
 impl Environment for SimulatedEnvironment {
     fn now(&self) -> Timestamp {
-        lock(&self.world).now()
+        lock(&self.world).now_of(self.id)
     }
 
     fn seed(&self) -> u64 {

@@ -53,7 +53,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
             continue;
         };
         let step = AssertUnwindSafe(|| match task.what {
-            What::Step(stimulus) => cell.react(world.now(), stimulus, &mut reaction),
+            What::Step(stimulus) => cell.react(world.now_of(id), stimulus, &mut reaction),
             What::Crash | What::Restart | What::Boot => resume_unwind(Box::new(InjectedCrash)),
         });
         match catch_unwind(step) {
@@ -74,7 +74,7 @@ impl Drone {
     fn build(&mut self, world: &mut World, id: NodeId, address: Address, reaction: &mut Reaction) {
         world.starting(id, address);
         let seed = world.seed(id);
-        let now = world.now();
+        let now = world.now_of(id);
         let checkpoints = world.checkpoints(id);
         let build = AssertUnwindSafe(|| {
             let mut cell = self.blueprint.build(address, seed, now, checkpoints);
@@ -92,7 +92,7 @@ impl Drone {
 
     fn fail(&mut self, world: &mut World, id: NodeId, address: Address) {
         self.cells[address as usize] = None;
-        let verdict = self.supervision.failed(world.now());
+        let verdict = self.supervision.failed(world.now_of(id));
         world.failed(id, address, verdict);
     }
 }

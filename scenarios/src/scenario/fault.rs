@@ -92,6 +92,38 @@ pub enum FaultKind {
         /// In metres.
         radius_m: f64,
     },
+    /// Frames are not what they were on their way.
+    Tamper(Tampered),
+    /// What a drone has sent so far is sent again, by whoever listened.
+    Replay(Target),
+    /// Somebody speaks in a drone's name, and in that of strangers.
+    Forge(Target),
+    /// A drone's clock gains this many millionths from now on.
+    Skew(Target, i32),
+}
+
+/// Whose frames are tampered with, how many of them, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tampered {
+    /// Whose; everybody's otherwise.
+    pub from: Option<NodeId>,
+    /// The share of them, receiver by receiver, 0 to 1.
+    pub share: f64,
+    /// How.
+    pub how: Distortion,
+}
+
+/// What is done to a frame on its way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Distortion {
+    /// It is altered.
+    Corrupt,
+    /// It arrives twice.
+    Duplicate,
+    /// It arrives so much later.
+    Delay(Duration),
+    /// It arrives later by up to this much, so that others overtake it.
+    Reorder(Duration),
 }
 
 impl FaultKind {
@@ -99,9 +131,17 @@ impl FaultKind {
     #[must_use]
     pub const fn can_last(&self) -> bool {
         match self {
-            Self::CrashActor(..) | Self::Kill(_) | Self::CrashAircraft(_) => false,
+            Self::CrashActor(..)
+            | Self::Kill(_)
+            | Self::CrashAircraft(_)
+            | Self::Replay(_)
+            | Self::Forge(_) => false,
             Self::Links(_, link) => !matches!(link, Link::Healed),
-            Self::Restart(_) | Self::Hang(..) | Self::Jam { .. } => true,
+            Self::Restart(_)
+            | Self::Hang(..)
+            | Self::Jam { .. }
+            | Self::Tamper(_)
+            | Self::Skew(..) => true,
         }
     }
 }

@@ -9,8 +9,8 @@ use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;
-use super::raw::{self, Office, Pair, Raw, Victim, Whole};
-use super::{Fault, FaultKind, Link, Links, Occasion, Target, When};
+use super::raw::{self, Office, Pair, Raw, Sender, Victim, Whole};
+use super::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
 
 /// What goes wrong, and when.
 pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
@@ -18,6 +18,10 @@ pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput>
     let reader = Reader { source, drones };
     raw.faults.iter().map(|fault| reader.fault(fault)).collect()
 }
+
+const ONE_THING: &str = "a fault is one thing that goes wrong, no more and no less";
+const SHARE_ALONE: &str = "`share` goes with `corrupt`, `duplicate`, `delay` or `reorder`";
+const BY_ALONE: &str = "`by_ms` goes with `delay` or `reorder`";
 
 struct Reader<'a> {
     source: &'a Source,
@@ -132,13 +136,68 @@ impl Reader<'_> {
                 radius_m: disc.radius_m.0,
             });
         }
+        kinds.extend(self.tampered(fault)?.map(FaultKind::Tamper));
+        if let Some(victim) = &fault.replay {
+            kinds.push(FaultKind::Replay(self.target(victim)?));
+        }
+        if let Some(victim) = &fault.forge {
+            kinds.push(FaultKind::Forge(self.target(victim)?));
+        }
+        match (&fault.skew, &fault.ppm) {
+            (Some(victim), Some(ppm)) => {
+                kinds.push(FaultKind::Skew(self.target(victim)?, ppm.get_ref().0));
+            }
+            (Some(victim), None) => {
+                let message = "`skew` without `ppm`, how much the clock gains";
+                return Err(self.source.error(victim.span(), message));
+            }
+            (None, Some(ppm)) => {
+                return Err(self.source.error(ppm.span(), "`ppm` goes with `skew`"));
+            }
+            (None, None) => {}
+        }
         match (kinds.pop(), kinds.is_empty()) {
             (Some(kind), true) => Ok(kind),
-            _ => {
-                let message = "a fault is one thing that goes wrong, no more and no less";
-                Err(self.source.error(span, message))
-            }
+            _ => Err(self.source.error(span, ONE_THING)),
         }
+    }
+
+    /// What is done to frames on their way, if that is the fault.
+    fn tampered(&self, fault: &raw::Fault) -> Result<Option<Tampered>, BadInput> {
+        let by = fault.by_ms.as_ref();
+        let late = by.map(|by| Duration::from_millis(by.get_ref().0));
+        let kinds = [
+            (&fault.corrupt, Some(Distortion::Corrupt), false),
+            (&fault.duplicate, Some(Distortion::Duplicate), false),
+            (&fault.delay, late.map(Distortion::Delay), true),
+            (&fault.reorder, late.map(Distortion::Reorder), true),
+        ];
+        let mut named = kinds
+            .iter()
+            .filter_map(|(sender, how, is_late)| Some((sender.as_ref()?, how, *is_late)));
+        let Some((sender, how, is_late)) = named.next() else {
+            return match (&fault.share, by) {
+                (Some(share), _) => Err(self.source.error(share.span(), SHARE_ALONE)),
+                (None, Some(by)) => Err(self.source.error(by.span(), BY_ALONE)),
+                (None, None) => Ok(None),
+            };
+        };
+        if let Some((other, ..)) = named.next() {
+            return Err(self.source.error(other.span(), ONE_THING));
+        }
+        let Some(how) = *how else {
+            let message = "this fault needs `by_ms`, how much later frames arrive";
+            return Err(self.source.error(sender.span(), message));
+        };
+        if let Some(by) = by.filter(|_| !is_late) {
+            return Err(self.source.error(by.span(), BY_ALONE));
+        }
+        let from = match sender.get_ref() {
+            Sender::All(_) => None,
+            Sender::Drone(id) => Some(self.drone(id, sender.span())?),
+        };
+        let share = fault.share.as_ref().map_or(1.0, |it| it.get_ref().0);
+        Ok(Some(Tampered { from, share, how }))
     }
 
     fn degraded(&self, fault: &raw::Fault) -> Result<Link, BadInput> {

@@ -28,7 +28,7 @@ use muster_transport::sim;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::Landing;
 
-pub use fault::{Fault, FaultKind, Link, Links, Occasion, Target, When};
+pub use fault::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
@@ -150,8 +150,8 @@ impl Scenario {
                 // Ways are lost and found again while drones spread out.
                 time_to_live: protocol.time_to_live * 2,
                 patience: match protocol.succession {
-                    // Somebody else's next beacon may still come.
-                    Succession::Elect => protocol.beacon * 3 / 2,
+                    // A frame of somebody else's that has heard more may be on its way.
+                    Succession::Elect => protocol.beacon / 4,
                     Succession::Land => protocol.time_to_live * 3,
                 },
             }),
@@ -195,6 +195,10 @@ impl Scenario {
                 barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 succession: protocol.succession,
+                spreading_patience: match protocol.succession {
+                    Succession::Elect => protocol.time_to_live * 3,
+                    Succession::Land => Duration::ZERO,
+                },
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,

@@ -13,6 +13,9 @@ use super::{Occasion, Policy};
 /// What links are named by.
 const TWO_GROUPS: &str = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`";
 
+/// Whose frames are tampered with.
+const SENDER: &str = "\"all\", or the number of a drone or of a relay";
+
 /// Every field of a scenario file, with what it accepts; the page on scenarios describes each.
 pub(super) const FIELDS: &[(&str, &str)] = &[
     ("seed", "a whole number from 0 to 9223372036854775807"),
@@ -268,7 +271,8 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "faults",
         "tables, each begun by a line `[[faults]]`: when, by `at_s`, `at_waypoint` or `when`, and one of `crash`, \
-         `hang`, `restart`, `kill`, `crash_aircraft`, `cut`, `one_way`, `degrade`, `heal`, `jam`",
+         `hang`, `restart`, `kill`, `crash_aircraft`, `cut`, `one_way`, `degrade`, `heal`, `jam`, `corrupt`, \
+         `duplicate`, `delay`, `reorder`, `replay`, `forge`, `skew`",
     ),
     (
         "faults.at_s",
@@ -330,6 +334,40 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "faults.jam",
         "a disc, `{ north_m = 0, east_m = 0, radius_m = 100 }`, in metres from home",
+    ),
+    ("faults.corrupt", SENDER),
+    ("faults.duplicate", SENDER),
+    (
+        "faults.delay",
+        "\"all\", or the number of a drone or of a relay, with `by_ms`",
+    ),
+    (
+        "faults.reorder",
+        "\"all\", or the number of a drone or of a relay, with `by_ms`",
+    ),
+    (
+        "faults.share",
+        "a share from 0 to 1, with `corrupt`, `duplicate`, `delay` or `reorder`",
+    ),
+    (
+        "faults.by_ms",
+        "milliseconds, a whole number from 1 to 3600000, with `delay` or `reorder`",
+    ),
+    (
+        "faults.replay",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.forge",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.skew",
+        "\"master\", or the number of a drone or of a relay, with `ppm`",
+    ),
+    (
+        "faults.ppm",
+        "millionths that a clock gains, a whole number from -500000 to 500000, with `skew`",
     ),
 ];
 
@@ -550,8 +588,8 @@ impl From<BarrierName> for Barrier {
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum SuccessionName {
-    Elect,
     #[default]
+    Elect,
     Land,
 }
 
@@ -640,6 +678,16 @@ pub(super) struct Fault {
     pub(super) loss: Option<Spanned<Share>>,
     pub(super) heal: Option<Spanned<Pair>>,
     pub(super) jam: Option<Disc>,
+    pub(super) corrupt: Option<Spanned<Sender>>,
+    pub(super) duplicate: Option<Spanned<Sender>>,
+    pub(super) delay: Option<Spanned<Sender>>,
+    pub(super) reorder: Option<Spanned<Sender>>,
+    pub(super) share: Option<Spanned<Share>>,
+    pub(super) by_ms: Option<Spanned<Milliseconds>>,
+    pub(super) replay: Option<Spanned<Victim>>,
+    pub(super) forge: Option<Spanned<Victim>>,
+    pub(super) skew: Option<Spanned<Victim>>,
+    pub(super) ppm: Option<Spanned<Rating>>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -679,6 +727,38 @@ pub(super) struct Disc {
     pub(super) north_m: Offset,
     pub(super) east_m: Offset,
     pub(super) radius_m: Length,
+}
+
+/// Whose frames: those of a drone, or all.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(untagged, expecting = "\"all\" or the number of a drone")]
+pub(super) enum Sender {
+    All(All),
+    Drone(Whole<0, 99_999>),
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum All {
+    All,
+}
+
+/// How much a clock gains.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(try_from = "i64")]
+pub(super) struct Rating(pub(super) i32);
+
+impl TryFrom<i64> for Rating {
+    type Error = String;
+
+    fn try_from(value: i64) -> Result<Self, String> {
+        match i32::try_from(value) {
+            Ok(ppm) if (-500_000..=500_000).contains(&ppm) => Ok(Self(ppm)),
+            _ => Err(format!(
+                "{value} is not a whole number from -500000 to 500000"
+            )),
+        }
+    }
 }
 
 /// A drone by its number or by its office.

@@ -7,6 +7,7 @@ use muster_runtime::journal::Journal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::clock::Clock;
 use super::disk::Disk;
 
 /// A simulated disk refuses nothing.
@@ -30,6 +31,7 @@ pub(crate) struct Drone {
     pub(super) backlog: VecDeque<Envelope>,
     /// How often a hang has begun or ended.
     pub(crate) hangs: u32,
+    pub(super) clock: Clock,
     timers: [Timer; 5],
     up: [bool; 5],
     motion: u32,
@@ -57,6 +59,7 @@ impl Drone {
             hung: [false; 5],
             backlog: VecDeque::new(),
             hangs: 0,
+            clock: Clock::default(),
             timers: [Timer::default(); 5],
             up: [false; 5],
             motion: 0,
@@ -139,7 +142,12 @@ impl Drone {
         self.set_timer(address, None);
     }
 
-    /// The timer of an actor that hung at its time.
+    /// When an actor wants to be woken, by the drone's own clock.
+    pub(crate) const fn deadline(&self, address: Address) -> Option<Timestamp> {
+        self.timers[address as usize].deadline
+    }
+
+    /// The timer of an actor that hung at its time, by the drone's own clock.
     pub(crate) fn overdue(&self, address: Address, now: Timestamp) -> Option<u32> {
         let timer = self.timers[address as usize];
         timer
@@ -160,7 +168,7 @@ impl Drone {
         counts
     }
 
-    /// Sets a timer; the generation of the wake-up to plan, unless that is planned already.
+    /// Sets a timer, by the drone's own clock; the generation of the wake-up to plan, unless that is planned already.
     pub(crate) fn set_timer(
         &mut self,
         address: Address,

@@ -1,10 +1,12 @@
 //! What a fault plan does to a world, and when.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
+use super::tampering::paced;
 use super::{Planned, Task, What, World};
 use crate::scenario::{Fault, FaultKind, Link, Links, Occasion, Target, When};
 
@@ -34,6 +36,22 @@ impl Plan {
         self.faults
             .iter()
             .any(|fault| matches!(fault.kind, FaultKind::Restart(_) | FaultKind::Hang(_, None)))
+    }
+
+    /// Whose frames somebody listens to, to send them again or to speak in their name.
+    pub(super) fn listened_to(&self, nodes: u32) -> BTreeSet<NodeId> {
+        let all = || (0..nodes).map(NodeId).collect();
+        let mut listened_to = BTreeSet::new();
+        for fault in &self.faults {
+            match fault.kind {
+                FaultKind::Replay(target) | FaultKind::Forge(target) => match target {
+                    Target::Drone(drone) => listened_to.extend([drone]),
+                    Target::Master => return all(),
+                },
+                _ => {}
+            }
+        }
+        listened_to
     }
 
     /// What happens at a time of its own, and when.
@@ -73,7 +91,7 @@ impl World {
             };
             self.heap.plan(self.now + fault.every, again);
         }
-        let task = match &fault.kind {
+        match &fault.kind {
             FaultKind::CrashActor(target, address) => {
                 let drone = self.find_target(*target)?;
                 let what = What::Crash;
@@ -87,13 +105,11 @@ impl World {
                 if let Some(drone) = self.find_target(*target) {
                     self.kill(drone);
                 }
-                None
             }
             FaultKind::CrashAircraft(target) => {
                 if let Some(drone) = self.find_target(*target) {
                     self.crash_aircraft(drone);
                 }
-                None
             }
             FaultKind::Restart(target) => {
                 if let Some(drone) = self.find_target(*target) {
@@ -113,22 +129,38 @@ impl World {
                 }
                 return None;
             }
-            FaultKind::Links(links, link) => {
-                self.set_links(links, *link);
-                None
-            }
+            FaultKind::Links(links, link) => self.set_links(links, *link),
             FaultKind::Jam { centre, radius_m } => {
                 let jammer = u32::try_from(index).unwrap_or(u32::MAX);
                 self.medium.jam(jammer, *centre, *radius_m);
-                None
             }
-        };
+            FaultKind::Tamper(tampered) => self.tampering.begin(index, *tampered),
+            FaultKind::Replay(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.replay(drone);
+                }
+            }
+            FaultKind::Forge(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.forge(drone);
+                }
+            }
+            FaultKind::Skew(target, ppm) => {
+                let drone = self.find_target(*target)?;
+                self.skew(drone, *ppm);
+                if let Some(lasts) = fault.lasts {
+                    let over = Planned::Skew { drone, ppm: 0 };
+                    self.heap.plan(self.now + lasts, over);
+                }
+                return None;
+            }
+        }
         if let Some(lasts) = fault.lasts {
             self.heap
                 .plan(self.now + lasts, Planned::FaultOver { index });
         }
         self.look_at_elections();
-        task
+        None
     }
 
     /// A fault that lasted is over.
@@ -139,13 +171,56 @@ impl World {
                 let jammer = u32::try_from(index).unwrap_or(u32::MAX);
                 self.medium.stop_jamming(jammer);
             }
+            FaultKind::Tamper(_) => self.tampering.end(index),
+            // Each ends by itself, for the drone that it befell.
             FaultKind::CrashActor(..)
             | FaultKind::Kill(_)
             | FaultKind::CrashAircraft(_)
             | FaultKind::Restart(_)
-            | FaultKind::Hang(..) => {}
+            | FaultKind::Hang(..)
+            | FaultKind::Replay(_)
+            | FaultKind::Forge(_)
+            | FaultKind::Skew(..) => {}
         }
         self.look_at_elections();
+    }
+
+    /// All that a drone has sent so far is sent again.
+    fn replay(&mut self, of: NodeId) {
+        let audience = self.audience(of);
+        for (index, (datagram, heard_by)) in (0..).zip(self.tampering.recorded(of)) {
+            for to in audience.iter().copied() {
+                let arrival = Planned::Arrive {
+                    to,
+                    datagram: datagram.clone(),
+                    is_genuine: !heard_by.contains(to),
+                };
+                self.heap.plan(paced(self.now, index), arrival);
+            }
+        }
+    }
+
+    /// Somebody speaks in a drone's name.
+    fn forge(&mut self, of: NodeId) {
+        let audience = self.audience(of);
+        for (index, datagram) in (0..).zip(self.tampering.forgeries(of)) {
+            for to in audience.iter().copied() {
+                let arrival = Planned::Arrive {
+                    to,
+                    datagram: datagram.clone(),
+                    is_genuine: false,
+                };
+                self.heap.plan(paced(self.now, index), arrival);
+            }
+        }
+    }
+
+    /// Who may hear a drone.
+    fn audience(&self, from: NodeId) -> Vec<NodeId> {
+        let others = (0..).map(NodeId).take(self.drones.len());
+        others
+            .filter(|id| *id != from && self.medium.loss(from, *id) < 1.0)
+            .collect()
     }
 
     fn set_links(&mut self, links: &Links, link: Link) {

@@ -4,6 +4,7 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod clock;
 mod connected;
 mod disk;
 mod drone;
@@ -11,6 +12,7 @@ mod faults;
 mod heap;
 mod process;
 mod recorder;
+mod tampering;
 mod trace;
 
 use std::collections::VecDeque;
@@ -37,10 +39,11 @@ use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
 pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
+use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
-    SeparationChecker, SettledChecker, Violation, check_landed,
+    AdmissionChecker, ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker,
+    ObedienceChecker, SeparationChecker, SettledChecker, Violation, check_landed,
 };
 use crate::parts::Parts;
 use crate::scenario::{Follow, Occasion, Scenario};
@@ -52,6 +55,7 @@ const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
 const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
+const FAULTS_STREAM: u64 = u64::MAX;
 
 /// What an engine is to do next.
 #[derive(Debug)]
@@ -81,6 +85,8 @@ enum Planned {
     Arrive {
         to: NodeId,
         datagram: Bytes,
+        /// Whether its sender said it, and for the first time.
+        is_genuine: bool,
     },
     /// What became of a frame for one drone.
     Outcome(muster_transport::Outcome),
@@ -109,6 +115,11 @@ enum Planned {
         drone: NodeId,
         actor: Option<Address>,
         hangs: u32,
+    },
+    /// A drone's clock gains so many millionths from now on.
+    Skew {
+        drone: NodeId,
+        ppm: i32,
     },
     /// What hangs goes on.
     GoOn {
@@ -142,6 +153,7 @@ pub(crate) struct World {
     limit: Timestamp,
     heap: Heap<Planned>,
     plan: Plan,
+    tampering: Tampering,
     inbox: VecDeque<(NodeId, Envelope)>,
     medium: Medium,
     /// When the medium is woken next, as far as that is planned.
@@ -163,6 +175,7 @@ pub(crate) struct World {
     /// When the links are looked at next.
     next_look: Timestamp,
     election: ElectionChecker,
+    admission: AdmissionChecker,
     settled: SettledChecker,
     obedience: ObedienceChecker,
     arming: ArmingChecker,
@@ -199,6 +212,10 @@ impl World {
             now: Timestamp::ZERO,
             limit: Timestamp::ZERO + scenario.limits.duration,
             heap,
+            tampering: Tampering::new(
+                generator(FAULTS_STREAM),
+                plan.listened_to(nodes).into_iter(),
+            ),
             plan,
             inbox: VecDeque::new(),
             medium: Medium::new(scenario.radio, generator(MEDIUM_STREAM), &places),
@@ -220,6 +237,7 @@ impl World {
             parts: Parts::default(),
             next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
+            admission: AdmissionChecker::default(),
             settled: SettledChecker::new(scenario.settling()),
             obedience: ObedienceChecker::default(),
             arming: ArmingChecker::new(nodes as usize),
@@ -234,6 +252,11 @@ impl World {
 
     pub(crate) const fn now(&self) -> Timestamp {
         self.now
+    }
+
+    /// What a drone's own clock shows.
+    pub(crate) fn now_of(&self, drone: NodeId) -> Timestamp {
+        self.drones[drone.0 as usize].clock.at(self.now)
     }
 
     pub(crate) const fn recorder(&self) -> &Recorder {
@@ -260,6 +283,7 @@ impl World {
                     continue;
                 }
                 if self.drone(drone).is_up(address) {
+                    self.admission.told(drone, &envelope);
                     self.arming.told(drone, &envelope);
                     let obeyed = self.election.obeyed(drone);
                     self.obedience.told(drone, &envelope, obeyed);
@@ -305,10 +329,17 @@ impl World {
                 self.post(master, Envelope::Mission(mission::Input::Fly));
             }
             Planned::Medium => self.wake_medium(),
-            Planned::Arrive { to, datagram } => {
+            Planned::Arrive {
+                to,
+                datagram,
+                is_genuine,
+            } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                if !is_genuine {
+                    self.admission.spurious(to, &datagram);
+                }
                 self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
             }
             Planned::Outcome(outcome) => {
@@ -338,6 +369,7 @@ impl World {
                 actor,
                 hangs,
             } => return self.bite(drone, actor, hangs),
+            Planned::Skew { drone, ppm } => self.skew(drone, ppm),
             Planned::GoOn { drone, hangs } => self.go_on(drone, hangs),
             Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
             Planned::Restart {
@@ -374,14 +406,21 @@ impl World {
         }
         let table = reaction.occupancy;
         self.find(self.bounds.table(self.now, drone, from, table));
-        let generation = self.drone(drone).set_timer(from, reaction.deadline);
-        if let (Some(generation), Some(deadline)) = (generation, reaction.deadline) {
+        self.set_timer(drone, from, reaction.deadline);
+    }
+
+    /// Sets a machine's timer, by its drone's own clock.
+    fn set_timer(&mut self, drone: NodeId, address: Address, deadline: Option<Timestamp>) {
+        let state = self.drone(drone);
+        let generation = state.set_timer(address, deadline);
+        if let (Some(generation), Some(deadline)) = (generation, deadline) {
+            let at = state.clock.when(deadline).max(self.now);
             let wake = Planned::Wake {
                 drone,
-                address: from,
+                address,
                 generation,
             };
-            self.heap.plan(deadline.max(self.now), wake);
+            self.heap.plan(at, wake);
         }
     }
 
@@ -405,6 +444,8 @@ impl World {
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder.received(drone);
+            let found = self.admission.lets_in(self.now, drone);
+            self.find(found);
         }
         let address = envelope.address();
         self.inbox.push_back((drone, envelope));
@@ -420,6 +461,7 @@ impl World {
         let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
         self.trace
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
+        self.tampering.record(drone, frame);
         if let Some(to) = to {
             self.trace.value(self.now, drone, Kind::Addressed, &to);
         }
@@ -445,8 +487,16 @@ impl World {
         while let Some(event) = self.medium.poll_event() {
             match event {
                 Event::Arrival(arrival) => {
-                    let (to, datagram) = (arrival.to, arrival.datagram);
-                    self.heap.plan(arrival.at, Planned::Arrive { to, datagram });
+                    let to = arrival.to;
+                    let (first, twin) = self.tampering.pass(to, arrival.datagram);
+                    for passage in std::iter::once(first).chain(twin) {
+                        let arrive = Planned::Arrive {
+                            to,
+                            datagram: passage.datagram,
+                            is_genuine: passage.is_genuine,
+                        };
+                        self.heap.plan(arrival.at + passage.late, arrive);
+                    }
                 }
                 Event::Outcome(outcome) => {
                     self.heap.plan(outcome.at, Planned::Outcome(outcome));
@@ -620,6 +670,7 @@ impl World {
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder.restarts(drone);
+                let at = self.drone(drone).clock.when(at).max(self.now);
                 let life = self.drone(drone).lives;
                 let restart = Planned::Restart {
                     drone,

@@ -119,7 +119,8 @@ impl World {
         let now = self.now;
         let state = self.drone(drone);
         state.go_on(&Address::ALL);
-        let overdue = Address::ALL.map(|address| (address, state.overdue(address, now)));
+        let shown = state.clock.at(now);
+        let overdue = Address::ALL.map(|address| (address, state.overdue(address, shown)));
         for (address, generation) in overdue {
             if let Some(generation) = generation {
                 let wake = Planned::Wake {
@@ -141,6 +142,22 @@ impl World {
             let backlog = std::mem::take(&mut self.drone(drone).backlog);
             self.inbox
                 .extend(backlog.into_iter().map(|envelope| (drone, envelope)));
+        }
+    }
+
+    /// A drone's clock gains `ppm` millionths from now on; its timers go off by it.
+    pub(super) fn skew(&mut self, drone: NodeId, ppm: i32) {
+        let now = self.now;
+        self.trace.value(now, drone, Kind::Skewed, &ppm);
+        let state = self.drone(drone);
+        state.clock.skew(now, ppm);
+        for address in Address::ALL {
+            let state = self.drone(drone);
+            let deadline = state.deadline(address);
+            if let Some(deadline) = deadline {
+                state.set_timer(address, None);
+                self.set_timer(drone, address, Some(deadline));
+            }
         }
     }
 

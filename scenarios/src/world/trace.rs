@@ -35,6 +35,7 @@ pub(crate) enum Kind {
     Stopped,
     Hung,
     WentOn,
+    Skewed,
 }
 
 impl Trace {

@@ -5,7 +5,8 @@
 //! it is at itself, and whoever is there already, or farther, acknowledges at once.
 
 use super::{
-    Awaited, Event, Followed, Lead, Mission, Order, RoutesPhase, State, Succession, Transmit,
+    Awaited, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State,
+    Succession, Transmit,
 };
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
@@ -37,7 +38,7 @@ impl Mission {
     fn turn_to(&mut self, ballot: Ballot) {
         self.durable.ballot = Some(ballot);
         self.outbox.event(Event::Obeys(ballot));
-        self.master_silent = false;
+        self.master_silent = None;
         if self.durable.lead.take().is_some() && self.durable.pending.is_none() {
             // It was the limit of its patience with the others.
             self.durable.limit = None;
@@ -73,11 +74,29 @@ impl Mission {
         }
     }
 
+    /// When another master is needed, unless the one that is missed returns.
+    pub(super) fn succeeds_at(&self) -> Option<Timestamp> {
+        let looks = match self.config.liveness {
+            Liveness::Pulse => self.durable.state.is_following(),
+            Liveness::Thesis => self.durable.state.is_waiting(),
+        };
+        let since = self
+            .master_silent
+            .filter(|_| looks && self.durable.lead.is_none())?;
+        Some(match self.durable.state {
+            State::TakingOff
+            | State::NeighbourDiscovery
+            | State::HopUpdate
+            | State::ChangingFormation { .. } => since + self.config.spreading_patience,
+            _ => since,
+        })
+    }
+
     /// The master is silent: another is needed.
     pub(super) fn succeed(&mut self, now: Timestamp) {
         match self.config.succession {
             Succession::Elect => self.claim(now),
-            Succession::Land => self.land(super::LandingReason::MasterSilent),
+            Succession::Land => self.land(LandingReason::MasterSilent),
         }
     }
 
@@ -85,7 +104,7 @@ impl Mission {
     fn claim(&mut self, now: Timestamp) {
         let term = self.durable.ballot.and_then(|it| it.term.checked_add(1));
         let Some(term) = term.filter(|_| self.durable.plan_complete) else {
-            return;
+            return self.land(LandingReason::MasterSilent);
         };
         let ballot = self.own_ballot(term);
         self.turn_to(ballot);

@@ -46,6 +46,8 @@ pub struct Config {
     pub liveness: Liveness,
     /// What a drone in the air does once its master counts as lost.
     pub succession: Succession,
+    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again.
+    pub spreading_patience: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.
@@ -177,7 +179,8 @@ pub enum Event {
 pub struct Mission {
     config: Config,
     durable: Checkpoint,
-    master_silent: bool,
+    /// Since when the master has been missed.
+    master_silent: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -188,7 +191,7 @@ impl Mission {
         let mut mission = Self {
             config,
             durable: Checkpoint::default(),
-            master_silent: false,
+            master_silent: None,
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -364,8 +367,10 @@ impl Mission {
             RoutingNotice::Returned(member) => {
                 self.hear_member(member, |awaited| awaited.silent = false);
             }
-            RoutingNotice::MasterSilent => self.master_silent = true,
-            RoutingNotice::MasterReturned => self.master_silent = false,
+            RoutingNotice::MasterSilent => {
+                self.master_silent.get_or_insert(now);
+            }
+            RoutingNotice::MasterReturned => self.master_silent = None,
             RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
             RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
@@ -531,6 +536,10 @@ impl Machine for Mission {
 
     fn handle_timeout(&mut self, now: Timestamp) {
         self.locate_if_due(now);
+        if self.succeeds_at().is_some_and(|at| at <= now) {
+            self.succeed(now);
+            self.checkpoint();
+        }
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
             if self.durable.pending.is_some() || self.durable.state == State::Following {
@@ -546,7 +555,7 @@ impl Machine for Mission {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.durable.limit, self.next_fix()];
+        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }

@@ -37,6 +37,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         barrier: Barrier::Strict,
         liveness,
         succession: Succession::Land,
+        spreading_patience: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,

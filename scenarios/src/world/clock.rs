@@ -1,0 +1,92 @@
+use muster_machines::time::Timestamp;
+
+/// A drone's own clock, which may run fast or slow.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Clock {
+    /// The time of the world from which on it has run as it does.
+    since: Timestamp,
+    /// What it showed then.
+    shown: Timestamp,
+    /// How much it gains, in millionths.
+    ppm: i32,
+}
+
+/// A rate of one, in millionths.
+const UNIT: i64 = 1_000_000;
+
+impl Clock {
+    /// What it shows at a time of the world.
+    pub(super) fn at(self, now: Timestamp) -> Timestamp {
+        let elapsed = u128::from(now.as_nanos().saturating_sub(self.since.as_nanos()));
+        let gone = elapsed * self.rate() / u128::from(UNIT.unsigned_abs());
+        self.shown + duration(gone)
+    }
+
+    /// The first time of the world at which it shows `shown` or later, as far as it runs on as it does.
+    pub(super) fn when(self, shown: Timestamp) -> Timestamp {
+        let ahead = u128::from(shown.as_nanos().saturating_sub(self.shown.as_nanos()));
+        let elapsed = (ahead * u128::from(UNIT.unsigned_abs())).div_ceil(self.rate());
+        self.since + duration(elapsed)
+    }
+
+    /// From `now` on it gains `ppm` millionths.
+    pub(super) fn skew(&mut self, now: Timestamp, ppm: i32) {
+        *self = Self {
+            since: now,
+            shown: self.at(now),
+            ppm,
+        };
+    }
+
+    fn rate(self) -> u128 {
+        u128::from((UNIT + i64::from(self.ppm)).unsigned_abs())
+    }
+}
+
+fn duration(nanos: u128) -> std::time::Duration {
+    std::time::Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_clock_that_was_never_skewed_shows_the_time() {
+        let now = Timestamp::from_nanos(123_456_789);
+        assert_eq!(Clock::default().at(now), now);
+        assert_eq!(Clock::default().when(now), now);
+    }
+
+    #[test]
+    fn a_fast_clock_gains_as_much_as_it_is_said_to() {
+        let mut clock = Clock::default();
+        clock.skew(Timestamp::from_secs_f64(10.0), 50_000);
+        let shown = clock.at(Timestamp::from_secs_f64(30.0));
+        assert_eq!(shown, Timestamp::from_secs_f64(31.0));
+        clock.skew(Timestamp::from_secs_f64(30.0), 0);
+        let shown = clock.at(Timestamp::from_secs_f64(40.0));
+        assert_eq!(shown, Timestamp::from_secs_f64(41.0));
+    }
+
+    proptest! {
+        #[test]
+        fn a_timer_goes_off_once_its_time_is_shown_and_not_before(
+            ppm in -500_000..=500_000,
+            since in 0_u64..1 << 40,
+            ahead in 0_u64..1 << 40,
+        ) {
+            let mut clock = Clock::default();
+            clock.skew(Timestamp::from_nanos(since), ppm);
+            let deadline = clock.at(Timestamp::from_nanos(since)) + duration(u128::from(ahead));
+            let when = clock.when(deadline);
+            prop_assert!(clock.at(when) >= deadline);
+            if ahead > 0 {
+                let before = Timestamp::from_nanos(when.as_nanos() - 1);
+                prop_assert!(clock.at(before) < deadline);
+            }
+        }
+    }
+}
