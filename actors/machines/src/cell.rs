@@ -497,8 +497,18 @@ impl From<mission::Transmit> for Effect {
         use mission::Transmit;
         let input = match transmit {
             Transmit::Lead(ballot) => routing::Input::Lead(ballot),
-            Transmit::Publish { sequence, order } => routing::Input::Publish { sequence, order },
-            Transmit::Acknowledge { sequence } => routing::Input::Acknowledge { sequence },
+            Transmit::Publish {
+                ballot,
+                sequence,
+                order,
+            } => routing::Input::Publish {
+                ballot,
+                sequence,
+                order,
+            },
+            Transmit::Acknowledge { ballot, sequence } => {
+                routing::Input::Acknowledge { ballot, sequence }
+            }
             Transmit::Discover => routing::Input::Discover,
             Transmit::Scatter => routing::Input::Scatter,
             Transmit::Land => routing::Input::Land,

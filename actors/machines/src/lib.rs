@@ -10,6 +10,7 @@ pub mod mission;
 pub mod msp;
 pub mod navigation;
 pub mod radio;
+pub mod reign;
 pub mod routing;
 pub mod supervision;
 pub mod time;

@@ -179,7 +179,7 @@ impl Scenario {
                     interval: protocol.period / BUDGET_PER_PERIOD,
                     burst: BUDGET_BURST,
                 },
-                senders_max: self.nodes() as usize,
+                members: self.nodes(),
             },
             routing: self.routing(id),
             mission: mission::Config {

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::Barrier;
 use super::order::Step;
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId, NodeSet};
+use crate::identity::{NodeId, NodeSet};
+use crate::reign::Obeyed;
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
@@ -116,7 +117,7 @@ impl fmt::Display for State {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom the drone obeys.
-    pub ballot: Option<Ballot>,
+    pub obeyed: Obeyed,
     /// What the drone is doing.
     pub state: State,
     /// The mission, as far as it is known.
@@ -152,7 +153,7 @@ impl Checkpoint {
     /// numbers its orders may have used.
     pub(crate) fn is_news(&self, before: &Self) -> bool {
         let order = |it: &Self| it.lead.as_ref().map(|lead| lead.sequence);
-        self.ballot != before.ballot
+        self.obeyed != before.obeyed
             || self.state != before.state
             || self.opened != before.opened
             || self.changes != before.changes

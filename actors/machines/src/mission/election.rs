@@ -10,6 +10,7 @@ use super::{
 };
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
+use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 
 impl Mission {
@@ -25,18 +26,15 @@ impl Mission {
 
     /// Takes in whom the routing obeys; whether this drone does so, too.
     pub(super) fn hear_reign(&mut self, ballot: Ballot) -> bool {
-        match self.durable.ballot {
-            Some(own) if own == ballot => true,
-            Some(own) if !ballot.beats(&own) => false,
-            _ => {
-                self.turn_to(ballot);
-                true
-            }
+        match self.durable.obeyed.hear(ballot, Way::Mutual) {
+            Verdict::Ignored => return false,
+            Verdict::Same => {}
+            Verdict::Turned => self.begin_reign(ballot),
         }
+        true
     }
 
-    fn turn_to(&mut self, ballot: Ballot) {
-        self.durable.ballot = Some(ballot);
+    fn begin_reign(&mut self, ballot: Ballot) {
         self.outbox.event(Event::Obeys(ballot));
         self.master_silent = None;
         if self.durable.lead.take().is_some() && self.durable.pending.is_none() {
@@ -102,12 +100,12 @@ impl Mission {
 
     /// Leads from now on, under a ballot better than the one obeyed so far.
     fn claim(&mut self, now: Timestamp) {
-        let term = self.durable.ballot.and_then(|it| it.term.checked_add(1));
+        let term = self.durable.obeyed.next_term();
         let Some(term) = term.filter(|_| self.durable.plan_complete) else {
             return self.land(LandingReason::MasterSilent);
         };
         let ballot = self.own_ballot(term);
-        self.turn_to(ballot);
+        self.hear_reign(ballot);
         let drones = self.config.layout.formation().drones();
         let others = (0..drones).map(NodeId).filter(|id| *id != self.config.id);
         self.durable.lead = Some(Lead {

@@ -46,10 +46,11 @@ impl Mission {
 
     /// Gives an order that nobody needs to carry out before the next.
     pub(super) fn announce(&mut self, order: &Order) {
-        if let Some(lead) = &mut self.durable.lead {
+        if let (Some(lead), Some(ballot)) = (&mut self.durable.lead, self.durable.obeyed.ballot()) {
             lead.sequence += 1;
             lead.order = wire::encode_order(order).into();
             self.outbox.transmit(Transmit::Publish {
+                ballot,
                 sequence: lead.sequence,
                 order: lead.order.clone(),
             });
@@ -72,9 +73,10 @@ impl Mission {
 
     /// Tells a restarted routing the reign and the newest order once more.
     pub(super) fn repeat_lead(&mut self) {
-        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.ballot) {
+        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.obeyed.ballot()) {
             self.outbox.transmit(Transmit::Lead(ballot));
             self.outbox.transmit(Transmit::Publish {
+                ballot,
                 sequence: lead.sequence,
                 order: lead.order.clone(),
             });

@@ -43,7 +43,11 @@ impl Mission {
     }
 
     fn take_off(&mut self, now: Timestamp, sequence: u32) {
-        let is_the_operators = self.durable.ballot.is_some_and(|it| !it.is_elected());
+        let is_the_operators = self
+            .durable
+            .obeyed
+            .ballot()
+            .is_some_and(|it| !it.is_elected());
         match self.durable.state {
             // Without the whole mission a drone stays on the ground, and at the word of a master that was elected.
             State::SetUp if self.durable.plan_complete && is_the_operators => {

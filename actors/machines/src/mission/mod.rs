@@ -107,6 +107,8 @@ pub enum Transmit {
     Lead(Ballot),
     /// To the routing, as master: a new order.
     Publish {
+        /// Under which ballot of its own.
+        ballot: Ballot,
         /// Its number.
         sequence: u32,
         /// The order, encoded.
@@ -114,6 +116,8 @@ pub enum Transmit {
     },
     /// To the routing: this order and all before it are carried out.
     Acknowledge {
+        /// Whose order it is.
+        ballot: Ballot,
         /// The order's number.
         sequence: u32,
     },
@@ -175,7 +179,7 @@ pub enum Event {
 }
 
 /// The mission of one drone.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Mission {
     config: Config,
     durable: Checkpoint,
@@ -220,6 +224,12 @@ impl Mission {
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
         (self.durable.plan.len(), self.config.waypoints_max)
+    }
+
+    /// Whether it has been told that its master is silent, and has neither heard of it since nor turned to another.
+    #[must_use]
+    pub const fn misses_master(&self) -> bool {
+        self.master_silent.is_some()
     }
 
     fn checkpoint(&mut self) {
@@ -323,7 +333,11 @@ impl Mission {
         self.enter(State::MovingToWaypoint { waypoint });
         // After an election there may be parts of the swarm that do not fly in step with this one; and whoever has
         // fallen behind does not itself.
-        let is_elected = self.durable.ballot.is_some_and(|it| it.is_elected());
+        let is_elected = self
+            .durable
+            .obeyed
+            .ballot()
+            .is_some_and(|it| it.is_elected());
         self.durable.in_layer |= is_elected || self.durable.opened > Some(waypoint);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
@@ -332,7 +346,11 @@ impl Mission {
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
         match notice {
             RoutingNotice::Reign(ballot) => {
-                self.hear_reign(ballot);
+                let is_obeyed = self.hear_reign(ballot);
+                if is_obeyed && ballot.master == self.config.id && self.durable.lead.is_none() {
+                    // It led, and lost the memory of it: nobody leads.
+                    self.master_silent.get_or_insert(now);
+                }
             }
             RoutingNotice::Order {
                 ballot,
@@ -439,7 +457,15 @@ impl Mission {
     fn acknowledge(&mut self, sequence: u32) {
         if sequence > self.durable.acknowledged {
             self.durable.acknowledged = sequence;
-            self.outbox.transmit(Transmit::Acknowledge { sequence });
+            self.say_acknowledged();
+        }
+    }
+
+    fn say_acknowledged(&mut self) {
+        if let Some(ballot) = self.durable.obeyed.ballot() {
+            let sequence = self.durable.acknowledged;
+            self.outbox
+                .transmit(Transmit::Acknowledge { ballot, sequence });
         }
     }
 
@@ -478,8 +504,7 @@ impl Mission {
                 awaited.silent = false;
             }
         }
-        let sequence = self.durable.acknowledged;
-        self.outbox.transmit(Transmit::Acknowledge { sequence });
+        self.say_acknowledged();
         match self.durable.state {
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),

@@ -8,6 +8,13 @@ use super::*;
 use crate::formation::{Formation, Kind, Separation};
 use crate::machine::{Said, Stimulus, step};
 
+/// Of the reign that the operator starts.
+const OPERATORS: Ballot = Ballot {
+    term: 1,
+    rank: 0,
+    master: NodeId(1),
+};
+
 const SECOND: Duration = Duration::from_secs(1);
 
 fn waypoints() -> Vec<Ned> {
@@ -68,11 +75,7 @@ fn told(mission: &mut Mission, at_s: f64, input: Input) -> Vec<Transmit> {
 }
 
 fn ordered(mission: &mut Mission, sequence: u32, order: &Order) -> Vec<Transmit> {
-    let ballot = Ballot {
-        term: 1,
-        rank: 0,
-        master: NodeId(1),
-    };
+    let ballot = OPERATORS;
     let order = wire::encode_order(order).into();
     let notice = RoutingNotice::Order {
         ballot,
@@ -91,6 +94,13 @@ fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
         member: NodeId(member),
         acknowledged,
         landing: false,
+    }
+}
+
+fn acknowledges(sequence: u32) -> Transmit {
+    Transmit::Acknowledge {
+        ballot: OPERATORS,
+        sequence,
     }
 }
 
@@ -173,10 +183,7 @@ fn nobody_takes_off_without_the_whole_mission() {
         count: 2,
         waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
     };
-    assert_eq!(
-        ordered(&mut slave, 1, &half),
-        [Transmit::Acknowledge { sequence: 1 }]
-    );
+    assert_eq!(ordered(&mut slave, 1, &half), [acknowledges(1)]);
     assert!(ordered(&mut slave, 3, &Order::TakeOff).is_empty());
     assert_eq!(slave.durable.state, State::SetUp);
 }
@@ -302,13 +309,13 @@ fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
         Input::Navigation(NavigationNotice::Arrived),
     );
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 2 });
-    assert!(!transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
+    assert!(!transmits.contains(&acknowledges(5)));
     let transmits = told(
         &mut slave,
         50.0,
         Input::Navigation(NavigationNotice::Arrived),
     );
-    assert!(transmits.contains(&Transmit::Acknowledge { sequence: 5 }));
+    assert!(transmits.contains(&acknowledges(5)));
 }
 
 #[test]
@@ -388,7 +395,7 @@ fn a_restarted_mission_goes_on_where_it_was() {
         40.0,
         Input::Navigation(NavigationNotice::Arrived),
     );
-    assert!(arrived.contains(&Transmit::Acknowledge { sequence: 5 }));
+    assert!(arrived.contains(&acknowledges(5)));
 }
 
 #[test]
@@ -397,11 +404,11 @@ fn what_is_out_is_said_again_to_a_restarted_routing() {
     let said = hears(&mut master, 15.0, RoutingNotice::Resync);
     assert!(matches!(said[0], Transmit::Lead(_)));
     assert_eq!(orders(&said), [Order::TakeOff]);
-    assert!(said.contains(&Transmit::Acknowledge { sequence: 1 }));
+    assert!(said.contains(&acknowledges(1)));
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
     told(&mut slave, 35.0, Input::GiveUp);
     let said = hears(&mut slave, 36.0, RoutingNotice::Resync);
-    assert!(said.contains(&Transmit::Acknowledge { sequence: 2 }));
+    assert!(said.contains(&acknowledges(2)));
     assert!(said.contains(&Transmit::Land));
     told(
         &mut slave,
@@ -439,7 +446,7 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
     let layers_m = config.layout.landing_layers_m();
     let (id, layer_m) = (0..)
         .zip(layers_m)
-        .find(|(_, layer_m)| **layer_m > 0.0)
+        .find(|(id, layer_m)| *id != OPERATORS.master.0 && **layer_m > 0.0)
         .expect("a matrix of 40 needs layers");
     config.id = NodeId(id);
     let expected_m = 25.0 + layer_m;

@@ -37,9 +37,9 @@ pub enum DropReason {
     /// A frame of our own that came back.
     #[error("own echo")]
     OwnEcho,
-    /// More senders than the table takes.
-    #[error("too many senders")]
-    TooManySenders,
+    /// Of a drone that is none of the swarm's.
+    #[error("stranger")]
+    Stranger,
     /// More frames than the sender's budget.
     #[error("over budget")]
     OverBudget,
@@ -65,7 +65,7 @@ impl From<FrameError> for DropReason {
 #[derive(Debug)]
 pub struct Admission {
     budget: Budget,
-    senders_max: usize,
+    members: u32,
     senders: BTreeMap<NodeId, Sender>,
 }
 
@@ -85,12 +85,13 @@ struct Newest {
 }
 
 impl Admission {
-    /// An empty table of at most `senders_max` senders.
+    /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
+    /// place in it.
     #[must_use]
-    pub const fn new(budget: Budget, senders_max: usize) -> Self {
+    pub const fn new(budget: Budget, members: u32) -> Self {
         Self {
             budget,
-            senders_max,
+            members,
             senders: BTreeMap::new(),
         }
     }
@@ -106,17 +107,13 @@ impl Admission {
     /// # Errors
     /// With the reason for which the frame is to be dropped.
     pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<(), DropReason> {
-        let known = self.senders.len();
-        let sender = match self.senders.entry(header.sender) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(_) if known >= self.senders_max => {
-                return Err(DropReason::TooManySenders);
-            }
-            std::collections::btree_map::Entry::Vacant(entry) => entry.insert(Sender {
-                full_at: now,
-                newest: None,
-            }),
-        };
+        if header.sender.0 >= self.members {
+            return Err(DropReason::Stranger);
+        }
+        let sender = self.senders.entry(header.sender).or_insert(Sender {
+            full_at: now,
+            newest: None,
+        });
         let full_at = sender.full_at.max(now) + self.budget.interval;
         if full_at.since(now) > self.budget.interval * self.budget.burst {
             return Err(DropReason::OverBudget);

@@ -29,8 +29,8 @@ pub struct Config {
     pub swarm: SwarmId,
     /// How much of each sender is let in.
     pub budget: Budget,
-    /// The most senders that are told apart; frames of further ones are dropped.
-    pub senders_max: usize,
+    /// How many members the swarm has, relays included; ids run from 0 to one below.
+    pub members: u32,
 }
 
 /// What a radio is told.
@@ -130,7 +130,7 @@ impl<A: Authenticator> Radio<A> {
     /// `boot`th life of the drone's process.
     #[must_use]
     pub fn new(config: Config, authenticator: A, boot: u32, checkpoint: Checkpoint) -> Self {
-        let admission = Admission::new(config.budget, config.senders_max);
+        let admission = Admission::new(config.budget, config.members);
         Self {
             admission,
             authenticator,
@@ -145,7 +145,7 @@ impl<A: Authenticator> Radio<A> {
     /// Entries in the table of senders, and the most it takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.admission.senders(), self.config.senders_max)
+        (self.admission.senders(), self.config.members as usize)
     }
 
     /// The next frame of this drone's; nothing for a payload that is too long.

@@ -17,7 +17,7 @@ fn radio(id: u32) -> Radio<IdealAuthenticator> {
             interval: Duration::from_millis(100),
             burst: 3,
         },
-        senders_max: 2,
+        members: 3,
     };
     Radio::new(config, IdealAuthenticator, 1, Checkpoint::default())
 }
@@ -147,7 +147,7 @@ fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
     let third = sent_by(&mut radio(3), b"");
     assert_eq!(
         dropped(&mut receiver, 0, &third),
-        Some(DropReason::TooManySenders)
+        Some(DropReason::Stranger)
     );
 }
 

@@ -6,6 +6,7 @@
 mod beats;
 pub mod flood;
 mod packet;
+mod reign;
 pub mod tree;
 
 use std::convert::Infallible;
@@ -15,6 +16,7 @@ use bytes::Bytes;
 
 pub use beats::Beats;
 pub use packet::{Flood, Member, Packet, Tree};
+pub use reign::Reign;
 
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +63,7 @@ impl Config {
 }
 
 /// What a routing is told.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Input {
     /// By the radio: a frame was let in.
     Heard {
@@ -85,6 +87,8 @@ pub enum Input {
     Lead(Ballot),
     /// By the protocol, as master: this is the newest order.
     Publish {
+        /// Under which ballot of its own; nothing is published if another has been heard of meanwhile.
+        ballot: Ballot,
         /// One more than the order before it.
         sequence: u32,
         /// The order.
@@ -92,6 +96,8 @@ pub enum Input {
     },
     /// By the protocol: this order and all before it are carried out.
     Acknowledge {
+        /// Whose order it is; nothing is acknowledged if the drone has turned to another meanwhile.
+        ballot: Ballot,
         /// The order's number.
         sequence: u32,
     },
@@ -126,7 +132,7 @@ pub enum Transmit {
 }
 
 /// What a routing lets its protocol know.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Notice {
     /// Whom this drone obeys from now on: it heard of a better ballot.
     Reign(Ballot),
@@ -220,18 +226,13 @@ impl Checkpoint {
     pub(crate) fn is_news(&self, before: &Self) -> bool {
         match (self, before) {
             (Self::Flood(own), Self::Flood(before)) => {
-                (own.ballot, own.sequence, own.landing, own.phase)
-                    != (before.ballot, before.sequence, before.landing, before.phase)
+                (own.landing, own.phase) != (before.landing, before.phase)
+                    || own.reign.is_news(&before.reign)
                     || own.beats.reserved() != before.beats.reserved()
             }
             (Self::Tree(own), Self::Tree(before)) => {
-                (own.ballot, own.sequence, own.landing, own.stopped)
-                    != (
-                        before.ballot,
-                        before.sequence,
-                        before.landing,
-                        before.stopped,
-                    )
+                (own.landing, own.stopped) != (before.landing, before.stopped)
+                    || own.reign.is_news(&before.reign)
                     || own.beats.reserved() != before.beats.reserved()
             }
             _ => true,

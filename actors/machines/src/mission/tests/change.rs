@@ -44,9 +44,9 @@ fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
     for ((sequence, step), to) in (4..).zip(steps).zip(corners) {
         let said = ordered(&mut slave, sequence, &step_of_change(step));
         assert_eq!(goal(&said), Some(Goal::FlyTo { to }));
-        assert!(!said.contains(&Transmit::Acknowledge { sequence }));
+        assert!(!said.contains(&acknowledges(sequence)));
         let said = arrives(&mut slave, 30.0);
-        assert!(said.contains(&Transmit::Acknowledge { sequence }));
+        assert!(said.contains(&acknowledges(sequence)));
     }
     assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
     let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });

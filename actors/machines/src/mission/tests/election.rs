@@ -36,7 +36,7 @@ fn order_of(master: Ballot, sequence: u32, order: &Order) -> RoutingNotice {
 
 fn acknowledged(transmits: &[Transmit]) -> Vec<u32> {
     let sequences = transmits.iter().filter_map(|transmit| match transmit {
-        Transmit::Acknowledge { sequence } => Some(*sequence),
+        Transmit::Acknowledge { sequence, .. } => Some(*sequence),
         _ => None,
     });
     sequences.collect()
@@ -127,10 +127,10 @@ fn a_master_that_hears_of_a_better_ballot_steps_down_and_one_of_a_worse_does_not
         42.0,
         order_of(ballot(1, 0, 1), 9, &Order::Move { waypoint: 2 }),
     );
-    assert_eq!(master.durable.ballot, Some(ballot(2, 1, 0)));
+    assert_eq!(master.durable.obeyed.ballot(), Some(ballot(2, 1, 0)));
     hears(&mut master, 43.0, RoutingNotice::Reign(ballot(3, 2, 2)));
     assert!(master.durable.lead.is_none());
-    assert_eq!(master.durable.ballot, Some(ballot(3, 2, 2)));
+    assert_eq!(master.durable.obeyed.ballot(), Some(ballot(3, 2, 2)));
     // Whose orders it obeys from then on.
     let order = Order::Move { waypoint: 1 };
     hears(&mut master, 44.0, order_of(ballot(3, 2, 2), 1, &order));
@@ -155,8 +155,20 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
     let mut again = Mission::new(slave.config.clone(), checkpoint);
     let order = Order::Move { waypoint: 1 };
     hears(&mut again, 42.0, order_of(ballot(1, 0, 1), 9, &order));
-    assert_eq!(again.durable.ballot, Some(ballot(4, 2, 2)));
+    assert_eq!(again.durable.obeyed.ballot(), Some(ballot(4, 2, 2)));
     assert_eq!(again.durable.state, State::WaypointReached { waypoint: 0 });
+}
+
+#[test]
+fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
+    let mut forgetful = elects(0);
+    let said = hears(&mut forgetful, 41.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    assert_eq!(said[0], Transmit::Lead(ballot(5, 1, 0)));
+    assert_eq!(orders(&said), [Order::Move { waypoint: 0 }]);
+    let mut obedient = mission(0, Liveness::Pulse);
+    ordered(&mut obedient, 1, &whole_plan());
+    let said = hears(&mut obedient, 2.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    assert_eq!(said, [], "on the ground nobody claims");
 }
 
 #[test]

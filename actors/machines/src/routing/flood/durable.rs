@@ -1,23 +1,16 @@
-use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use crate::identity::{Ballot, NodeId};
-use crate::routing::{Beats, Routes};
+use crate::identity::NodeId;
+use crate::routing::{Beats, Reign, Routes};
 use crate::time::Timestamp;
 
 /// What outlives a routing.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Whom this drone obeys.
-    pub ballot: Option<Ballot>,
+    /// Whom this drone obeys, and what it was ordered.
+    pub reign: Reign,
     /// What its routing is doing.
     pub phase: Phase,
-    /// The number of the newest order; 0 before the first.
-    pub sequence: u32,
-    /// The newest order.
-    pub order: Option<Bytes>,
-    /// The newest order that the drone has carried out.
-    pub acknowledged: u32,
     /// Since when the drone is going to land.
     pub landing: Option<Timestamp>,
     /// The way to the master.

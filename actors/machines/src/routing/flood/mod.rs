@@ -22,6 +22,7 @@ use super::packet::{Flood, Member, Packet};
 use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Outbox, Output};
+use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -99,7 +100,7 @@ impl FloodRouting {
             .remember(checkpoint.stable.iter().copied(), now);
         self.durable = checkpoint;
         self.durable.beats.skip_reserved(self.is_master());
-        if self.durable.ballot.is_some() && self.durable.phase != Phase::Stopped {
+        if self.durable.reign.ballot().is_some() && self.durable.phase != Phase::Stopped {
             self.next_send = Some(now + self.phase_in(self.config.period));
         }
         if self.is_master() {
@@ -117,9 +118,7 @@ impl FloodRouting {
     }
 
     fn is_master(&self) -> bool {
-        self.durable
-            .ballot
-            .is_some_and(|ballot| ballot.master == self.config.id)
+        self.durable.reign.is_led_by(self.config.id)
     }
 
     fn is_member(&self, id: NodeId) -> bool {
@@ -169,39 +168,45 @@ impl FloodRouting {
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     fn follow(&mut self, now: Timestamp, ballot: Ballot) -> bool {
-        match self.durable.ballot {
-            Some(own) if own == ballot => true,
-            Some(own) if !ballot.beats(&own) => false,
-            _ => {
-                self.turn_to(now, ballot);
+        match self.durable.reign.hear(ballot, Way::Mutual) {
+            Verdict::Ignored => return false,
+            Verdict::Same => {}
+            Verdict::Turned => {
+                self.begin_reign(now);
                 self.inform(Notice::Reign(ballot));
-                true
             }
         }
+        true
     }
 
-    /// Obeys another ballot than before. Orders, acknowledgements and routes were those of the reign before; until there
-    /// are routes again, everyone repeats everything.
-    fn turn_to(&mut self, now: Timestamp, ballot: Ballot) {
-        if self.durable.ballot.is_some() {
-            self.durable = Checkpoint {
-                phase: match self.durable.phase {
-                    Phase::Following | Phase::Scattered => Phase::Scattered,
-                    Phase::Stopped => Phase::Stopped,
-                    _ => Phase::Gossip,
-                },
-                landing: self.durable.landing,
-                beats: self.durable.beats.under_another_master(),
-                ..Checkpoint::default()
-            };
-            self.members.forget_all();
-            self.heard_again.clear();
-            self.master_silent = false;
-        }
-        self.durable.ballot = Some(ballot);
+    /// Another ballot is obeyed than before. Acknowledgements and routes were those of the reign before; until there are
+    /// routes again, everyone repeats everything.
+    fn begin_reign(&mut self, now: Timestamp) {
+        self.durable.phase = match self.durable.phase {
+            Phase::Following | Phase::Scattered => Phase::Scattered,
+            Phase::Stopped => Phase::Stopped,
+            _ => Phase::Gossip,
+        };
+        self.durable.routes = Routes::default();
+        self.durable.beats = self.durable.beats.under_another_master();
+        self.members.forget_all();
+        self.heard_again.clear();
+        self.master_silent = false;
         self.pulse_rose_at = now;
         self.start_speaking(now);
         self.checkpoint();
+    }
+
+    /// By the protocol; nothing if a better ballot has been heard of meanwhile, of which the protocol is being told.
+    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
+        match self.durable.reign.hear(ballot, Way::Mutual) {
+            Verdict::Ignored => return,
+            Verdict::Same => {}
+            Verdict::Turned => self.begin_reign(now),
+        }
+        if ballot.is_elected() {
+            self.expect_members(now);
+        }
     }
 
     fn scatter(&mut self, now: Timestamp) {
@@ -216,16 +221,8 @@ impl FloodRouting {
     }
 
     fn resync(&mut self) {
-        if let Some(ballot) = self.durable.ballot {
-            self.inform(Notice::Reign(ballot));
-        }
-        if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
-            let sequence = self.durable.sequence;
-            self.inform(Notice::Order {
-                ballot,
-                sequence,
-                order,
-            });
+        for notice in self.durable.reign.clone().notices() {
+            self.inform(notice);
         }
         match self.durable.phase {
             Phase::Gossip | Phase::Scattered | Phase::Stopped => {}
@@ -264,25 +261,24 @@ impl Machine for FloodRouting {
                 ballot,
                 payload,
             } => self.heard(now, sender, ballot, &payload),
-            Input::Lead(ballot) => {
-                if self.durable.ballot != Some(ballot) {
-                    self.turn_to(now, ballot);
-                }
-                if ballot.is_elected() {
-                    self.expect_members(now);
+            Input::Lead(ballot) => self.lead(now, ballot),
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = self.config.id;
+                if self.durable.reign.publish(own, ballot, sequence, order) {
+                    self.checkpoint();
                 }
             }
-            Input::Publish { sequence, order } if sequence > self.durable.sequence => {
-                self.durable.sequence = sequence;
-                self.durable.order = Some(order);
-                self.checkpoint();
-            }
-            Input::Acknowledge { sequence } if sequence > self.durable.acknowledged => {
-                self.durable.acknowledged = sequence;
-                self.checkpoint();
+            Input::Acknowledge { ballot, sequence } => {
+                if self.durable.reign.acknowledge(ballot, sequence) {
+                    self.checkpoint();
+                }
             }
             // What is not heard of is said again in any case, each period.
-            Input::Publish { .. } | Input::Acknowledge { .. } | Input::Outcome { .. } => {}
+            Input::Outcome { .. } => {}
             Input::Discover => self.start_discovery(now, self.config.discovery),
             Input::Land => {
                 self.durable.landing.get_or_insert(now);

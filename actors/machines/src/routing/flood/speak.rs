@@ -72,7 +72,7 @@ impl FloodRouting {
     /// Says for the last time how far this drone has got.
     pub(super) fn stop(&mut self) {
         if self.durable.phase != Phase::Stopped {
-            if self.durable.ballot.is_some() {
+            if self.durable.reign.ballot().is_some() {
                 self.send_flood();
             }
             self.durable.phase = Phase::Stopped;
@@ -82,7 +82,7 @@ impl FloodRouting {
     }
 
     fn send(&mut self, packet: &Packet) {
-        if let Some(ballot) = self.durable.ballot {
+        if let Some(ballot) = self.durable.reign.ballot() {
             let payload = wire::encode_packet(packet);
             self.outbox.transmit(Transmit::Send {
                 to: None,
@@ -104,7 +104,7 @@ impl FloodRouting {
             let own = Member {
                 id: self.config.id,
                 beat: self.durable.beats.own,
-                acknowledged: self.durable.acknowledged,
+                acknowledged: self.durable.reign.acknowledged(),
                 out_of_range: self.durable.routes.out_of_range,
                 landing: self.durable.landing.is_some(),
             };
@@ -112,12 +112,17 @@ impl FloodRouting {
         };
         let everyone_repeats = matches!(self.durable.phase, Phase::Gossip | Phase::Scattered);
         let repeats_orders = is_master || everyone_repeats || self.durable.routes.relay;
-        let order = self.durable.order.clone().filter(|_| repeats_orders);
+        let order = self
+            .durable
+            .reign
+            .order()
+            .cloned()
+            .filter(|_| repeats_orders);
         self.send(&Packet::Flood(Flood {
             hops: self.durable.routes.hops,
             parent: self.durable.routes.parent,
             pulse: self.durable.beats.pulse,
-            sequence: self.durable.sequence,
+            sequence: self.durable.reign.sequence(),
             members,
             order,
         }));
@@ -133,7 +138,11 @@ impl FloodRouting {
                 self.inform(Notice::MasterSilent);
             }
         } else if matches!(self.durable.phase, Phase::Following | Phase::Scattered)
-            || self.durable.ballot.is_some_and(|it| it.is_elected())
+            || self
+                .durable
+                .reign
+                .ballot()
+                .is_some_and(|it| it.is_elected())
         {
             for id in self.members.fall_silent(now, time_to_live) {
                 self.inform(Notice::Silent(id));
@@ -172,7 +181,7 @@ impl FloodRouting {
             self.durable.routes.relay = true;
             self.finish_once_all_heard(now);
         } else {
-            let master = self.durable.ballot.map(|ballot| ballot.master);
+            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
             self.durable.routes.out_of_range =
                 !master.is_some_and(|master| self.neighbours.is_stable(master));
         }
@@ -199,7 +208,7 @@ impl FloodRouting {
 
     /// Takes the first stable neighbour that is heard as parent (thesis, section 4.2, step 3).
     fn take_parent(&mut self, parent: NodeId, hops: u16, routing_list: &[NodeId]) {
-        let master = self.durable.ballot.map(|ballot| ballot.master);
+        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
         let routes = &mut self.durable.routes;
         routes.hops = Some(hops.saturating_add(1));
         routes.parent = Some(parent);
@@ -295,17 +304,11 @@ impl FloodRouting {
     }
 
     fn heard_order(&mut self, sequence: u32, order: Option<bytes::Bytes>) {
-        let (Some(ballot), Some(order)) = (self.durable.ballot, order) else {
-            return;
-        };
-        if sequence > self.durable.sequence && !self.is_master() {
-            self.durable.sequence = sequence;
-            self.durable.order = Some(order.clone());
-            self.inform(Notice::Order {
-                ballot,
-                sequence,
-                order,
-            });
+        let own = self.config.id;
+        if order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order)) {
+            if let Some(notice) = self.durable.reign.newest_order() {
+                self.inform(notice);
+            }
             self.checkpoint();
         }
     }

@@ -2,6 +2,7 @@ use bytes::Bytes;
 
 use super::*;
 use crate::machine::{Said, Stimulus, step};
+use crate::routing::Reign;
 
 const MASTER: Ballot = Ballot {
     term: 1,
@@ -200,7 +201,7 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
 fn only_a_master_is_told_whom_it_hears_itself_and_once_more_when_it_asks() {
     for (id, is_told) in [(0, true), (1, false)] {
         let checkpoint = Checkpoint {
-            ballot: Some(MASTER),
+            reign: Reign::of(MASTER),
             phase: Phase::Following,
             stable: vec![NodeId(2), NodeId(3)],
             ..Checkpoint::default()
@@ -321,7 +322,7 @@ fn an_older_ballot_and_a_stranger_are_ignored_and_a_better_ballot_is_obeyed() {
     assert_eq!(older.events, [Event::Ignored(NodeId(0))]);
     let stranger = hears_under(&mut slave, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
     assert_eq!(stranger.events, [Event::Ignored(NodeId(4))]);
-    assert_eq!(slave.durable.sequence, 1);
+    assert_eq!(slave.durable.reign.sequence(), 1);
 }
 
 #[test]
@@ -353,7 +354,10 @@ fn a_drone_that_is_done_says_so_once_and_falls_silent() {
     stimulate(
         &mut slave,
         at(0.1),
-        Stimulus::Input(Input::Acknowledge { sequence: 4 }),
+        Stimulus::Input(Input::Acknowledge {
+            ballot: MASTER,
+            sequence: 4,
+        }),
     );
     let last = stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Stop)).sent;
     let [Packet::Flood(last)] = last.as_slice() else {

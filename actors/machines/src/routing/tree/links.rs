@@ -11,6 +11,10 @@ const LOSS_MEMORY: u32 = 50;
 const LOST: f64 = 1e-6;
 /// How unlikely it must be that it is silent for as long as it takes to prefer another, and to ask whether it is there.
 const STALE: f64 = 1e-2;
+/// How unlikely it must be that a living neighbour answers none of the questions whether it is there.
+const UNANSWERED: f64 = 1e-9;
+/// However lossy a link is, no more questions are asked.
+pub(super) const QUESTIONS_MAX: f64 = 40.0;
 /// However lossy a link is, it is given up after this many beacons.
 const LOST_BEACONS_MAX: f64 = 30.0;
 /// And asked after this many: to ask costs a frame.
@@ -94,13 +98,28 @@ impl Link {
         self.heard_at + self.patience(beacon, STALE, STALE_BEACONS_MAX)
     }
 
-    /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`, by the rule of succession
-    /// where only few of its frames were heard.
+    /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`.
     fn patience(&self, beacon: Duration, odds: f64, beacons_max: f64) -> Duration {
-        let frames = f64::from(self.frames);
-        let loss = (self.loss * frames + 1.0) / (frames + 2.0);
-        let beacons = libm::log(odds) / libm::log(loss);
+        let beacons = libm::log(odds) / libm::log(self.cautious_loss());
         beacon.mul_f64(beacons.ceil().min(beacons_max))
+    }
+
+    /// How often it is asked before it is taken to be gone: a question or its answer may be lost, each like any frame.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 1 and `QUESTIONS_MAX`"
+    )]
+    pub(super) fn questions(&self) -> u32 {
+        let heard = 1.0 - self.cautious_loss();
+        let questions = libm::log(UNANSWERED) / libm::log(1.0 - heard * heard);
+        questions.ceil().clamp(1.0, QUESTIONS_MAX) as u32
+    }
+
+    /// Its loss, by the rule of succession: so that few frames prove little.
+    fn cautious_loss(&self) -> f64 {
+        let frames = f64::from(self.frames);
+        (self.loss * frames + 1.0) / (frames + 2.0)
     }
 }
 

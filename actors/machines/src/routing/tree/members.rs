@@ -16,7 +16,7 @@ impl TreeRouting {
         if !self.is_master() {
             return;
         }
-        let sequence = self.durable.sequence;
+        let sequence = self.durable.reign.sequence();
         if self.told.0 != sequence {
             self.told = (sequence, NodeSet::default());
         }

@@ -30,6 +30,7 @@ use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
+use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -134,7 +135,7 @@ impl TreeRouting {
             let is_master = routing.is_master();
             routing.durable.beats.skip_reserved(is_master);
             routing.inform(Notice::Resync);
-            if routing.durable.ballot.is_some() && !routing.durable.stopped {
+            if routing.durable.reign.ballot().is_some() && !routing.durable.stopped {
                 routing.next_beacon = Some(now);
             }
             routing.update_routes(now);
@@ -154,9 +155,7 @@ impl TreeRouting {
     }
 
     fn is_master(&self) -> bool {
-        self.durable
-            .ballot
-            .is_some_and(|ballot| ballot.master == self.config.id)
+        self.durable.reign.is_led_by(self.config.id)
     }
 
     /// Whether this is a pure relay.
@@ -203,45 +202,55 @@ impl TreeRouting {
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     /// What comes over a link that carries one way only makes nobody turn.
     fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
-        match self.durable.ballot {
-            Some(own) if own == ballot => true,
-            Some(own) if !ballot.beats(&own) => false,
-            Some(_) if !self.links.is_symmetric(self.config.id, sender, said) => false,
-            _ => {
-                self.turn_to(now, ballot);
+        let is_symmetric = self.links.is_symmetric(self.config.id, sender, said);
+        let way = if is_symmetric {
+            Way::Mutual
+        } else {
+            Way::OneWay
+        };
+        match self.durable.reign.hear(ballot, way) {
+            Verdict::Ignored => return false,
+            Verdict::Same => {}
+            Verdict::Turned => {
+                self.begin_reign(now);
                 self.inform(Notice::Reign(ballot));
-                true
             }
         }
+        true
     }
 
-    /// Obeys another ballot than before: orders, acknowledgements, ways and the master's number were those of the reign
+    /// Another ballot is obeyed than before: acknowledgements, ways and the master's number were those of the reign
     /// before. Who is near, and how well each is heard, is still known.
-    fn turn_to(&mut self, now: Timestamp, ballot: Ballot) {
-        if self.durable.ballot.is_some() {
-            self.durable = Checkpoint {
-                landing: self.durable.landing,
-                discovered: self.durable.discovered,
-                stopped: self.durable.stopped,
-                beats: self.durable.beats.under_another_master(),
-                ..Checkpoint::default()
-            };
-            self.links.forget_reign();
-            self.routes = Routes::default();
-            self.orphaned = None;
-            self.master_silent = false;
-            self.missed.clear();
-            self.told = (0, NodeSet::default());
-            self.told_landing = NodeSet::default();
-            self.pending = (0, NodeSet::default());
-            self.said_sequence = 0;
-            self.repair = None;
-            self.seek = None;
-            self.hold = None;
-        }
-        self.durable.ballot = Some(ballot);
+    fn begin_reign(&mut self, now: Timestamp) {
+        self.durable.beats = self.durable.beats.under_another_master();
+        self.links.forget_reign();
+        self.routes = Routes::default();
+        self.orphaned = None;
+        self.master_silent = false;
+        self.missed.clear();
+        self.told = (0, NodeSet::default());
+        self.told_landing = NodeSet::default();
+        self.pending = (0, NodeSet::default());
+        self.said_sequence = 0;
+        self.repair = None;
+        self.seek = None;
+        self.hold = None;
         self.next_beacon.get_or_insert(now + self.config.beacon);
         self.checkpoint();
+    }
+
+    /// By the protocol; nothing if a better ballot has been heard of meanwhile, of which the protocol is being told.
+    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
+        match self.durable.reign.hear(ballot, Way::Mutual) {
+            Verdict::Ignored => return,
+            Verdict::Same => {}
+            Verdict::Turned => self.begin_reign(now),
+        }
+        if ballot.is_elected() {
+            self.expect_members(now);
+        }
+        self.update_routes(now);
+        self.next_beacon = Some(now);
     }
 
     fn hear(&mut self, now: Timestamp, sender: NodeId, said: Tree) {
@@ -256,7 +265,7 @@ impl TreeRouting {
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
-        if self.routes.parent == Some(sender) && pending.0 == self.durable.sequence {
+        if self.routes.parent == Some(sender) && pending.0 == self.durable.reign.sequence() {
             self.pending = pending;
         }
         self.answer(now, sender, known.as_ref(), news);
@@ -264,19 +273,14 @@ impl TreeRouting {
 
     /// Takes in an order; whether it is news.
     fn take_order(&mut self, order: Option<(u32, bytes::Bytes)>) -> bool {
-        let (Some(ballot), Some((sequence, order))) = (self.durable.ballot, order) else {
-            return false;
-        };
-        let is_news = sequence > self.durable.sequence && !self.is_master();
+        let own = self.config.id;
+        let is_news = order
+            .is_some_and(|(sequence, order)| self.durable.reign.hear_order(own, sequence, order));
         if is_news {
-            self.durable.sequence = sequence;
-            self.durable.order = Some(order.clone());
             self.repair = None;
-            self.inform(Notice::Order {
-                ballot,
-                sequence,
-                order,
-            });
+            if let Some(notice) = self.durable.reign.newest_order() {
+                self.inform(notice);
+            }
             self.checkpoint();
         }
         is_news
@@ -355,7 +359,7 @@ impl TreeRouting {
             routes.hops = best
                 .and_then(|(_, link)| link.said.hops)
                 .map(|hops| hops.saturating_add(1));
-            let master = self.durable.ballot.map(|ballot| ballot.master);
+            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
             routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
             match routes.parent {
                 Some(_) => self.found_master(),
@@ -417,7 +421,7 @@ impl TreeRouting {
         for (_, link) in self.links.iter() {
             // What is done stays done, even of a child that is out of reach by now.
             let is_child = link.said.parent == Some(self.config.id);
-            if is_child && link.said.sequence == self.durable.sequence {
+            if is_child && link.said.sequence == self.durable.reign.sequence() {
                 all.extend_from(&link.said.acknowledged);
             }
         }
@@ -430,16 +434,8 @@ impl TreeRouting {
     }
 
     fn resync(&mut self, now: Timestamp) {
-        if let Some(ballot) = self.durable.ballot {
-            self.inform(Notice::Reign(ballot));
-        }
-        if let (Some(ballot), Some(order)) = (self.durable.ballot, self.durable.order.clone()) {
-            let sequence = self.durable.sequence;
-            self.inform(Notice::Order {
-                ballot,
-                sequence,
-                order,
-            });
+        for notice in self.durable.reign.clone().notices() {
+            self.inform(notice);
         }
         if self.durable.discovered {
             self.inform_of_routes();
@@ -480,28 +476,24 @@ impl Machine for TreeRouting {
                 payload,
                 delivered,
             } => self.outcome(now, to, &payload, delivered),
-            Input::Lead(ballot) => {
-                if self.durable.ballot != Some(ballot) {
-                    self.turn_to(now, ballot);
+            Input::Lead(ballot) => self.lead(now, ballot),
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = self.config.id;
+                if self.durable.reign.publish(own, ballot, sequence, order) {
+                    self.checkpoint();
+                    self.say(now, speak::Occasion::News);
                 }
-                if ballot.is_elected() {
-                    self.expect_members(now);
+            }
+            Input::Acknowledge { ballot, sequence } => {
+                if self.durable.reign.acknowledge(ballot, sequence) {
+                    self.checkpoint();
+                    self.acknowledge(now);
                 }
-                self.update_routes(now);
-                self.next_beacon = Some(now);
             }
-            Input::Publish { sequence, order } if sequence > self.durable.sequence => {
-                self.durable.sequence = sequence;
-                self.durable.order = Some(order);
-                self.checkpoint();
-                self.say(now, speak::Occasion::News);
-            }
-            Input::Acknowledge { sequence } if sequence > self.durable.acknowledged => {
-                self.durable.acknowledged = sequence;
-                self.checkpoint();
-                self.acknowledge(now);
-            }
-            Input::Publish { .. } | Input::Acknowledge { .. } => {}
             Input::Discover => {
                 self.durable.discovered = true;
                 self.expect_members(now);

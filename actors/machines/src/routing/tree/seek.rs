@@ -1,20 +1,16 @@
-//! Whether the parent is still there: a drone that has not heard it for a while asks it, and asks again; only if it does
-//! not answer any of them, and nobody else has heard more of the master for a while, the master is missed.
+//! Whether the parent is still there: a drone that has not heard it for a while asks it, and asks again, the more often
+//! the more the link loses; only if it does not answer any of them, and nobody else has heard more of the master for a while, the master is missed.
 //!
 //! Each drone watches its own link only. Whoever is farther out hears from its parent, which lives, what has become of
 //! the master; so nobody waits for as long as numbers may be lost over all hops together.
 
 use std::time::Duration;
 
-use super::links::STALE_BEACONS_MAX;
+use super::links::{QUESTIONS_MAX, STALE_BEACONS_MAX};
 use super::speak::Occasion;
 use super::{Config, TreeRouting};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
-
-/// How often a parent is asked. At 20 % loss each way one question and its answer are lost 36 times of 100, and all of
-/// them once in 10⁹.
-const ASKED_MAX: u32 = 20;
 
 /// A parent that is being asked whether it is there.
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +27,7 @@ impl Config {
     /// the parent is asked, until it has not answered, and until nobody else has heard more of the master.
     #[must_use]
     pub fn detection(&self) -> Duration {
-        let asked = self.repair * 2 * ASKED_MAX;
+        let asked = (self.repair * 2).mul_f64(QUESTIONS_MAX);
         self.beacon.mul_f64(STALE_BEACONS_MAX) + asked + self.patience
     }
 }
@@ -69,9 +65,9 @@ impl TreeRouting {
         let Some(link) = self.links.get(parent) else {
             return;
         };
-        let (heard_at, is_reachable) = (link.heard_at, link.is_reachable());
+        let (heard_at, questions) = (link.heard_at, link.questions());
         let asked = self.current_seek().map_or(0, |seek| seek.asked);
-        if asked >= ASKED_MAX || (asked > 0 && !is_reachable) {
+        if asked >= questions {
             self.seek = None;
             self.links.forget(parent);
             return self.update_routes(now);

@@ -58,7 +58,7 @@ impl TreeRouting {
             // All that there are, heard of or not, from the first order on the ground on.
             let all: NodeSet = (0..self.config.drones).map(NodeId).collect();
             all.difference(&acknowledged).difference(&landing)
-        } else if self.pending.0 == self.durable.sequence {
+        } else if self.pending.0 == self.durable.reign.sequence() {
             self.pending.1.clone()
         } else {
             NodeSet::default()
@@ -68,7 +68,7 @@ impl TreeRouting {
             hops: self.routes.hops,
             parent: self.routes.parent,
             pulse: self.durable.beats.pulse,
-            sequence: self.durable.sequence,
+            sequence: self.durable.reign.sequence(),
             acknowledged,
             alive: self.alive(),
             landing,
@@ -77,8 +77,9 @@ impl TreeRouting {
             pending,
             order: self
                 .durable
-                .order
-                .clone()
+                .reign
+                .order()
+                .cloned()
                 .filter(|_| self.is_master() || self.routes.relay || self.routes.parent.is_none()),
         }
     }
@@ -86,7 +87,7 @@ impl TreeRouting {
     /// Who of this drone and those below it has carried the newest order out.
     fn acknowledged(&self) -> NodeSet {
         let mut all = self.acknowledged_below();
-        if self.durable.sequence > 0 && self.durable.acknowledged >= self.durable.sequence {
+        if self.durable.reign.is_carried_out() {
             all.insert(self.config.id);
         }
         all
@@ -112,7 +113,12 @@ impl TreeRouting {
 
     /// Speaks now, and sets the time by which it must have been seen to arrive.
     pub(super) fn say(&mut self, now: Timestamp, occasion: Occasion) {
-        let Some(ballot) = self.durable.ballot.filter(|_| !self.durable.stopped) else {
+        let Some(ballot) = self
+            .durable
+            .reign
+            .ballot()
+            .filter(|_| !self.durable.stopped)
+        else {
             return;
         };
         // The master's number rises with its beacons only: each rise makes every drone speak once.
@@ -162,7 +168,7 @@ impl TreeRouting {
 
     /// The neighbours that are not known to know what this drone has for them, or ask for it.
     fn unaware(&self) -> impl Iterator<Item = NodeId> {
-        let (own, sequence) = (self.config.id, self.durable.sequence);
+        let (own, sequence) = (self.config.id, self.durable.reign.sequence());
         let parent = self.routes.parent.filter(|_| self.is_parent_behind());
         let is_child_behind =
             move |link: &Link| link.said.parent == Some(own) && !link.knows(sequence);
@@ -194,7 +200,7 @@ impl TreeRouting {
         let Some(parent) = self.routes.parent.and_then(|parent| self.links.get(parent)) else {
             return false;
         };
-        let sequence = self.durable.sequence;
+        let sequence = self.durable.reign.sequence();
         if parent.said.sequence > sequence || !self.may_acknowledge() {
             return false;
         }
@@ -216,14 +222,14 @@ impl TreeRouting {
     /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
     fn is_complete(&self) -> bool {
         let awaited = self.alive().difference(&self.landing());
-        self.durable.sequence > 0 && self.acknowledged().is_superset(&awaited)
+        self.durable.reign.sequence() > 0 && self.acknowledged().is_superset(&awaited)
     }
 
     /// Whether what has come in so far may be passed on: all of it has, or what is missing was waited for long enough.
     fn may_acknowledge(&self) -> bool {
         let waited = self
             .hold
-            .is_some_and(|hold| hold.is_over && hold.sequence == self.durable.sequence);
+            .is_some_and(|hold| hold.is_over && hold.sequence == self.durable.reign.sequence());
         waited || self.is_complete()
     }
 
@@ -238,10 +244,10 @@ impl TreeRouting {
             }
         } else if self
             .hold
-            .is_none_or(|hold| hold.sequence != self.durable.sequence)
+            .is_none_or(|hold| hold.sequence != self.durable.reign.sequence())
         {
             self.hold = Some(Hold {
-                sequence: self.durable.sequence,
+                sequence: self.durable.reign.sequence(),
                 until: now + self.config.repair * HOLD_REPAIRS,
                 is_over: false,
             });
@@ -278,7 +284,7 @@ impl TreeRouting {
         };
         let is_child = link.said.parent == Some(self.config.id);
         let is_parent = self.routes.parent == Some(sender);
-        let is_behind = link.said.sequence < self.durable.sequence;
+        let is_behind = link.said.sequence < self.durable.reign.sequence();
         let has_progressed = before.is_none_or(|before| {
             before.acknowledged != link.said.acknowledged || before.sequence != link.said.sequence
         });
@@ -287,7 +293,8 @@ impl TreeRouting {
         // A child that repeats itself has not heard that it was understood.
         let repeats_itself = is_child && is_asked && !has_progressed;
         // A parent that speaks again, while this drone has not yet said that it knows the order, waits for that.
-        let awaits_word = is_parent && is_asked && self.said_sequence < self.durable.sequence;
+        let awaits_word =
+            is_parent && is_asked && self.said_sequence < self.durable.reign.sequence();
         if repeats_itself || awaits_word {
             self.links.asks(sender);
             self.hurry_repair(now);
@@ -307,7 +314,7 @@ impl TreeRouting {
 
     /// Whether the master misses, and the parent does not have, what this drone could tell.
     fn is_missed(&self) -> bool {
-        self.pending.0 == self.durable.sequence && self.is_parent_behind()
+        self.pending.0 == self.durable.reign.sequence() && self.is_parent_behind()
     }
 
     /// What became of something that was said to one neighbour.

@@ -167,7 +167,10 @@ fn done(parent: u32, hops: u16, acknowledged: NodeSet) -> Tree {
     }
 }
 
-const ACKNOWLEDGE: Input = Input::Acknowledge { sequence: 1 };
+const ACKNOWLEDGE: Input = Input::Acknowledge {
+    ballot: MASTER,
+    sequence: 1,
+};
 
 #[test]
 fn acknowledgements_come_from_the_farthest_inwards_merged_on_the_way() {
@@ -260,6 +263,7 @@ fn a_master_names_all_from_the_first_order_on_and_only_those_that_are_missing_af
     let mut node = Node::new(0);
     node.tell(Input::Lead(MASTER));
     let first = node.tell(Input::Publish {
+        ballot: MASTER,
         sequence: 1,
         order: Bytes::from_static(b"go"),
     });
@@ -467,9 +471,10 @@ fn beacon_of_the_master(pulse: u32) -> Tree {
 #[test]
 fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
     let mut child = child_of_a_master_that_it_hears_well();
-    // Two beacons without a word are more than chance by now.
-    let asked = child.wait(2_000);
-    assert_eq!(asked.len(), 20, "{asked:?}");
+    // Two beacons without a word are more than chance by now, and of a link that loses next to nothing few questions
+    // prove enough.
+    let asked = child.wait(1_100);
+    assert_eq!(asked.len(), 7, "{asked:?}");
     assert!(asked.iter().all(|it| it.to == Some(NodeId(0))));
     assert!(!child.notices.contains(&Notice::MasterSilent), "not yet");
     let asked = child.wait(15_000);
@@ -480,10 +485,25 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
 }
 
 #[test]
+fn a_parent_over_a_lossy_link_is_asked_more_often() {
+    let mut links = Links::default();
+    // One in five is lost.
+    for beat in (1..250).filter(|beat| beat % 5 != 0) {
+        let said = Tree {
+            beat,
+            ..Tree::default()
+        };
+        links.hear(NodeId(1), NodeId(0), said, Timestamp::ZERO);
+    }
+    let questions = links.get(NodeId(0)).unwrap().questions();
+    assert!((18..25).contains(&questions), "{questions}");
+}
+
+#[test]
 fn a_parent_that_answers_is_asked_no_more() {
     let mut child = child_of_a_master_that_it_hears_well();
     let asked = child.wait(1_020);
-    assert!((1..20).contains(&asked.len()), "{asked:?}");
+    assert!((1..7).contains(&asked.len()), "{asked:?}");
     child.hear(0, beacon_of_the_master(51));
     assert_eq!(child.wait(900), []);
     assert_eq!(child.notices, []);
@@ -514,6 +534,10 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
     child.tell(claim(ids([1, 3]), 2));
     assert_eq!(child.notices, [Notice::Reign(better)]);
     child.hear(0, beacon_of_the_master(51));
-    assert_eq!(child.routing.durable.ballot, Some(better), "it never falls");
+    assert_eq!(
+        child.routing.durable.reign.ballot(),
+        Some(better),
+        "it never falls"
+    );
     assert_eq!(child.routing.routes.parent, Some(NodeId(2)));
 }

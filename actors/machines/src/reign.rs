@@ -1,0 +1,111 @@
+//! Whom a drone obeys. Routing and mission each hold one of these and decide by nothing else, so that they can't differ
+//! in what a better ballot is.
+
+use serde::{Deserialize, Serialize};
+
+use crate::identity::{Ballot, NodeId};
+
+/// The ballot that a drone obeys, if it has heard of any; it never falls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub struct Obeyed(Option<Ballot>);
+
+/// By which way a ballot is heard of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Way {
+    /// Over a link that carries both ways, or from within the drone.
+    Mutual,
+    /// Over a link that is not known to carry both ways: no reason to leave a master for another.
+    OneWay,
+}
+
+/// What a drone makes of a ballot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[must_use]
+pub enum Verdict {
+    /// It is the one obeyed.
+    Same,
+    /// It is the one obeyed from now on.
+    Turned,
+    /// It is not to be obeyed: older than the one that is, or heard over a link that carries one way.
+    Ignored,
+}
+
+impl Obeyed {
+    /// Which one it is.
+    #[must_use]
+    pub const fn ballot(self) -> Option<Ballot> {
+        self.0
+    }
+
+    /// Whether it is a ballot of `drone`'s own.
+    #[must_use]
+    pub fn is_of(self, drone: NodeId) -> bool {
+        self.0.is_some_and(|ballot| ballot.master == drone)
+    }
+
+    /// Hears of a ballot and turns to it if it is better; the first that is heard of is taken in any case.
+    pub fn hear(&mut self, ballot: Ballot, way: Way) -> Verdict {
+        match self.0 {
+            Some(own) if own == ballot => Verdict::Same,
+            Some(own) if !ballot.beats(&own) || way == Way::OneWay => Verdict::Ignored,
+            _ => {
+                self.0 = Some(ballot);
+                Verdict::Turned
+            }
+        }
+    }
+
+    /// The term of a claim that beats the ballot obeyed; none before there is one, or after the last term.
+    #[must_use]
+    pub fn next_term(self) -> Option<u32> {
+        self.0?.term.checked_add(1)
+    }
+}
+
+impl From<Ballot> for Obeyed {
+    fn from(ballot: Ballot) -> Self {
+        Self(Some(ballot))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ballot(term: u32, rank: u32) -> Ballot {
+        let master = NodeId(10 + rank);
+        Ballot { term, rank, master }
+    }
+
+    #[test]
+    fn a_later_term_wins_then_the_smaller_rank_and_nothing_else_is_turned_to() {
+        let mut obeyed = Obeyed::default();
+        for (heard, verdict) in [
+            (ballot(2, 3), Verdict::Turned),
+            (ballot(2, 3), Verdict::Same),
+            (ballot(2, 4), Verdict::Ignored),
+            (ballot(1, 0), Verdict::Ignored),
+            (ballot(2, 1), Verdict::Turned),
+            (ballot(3, 9), Verdict::Turned),
+        ] {
+            assert_eq!(obeyed.hear(heard, Way::Mutual), verdict, "{heard}");
+        }
+        assert!(obeyed.is_of(NodeId(19)) && !obeyed.is_of(NodeId(11)));
+    }
+
+    #[test]
+    fn over_a_link_that_carries_one_way_only_the_first_ballot_is_taken() {
+        let mut obeyed = Obeyed::default();
+        assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Turned);
+        assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Same);
+        assert_eq!(obeyed.hear(ballot(2, 0), Way::OneWay), Verdict::Ignored);
+        assert_eq!(obeyed.ballot(), Some(ballot(1, 1)));
+    }
+
+    #[test]
+    fn a_claim_is_a_term_later_and_nobody_claims_who_never_obeyed() {
+        assert_eq!(Obeyed::default().next_term(), None);
+        assert_eq!(Obeyed::from(ballot(4, 2)).next_term(), Some(5));
+        assert_eq!(Obeyed::from(ballot(u32::MAX, 2)).next_term(), None);
+    }
+}

@@ -1,0 +1,306 @@
+//! A swarm of a few drones and everything that may happen to it, as a model for stateright.
+//!
+//! Each drone is the shipped mission and the shipped reign. Left out: time (whoever may miss its master may do so at
+//! any moment), places (nobody arrives at the next waypoint), the ways of frames (everybody repeats what it knows).
+
+mod drone;
+mod faults;
+mod journal;
+mod routing;
+mod rules;
+mod search;
+mod setting;
+
+use std::sync::Arc;
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+use muster_machines::mission;
+use muster_machines::reign::Way;
+use stateright::{Model, Property};
+
+pub(crate) use self::drone::Drone;
+pub(crate) use self::faults::{Faults, Flaw, Pace};
+pub(crate) use self::search::{Found, search};
+use self::setting::Links;
+
+/// The model.
+#[derive(Debug, Clone)]
+pub(crate) struct Swarm {
+    configs: Vec<mission::Config>,
+    faults: Faults,
+    pace: Pace,
+    flaw: Flaw,
+}
+
+/// Everything that tells one moment from another.
+#[derive(Debug, Clone, PartialEq, Hash)]
+pub(crate) struct State {
+    pub(crate) drones: Vec<Arc<Drone>>,
+    links: Links,
+    /// What may still go wrong.
+    left: Faults,
+}
+
+/// What may happen next.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Action {
+    Say(NodeId),
+    Hear {
+        from: NodeId,
+        frame: usize,
+        to: NodeId,
+    },
+    Handle(NodeId, Address),
+    MissMaster(NodeId),
+    Suspect(NodeId),
+    Fail(NodeId, Address),
+    Revive(NodeId, Address),
+    /// A process dies, and so many of the checkpoints that each machine wrote last are found again.
+    Crash {
+        drone: NodeId,
+        reigns: usize,
+        missions: usize,
+    },
+    Restart(NodeId),
+    /// Those in the first set, a bit each, are cut off from the others.
+    Split(u16),
+    OneWay {
+        from: NodeId,
+        to: NodeId,
+    },
+    Heal,
+}
+
+/// The two actors that are in the model.
+const ACTORS: [Address; 2] = [Address::Routing, Address::Mission];
+
+impl Swarm {
+    /// So many drones in a line, all in the air at the first waypoint, where the master waits for them.
+    pub(crate) fn new(drones: u32, faults: Faults, pace: Pace) -> Self {
+        Self {
+            configs: setting::configs(drones),
+            faults,
+            pace,
+            flaw: Flaw::None,
+        }
+    }
+
+    /// The same with something broken.
+    pub(crate) fn with(self, flaw: Flaw) -> Self {
+        Self { flaw, ..self }
+    }
+
+    fn ids(&self) -> impl Iterator<Item = NodeId> + use<> {
+        (0..).map(NodeId).take(self.configs.len())
+    }
+
+    fn config(&self, id: NodeId) -> &mission::Config {
+        &self.configs[id.0 as usize]
+    }
+
+    /// What happens to one drone, by itself or by what it hears; nothing if it stays as it is.
+    fn change(&self, state: &State, id: NodeId, change: impl FnOnce(&mut Drone)) -> Option<State> {
+        let before = state.drone(id);
+        let mut drone = before.clone();
+        change(&mut drone);
+        if self.pace == Pace::Prompt {
+            drone.handle_all(self.flaw);
+        }
+        if drone == *before {
+            return None;
+        }
+        drone.compare(before);
+        let mut next = state.clone();
+        next.drones[id.0 as usize] = Arc::new(drone);
+        Some(next)
+    }
+
+    fn actions_of(&self, state: &State, id: NodeId, actions: &mut Vec<Action>) {
+        let drone = state.drone(id);
+        if !drone.is_up {
+            actions.push(Action::Restart(id));
+            return;
+        }
+        self.progress_of(state, id, actions);
+        let left = state.left;
+        if left.suspicions > 0 && state.may_miss(id) && !state.has_lost_master(id) {
+            actions.push(Action::Suspect(id));
+        }
+        if left.failures > 0 {
+            let is_up = |address: &Address| match address {
+                Address::Routing => drone.routing.is_some(),
+                _ => drone.mission.is_some(),
+            };
+            let up = ACTORS.into_iter().filter(is_up);
+            actions.extend(up.map(|address| Action::Fail(id, address)));
+        }
+        if left.crashes > 0 {
+            for reigns in 0..=drone.journal.reign.unsynced() {
+                let found = 0..=drone.journal.mission.unsynced();
+                actions.extend(found.map(|missions| Action::Crash {
+                    drone: id,
+                    reigns,
+                    missions,
+                }));
+            }
+        }
+    }
+
+    /// What a drone does by itself, or hears, without anything going wrong.
+    fn progress_of(&self, state: &State, id: NodeId, actions: &mut Vec<Action>) {
+        let drone = state.drone(id);
+        if !drone.is_up {
+            return;
+        }
+        if drone
+            .frame()
+            .is_some_and(|frame| !drone.said.contains(&frame))
+        {
+            actions.push(Action::Say(id));
+        }
+        for from in self.ids().filter(|from| state.links.carries(*from, id)) {
+            let frames = 0..state.drone(from).said.len();
+            actions.extend(frames.map(|frame| Action::Hear {
+                from,
+                frame,
+                to: id,
+            }));
+        }
+        let waiting = ACTORS.into_iter().filter(|it| drone.has_post_for(*it));
+        actions.extend(waiting.map(|address| Action::Handle(id, address)));
+        if state.may_miss(id) && state.has_lost_master(id) {
+            actions.push(Action::MissMaster(id));
+        }
+        if drone.routing.is_none() {
+            actions.push(Action::Revive(id, Address::Routing));
+        }
+        if drone.mission.is_none() {
+            actions.push(Action::Revive(id, Address::Mission));
+        }
+    }
+
+    fn faults_of_links(&self, state: &State, actions: &mut Vec<Action>) {
+        if state.links.is_whole() {
+            if state.left.splits > 0 {
+                // Each partition once: the first drone is never among those that are cut off.
+                let sets = 1..1_u16 << (self.configs.len() - 1);
+                actions.extend(sets.map(|set| Action::Split(set << 1)));
+            }
+        } else {
+            actions.push(Action::Heal);
+        }
+        if state.left.one_way > 0 {
+            for from in self.ids() {
+                let others = self.ids().filter(|to| *to != from);
+                actions.extend(others.map(|to| Action::OneWay { from, to }));
+            }
+        }
+    }
+}
+
+impl State {
+    pub(crate) fn drone(&self, id: NodeId) -> &Drone {
+        &self.drones[id.0 as usize]
+    }
+
+    /// Whether a drone's routing could miss its master, and has not said so yet.
+    fn may_miss(&self, id: NodeId) -> bool {
+        let routing = self.drone(id).routing.as_ref();
+        routing.is_some_and(|it| !it.master_silent && !it.reign.is_led_by(id))
+    }
+
+    /// Whether there is no way from a drone to the master that it obeys.
+    fn has_lost_master(&self, id: NodeId) -> bool {
+        let master = self.drone(id).ballot().map(|ballot| ballot.master);
+        master.is_some_and(|master| !self.part_of(id).contains(&master))
+    }
+
+    /// All that live and are connected by links that carry both ways.
+    fn part_of(&self, id: NodeId) -> Vec<NodeId> {
+        let lives = |id: NodeId| self.drone(id).is_up;
+        self.links.part_of(id, self.drones.len(), lives)
+    }
+}
+
+impl Model for Swarm {
+    type State = State;
+    type Action = Action;
+
+    fn init_states(&self) -> Vec<State> {
+        vec![State {
+            drones: setting::in_flight(&self.configs),
+            links: Links::whole(),
+            left: self.faults,
+        }]
+    }
+
+    fn actions(&self, state: &State, actions: &mut Vec<Action>) {
+        for id in self.ids() {
+            self.actions_of(state, id, actions);
+        }
+        self.faults_of_links(state, actions);
+    }
+
+    fn next_state(&self, state: &State, action: Action) -> Option<State> {
+        let flaw = self.flaw;
+        let mut next = match action {
+            Action::Say(id) => {
+                let frame = state.drone(id).frame()?;
+                self.change(state, id, |drone| drone.say(frame, flaw))
+            }
+            Action::Hear { from, frame, to } => {
+                let frame = &state.drone(from).said[frame];
+                let way = if state.links.carries(to, from) {
+                    Way::Mutual
+                } else {
+                    Way::OneWay
+                };
+                let has_way = !state.has_lost_master(to);
+                self.change(state, to, |drone| drone.hear(frame, way, has_way, flaw))
+            }
+            Action::Handle(id, address) => {
+                self.change(state, id, |drone| drone.handle_next(address, flaw))
+            }
+            Action::MissMaster(id) | Action::Suspect(id) => {
+                self.change(state, id, Drone::miss_master)
+            }
+            Action::Fail(id, address) => self.change(state, id, |drone| drone.fail(address)),
+            Action::Revive(id, address) => {
+                let config = self.config(id);
+                self.change(state, id, |drone| drone.revive(address, config))
+            }
+            Action::Crash {
+                drone,
+                reigns,
+                missions,
+            } => self.change(state, drone, |drone| drone.crash(reigns, missions)),
+            Action::Restart(id) => self.change(state, id, |drone| {
+                if flaw == Flaw::ForgetsItsJournal {
+                    drone.journal = setting::in_flight(&self.configs)[id.0 as usize]
+                        .journal
+                        .clone();
+                }
+                drone.restart(self.config(id));
+            }),
+            Action::Split(_) | Action::OneWay { .. } | Action::Heal => {
+                let mut next = state.clone();
+                next.links = state.links.after(&action, self.configs.len());
+                Some(next)
+            }
+        }?;
+        match action {
+            Action::Suspect(_) => next.left.suspicions -= 1,
+            Action::Fail(..) => next.left.failures -= 1,
+            Action::Crash { .. } => next.left.crashes -= 1,
+            Action::Split(_) => next.left.splits -= 1,
+            Action::OneWay { .. } => next.left.one_way -= 1,
+            _ => {}
+        }
+        Some(next)
+    }
+
+    fn properties(&self) -> Vec<Property<Self>> {
+        rules::properties(self.faults)
+    }
+}

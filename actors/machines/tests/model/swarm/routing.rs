@@ -1,0 +1,165 @@
+use bytes::Bytes;
+use muster_machines::identity::{Ballot, NodeId, NodeSet};
+use muster_machines::reign::{Verdict, Way};
+use muster_machines::routing::{Input, Notice, Reign};
+
+/// What both policies of the routing have in common, around the shipped [`Reign`].
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+pub(crate) struct Routing {
+    pub(crate) reign: Reign,
+    /// As master: whose acknowledgements of which order the mission has been told of.
+    told: (u32, NodeSet),
+    /// Whether the mission has been told that the master is silent.
+    pub(crate) master_silent: bool,
+}
+
+/// What a drone says, of that which matters here.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(crate) struct Frame {
+    pub(crate) sender: NodeId,
+    pub(crate) ballot: Ballot,
+    pub(crate) sequence: u32,
+    pub(crate) order: Option<Bytes>,
+    /// Whether the sender has carried that order out.
+    pub(crate) is_carried_out: bool,
+}
+
+/// What a drone did that no drone may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Broken {
+    /// It ordered something in the name of another.
+    OrderedForAnother,
+    /// It said that it had carried out what another had ordered.
+    AcknowledgedForAnother,
+    /// It obeys an older ballot than before.
+    BallotFell,
+}
+
+impl Routing {
+    /// As it starts from a checkpoint, or under another ballot than before.
+    pub(crate) fn under(reign: Reign) -> Self {
+        Self {
+            reign,
+            ..Self::default()
+        }
+    }
+
+    /// Hears a frame; what the mission is told of it.
+    pub(crate) fn hear(
+        &mut self,
+        own: NodeId,
+        frame: &Frame,
+        way: Way,
+        has_way: bool,
+    ) -> Vec<Notice> {
+        let mut notices = Vec::new();
+        match self.hear_ballot(frame.ballot, way) {
+            Verdict::Ignored => return notices,
+            Verdict::Same => {}
+            Verdict::Turned => notices.push(Notice::Reign(frame.ballot)),
+        }
+        if self.master_silent && has_way {
+            self.master_silent = false;
+            notices.push(Notice::MasterReturned);
+        }
+        if let Some(order) = frame.order.clone()
+            && self.reign.hear_order(own, frame.sequence, order)
+        {
+            notices.extend(self.reign.newest_order());
+        }
+        notices.extend(self.report(own, frame));
+        notices
+    }
+
+    fn hear_ballot(&mut self, ballot: Ballot, way: Way) -> Verdict {
+        let verdict = self.reign.hear(ballot, way);
+        if verdict == Verdict::Turned {
+            *self = Self::under(self.reign.clone());
+        }
+        verdict
+    }
+
+    /// As master: tells the mission of an acknowledgement that it has not been told of.
+    fn report(&mut self, own: NodeId, frame: &Frame) -> Option<Notice> {
+        let sequence = self.reign.sequence();
+        if self.told.0 != sequence {
+            self.told = (sequence, NodeSet::default());
+        }
+        let is_news = self.reign.is_led_by(own)
+            && frame.is_carried_out
+            && frame.sequence == sequence
+            && !self.told.1.contains(frame.sender);
+        is_news.then(|| {
+            self.told.1.insert(frame.sender);
+            Notice::Progress {
+                member: frame.sender,
+                acknowledged: sequence,
+                landing: false,
+            }
+        })
+    }
+
+    /// Takes what the mission says; what the mission is told in answer.
+    pub(crate) fn take(&mut self, own: NodeId, input: Input) -> Result<Vec<Notice>, Broken> {
+        let under = self.reign.ballot();
+        match input {
+            Input::Lead(ballot) => _ = self.hear_ballot(ballot, Way::Mutual),
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let is_taken = self.reign.publish(own, ballot, sequence, order);
+                if is_taken && (under != Some(ballot) || ballot.master != own) {
+                    return Err(Broken::OrderedForAnother);
+                }
+            }
+            Input::Acknowledge { ballot, sequence } => {
+                let is_taken = self.reign.acknowledge(ballot, sequence);
+                if is_taken && under != Some(ballot) {
+                    return Err(Broken::AcknowledgedForAnother);
+                }
+            }
+            Input::Resync => return Ok(self.tell_again()),
+            // Ways and places are left out, and nobody comes down.
+            _ => {}
+        }
+        Ok(Vec::new())
+    }
+
+    fn tell_again(&mut self) -> Vec<Notice> {
+        self.told = (0, NodeSet::default());
+        let silent = self.master_silent.then_some(Notice::MasterSilent);
+        self.reign.notices().chain(silent).collect()
+    }
+
+    /// As [`Self::take`], as if whatever the mission says were said under the ballot that is obeyed here.
+    pub(crate) fn believe(&mut self, input: Input) -> Result<Vec<Notice>, Broken> {
+        let under = self.reign.ballot();
+        match input {
+            Input::Lead(ballot) if under != Some(ballot) => {
+                *self = Self::under(Reign::of(ballot));
+            }
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let nobody = NodeId(u32::MAX);
+                let is_taken = self.reign.hear_order(nobody, sequence, order);
+                if is_taken && under != Some(ballot) {
+                    return Err(Broken::OrderedForAnother);
+                }
+            }
+            Input::Acknowledge { ballot, sequence } => {
+                let is_taken = self.reign.acknowledge(under.unwrap_or(ballot), sequence);
+                if is_taken && under != Some(ballot) {
+                    return Err(Broken::AcknowledgedForAnother);
+                }
+            }
+            Input::Resync => return Ok(self.tell_again()),
+            _ => {}
+        }
+        Ok(Vec::new())
+    }
+}

@@ -1,0 +1,152 @@
+//! Where the drones are when the model begins, and who hears whom.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::formation::{Formation, Kind, Layout, Separation};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::mission::{Barrier, Config, Input, Liveness, Succession};
+use muster_machines::navigation;
+use muster_machines::reign::Way;
+use muster_machines::routing::Notice;
+
+use super::{Action, Drone, Flaw};
+
+/// Who hears whom: a bit for each pair that does not, in each direction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Links(u64);
+
+impl Links {
+    pub(crate) const fn whole() -> Self {
+        Self(0)
+    }
+
+    pub(crate) const fn is_whole(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether what `from` says reaches `to`.
+    pub(crate) fn carries(self, from: NodeId, to: NodeId) -> bool {
+        from != to && self.0 & bit(from, to) == 0
+    }
+
+    pub(crate) fn after(self, action: &Action, drones: usize) -> Self {
+        match *action {
+            Action::Split(set) => {
+                let is_in = |id: NodeId| set >> id.0 & 1 == 1;
+                let ids = || (0..).map(NodeId).take(drones);
+                let pairs = ids().flat_map(|from| ids().map(move |to| (from, to)));
+                let cut = pairs.filter(|(from, to)| is_in(*from) != is_in(*to));
+                cut.fold(self, |links, (from, to)| Self(links.0 | bit(from, to)))
+            }
+            Action::OneWay { from, to } => Self(self.0 | bit(to, from)),
+            _ => Self::whole(),
+        }
+    }
+
+    /// All that live and are connected with `id` by links that carry both ways, `id` first.
+    pub(crate) fn part_of(
+        self,
+        id: NodeId,
+        drones: usize,
+        lives: impl Fn(NodeId) -> bool,
+    ) -> Vec<NodeId> {
+        let mut part = vec![id];
+        let mut next = 0;
+        while let Some(at) = part.get(next).copied() {
+            let all = (0..).map(NodeId).take(drones);
+            let near = all.filter(|it| {
+                lives(*it) && self.carries(at, *it) && self.carries(*it, at) && !part.contains(it)
+            });
+            part.extend(near.collect::<Vec<_>>());
+            next += 1;
+        }
+        part
+    }
+}
+
+const fn bit(from: NodeId, to: NodeId) -> u64 {
+    1 << (from.0 * 8 + to.0)
+}
+
+/// A line of drones with two waypoints to fly to.
+pub(crate) fn configs(drones: u32) -> Vec<Config> {
+    let count = NonZeroU32::new(drones).expect("a swarm has drones");
+    let separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let formation = Formation::new(Kind::Linear, count, 100.0, 0.0);
+    let layout = Arc::new(Layout::new(formation, 10.0, separation));
+    let mission: Arc<[Ned]> = [0.0, 100.0]
+        .map(|north_m| Ned::new(north_m, 0.0, -25.0))
+        .into();
+    let second = Duration::from_secs(1);
+    (0..drones)
+        .map(|id| Config {
+            id: NodeId(id),
+            layout: Arc::clone(&layout),
+            mission: Arc::clone(&mission),
+            changes: Arc::default(),
+            following: None,
+            barrier: Barrier::Strict,
+            liveness: Liveness::Pulse,
+            succession: Succession::Elect,
+            spreading_patience: Duration::ZERO,
+            set_up_limit: 30 * second,
+            take_off_limit: 60 * second,
+            leg_limit: 100 * second,
+            waypoints_max: 10,
+        })
+        .collect()
+}
+
+/// The swarm once it has taken off by its own protocol, in reach of everybody and without a loss: at the first
+/// waypoint, and the master has not heard yet that the others are there.
+pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
+    let mut drones: Vec<Drone> = configs.iter().map(Drone::new).collect();
+    let master = configs[0].layout.formation().centre().0 as usize;
+    drones[master].stimulate(Input::Fly);
+    talk(&mut drones);
+    for input in [
+        Input::Navigation(navigation::Notice::Arrived),
+        Input::Routing(Notice::RoutesReady),
+    ] {
+        for drone in &mut drones {
+            drone.stimulate(input.clone());
+        }
+        if let Input::Navigation(_) = input {
+            talk(&mut drones);
+        }
+    }
+    drones[master].handle_all(Flaw::None);
+    let order = drones[master].frame().expect("the master leads");
+    for drone in &mut drones {
+        drone.hear(&order, Way::Mutual, true, Flaw::None);
+        drone.handle_all(Flaw::None);
+        drone.journal.sync();
+        drone.said = Arc::new(drone.frame().into_iter().collect());
+    }
+    drones.into_iter().map(Arc::new).collect()
+}
+
+/// Everybody hears everybody until nobody has anything new to say.
+fn talk(drones: &mut [Drone]) {
+    loop {
+        let before = drones.to_vec();
+        for speaker in 0..drones.len() {
+            drones[speaker].handle_all(Flaw::None);
+            if let Some(frame) = drones[speaker].frame() {
+                for listener in (0..drones.len()).filter(|it| *it != speaker) {
+                    drones[listener].hear(&frame, Way::Mutual, true, Flaw::None);
+                    drones[listener].handle_all(Flaw::None);
+                }
+            }
+        }
+        if drones == before {
+            return;
+        }
+    }
+}
