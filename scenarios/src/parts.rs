@@ -50,9 +50,8 @@ impl Link {
     /// All that a medium has as it is now.
     pub(crate) fn all(medium: &Medium) -> Vec<Self> {
         let mut links = Vec::new();
-        medium.each_pair_in_reach(|a, b| {
-            let loss = medium.loss(a, b).max(medium.loss(b, a));
-            links.extend(Self::between(a, b, loss));
+        medium.each_link(|a, b, [there, back]| {
+            links.extend(Self::between(a, b, there.max(back)));
         });
         links
     }

@@ -100,8 +100,8 @@ impl Scenario {
         let sectors_m = self.changes.iter().flat_map(Change::sectors_m).copied();
         if let Some(highest_m) = sectors_m.reduce(f64::max) {
             lines.push(format!(
-                "sectors of {}: up to {highest_m} m",
-                plural(self.changes.len(), "change of formation")
+                "sectors of {} of formation: up to {highest_m} m",
+                plural(self.changes.len(), "change")
             ));
         }
         lines

@@ -12,8 +12,8 @@ use crate::parts::Link;
 use crate::scenario::Occasion;
 
 /// How often links are looked at while drones fly, besides whenever something happens that depends on them: at 10 m/s
-/// each, two drones come 10 m nearer to each other meanwhile.
-const LOOK_AT_LINKS_EVERY: Duration = Duration::from_millis(500);
+/// each, two drones come 20 m nearer to each other meanwhile.
+const LOOK_AT_LINKS_EVERY: Duration = Duration::from_secs(1);
 
 impl World {
     /// Looks at the links if it is time to.

@@ -44,9 +44,14 @@ impl Air {
         self.grid.in_range(from, found)
     }
 
-    /// Visits every two radios that may hear each other once.
-    pub(super) fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
-        self.grid.each_pair_in_range(visit);
+    /// Visits every two radios that may hear each other once, with the chances that a frame is lost on the way there and
+    /// back.
+    pub(super) fn each_link(&self, mut visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
+        self.grid.each_pair_in_range(|a, b, distance_m| {
+            let heard = self.heard_undisturbed(distance_m);
+            let loss = |from, to| 1.0 - heard * (1.0 - self.spoilt(from, to));
+            visit(a, b, [loss(a, b), loss(b, a)]);
+        });
     }
 
     /// The chance that a frame from one radio is lost on its way to another, as things are now, 0 to 1.
@@ -58,11 +63,23 @@ impl Air {
         if distance_m > self.curve.reach_m() {
             return 1.0;
         }
-        if self.disturbance.is_jammed(there) {
+        1.0 - self.heard_undisturbed(distance_m) * (1.0 - self.spoilt(from, to))
+    }
+
+    fn heard_undisturbed(&self, distance_m: f64) -> f64 {
+        self.curve.delivery(distance_m) * (1.0 - self.loss)
+    }
+
+    /// The share of frames that is lost on the way from one radio to another because something disturbs it, 0 to 1.
+    fn spoilt(&self, from: NodeId, to: NodeId) -> f64 {
+        if self.disturbance.is_none() {
+            return 0.0;
+        }
+        let place = self.grid.place_of(to);
+        if place.is_some_and(|place| self.disturbance.is_jammed(place)) {
             return 1.0;
         }
-        let undisturbed = self.curve.delivery(distance_m) * (1.0 - self.loss);
-        1.0 - undisturbed * (1.0 - self.disturbance.loss(from, to))
+        self.disturbance.loss(from, to)
     }
 
     /// Draws whether a frame gets from one radio to another that may hear it.
@@ -86,11 +103,7 @@ impl Air {
     }
 
     fn is_spoilt(&mut self, from: NodeId, to: NodeId) -> bool {
-        let place = self.grid.place_of(to);
-        if place.is_some_and(|place| self.disturbance.is_jammed(place)) {
-            return true;
-        }
-        let loss = self.disturbance.loss(from, to);
-        loss > 0.0 && self.rng.random::<f64>() < loss
+        let loss = self.spoilt(from, to);
+        loss >= 1.0 || (loss > 0.0 && self.rng.random::<f64>() < loss)
     }
 }

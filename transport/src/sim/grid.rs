@@ -61,21 +61,28 @@ impl Grid {
         Ok(())
     }
 
-    /// Visits every two radios in range of each other once, in an order that depends on nothing but where they have been.
-    pub(super) fn each_pair_in_range(&self, mut visit: impl FnMut(NodeId, NodeId)) {
+    /// Visits every two radios in range of each other once, with their distance in metres, in an order that depends on
+    /// nothing but where they have been.
+    pub(super) fn each_pair_in_range(&self, mut visit: impl FnMut(NodeId, NodeId, f64)) {
+        let mut look_at = |a: NodeId, others: &[NodeId]| {
+            let place = self.places[a.0 as usize];
+            for b in others {
+                let distance_m = self.places[b.0 as usize].distance_m(place);
+                if distance_m <= self.range_m {
+                    visit(a, *b, distance_m);
+                }
+            }
+        };
         for ((row, column), cell) in &self.cells {
+            for (at, a) in cell.iter().enumerate() {
+                look_at(*a, &cell[at + 1..]);
+            }
             // Of the cells around, those that have not come to this one.
             let beside = (*row, column + 1)..=(*row, column + 1);
             let below = (row + 1, column - 1)..=(row + 1, column + 1);
-            let around = self.cells.range(beside).chain(self.cells.range(below));
-            let others: Vec<&[NodeId]> = around.map(|(_, cell)| cell.as_slice()).collect();
-            for (at, a) in cell.iter().enumerate() {
-                let place = self.places[a.0 as usize];
-                let others = others.iter().copied().flatten();
-                for b in cell[at + 1..].iter().chain(others) {
-                    if self.places[b.0 as usize].distance_m(place) <= self.range_m {
-                        visit(*a, *b);
-                    }
+            for (_, others) in self.cells.range(beside).chain(self.cells.range(below)) {
+                for a in cell {
+                    look_at(*a, others);
                 }
             }
         }

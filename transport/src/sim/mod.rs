@@ -146,10 +146,11 @@ impl Medium {
         self.air.loss(from, to)
     }
 
-    /// Visits every two radios that may hear each other once, in an order that depends on nothing but where they have
-    /// been; between all others each frame is lost. Costs what there are of them.
-    pub fn each_pair_in_reach(&self, visit: impl FnMut(NodeId, NodeId)) {
-        self.air.each_pair_in_reach(visit);
+    /// Visits every two radios that may hear each other once, with that chance for frames of the first to the second, and
+    /// of the second to the first; between all others each frame is lost. The order depends on nothing but where radios
+    /// have been.
+    pub fn each_link(&self, visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
+        self.air.each_link(visit);
     }
 
     /// What the radios have done so far; an ideal medium does not count.

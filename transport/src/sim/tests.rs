@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use proptest::prelude::*;
 use rand::SeedableRng;
 
@@ -168,13 +170,33 @@ fn the_chance_of_loss_is_that_of_the_distance_and_the_configured_share() {
         loss: 0.2,
         ..CONFIG
     };
-    let medium = medium(lossy, 1, &line(3, 160.0));
+    let mut medium = medium(lossy, 1, &line(3, 160.0));
+    medium.set_loss(NodeId(2), NodeId(1), Some(0.5));
+    let mut losses = BTreeMap::new();
+    medium.each_link(|a, b, [there, back]| {
+        losses.insert((a.0, b.0), there);
+        losses.insert((b.0, a.0), back);
+    });
     // By hand: 5.335e-7 · 160² + 3.395e-5 · 160 = 0.01909; 0.8 of the others get through.
-    let loss = medium.loss(NodeId(0), NodeId(1));
-    assert!((loss - (1.0 - 0.8 * (1.0 - 0.019_09))).abs() < 1e-5);
-    let lost = |to| medium.loss(NodeId(0), NodeId(to)) >= 1.0;
-    assert!(lost(2), "out of range");
-    assert!(lost(9), "nobody is there");
+    let heard = 0.8 * (1.0 - 0.019_09);
+    for (link, heard) in [
+        ((0, 1), heard),
+        ((1, 0), heard),
+        ((1, 2), heard),
+        ((2, 1), heard / 2.0),
+    ] {
+        assert!((losses[&link] - (1.0 - heard)).abs() < 1e-5, "{link:?}");
+        let loss = medium.loss(NodeId(link.0), NodeId(link.1));
+        assert!((losses[&link] - loss).abs() < 1e-12, "{link:?}");
+    }
+    for to in [2, 9] {
+        assert!(medium.loss(NodeId(0), NodeId(to)) >= 1.0);
+    }
+    assert_eq!(losses.len(), 4, "0 and 2 are out of range of each other");
+    medium.jam(1, Ned::new(0.0, 320.0, 0.0), 10.0);
+    medium.each_link(|a, b, [there, _]| {
+        assert_eq!((a.0, b.0, there >= 1.0), (a.0, a.0 + 1, b.0 == 2));
+    });
 }
 
 proptest! {
@@ -191,7 +213,7 @@ proptest! {
             medium.place(NodeId(u32::try_from(index).unwrap()), places[index]);
         }
         let mut pairs = Vec::new();
-        medium.each_pair_in_reach(|a, b| pairs.push((a.0.min(b.0), a.0.max(b.0))));
+        medium.each_link(|a, b, _| pairs.push((a.0.min(b.0), a.0.max(b.0))));
         pairs.sort_unstable();
         let mut all = Vec::new();
         for (from, place) in (0..).zip(&places) {
