@@ -88,6 +88,7 @@ impl Hash for Mission {
             pending,
             acknowledged,
             in_layer,
+            leaving,
             land_at,
             assembled_at,
             limit,
@@ -96,7 +97,7 @@ impl Hash for Mission {
         } = &*self.0;
         (obeyed, state, plan.len(), plan_complete).hash(hasher);
         (opened, changes, pending, acknowledged).hash(hasher);
-        (*routes as u8, in_layer, limit, restarted).hash(hasher);
+        (*routes as u8, in_layer, leaving, limit, restarted).hash(hasher);
         for place in [Some(*land_at), *assembled_at] {
             place.map(bits).hash(hasher);
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use muster_machines::formation::{Formation, Kind, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
-use muster_machines::mission::{Barrier, Config, Input, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Config, Input, Liveness, Succession};
 use muster_machines::navigation;
 use muster_machines::reign::Way;
 use muster_machines::routing::Notice;
@@ -94,6 +94,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             barrier: Barrier::Strict,
             liveness: Liveness::Pulse,
             succession: Succession::Elect,
+            alone: Alone::CarryOn,
             spreading_patience: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
