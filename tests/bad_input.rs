@@ -112,6 +112,57 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             ],
         ),
         (
+            "range_m = 300",
+            "range_m = 300\n\n[vehicle]\nendurance_s = 0",
+            &["0 is not a time above 0", "`vehicle.endurance_s`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[failsafe]\nalone = \"return\"",
+            &["unknown variant `return`", "`carry-on`", "`land`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[failsafe]\nposition_hold_s = -1",
+            &["-1 is not a time", "`failsafe.position_hold_s`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[failsafe]\nbattery_low = 15",
+            &["15 is not a share", "`failsafe.battery_low`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[failsafe]\nbattery_critical = 0.15",
+            &[
+                "critical, at 0.15, only when it is emptier than low, at 0.15",
+                "below `battery_low`",
+            ],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[geofence]\naltitude_max_m = 50",
+            &["missing field `radius_m`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[geofence]\nradius_m = 0",
+            &["0 is not a length", "`geofence.radius_m`"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[geofence]\nradius_m = 1000",
+            &[
+                "m within the fence; at 10 m/s that takes more than 2 m",
+                "at waypoint 3",
+            ],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\n\n[geofence]\nradius_m = 5000\naltitude_max_m = 26",
+            &["at waypoint 0", "m within the fence"],
+        ),
+        (
             "policy = \"flood\"",
             "policy = \"flood\"\nbarrier = \"none\"",
             &["unknown variant `none`", "`strict`", "`neighbours`"],
@@ -479,6 +530,26 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1",
             &["one thing that goes wrong, no more and no less"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrain = 1",
+            &["`drain` without the charge `to` which it goes"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nto = 0.1\nkill = 1",
+            &["`to` goes with `drain`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\ndrain = 1\nto = 15",
+            &["15 is not a share from 0 to 1", "`faults.to`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_s = 1\nlose_gps = 5",
+            &["there is no drone 5 in a swarm of 5", "`faults.lose_gps`"],
         ),
         (
             "liveness = \"thesis\"",

@@ -72,6 +72,8 @@ fn every_command_in_the_documents_runs() {
                     None if command == "cargo test --workspace" => continue,
                     // What it compares, the transport's own tests do, too.
                     None if command.ends_with("-p muster-transport --example radio") => continue,
+                    // It searches for minutes; smaller searches are among the tests of the machines.
+                    None if command.contains("-p muster-machines --example model") => continue,
                     None => panic!("{name} has a command that nothing runs: {command}"),
                 },
             };

@@ -12,6 +12,7 @@ pub mod navigation;
 pub mod radio;
 pub mod reign;
 pub mod routing;
+mod stall;
 pub mod supervision;
 pub mod time;
 pub mod wire;

@@ -17,6 +17,8 @@ pub enum Demand {
     Report,
     /// Arm, on the ground.
     Arm,
+    /// Leave the vehicle to the pilot again, from whom a [`Setpoint::Hold`] has taken it.
+    Yield,
     /// Fly so.
     Fly(Setpoint),
     /// Come down on the spot and disarm there.
@@ -48,13 +50,24 @@ pub enum Setpoint {
         /// For how long it may be thought to move so; the vehicle comes to rest then unless it is told more.
         hold: Duration,
     },
+    /// Come to rest, whoever flies it, and climb or descend to a height meanwhile. It takes no position over ground.
+    Hold {
+        /// In metres above home.
+        altitude_m: f64,
+        /// The highest speed upwards or downwards, in m/s.
+        vertical_mps: f64,
+        /// Over ground and in height, each, in m/s².
+        acceleration_mps2: f64,
+    },
 }
 
 /// How a vehicle is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
-    /// Where it is.
+    /// Where it is; over ground, where it last knew that it was.
     pub position: Ned,
+    /// For how long it has not known where it is over ground; nothing while it knows.
+    pub position_lost_for: Option<Duration>,
     /// How it moves.
     pub velocity: Velocity,
     /// Where it would be at rest if it braked now; its position when it is at rest.
@@ -67,6 +80,8 @@ pub struct Telemetry {
     pub landing: bool,
     /// The end of the leg that it flies.
     pub target: Option<Ned>,
+    /// What is left in its battery, as a share of a full one.
+    pub charge: f64,
 }
 
 /// What a link is told.

@@ -143,7 +143,7 @@ impl ArmingChecker {
                 let what = format!("drone {drone} arms and does not take off");
                 Some(violation(now, drone, what))
             }
-            (Demand::Arm, Phase::Up) | (Demand::Report | Demand::Fly(_), _) => None,
+            (Demand::Arm, Phase::Up) | (Demand::Report | Demand::Yield | Demand::Fly(_), _) => None,
         }
     }
 }

@@ -130,6 +130,8 @@ fn state(record: &Record) -> String {
         .map_or(State::Start, |(_, state)| *state);
     if record.fell {
         format!("fell while {last}")
+    } else if record.ran_empty {
+        format!("its battery empty while {last}")
     } else if record.killed.is_some() {
         format!("killed while {last}")
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
@@ -147,6 +149,11 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::Late => Some("it was late at its slot"),
         LandingReason::Overdue => Some("a leg took too long"),
         LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
+        LandingReason::Alone => Some("it heard of no other drone"),
+        LandingReason::Geofence => Some("it was about to leave the geofence"),
+        LandingReason::BatteryLow => Some("its battery was low"),
+        LandingReason::PositionLost => Some("it did not know where it was"),
+        LandingReason::BatteryCritical => Some("its battery was all but empty"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
         LandingReason::Controller => Some("its flight controller brought it down"),
     }

@@ -83,6 +83,10 @@ pub enum FaultKind {
     Restart(Target),
     /// One of a drone's actors, or its whole process, does nothing any more, while what comes for it waits.
     Hang(Target, Option<Address>),
+    /// All but this share of a full battery is gone at once.
+    Drain(Target, f64),
+    /// A vehicle does not know where it is over ground.
+    LoseGps(Target),
     /// Links between drones are not what they were.
     Links(Links, Link),
     /// Nothing is received within a disc, however high.
@@ -134,11 +138,13 @@ impl FaultKind {
             Self::CrashActor(..)
             | Self::Kill(_)
             | Self::CrashAircraft(_)
+            | Self::Drain(..)
             | Self::Replay(_)
             | Self::Forge(_) => false,
             Self::Links(_, link) => !matches!(link, Link::Healed),
             Self::Restart(_)
             | Self::Hang(..)
+            | Self::LoseGps(_)
             | Self::Jam { .. }
             | Self::Tamper(_)
             | Self::Skew(..) => true,

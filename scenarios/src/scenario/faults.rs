@@ -120,6 +120,10 @@ impl Reader<'_> {
         if let Some(victim) = &fault.crash_aircraft {
             kinds.push(FaultKind::CrashAircraft(self.target(victim)?));
         }
+        if let Some(victim) = &fault.lose_gps {
+            kinds.push(FaultKind::LoseGps(self.target(victim)?));
+        }
+        kinds.extend(self.drained(fault)?);
         for (pair, link) in [
             (&fault.cut, Link::Cut),
             (&fault.one_way, Link::OneWay),
@@ -159,6 +163,21 @@ impl Reader<'_> {
         match (kinds.pop(), kinds.is_empty()) {
             (Some(kind), true) => Ok(kind),
             _ => Err(self.source.error(span, ONE_THING)),
+        }
+    }
+
+    fn drained(&self, fault: &raw::Fault) -> Result<Option<FaultKind>, BadInput> {
+        match (&fault.drain, &fault.to) {
+            (None, None) => Ok(None),
+            (Some(victim), Some(to)) => {
+                let target = self.target(victim)?;
+                Ok(Some(FaultKind::Drain(target, to.get_ref().0)))
+            }
+            (Some(alone), None) => {
+                let message = "`drain` without the charge `to` which it goes";
+                Err(self.source.error(alone.span(), message))
+            }
+            (None, Some(alone)) => Err(self.source.error(alone.span(), "`to` goes with `drain`")),
         }
     }
 

@@ -7,7 +7,7 @@ use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Barrier;
-use muster_machines::navigation;
+use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, read_text};
@@ -15,6 +15,7 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Propagation};
 use toml::Spanned;
 
+use super::failsafe::{check_fence, failsafe, fence};
 use super::faults::faults;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
@@ -58,7 +59,8 @@ pub(crate) fn load_from(
     let layout = Arc::new(formation::layout(&source, &raw, separation)?);
     let changes: Arc<[Change]> =
         formation::changes(&source, &raw, &layout, waypoints.len())?.into();
-    let vehicle = vehicle(&raw);
+    let fence = fence(&raw, altitude_max_m(&raw));
+    let vehicle = vehicle(&raw, failsafe(&source, &raw, fence)?);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(&raw) - highest_layer_m(&layout, &changes, &waypoints),
@@ -76,6 +78,8 @@ pub(crate) fn load_from(
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
     check_layers(&source, &raw, &course)?;
+    let flown = (&*layout, &*changes, &*waypoints);
+    check_fence(&source, &raw, fence, flown, vehicle.speed_mps)?;
     let limits = limits(&raw, separation, &course);
     let protocol = protocol(&source, &raw)?;
     let relays = relays(&source, &raw)?;
@@ -108,6 +112,11 @@ pub(crate) fn load_from(
         vehicle,
         landing,
         settle,
+        endurance: raw
+            .vehicle
+            .endurance_s
+            .map(|it| Duration::from_secs_f64(it.0)),
+        alone: raw.failsafe.alone.into(),
         limits,
         notes,
         faults,
@@ -173,13 +182,14 @@ fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
 /// WPNAV_SPEED_DN 1.5 m/s.
-fn vehicle(raw: &Raw) -> navigation::Config {
+fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
     let vehicle = &raw.vehicle;
     navigation::Config {
         speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
         climb_mps: vehicle.climb_mps.map_or(2.5, |it| it.0),
         descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
         acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
+        failsafe,
     }
 }
 

@@ -1,5 +1,6 @@
 //! What is simulated: a scenario, as parsed.
 
+mod failsafe;
 mod fault;
 mod faults;
 mod file;
@@ -18,7 +19,7 @@ use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Barrier, Following, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -68,6 +69,10 @@ pub struct Scenario {
     pub landing: Landing,
     /// How long they take at most to come to rest at the end of a leg; how long is drawn for each.
     pub settle: Duration,
+    /// How long a full battery lasts with the motors armed; it does not drain by itself without.
+    pub endurance: Option<Duration>,
+    /// What a drone in the air does that hears of nobody else.
+    pub alone: Alone,
     /// What must not be exceeded.
     pub limits: Limits,
     /// What the mission file asks for and the swarm does not do, in words.
@@ -195,6 +200,7 @@ impl Scenario {
                 barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 succession: protocol.succession,
+                alone: self.alone,
                 spreading_patience: match protocol.succession {
                     Succession::Elect => protocol.time_to_live * 3,
                     Succession::Land => Duration::ZERO,

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use muster_machines::cell::Address;
-use muster_machines::mission::{Barrier, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -228,6 +228,36 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "vehicle.settle_ms",
         "milliseconds, a whole number from 0 to 60000",
     ),
+    (
+        "vehicle.endurance_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    ("failsafe", "a table"),
+    (
+        "failsafe.alone",
+        "\"carry-on\" or \"land\": what a drone does that hears of nobody else",
+    ),
+    (
+        "failsafe.position_hold_s",
+        "seconds, a number from 0 to 604800",
+    ),
+    (
+        "failsafe.battery_low",
+        "a share from 0 to 1, above `battery_critical`",
+    ),
+    (
+        "failsafe.battery_critical",
+        "a share from 0 to 1, below `battery_low`",
+    ),
+    ("geofence", "a table with `radius_m`"),
+    (
+        "geofence.radius_m",
+        "metres from home over ground, a number from 0.01 to 100000",
+    ),
+    (
+        "geofence.altitude_max_m",
+        "metres above home, a number from 0.01 to 100000",
+    ),
     ("limits", "a table"),
     (
         "limits.separation_horizontal_m",
@@ -271,7 +301,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "faults",
         "tables, each begun by a line `[[faults]]`: when, by `at_s`, `at_waypoint` or `when`, and one of `crash`, \
-         `hang`, `restart`, `kill`, `crash_aircraft`, `cut`, `one_way`, `degrade`, `heal`, `jam`, `corrupt`, \
+         `hang`, `restart`, `kill`, `crash_aircraft`, `lose_gps`, `drain`, `cut`, `one_way`, `degrade`, `heal`, `jam`, `corrupt`, \
          `duplicate`, `delay`, `reorder`, `replay`, `forge`, `skew`",
     ),
     (
@@ -326,6 +356,15 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "faults.crash_aircraft",
         "\"master\", or the number of a drone or of a relay",
     ),
+    (
+        "faults.lose_gps",
+        "\"master\", or the number of a drone or of a relay",
+    ),
+    (
+        "faults.drain",
+        "\"master\", or the number of a drone or of a relay, with `to`",
+    ),
+    ("faults.to", "a share from 0 to 1, with `drain`"),
     ("faults.cut", TWO_GROUPS),
     ("faults.one_way", TWO_GROUPS),
     ("faults.degrade", TWO_GROUPS),
@@ -386,6 +425,9 @@ pub(super) struct Raw {
     pub(super) follow: Option<Spanned<Follow>>,
     #[serde(default)]
     pub(super) vehicle: Vehicle,
+    #[serde(default)]
+    pub(super) failsafe: Failsafe,
+    pub(super) geofence: Option<Spanned<Geofence>>,
     #[serde(default)]
     pub(super) limits: Limits,
     #[serde(default)]
@@ -637,6 +679,41 @@ pub(super) struct Vehicle {
     pub(super) landing_mps: Option<Rate>,
     pub(super) landing_altitude_m: Option<Height>,
     pub(super) settle_ms: Option<Whole<0, 60_000>>,
+    pub(super) endurance_s: Option<Seconds>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[failsafe]`")]
+pub(super) struct Failsafe {
+    #[serde(default)]
+    pub(super) alone: AloneName,
+    pub(super) position_hold_s: Option<Instant>,
+    pub(super) battery_low: Option<Spanned<Share>>,
+    pub(super) battery_critical: Option<Spanned<Share>>,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum AloneName {
+    #[default]
+    CarryOn,
+    Land,
+}
+
+impl From<AloneName> for Alone {
+    fn from(name: AloneName) -> Self {
+        match name {
+            AloneName::CarryOn => Self::CarryOn,
+            AloneName::Land => Self::Land,
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[geofence]`")]
+pub(super) struct Geofence {
+    pub(super) radius_m: Length,
+    pub(super) altitude_max_m: Option<Length>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -672,6 +749,9 @@ pub(super) struct Fault {
     pub(super) restart: Option<Spanned<Victim>>,
     pub(super) kill: Option<Spanned<Victim>>,
     pub(super) crash_aircraft: Option<Spanned<Victim>>,
+    pub(super) lose_gps: Option<Spanned<Victim>>,
+    pub(super) drain: Option<Spanned<Victim>>,
+    pub(super) to: Option<Spanned<Share>>,
     pub(super) cut: Option<Spanned<Pair>>,
     pub(super) one_way: Option<Spanned<Pair>>,
     pub(super) degrade: Option<Spanned<Pair>>,

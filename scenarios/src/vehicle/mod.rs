@@ -1,5 +1,6 @@
 //! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
 
+mod battery;
 mod motion;
 mod tracking;
 
@@ -9,6 +10,7 @@ use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::msp::{Demand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 
+use self::battery::Battery;
 pub(crate) use motion::{Motion, Piece};
 
 /// How a vehicle comes down by itself.
@@ -37,6 +39,11 @@ pub(crate) struct Vehicle {
     is_landing: bool,
     is_wreck: bool,
     target: Option<Ned>,
+    /// Whether its pilot's sticks are ignored.
+    is_held: bool,
+    battery: Battery,
+    /// Since when it has not known where it is over ground, and until when it won't.
+    lost: Option<(Timestamp, Timestamp)>,
 }
 
 impl Vehicle {
@@ -49,7 +56,31 @@ impl Vehicle {
             is_landing: false,
             is_wreck: false,
             target: None,
+            is_held: false,
+            battery: Battery::full(),
+            lost: None,
         }
+    }
+
+    /// The same, with a battery that lasts so long with its motors armed.
+    pub(crate) fn lasting(mut self, endurance: Option<Duration>) -> Self {
+        self.battery.lasts(endurance);
+        self
+    }
+
+    pub(crate) const fn battery(&mut self) -> &mut Battery {
+        &mut self.battery
+    }
+
+    /// It does not know where it is over ground, until then at least.
+    pub(crate) fn lose_position(&mut self, now: Timestamp, until: Timestamp) {
+        let lost = self.lost.get_or_insert((now, until));
+        lost.1 = lost.1.max(until);
+    }
+
+    /// It knows again, unless it has lost it for longer.
+    pub(crate) fn find_position(&mut self, now: Timestamp) {
+        self.lost = self.lost.filter(|(_, until)| now < *until);
     }
 
     pub(crate) const fn motion(&self) -> &Motion {
@@ -66,14 +97,20 @@ impl Vehicle {
     }
 
     pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
+        let known = |place: Ned| match self.lost {
+            Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
+            None => place,
+        };
         Telemetry {
-            position: self.motion.position(now),
+            position: known(self.motion.position(now)),
+            position_lost_for: self.lost.map(|(lost, _)| now.since(lost)),
             velocity: self.motion.velocity(now).map_or(Velocity::ZERO, Velocity),
-            stop: self.motion.stop(now),
+            stop: known(self.motion.stop(now)),
             at_rest: self.motion.is_at_rest(now),
             armed: self.armed,
             landing: self.is_landing,
             target: self.target,
+            charge: self.battery.charge(now),
         }
     }
 
@@ -82,8 +119,15 @@ impl Vehicle {
         match demand {
             Demand::Report => false,
             Demand::Arm => {
-                self.armed |= !self.has_flown;
-                self.has_flown = true;
+                if !self.has_flown {
+                    self.armed = true;
+                    self.has_flown = true;
+                    self.battery.draw(now);
+                }
+                false
+            }
+            Demand::Yield => {
+                self.is_held = false;
                 false
             }
             // A vehicle that is coming down to land is not called off it.
@@ -113,6 +157,17 @@ impl Vehicle {
                 self.motion.track(now, (to, velocity), limits, hold);
                 true
             }
+            Demand::Fly(Setpoint::Hold {
+                altitude_m,
+                vertical_mps,
+                acceleration_mps2,
+            }) => {
+                self.target = None;
+                self.is_held = true;
+                self.motion
+                    .hold(now, altitude_m, vertical_mps, acceleration_mps2);
+                true
+            }
             Demand::Land => {
                 self.target = None;
                 self.is_landing = true;
@@ -140,14 +195,15 @@ impl Vehicle {
         self.motion.hover(time);
     }
 
-    /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed.
+    /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed. They
+    /// are ignored while a failsafe holds it.
     pub(crate) fn steer(
         &mut self,
         now: Timestamp,
         velocity: Velocity,
         acceleration_mps2: f64,
     ) -> bool {
-        let obeys = self.armed && !self.is_landing;
+        let obeys = self.armed && !self.is_landing && !self.is_held;
         if obeys {
             self.target = None;
             self.motion

@@ -255,3 +255,75 @@ fn pieces_of_a_tracked_motion_meet() {
         assert_eq!(pair[0].end, pair[1].start);
     }
 }
+
+fn hold(altitude_m: f64) -> Demand {
+    Demand::Fly(Setpoint::Hold {
+        altitude_m,
+        vertical_mps: 1.5,
+        acceleration_mps2: 1.0,
+    })
+}
+
+#[test]
+fn a_vehicle_that_holds_brakes_over_ground_and_climbs_or_descends_meanwhile() {
+    for altitude_m in [25.5, 20.0, 12.0] {
+        let mut vehicle = hovering();
+        vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+        assert!(vehicle.obey(at(30.0), hold(altitude_m)));
+        // At 10 m/s it takes 10 s and 50 m to brake.
+        let after = |seconds: f64| vehicle.motion().position(at(30.0 + seconds));
+        assert!(close(after(5.0).north_m(), 250.0 + 37.5));
+        let end = vehicle.motion().end();
+        assert!(close(end.north_m(), 300.0), "{end:?}");
+        assert!(close(end.altitude_m(), altitude_m));
+        assert!(vehicle.motion().is_at_rest(at(40.1)));
+        // 1.5 s to 1.5 m/s are 1.1 m; the rest takes its time at 1.5 m/s.
+        let climbed = after(3.5).altitude_m() - 20.0;
+        let towards = (altitude_m - 20.0).signum()
+            * f64::from(u8::from(altitude_m < 20.0 || altitude_m > 20.0));
+        assert!(close(climbed, towards * (1.125 + 3.0)), "{climbed}");
+    }
+}
+
+#[test]
+fn a_vehicle_that_holds_while_it_climbs_overshoots_and_comes_back() {
+    let mut vehicle = hovering();
+    vehicle.obey(Timestamp::ZERO, leg(0.0, 60.0));
+    let climbing = vehicle.motion().position(at(5.0)).altitude_m();
+    vehicle.obey(at(5.0), hold(climbing));
+    let highest = vehicle.motion().position(at(10.0)).altitude_m();
+    assert!(highest > climbing + 10.0, "5 m/s take 12.5 m to stop");
+    assert!(close(vehicle.motion().end().altitude_m(), climbing));
+}
+
+#[test]
+fn a_vehicle_that_holds_ignores_its_pilot_until_it_is_given_back() {
+    let mut vehicle = hovering();
+    let north = Velocity::new(5.0, 0.0, 0.0);
+    assert!(vehicle.steer(at(1.0), north, 1.0));
+    vehicle.obey(at(2.0), hold(20.0));
+    assert!(!vehicle.steer(at(3.0), north, 1.0));
+    vehicle.obey(at(4.0), Demand::Yield);
+    assert!(vehicle.steer(at(5.0), north, 1.0));
+}
+
+#[test]
+fn a_vehicle_that_lost_its_position_tells_where_it_was_then_and_for_how_long() {
+    let mut vehicle = hovering();
+    vehicle.obey(Timestamp::ZERO, leg(500.0, 30.0));
+    vehicle.lose_position(at(10.0), at(25.0));
+    vehicle.lose_position(at(12.0), at(15.0));
+    vehicle.find_position(at(15.0));
+    let told = vehicle.telemetry(at(20.0));
+    let then = vehicle.motion().position(at(10.0));
+    assert_eq!(told.position_lost_for, Some(Duration::from_secs(10)));
+    assert!(close(told.position.north_m(), then.north_m()));
+    assert!(
+        told.position.altitude_m() > then.altitude_m(),
+        "its height it knows"
+    );
+    vehicle.find_position(at(25.0));
+    let told = vehicle.telemetry(at(20.0));
+    assert_eq!(told.position_lost_for, None);
+    assert_eq!(told.position, vehicle.motion().position(at(20.0)));
+}

@@ -1,4 +1,4 @@
-//! Motions after a place that moves, and after a pilot's sticks.
+//! Motions after a place that moves, after a pilot's sticks, and to rest at another height.
 
 use std::time::Duration;
 
@@ -94,6 +94,34 @@ impl Correction {
     }
 }
 
+/// For how long each, in seconds, and how to accelerate, in m/s², to be at rest `distance_m` farther, at no more than
+/// `speed_mps` and beginning with `velocity_mps`: the trapezoid that takes the least time.
+fn trapezoid(
+    distance_m: f64,
+    velocity_mps: f64,
+    speed_mps: f64,
+    acceleration_mps2: f64,
+) -> [(f64, f64); 3] {
+    let stop_m = velocity_mps * velocity_mps.abs() / (2.0 * acceleration_mps2);
+    let ahead = if distance_m < stop_m { -1.0 } else { 1.0 };
+    let square = acceleration_mps2 * ahead * distance_m + velocity_mps * velocity_mps / 2.0;
+    let peak_mps = ahead * square.max(0.0).sqrt().min(speed_mps);
+    let to_peak_s = (peak_mps - velocity_mps).abs() / acceleration_mps2;
+    let to_rest_s = peak_mps.abs() / acceleration_mps2;
+    let ends_m = (velocity_mps + peak_mps) / 2.0 * to_peak_s + peak_mps / 2.0 * to_rest_s;
+    let cruise_s = if to_rest_s > 0.0 {
+        ((distance_m - ends_m) / peak_mps).max(0.0)
+    } else {
+        0.0
+    };
+    let towards_peak = (peak_mps - velocity_mps).signum() * acceleration_mps2;
+    [
+        (to_peak_s, towards_peak),
+        (cruise_s, 0.0),
+        (to_rest_s, -ahead * acceleration_mps2),
+    ]
+}
+
 const REST: (f64, Vector3<f64>) = (0.0, Vector3::new(0.0, 0.0, 0.0));
 
 impl Motion {
@@ -146,6 +174,51 @@ impl Motion {
             now = self.accelerate(now, Vector3::zeros(), hold.as_secs_f64());
         }
         self.come_to_rest_from(now);
+    }
+
+    /// Comes to rest over ground and, at the same time, at another height, each as fast as it may.
+    pub(super) fn hold(
+        &mut self,
+        at: Timestamp,
+        altitude_m: f64,
+        vertical_mps: f64,
+        acceleration_mps2: f64,
+    ) {
+        let own = self.velocity(at).unwrap_or_default();
+        let from = self.position(at).0;
+        self.braking_mps2 = acceleration_mps2;
+        self.cut(at);
+        let over_ground = Vector3::new(own.x, own.y, 0.0);
+        let braking_s = over_ground.norm() / acceleration_mps2;
+        let braking = over_ground
+            .try_normalize(0.0)
+            .map_or_else(Vector3::zeros, |ahead| ahead * -acceleration_mps2);
+        let mut vertical = (0.0, 0.0);
+        let vertical = trapezoid(-altitude_m - from.z, own.z, vertical_mps, acceleration_mps2).map(
+            |(seconds, down_mps2)| {
+                vertical = (vertical.0 + seconds, down_mps2);
+                vertical
+            },
+        );
+        let mut ends: Vec<f64> = vertical.iter().map(|(end_s, _)| *end_s).collect();
+        ends.push(braking_s);
+        ends.sort_by(f64::total_cmp);
+        let (mut now, mut begun_s) = ((at, from, own), 0.0);
+        for end_s in ends.into_iter().filter(|end_s| *end_s > 0.0) {
+            let current = vertical.iter().find(|(until_s, _)| begun_s < *until_s);
+            let down_mps2 = current.map_or(0.0, |(_, down_mps2)| *down_mps2);
+            let level = if begun_s < braking_s {
+                braking
+            } else {
+                Vector3::zeros()
+            };
+            let acceleration = level + Vector3::new(0.0, 0.0, down_mps2);
+            now = self.accelerate(now, acceleration, end_s - begun_s);
+            begun_s = end_s;
+        }
+        // A rest exactly at that height, free of rounding.
+        let end = Vector3::new(now.1.x, now.1.y, -altitude_m);
+        self.push(now.0, end, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
     /// Plans a piece; when, where and how fast it ends.

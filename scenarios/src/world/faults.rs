@@ -129,6 +129,18 @@ impl World {
                 }
                 return None;
             }
+            FaultKind::Drain(target, to) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.drain(drone, *to);
+                }
+                return None;
+            }
+            FaultKind::LoseGps(target) => {
+                if let Some(drone) = self.find_target(*target) {
+                    self.lose_position(drone, fault.lasts);
+                }
+                return None;
+            }
             FaultKind::Links(links, link) => self.set_links(links, *link),
             FaultKind::Jam { centre, radius_m } => {
                 let jammer = u32::try_from(index).unwrap_or(u32::MAX);
@@ -177,6 +189,8 @@ impl World {
             | FaultKind::Kill(_)
             | FaultKind::CrashAircraft(_)
             | FaultKind::Restart(_)
+            | FaultKind::Drain(..)
+            | FaultKind::LoseGps(_)
             | FaultKind::Hang(..)
             | FaultKind::Replay(_)
             | FaultKind::Forge(_)

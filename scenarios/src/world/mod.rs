@@ -9,6 +9,7 @@ mod connected;
 mod disk;
 mod drone;
 mod faults;
+mod health;
 mod heap;
 mod process;
 mod recorder;
@@ -100,6 +101,10 @@ enum Planned {
         generation: u32,
     },
     PlaceRadios,
+    /// A battery says that there is less in it.
+    Drained(NodeId),
+    /// A vehicle knows again where it is.
+    PositionFound(NodeId),
     Restart {
         drone: NodeId,
         address: Address,
@@ -225,7 +230,7 @@ impl World {
                 .collect(),
             vehicles: places
                 .iter()
-                .map(|place| Vehicle::new(scenario.landing, *place))
+                .map(|place| Vehicle::new(scenario.landing, *place).lasting(scenario.endurance))
                 .collect(),
             settle: scenario.settle,
             hang_max: scenario.limits.hang,
@@ -363,6 +368,8 @@ impl World {
             }
             Planned::ComeToRest { drone, generation } => self.come_to_rest(drone, generation),
             Planned::PlaceRadios => self.place_radios(),
+            Planned::Drained(drone) => self.drained(drone),
+            Planned::PositionFound(drone) => self.find_position(drone),
             Planned::Boot { drone, life } => return self.boot(drone, life),
             Planned::Watchdog {
                 drone,
@@ -544,6 +551,7 @@ impl World {
             self.heap.plan(self.now, Planned::PlaceRadios);
         }
         self.airborne += 1;
+        self.watch_battery(drone);
         self.occurs(Occasion::TakingOff);
     }
 

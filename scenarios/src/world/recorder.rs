@@ -48,6 +48,8 @@ pub(crate) struct Record {
     pub(crate) given_up: bool,
     /// When its companion computer died, or the aircraft fell.
     pub(crate) killed: Option<Timestamp>,
+    /// Whether its battery is empty.
+    pub(crate) ran_empty: bool,
     pub(crate) fell: bool,
     pub(crate) restarts: u32,
     /// How often its process started anew.
@@ -104,6 +106,7 @@ impl Recorder {
             reason: None,
             given_up: false,
             killed: None,
+            ran_empty: false,
             fell: false,
             restarts: 0,
             reboots: 0,
@@ -259,6 +262,10 @@ impl Recorder {
 
     pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {
         self.record(id).killed = Some(now);
+    }
+
+    pub(crate) fn ran_empty(&mut self, id: NodeId) {
+        self.record(id).ran_empty = true;
     }
 
     pub(crate) fn fell(&mut self, id: NodeId, now: Timestamp) {

@@ -31,6 +31,8 @@ pub(crate) enum Kind {
     Steered,
     Killed,
     Addressed,
+    Drained,
+    PositionLost,
     Fell,
     Stopped,
     Hung,

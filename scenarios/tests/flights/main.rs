@@ -6,6 +6,7 @@ mod any;
 mod changes;
 mod election;
 mod engines;
+mod failsafe;
 mod faults;
 mod follow;
 mod formations;

@@ -26,8 +26,13 @@ impl Separation {
         self.horizontal_m + MARGIN_M
     }
 
+    /// From one layer to the next, in metres.
+    fn pitch_m(self) -> f64 {
+        self.vertical_m + MARGIN_M
+    }
+
     pub(super) fn heights_m(self, stack: &Stack) -> impl Iterator<Item = f64> {
-        let pitch_m = self.vertical_m + MARGIN_M;
+        let pitch_m = self.pitch_m();
         let layers = stack.layers.iter();
         layers.map(move |layer| f64::from(*layer) * pitch_m)
     }
@@ -163,6 +168,23 @@ impl Layout {
             let stack = Stack::of(slots.len(), &crossings, 1);
             self.separation.heights_m(&stack).collect()
         })
+    }
+
+    /// How far above its slot a drone flies that is to be above all that fly in lockstep, in metres: in its own layer or,
+    /// if it has none, in the lowest one.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn layer_alone_m(&self, id: NodeId, waypoints: &[Ned]) -> f64 {
+        let own_m = self.layers_m(waypoints)[id.0 as usize];
+        own_m.max(self.pitch_m())
+    }
+
+    /// From one altitude layer to the next, in metres.
+    #[must_use]
+    pub fn pitch_m(&self) -> f64 {
+        self.separation.pitch_m()
     }
 
     /// The highest layer of all, in metres above the mission's altitude.

@@ -4,8 +4,8 @@ use std::fmt;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::Barrier;
 use super::order::Step;
+use super::{Barrier, LandingReason};
 use crate::geometry::Ned;
 use crate::identity::{NodeId, NodeSet};
 use crate::reign::Obeyed;
@@ -136,6 +136,8 @@ pub struct Checkpoint {
     pub acknowledged: u32,
     /// Whether the drone flies in its own altitude layer, because there may be some it is not in lockstep with.
     pub in_layer: bool,
+    /// Why the drone goes to land by itself: as soon as it is in its slot, or on its way already.
+    pub leaving: Option<LandingReason>,
     /// Where the centre of the formation lands.
     pub land_at: Ned,
     /// Where the swarm assembled around its master after following it.
@@ -157,6 +159,7 @@ impl Checkpoint {
             || self.state != before.state
             || self.opened != before.opened
             || self.changes != before.changes
+            || self.leaving != before.leaving
             || self.plan_complete != before.plan_complete
             || order(self) != order(before)
     }

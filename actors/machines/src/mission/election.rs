@@ -37,7 +37,10 @@ impl Mission {
     fn begin_reign(&mut self, ballot: Ballot) {
         self.outbox.event(Event::Obeys(ballot));
         self.master_silent = None;
-        if self.durable.lead.take().is_some() && self.durable.pending.is_none() {
+        self.master_lands = false;
+        let has_own_limit =
+            self.durable.pending.is_some() || self.durable.state == State::MovingToLand;
+        if self.durable.lead.take().is_some() && !has_own_limit {
             // It was the limit of its patience with the others.
             self.durable.limit = None;
         }
@@ -85,7 +88,11 @@ impl Mission {
             State::TakingOff
             | State::NeighbourDiscovery
             | State::HopUpdate
-            | State::ChangingFormation { .. } => since + self.config.spreading_patience,
+            | State::ChangingFormation { .. }
+                if !self.master_lands =>
+            {
+                since + self.config.spreading_patience
+            }
             _ => since,
         })
     }

@@ -78,7 +78,11 @@ impl Mission {
         }
         let waypoint = self.durable.plan.get(usize::from(followed.bound_for))?;
         let to = self.layout().slot(self.config.id, *waypoint);
-        Some(Goal::FlyTo { to })
+        let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(self.config.id);
+        Some(Goal::FlyTo {
+            to,
+            refuge_altitude_m,
+        })
     }
 
     pub(super) fn arrived_as_followed(&mut self, now: Timestamp) {
@@ -156,8 +160,10 @@ impl Mission {
         self.durable.limit = None;
         self.durable.pending = None;
         let to = self.layout().slot(self.config.id, at);
+        let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(self.config.id);
         self.outbox.transmit(Transmit::Goal(Goal::Track {
             to,
+            refuge_altitude_m,
             velocity,
             hold: following.hold,
         }));
@@ -196,7 +202,7 @@ impl Mission {
     pub(super) fn land_where_assembled(&mut self) {
         if let Some(at) = self.durable.assembled_at {
             self.gather_at(at);
-            self.land(LandingReason::MissionOver);
+            self.land(self.durable.leaving.unwrap_or(LandingReason::MissionOver));
         }
     }
 }

@@ -107,8 +107,9 @@ impl Mission {
             return;
         }
         self.durable.pending = Some(sequence);
-        self.durable.land_at = at;
         self.durable.changes = changes;
+        self.durable.leaving = None;
+        self.durable.land_at = at;
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);
         self.outbox

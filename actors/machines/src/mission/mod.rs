@@ -3,6 +3,7 @@
 mod change;
 mod durable;
 mod election;
+mod failsafe;
 mod follow;
 mod master;
 mod member;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 
 pub use durable::{Awaited, Checkpoint, Followed, Lead, RoutesPhase, State};
 pub use follow::Following;
@@ -24,6 +26,7 @@ use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::Notice as RoutingNotice;
+use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -46,6 +49,8 @@ pub struct Config {
     pub liveness: Liveness,
     /// What a drone in the air does once its master counts as lost.
     pub succession: Succession,
+    /// What a drone in the air does that hears of nobody else.
+    pub alone: Alone,
     /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again.
     pub spreading_patience: Duration,
     /// How long the master waits for members that do not get ready on the ground.
@@ -82,6 +87,15 @@ pub enum Succession {
     /// It leads whoever hears it, unless it hears of a better claim.
     Elect,
     /// It lands on the spot.
+    Land,
+}
+
+/// What a drone in the air does that leads and has not heard of any other for the time to live.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alone {
+    /// It flies on, a swarm of one.
+    CarryOn,
+    /// It goes to land from the waypoint that it is at or makes for.
     Land,
 }
 
@@ -138,7 +152,7 @@ pub enum Transmit {
 }
 
 /// Why a drone comes down.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum LandingReason {
     /// The mission is over.
     MissionOver,
@@ -154,6 +168,16 @@ pub enum LandingReason {
     Restarted,
     /// Its flight controller brings it down, or has brought it down, by itself.
     Controller,
+    /// It had not heard of any other drone for the time to live.
+    Alone,
+    /// It was about to leave the geofence.
+    Geofence,
+    /// Its battery was low.
+    BatteryLow,
+    /// It did not know where it was.
+    PositionLost,
+    /// Its battery was all but empty.
+    BatteryCritical,
 }
 
 /// What can be seen of a mission.
@@ -185,6 +209,9 @@ pub struct Mission {
     durable: Checkpoint,
     /// Since when the master has been missed.
     master_silent: Option<Timestamp>,
+    /// Whether it says that it is going to land.
+    master_lands: bool,
+    punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -196,6 +223,8 @@ impl Mission {
             config,
             durable: Checkpoint::default(),
             master_silent: None,
+            master_lands: false,
+            punctuality: Punctuality::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -278,19 +307,33 @@ impl Mission {
                     let to = to.at_altitude(to.altitude_m() + layer_m);
                     Goal::TransitTo { to }
                 } else {
-                    Goal::FlyTo { to }
+                    let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                    Goal::FlyTo {
+                        to,
+                        refuge_altitude_m,
+                    }
                 })
             }
             State::ChangingFormation { change, step } => {
                 let to = self.corner(change, step)?;
-                Some(Goal::FlyTo { to })
+                // In a column of its own, or in its sector.
+                let refuge_altitude_m = to.altitude_m();
+                Some(Goal::FlyTo {
+                    to,
+                    refuge_altitude_m,
+                })
             }
             State::Following => self.goal_as_followed(),
             State::Assembling => {
                 let at = self.durable.assembled_at?;
                 let to = layout.slot(id, at);
-                Some(Goal::FlyTo { to })
+                let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                Some(Goal::FlyTo {
+                    to,
+                    refuge_altitude_m,
+                })
             }
+            State::MovingToLand if self.durable.leaving.is_some() => self.goal_alone(),
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = at.altitude_m() + self.landing_layer_m();
@@ -322,9 +365,14 @@ impl Mission {
     }
 
     fn land(&mut self, reason: LandingReason) {
+        self.outbox.transmit(Transmit::Land);
+        self.descend(reason);
+    }
+
+    /// Comes down on the spot; that it does is told separately.
+    fn descend(&mut self, reason: LandingReason) {
         self.enter(State::Landing);
         self.outbox.event(Event::Landing(reason));
-        self.outbox.transmit(Transmit::Land);
         self.durable.limit = None;
         self.pursue_goal();
     }
@@ -389,6 +437,12 @@ impl Mission {
                 self.master_silent.get_or_insert(now);
             }
             RoutingNotice::MasterReturned => self.master_silent = None,
+            // It leads no longer; one that takes the swarm down with it has ordered that.
+            RoutingNotice::MasterLands if self.config.succession == Succession::Elect => {
+                self.master_lands = true;
+                self.master_silent.get_or_insert(now);
+            }
+            RoutingNotice::MasterLands => {}
             RoutingNotice::DiscoveryStarted => self.routes_are(RoutesPhase::Discovery),
             RoutingNotice::HopUpdateStarted => self.routes_are(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.routes_are(RoutesPhase::Ready),
@@ -438,6 +492,9 @@ impl Mission {
             State::Following => self.arrived_as_followed(now),
             State::Assembling => self.carried_out(),
             State::MovingToLand => {
+                if self.durable.leaving.is_some() {
+                    self.outbox.transmit(Transmit::Land);
+                }
                 self.durable.limit = None;
                 self.enter(State::Landing);
                 self.pursue_goal();
@@ -473,7 +530,7 @@ impl Mission {
         match self.durable.state {
             State::Start | State::SetUp | State::Finished => return,
             State::Landing => {}
-            _ => self.land(LandingReason::Controller),
+            _ => self.come_down(LandingReason::Controller),
         }
         self.enter(State::Finished);
         self.carried_out();
@@ -483,12 +540,15 @@ impl Mission {
     /// The flight controller brings the drone down without having been told to.
     fn coming_down(&mut self) {
         if self.durable.state.is_following() || self.durable.state == State::MovingToLand {
-            self.land(LandingReason::Controller);
+            self.come_down(LandingReason::Controller);
         }
     }
 
     /// Goes on as far as what is known allows.
     fn react(&mut self, now: Timestamp) {
+        if self.leave_if_due(now) {
+            return;
+        }
         if self.durable.lead.is_some() {
             self.lead(now);
         } else {
@@ -506,6 +566,8 @@ impl Mission {
         }
         self.say_acknowledged();
         match self.durable.state {
+            // It says so once it is below the others.
+            State::MovingToLand if self.durable.leaving.is_some() => {}
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),
             _ => {}
@@ -513,22 +575,25 @@ impl Mission {
     }
 
     fn give_up(&mut self) {
-        self.abandon_swarm();
+        let reason = LandingReason::ActorGivenUp;
         match self.durable.state {
             State::Landing | State::Finished => {}
-            State::Start | State::SetUp => self.stay_down(LandingReason::ActorGivenUp),
-            _ => self.land(LandingReason::ActorGivenUp),
+            State::Start | State::SetUp => self.stay_down(reason),
+            _ => self.come_down(reason),
         }
     }
 
-    /// It never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
-    fn stay_down(&mut self, reason: LandingReason) {
-        self.outbox.event(Event::Landing(reason));
-        self.durable.limit = None;
-        self.durable.lead = None;
-        self.enter(State::Finished);
-        self.outbox.transmit(Transmit::Land);
-        self.outbox.transmit(Transmit::Stop);
+    /// The host stood still, perhaps while others did what the drone waits for: it gives them as long again.
+    fn allow_for_stall(&mut self, now: Timestamp) {
+        if let Some(stall) = self.punctuality.stalled_for(now) {
+            self.durable.limit = self.durable.limit.map(|limit| limit.max(now) + stall);
+            self.master_silent = self.master_silent.map(|_| now);
+        }
+    }
+
+    fn deadline(&self) -> Option<Timestamp> {
+        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
+        deadlines.into_iter().flatten().min()
     }
 }
 
@@ -539,6 +604,7 @@ impl Machine for Mission {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.allow_for_stall(now);
         match input {
             Input::Fly => self.fly(now),
             Input::Land => self.end_following(),
@@ -552,14 +618,21 @@ impl Machine for Mission {
             }
             Input::Navigation(NavigationNotice::ComingDown) => self.coming_down(),
             Input::Navigation(NavigationNotice::Landed) => self.landed(),
+            Input::Navigation(NavigationNotice::Failing {
+                failure,
+                stop,
+                is_airborne,
+            }) => self.fail(now, failure, stop, is_airborne),
             Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
             Input::GiveUp => self.give_up(),
         }
         self.checkpoint();
+        self.punctuality.ask(now, self.deadline());
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        self.allow_for_stall(now);
         self.locate_if_due(now);
         if self.succeeds_at().is_some_and(|at| at <= now) {
             self.succeed(now);
@@ -567,21 +640,21 @@ impl Machine for Mission {
         }
         if self.durable.limit.is_some_and(|limit| limit <= now) {
             self.durable.limit = None;
-            if self.durable.pending.is_some() || self.durable.state == State::Following {
+            let is_under_way = matches!(self.durable.state, State::Following | State::MovingToLand);
+            if self.durable.pending.is_some() || is_under_way {
                 // It is this drone that is late.
-                self.abandon_swarm();
-                self.land(LandingReason::Overdue);
+                self.come_down(LandingReason::Overdue);
             } else {
                 self.leave_out_the_late();
                 self.react(now);
             }
             self.checkpoint();
         }
+        self.punctuality.ask(now, self.deadline());
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
-        self.outbox.poll(deadlines.into_iter().flatten().min())
+        self.outbox.poll(self.deadline())
     }
 }
 

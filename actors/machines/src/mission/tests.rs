@@ -1,5 +1,6 @@
 mod change;
 mod election;
+mod failsafe;
 mod follow;
 
 use std::num::NonZeroU32;
@@ -16,6 +17,17 @@ const OPERATORS: Ballot = Ballot {
 };
 
 const SECOND: Duration = Duration::from_secs(1);
+
+/// The lowest layer above the slots.
+const PITCH_M: f64 = 5.5;
+
+/// Straight to a slot, in lockstep with the swarm.
+fn fly_to(to: Ned) -> Goal {
+    Goal::FlyTo {
+        to,
+        refuge_altitude_m: to.altitude_m() + PITCH_M,
+    }
+}
 
 fn waypoints() -> Vec<Ned> {
     [0.0, 100.0, 200.0]
@@ -44,6 +56,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         barrier: Barrier::Strict,
         liveness,
         succession: Succession::Land,
+        alone: Alone::CarryOn,
         spreading_patience: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
@@ -386,10 +399,7 @@ fn a_restarted_mission_goes_on_where_it_was() {
     let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
     let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
     let to = Ned::new(100.0, -100.0, -25.0);
-    assert_eq!(
-        transmits,
-        [Transmit::Resync, Transmit::Goal(Goal::FlyTo { to })]
-    );
+    assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(fly_to(to))]);
     let arrived = told(
         &mut restarted,
         40.0,

@@ -1,4 +1,6 @@
-//! How a drone gets where its mission wants it: guidance in the open, by straight legs.
+//! How a drone gets where its mission wants it: guidance in the open, by straight legs; and whether it can go on.
+
+mod watch;
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
@@ -10,6 +12,9 @@ use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
 use crate::time::Timestamp;
+
+use self::watch::Watch;
+pub use self::watch::{Failsafe, Failure, Fence};
 
 /// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
 const ARRIVAL_RADIUS_M: f64 = 1.0;
@@ -25,6 +30,8 @@ pub struct Config {
     pub descent_mps: f64,
     /// Along any leg, in m/s².
     pub acceleration_mps2: f64,
+    /// From when on the drone can't go on.
+    pub failsafe: Failsafe,
 }
 
 /// Where a mission wants its drone.
@@ -43,6 +50,8 @@ pub enum Goal {
     FlyTo {
         /// Where.
         to: Ned,
+        /// At which height the drone is in nobody's way who flies on, should it have to stop; in metres above home.
+        refuge_altitude_m: f64,
     },
     /// Climb or descend to the height of `to` first, then fly level.
     TransitTo {
@@ -53,6 +62,8 @@ pub enum Goal {
     Track {
         /// Where it is now.
         to: Ned,
+        /// As for [`Self::FlyTo`].
+        refuge_altitude_m: f64,
         /// How it moves.
         velocity: Velocity,
         /// For how long it may be thought to move so; the drone comes to rest then unless it is told more.
@@ -104,6 +115,16 @@ pub enum Notice {
     ComingDown,
     /// The drone is on the ground and disarmed.
     Landed,
+    /// The drone can't go on; of what has been told before, only what is worse. It holds where the failure is its
+    /// position or its fence, until it is told where else to go.
+    Failing {
+        /// Why.
+        failure: Failure,
+        /// Where it would be at rest if it braked now.
+        stop: Ned,
+        /// Whether its motors are armed.
+        is_airborne: bool,
+    },
     /// This navigation restarted: tell me again where to go.
     Resync,
 }
@@ -143,6 +164,7 @@ pub struct Navigation {
     durable: Checkpoint,
     /// Whether the mission waits to be told where the drone is.
     locating: bool,
+    watch: Watch,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -154,6 +176,7 @@ impl Navigation {
             config,
             durable: Checkpoint::default(),
             locating: false,
+            watch: Watch::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -179,7 +202,12 @@ impl Navigation {
     }
 
     fn take_goal(&mut self, goal: Goal) {
-        if let Goal::Track { to, velocity, hold } = goal {
+        self.watch.tell_again();
+        if let Goal::Track {
+            to, velocity, hold, ..
+        } = goal
+            && !self.watch.is_lost()
+        {
             return self.track(goal, to, velocity, hold);
         }
         if self.durable.goal != Some(goal) {
@@ -214,14 +242,74 @@ impl Navigation {
         });
     }
 
-    fn hear(&mut self, telemetry: &Telemetry) {
+    fn hear(&mut self, now: Timestamp, telemetry: &Telemetry) {
         if std::mem::take(&mut self.locating) {
             self.inform(Notice::At {
                 position: telemetry.position,
                 velocity: telemetry.velocity,
             });
         }
-        self.pursue(telemetry);
+        self.heed(now, telemetry);
+        let comes_down = telemetry.landing || self.durable.goal == Some(Goal::Land);
+        if comes_down || !self.watch.is_lost() {
+            self.pursue(telemetry);
+        }
+    }
+
+    /// Holds, or goes on, as the state of the vehicle demands, and lets the mission know.
+    fn heed(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        let Config {
+            failsafe,
+            speed_mps,
+            ..
+        } = self.config;
+        let verdict = self.watch.judge(now, telemetry, &failsafe, speed_mps);
+        if verdict.is_found {
+            if self.durable.goal == Some(Goal::Yield) {
+                self.demand(Demand::Yield);
+            }
+            self.progress(Progress::Planning);
+        }
+        if verdict.is_lost && self.durable.goal != Some(Goal::Land) {
+            self.hold(telemetry);
+        }
+        for failure in verdict.failures {
+            if failure == Failure::Geofence {
+                self.hold(telemetry);
+                self.durable.goal = Some(Goal::Hold);
+                self.progress(Progress::Done);
+            }
+            self.inform(Notice::Failing {
+                failure,
+                stop: telemetry.stop,
+                is_airborne: telemetry.armed,
+            });
+        }
+    }
+
+    /// Stops wherever the vehicle is, at the height at which it is in nobody's way.
+    fn hold(&mut self, telemetry: &Telemetry) {
+        let refuge_altitude_m = match self.durable.goal {
+            Some(
+                Goal::FlyTo {
+                    refuge_altitude_m, ..
+                }
+                | Goal::Track {
+                    refuge_altitude_m, ..
+                },
+            ) => Some(refuge_altitude_m),
+            Some(Goal::TakeOff {
+                transit_altitude_m, ..
+            }) => Some(transit_altitude_m),
+            Some(Goal::TransitTo { to }) => Some(to.altitude_m()),
+            Some(Goal::Hold | Goal::Yield | Goal::Land) | None => None,
+        };
+        let stop_m = telemetry.stop.altitude_m();
+        self.demand(Demand::Fly(Setpoint::Hold {
+            altitude_m: refuge_altitude_m.unwrap_or(stop_m),
+            vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
+            acceleration_mps2: self.config.acceleration_mps2,
+        }));
     }
 
     fn pursue(&mut self, telemetry: &Telemetry) {
@@ -257,7 +345,11 @@ impl Navigation {
         let start = telemetry.stop;
         let corners: Vec<Ned> = match goal {
             Goal::TakeOff { .. } if !telemetry.armed => {
-                self.demand(Demand::Arm);
+                let knows_where_it_is = telemetry.position_lost_for.is_none();
+                let has_charge = telemetry.charge > self.config.failsafe.battery_low;
+                if knows_where_it_is && has_charge {
+                    self.demand(Demand::Arm);
+                }
                 return;
             }
             Goal::TakeOff {
@@ -269,7 +361,10 @@ impl Navigation {
                 to.at_altitude(transit_altitude_m),
                 to,
             ],
-            Goal::FlyTo { to } => vec![to],
+            Goal::FlyTo {
+                to,
+                refuge_altitude_m,
+            } => way_from_refuge(start, to, refuge_altitude_m),
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Hold => vec![start],
             Goal::Land | Goal::Track { .. } | Goal::Yield => Vec::new(),
@@ -343,23 +438,40 @@ impl Machine for Navigation {
     type Event = Event;
     type Rejection = Infallible;
 
-    fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
             Input::Goal(goal) => self.take_goal(goal),
             Input::Locate => {
                 self.locating = true;
                 self.demand(Demand::Report);
             }
-            Input::Telemetry(telemetry) => self.hear(&telemetry),
+            Input::Telemetry(telemetry) => self.hear(now, &telemetry),
             Input::Resync => self.demand(Demand::Report),
         }
         Ok(())
     }
 
-    fn handle_timeout(&mut self, _now: Timestamp) {}
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if self.watch.next_look().is_some_and(|look| look <= now) {
+            self.watch.looked();
+            self.demand(Demand::Report);
+        }
+    }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(None)
+        self.outbox.poll(self.watch.next_look())
+    }
+}
+
+/// The corners of the way to a slot: a drone that has held in its refuge descends only once it is over its slot.
+fn way_from_refuge(start: Ned, to: Ned, refuge_altitude_m: f64) -> Vec<Ned> {
+    let height_m = start.altitude_m();
+    let is_in_refuge = (height_m - refuge_altitude_m).abs() < ARRIVAL_RADIUS_M
+        && height_m > to.altitude_m() + ARRIVAL_RADIUS_M;
+    if is_in_refuge {
+        vec![to.at_altitude(height_m), to]
+    } else {
+        vec![to]
     }
 }
 

@@ -6,6 +6,14 @@ const CONFIG: Config = Config {
     climb_mps: 2.5,
     descent_mps: 1.5,
     acceleration_mps2: 1.0,
+    failsafe: FAILSAFE,
+};
+
+const FAILSAFE: Failsafe = Failsafe {
+    position_hold: Duration::from_secs(30),
+    battery_low: 0.15,
+    battery_critical: 0.07,
+    fence: None,
 };
 
 const ON_THE_GROUND: Telemetry = Telemetry {
@@ -16,7 +24,17 @@ const ON_THE_GROUND: Telemetry = Telemetry {
     armed: false,
     landing: false,
     target: None,
+    position_lost_for: None,
+    charge: 1.0,
 };
+
+/// Straight there; 5 m higher the drone is in nobody's way.
+fn fly_to(to: Ned) -> Goal {
+    Goal::FlyTo {
+        to,
+        refuge_altitude_m: to.altitude_m() + 5.0,
+    }
+}
 
 fn told(navigation: &mut Navigation, input: Input) -> Vec<Transmit> {
     let mut transmits = Vec::new();
@@ -98,9 +116,9 @@ fn a_slanting_leg_is_as_fast_as_climb_and_ground_speed_allow() {
 fn a_goal_that_is_reached_already_is_told_again() {
     let mut navigation = Navigation::new(CONFIG, None);
     let to = Ned::new(50.0, 0.0, -25.0);
-    told(&mut navigation, Input::Goal(Goal::FlyTo { to }));
+    told(&mut navigation, Input::Goal(fly_to(to)));
     told(&mut navigation, at_rest_at(to));
-    let again = told(&mut navigation, Input::Goal(Goal::FlyTo { to }));
+    let again = told(&mut navigation, Input::Goal(fly_to(to)));
     assert_eq!(again, [Transmit::Inform(Notice::Arrived)]);
 }
 
@@ -108,7 +126,7 @@ fn a_goal_that_is_reached_already_is_told_again() {
 fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
     let to = Ned::new(50.0, 0.0, -25.0);
     let checkpoint = Checkpoint {
-        goal: Some(Goal::FlyTo { to }),
+        goal: Some(fly_to(to)),
         progress: Progress::Flying([to].into()),
     };
     let mut navigation = Navigation::new(CONFIG, Some(checkpoint));
@@ -146,6 +164,7 @@ fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
 
 const MOVING: Goal = Goal::Track {
     to: Ned::HOME,
+    refuge_altitude_m: 10.0,
     velocity: Velocity::new(10.0, 0.0, 0.0),
     hold: Duration::from_secs(1),
 };
@@ -213,4 +232,113 @@ fn whoever_asks_where_the_drone_is_is_told_once() {
         [Transmit::Inform(notice)]
     );
     assert_eq!(told(&mut navigation, at_rest_at(at)), []);
+}
+
+fn lost_for(seconds: f64, telemetry: Telemetry) -> Input {
+    Input::Telemetry(Telemetry {
+        position_lost_for: Some(Duration::from_secs_f64(seconds)),
+        ..telemetry
+    })
+}
+
+#[test]
+fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_when_it_does() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let to = Ned::new(500.0, 0.0, -25.0);
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    let start = Ned::new(0.0, 0.0, -25.0);
+    told(&mut navigation, at_rest_at(start));
+    let on_the_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        target: Some(to),
+        stop: start,
+        ..ON_THE_GROUND
+    };
+    assert_eq!(told(&mut navigation, lost_for(0.5, on_the_way)), []);
+    let held = told(&mut navigation, lost_for(1.0, on_the_way));
+    let hold = Setpoint::Hold {
+        altitude_m: 30.0,
+        vertical_mps: 1.5,
+        acceleration_mps2: 1.0,
+    };
+    assert_eq!(held, [Transmit::Demand(Demand::Fly(hold))]);
+    // There it stays, at rest and whatever it is told.
+    let refuge = Ned::new(100.0, 0.0, -30.0);
+    let at_rest = Telemetry {
+        armed: true,
+        stop: refuge,
+        position: refuge,
+        ..ON_THE_GROUND
+    };
+    assert_eq!(told(&mut navigation, lost_for(3.0, at_rest)), []);
+    assert_eq!(told(&mut navigation, Input::Goal(MOVING)).len(), 1, "asks");
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    assert_eq!(told(&mut navigation, lost_for(4.0, at_rest)), []);
+    // It descends only once it is over its slot.
+    let said = told(&mut navigation, Input::Telemetry(at_rest));
+    assert_eq!(leg(&said).0, to.at_altitude(30.0));
+    assert_eq!(
+        leg(&told(&mut navigation, at_rest_at(to.at_altitude(30.0)))).0,
+        to
+    );
+}
+
+#[test]
+fn a_drone_that_comes_down_needs_no_position() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let hovering = Telemetry {
+        armed: true,
+        ..ON_THE_GROUND
+    };
+    told(&mut navigation, lost_for(5.0, hovering));
+    told(&mut navigation, Input::Goal(Goal::Land));
+    let said = told(&mut navigation, lost_for(5.0, hovering));
+    assert_eq!(said, [Transmit::Demand(Demand::Land)]);
+}
+
+#[test]
+fn a_pilot_gets_a_vehicle_back_that_knows_again_where_it_is() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let hovering = Telemetry {
+        armed: true,
+        ..ON_THE_GROUND
+    };
+    told(&mut navigation, Input::Goal(Goal::Yield));
+    let held = told(&mut navigation, lost_for(2.0, hovering));
+    assert!(matches!(
+        held[..],
+        [Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))]
+    ));
+    let said = told(&mut navigation, Input::Telemetry(hovering));
+    assert_eq!(said, [Transmit::Demand(Demand::Yield)]);
+}
+
+#[test]
+fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
+    let take_off = Goal::TakeOff {
+        to: Ned::new(0.0, 100.0, -25.0),
+        transit_altitude_m: 30.0,
+        arm: true,
+    };
+    let mut navigation = Navigation::new(CONFIG, None);
+    told(&mut navigation, Input::Goal(take_off));
+    assert_eq!(told(&mut navigation, lost_for(0.1, ON_THE_GROUND)), []);
+    let found = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    assert_eq!(found, [Transmit::Demand(Demand::Arm)]);
+    let mut navigation = Navigation::new(CONFIG, None);
+    told(&mut navigation, Input::Goal(take_off));
+    let said = told(
+        &mut navigation,
+        Input::Telemetry(Telemetry {
+            charge: 0.1,
+            ..ON_THE_GROUND
+        }),
+    );
+    let failing = Notice::Failing {
+        failure: Failure::BatteryLow,
+        stop: Ned::HOME,
+        is_airborne: false,
+    };
+    assert_eq!(said, [Transmit::Inform(failing)]);
 }

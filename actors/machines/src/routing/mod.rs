@@ -164,6 +164,8 @@ pub enum Notice {
     MasterSilent,
     /// The master is back.
     MasterReturned,
+    /// The master says that it is going to land, and has given no order that this drone does not know of.
+    MasterLands,
     /// Neighbour discovery has begun.
     DiscoveryStarted,
     /// Neighbour discovery has ended; hop update has begun.

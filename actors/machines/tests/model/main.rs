@@ -29,7 +29,7 @@ fn whatever_single_fault_befalls_three_drones_the_rules_hold_in_every_state() {
             ..NONE
         },
     ] {
-        let found = search(Swarm::new(3, faults, Pace::Prompt), None);
+        let found = search(Swarm::new(3, faults, Pace::Prompt).that_settles(), None);
         assert!(found.is_exhausted);
         assert_holds(&found, &format!("{faults:?}"));
     }
@@ -63,7 +63,7 @@ fn an_actor_that_fails_and_is_behind_with_its_messages_breaks_no_rule() {
         failures: 1,
         ..NONE
     };
-    let found = search(Swarm::new(3, faults, Pace::Mailboxes), None);
+    let found = search(Swarm::new(3, faults, Pace::Mailboxes).that_settles(), None);
     assert!(found.is_exhausted);
     assert_holds(&found, "");
 }

@@ -43,7 +43,14 @@ fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
     let steps = [Step::Climb, Step::Cross, Step::Descend];
     for ((sequence, step), to) in (4..).zip(steps).zip(corners) {
         let said = ordered(&mut slave, sequence, &step_of_change(step));
-        assert_eq!(goal(&said), Some(Goal::FlyTo { to }));
+        let refuge_altitude_m = to.altitude_m();
+        assert_eq!(
+            goal(&said),
+            Some(Goal::FlyTo {
+                to,
+                refuge_altitude_m
+            })
+        );
         assert!(!said.contains(&acknowledges(sequence)));
         let said = arrives(&mut slave, 30.0);
         assert!(said.contains(&acknowledges(sequence)));
@@ -53,7 +60,7 @@ fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
     let slot = slave.config.changes[0]
         .layout()
         .slot(NodeId(0), waypoints()[1]);
-    assert_eq!(goal(&said), Some(Goal::FlyTo { to: slot }));
+    assert_eq!(goal(&said), Some(fly_to(slot)));
 }
 
 #[test]
@@ -119,7 +126,7 @@ fn a_master_goes_on_without_a_member_that_never_takes_the_step() {
     hears(&mut master, 31.0, progress(2, 3));
     arrives(&mut master, 40.0);
     hears(&mut master, 41.0, progress(0, 4));
-    let (said, events) = stimulate(&mut master, 200.0, Stimulus::Timeout);
+    let (said, events) = stimulate(&mut master, 140.0, Stimulus::Timeout);
     assert_eq!(orders(&said), [step_of_change(Step::Cross)]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
 }

@@ -61,6 +61,7 @@ fn a_slave_keeps_its_slot_around_a_master_that_moves_and_acknowledges_nothing() 
     let said = ordered(&mut slave, 3, &Order::Follow { at, velocity });
     let track = Goal::Track {
         to: slave.config.layout.slot(NodeId(0), at),
+        refuge_altitude_m: at.altitude_m() + PITCH_M,
         velocity,
         hold: SECOND,
     };
@@ -105,7 +106,7 @@ fn a_slave_whose_master_is_silent_lands() {
 fn a_master_says_each_period_where_it_is_and_waits_for_nobody() {
     let (mut master, said) = followed_master(false);
     let to = waypoints()[1];
-    assert!(said.contains(&Transmit::Goal(Goal::FlyTo { to })));
+    assert!(said.contains(&Transmit::Goal(fly_to(to))));
     for tick in 0..5 {
         let at_s = 31.0 + 0.2 * f64::from(tick);
         let (said, _) = stimulate(&mut master, at_s, Stimulus::Timeout);
@@ -119,7 +120,7 @@ fn a_master_says_each_period_where_it_is_and_waits_for_nobody() {
     }
     let to = waypoints()[2];
     let said = arrives(&mut master, 50.0);
-    assert!(said.contains(&Transmit::Goal(Goal::FlyTo { to })));
+    assert!(said.contains(&Transmit::Goal(fly_to(to))));
 }
 
 #[test]

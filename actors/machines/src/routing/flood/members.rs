@@ -88,6 +88,13 @@ impl Members {
         }
     }
 
+    /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
+    pub(super) fn forgive(&mut self, now: Timestamp) {
+        for known in self.0.values_mut() {
+            known.rose_at = now;
+        }
+    }
+
     pub(super) fn forget_all(&mut self) {
         self.0.clear();
     }

@@ -23,6 +23,7 @@ use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
+use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -62,8 +63,11 @@ pub struct FloodRouting {
     heard_again: BTreeSet<NodeId>,
     pulse_rose_at: Timestamp,
     master_silent: bool,
+    /// Whether the master says that it is going to land.
+    master_lands: bool,
     /// When this drone speaks next; `None` until it has something to say.
     next_send: Option<Timestamp>,
+    punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -78,7 +82,9 @@ impl FloodRouting {
             heard_again: BTreeSet::new(),
             pulse_rose_at: now,
             master_silent: false,
+            master_lands: false,
             next_send: None,
+            punctuality: Punctuality::default(),
             durable: Checkpoint::default(),
             outbox: Outbox::new(),
             config,
@@ -192,6 +198,7 @@ impl FloodRouting {
         self.members.forget_all();
         self.heard_again.clear();
         self.master_silent = false;
+        self.master_lands = false;
         self.pulse_rose_at = now;
         self.start_speaking(now);
         self.checkpoint();
@@ -245,6 +252,23 @@ impl FloodRouting {
         if self.master_silent {
             self.inform(Notice::MasterSilent);
         }
+        if self.master_lands {
+            self.inform(Notice::MasterLands);
+        }
+    }
+
+    /// The host stood still: that nobody was heard meanwhile says nothing about anybody, and what would have been said
+    /// is out of date.
+    fn forgive_if_stalled(&mut self, now: Timestamp) {
+        if self.punctuality.stalled_for(now).is_none() {
+            return;
+        }
+        self.pulse_rose_at = now;
+        self.members.forgive(now);
+        self.next_send = self.next_send.map(|due| due.max(now));
+        if let Phase::HopUpdate { since } = &mut self.durable.phase {
+            *since = now;
+        }
     }
 }
 
@@ -255,6 +279,7 @@ impl Machine for FloodRouting {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.forgive_if_stalled(now);
         match input {
             Input::Heard {
                 sender,
@@ -285,16 +310,19 @@ impl Machine for FloodRouting {
                 self.checkpoint();
             }
             Input::Scatter => self.scatter(now),
-            Input::Stop => self.stop(),
+            Input::Stop => self.stop(now),
             Input::Resync => self.resync(),
         }
+        self.punctuality.ask(now, self.next_send);
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        self.forgive_if_stalled(now);
         while let Some(due) = self.next_send.filter(|due| *due <= now) {
             self.next_send = self.speak(now, due);
         }
+        self.punctuality.ask(now, self.next_send);
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {

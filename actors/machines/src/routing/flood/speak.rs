@@ -70,8 +70,9 @@ impl FloodRouting {
     }
 
     /// Says for the last time how far this drone has got.
-    pub(super) fn stop(&mut self) {
+    pub(super) fn stop(&mut self, now: Timestamp) {
         if self.durable.phase != Phase::Stopped {
+            self.durable.landing.get_or_insert(now);
             if self.durable.reign.ballot().is_some() {
                 self.send_flood();
             }
@@ -98,17 +99,18 @@ impl FloodRouting {
         if self.durable.beats.advance(is_master) {
             self.checkpoint();
         }
-        let members = if is_master {
-            Vec::new()
-        } else {
-            let own = Member {
-                id: self.config.id,
-                beat: self.durable.beats.own,
-                acknowledged: self.durable.reign.acknowledged(),
-                out_of_range: self.durable.routes.out_of_range,
-                landing: self.durable.landing.is_some(),
-            };
-            std::iter::once(own).chain(self.members.iter()).collect()
+        let own = Member {
+            id: self.config.id,
+            beat: self.durable.beats.own,
+            acknowledged: self.durable.reign.acknowledged(),
+            out_of_range: self.durable.routes.out_of_range,
+            landing: self.durable.landing.is_some(),
+        };
+        // A master is no member, but that it is going to land is to be known.
+        let members = match (is_master, own.landing) {
+            (false, _) => std::iter::once(own).chain(self.members.iter()).collect(),
+            (true, true) => vec![own],
+            (true, false) => Vec::new(),
         };
         let everyone_repeats = matches!(self.durable.phase, Phase::Gossip | Phase::Scattered);
         let repeats_orders = is_master || everyone_repeats || self.durable.routes.relay;
@@ -271,6 +273,7 @@ impl FloodRouting {
             }
         }
         self.heard_order(flood.sequence, flood.order);
+        self.hear_of_landing(flood.sequence, &flood.members);
         if self.durable.routes.hops.is_none()
             && matches!(
                 self.durable.phase,
@@ -313,10 +316,26 @@ impl FloodRouting {
         }
     }
 
+    /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
+    /// so only whoever knows that order can tell.
+    fn hear_of_landing(&mut self, sequence: u32, members: &[Member]) {
+        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
+            return;
+        };
+        let is_known = sequence <= self.durable.reign.sequence();
+        let mut landing = members.iter().filter(|member| member.landing);
+        if is_known && landing.any(|member| member.id == ballot.master) && !self.master_lands {
+            self.master_lands = true;
+            self.inform(Notice::MasterLands);
+        }
+    }
+
     fn hear_members(&mut self, now: Timestamp, sender: NodeId, members: &[Member]) {
         let is_master = self.is_master();
+        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
         for member in members {
-            if !self.is_member(member.id) || member.id == self.config.id {
+            let is_another = self.is_member(member.id) && Some(member.id) != master;
+            if !is_another || member.id == self.config.id {
                 continue;
             }
             let change = self.members.hear(*member, sender, now);

@@ -366,3 +366,28 @@ fn a_drone_that_is_done_says_so_once_and_falls_silent() {
     assert_eq!(last.members[0].acknowledged, 4);
     assert_eq!(slave.next_send, None);
 }
+
+#[test]
+fn a_drone_whose_host_stalled_waits_a_time_to_live_more_for_its_master() {
+    let mut slave = routing(1);
+    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(7, 1)));
+    wait(&mut slave, at(1.0));
+    let woken = stimulate(&mut slave, at(30.0), Stimulus::Timeout);
+    assert_eq!(woken.notices, []);
+    assert_eq!(woken.sent.len(), 1, "it does not catch up");
+    assert_eq!(wait(&mut slave, at(34.9)).notices, []);
+    assert_eq!(wait(&mut slave, at(36.0)).notices, [Notice::MasterSilent]);
+}
+
+#[test]
+fn a_master_says_that_it_lands_and_whoever_knows_its_last_order_takes_it_in() {
+    let mut master = routing(0);
+    stimulate(&mut master, at(0.0), Stimulus::Input(Input::Lead(MASTER)));
+    stimulate(&mut master, at(0.0), Stimulus::Input(Input::Land));
+    let said = wait(&mut master, at(1.0)).sent.pop().unwrap();
+    let mut slave = routing(1);
+    hears(&mut slave, at(1.0), 0, &Packet::Flood(flood(1, 1)));
+    let told = hears(&mut slave, at(1.1), 0, &said);
+    assert_eq!(told.notices, [Notice::MasterLands]);
+    assert_eq!(hears(&mut slave, at(1.2), 0, &said).notices, []);
+}

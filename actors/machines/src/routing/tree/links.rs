@@ -205,6 +205,13 @@ impl Links {
         }
     }
 
+    /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
+    pub(super) fn forgive(&mut self, now: Timestamp) {
+        for link in self.0.values_mut() {
+            link.heard_at = now;
+        }
+    }
+
     pub(super) fn forget(&mut self, id: NodeId) {
         self.0.remove(&id);
     }

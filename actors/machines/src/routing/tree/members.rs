@@ -6,7 +6,7 @@ use crate::time::Timestamp;
 /// Since when a member has been missed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Missed {
-    since: Timestamp,
+    pub(super) since: Timestamp,
     pub(super) told: bool,
 }
 

@@ -31,6 +31,7 @@ use super::{Event, Input, Notice, Routes, Transmit};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
+use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -72,6 +73,8 @@ pub struct TreeRouting {
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
+    /// Whether the master says that it is going to land.
+    master_lands: bool,
     /// As master: who was alive when last looked, and since when each that is not has been missed.
     missed: BTreeMap<NodeId, Missed>,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
@@ -87,6 +90,7 @@ pub struct TreeRouting {
     seek: Option<Seek>,
     /// Until when acknowledgements wait for those still missing below, and of which order.
     hold: Option<Hold>,
+    punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -118,6 +122,7 @@ impl TreeRouting {
             routes: Routes::default(),
             orphaned: None,
             master_silent: false,
+            master_lands: false,
             missed: BTreeMap::new(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
@@ -127,6 +132,7 @@ impl TreeRouting {
             repair: None,
             seek: None,
             hold: None,
+            punctuality: Punctuality::default(),
             outbox: Outbox::new(),
             config,
         };
@@ -227,6 +233,7 @@ impl TreeRouting {
         self.routes = Routes::default();
         self.orphaned = None;
         self.master_silent = false;
+        self.master_lands = false;
         self.missed.clear();
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
@@ -258,10 +265,12 @@ impl TreeRouting {
         let known = self.links.get(sender).map(|link| link.said.clone());
         let (pulse, pending) = (said.pulse, (said.sequence, said.pending.clone()));
         let order = said.order.clone().map(|order| (said.sequence, order));
+        let landing = (said.sequence, said.landing.clone());
         if !self.links.hear(own, sender, said, now) {
             return;
         }
         let news = self.take_order(order);
+        self.hear_of_landing(&landing);
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
@@ -284,6 +293,19 @@ impl TreeRouting {
             self.checkpoint();
         }
         is_news
+    }
+
+    /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
+    /// so only whoever knows that order can tell.
+    fn hear_of_landing(&mut self, (sequence, landing): &(u32, NodeSet)) {
+        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
+            return;
+        };
+        let is_known = *sequence <= self.durable.reign.sequence();
+        if is_known && landing.contains(ballot.master) && !self.master_lands {
+            self.master_lands = true;
+            self.inform(Notice::MasterLands);
+        }
     }
 
     /// A number of the master's own that has risen goes on outwards at once.
@@ -455,6 +477,34 @@ impl TreeRouting {
         if self.master_silent {
             self.inform(Notice::MasterSilent);
         }
+        if self.master_lands {
+            self.inform(Notice::MasterLands);
+        }
+    }
+
+    /// The host stood still: that nobody was heard meanwhile says nothing about anybody.
+    fn forgive_if_stalled(&mut self, now: Timestamp) {
+        if self.punctuality.stalled_for(now).is_none() {
+            return;
+        }
+        self.links.forgive(now);
+        self.seek = None;
+        if let Some((since, _)) = &mut self.orphaned {
+            *since = now;
+        }
+        for missed in self.missed.values_mut() {
+            missed.since = now;
+        }
+    }
+
+    fn deadline(&self) -> Option<Timestamp> {
+        let repair = self.repair.map(|repair| repair.due);
+        let hold = self
+            .hold
+            .filter(|hold| !hold.is_over)
+            .map(|hold| hold.until);
+        let deadlines = [self.next_beacon, repair, hold, self.next_seek()];
+        deadlines.into_iter().flatten().min()
     }
 }
 
@@ -465,6 +515,7 @@ impl Machine for TreeRouting {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.forgive_if_stalled(now);
         match input {
             Input::Heard {
                 sender,
@@ -512,24 +563,21 @@ impl Machine for TreeRouting {
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
         }
+        self.punctuality.ask(now, self.deadline());
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        self.forgive_if_stalled(now);
         self.let_go_if_due(now);
         self.seek_if_due(now);
         self.repair_if_due(now);
         self.beacon_if_due(now);
+        self.punctuality.ask(now, self.deadline());
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let repair = self.repair.map(|repair| repair.due);
-        let hold = self
-            .hold
-            .filter(|hold| !hold.is_over)
-            .map(|hold| hold.until);
-        let deadlines = [self.next_beacon, repair, hold, self.next_seek()];
-        self.outbox.poll(deadlines.into_iter().flatten().min())
+        self.outbox.poll(self.deadline())
     }
 }
 

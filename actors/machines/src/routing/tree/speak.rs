@@ -129,7 +129,14 @@ impl TreeRouting {
         let mut state = self.state();
         self.said_sequence = state.sequence;
         match occasion {
-            Occasion::KeepAlive => state.hears = Some(self.links.ids()),
+            Occasion::KeepAlive => {
+                state.hears = Some(self.links.ids());
+                if self.master_lands {
+                    // Whoever does not hear it itself is to know, too.
+                    let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+                    state.landing.extend(master);
+                }
+            }
             Occasion::News | Occasion::Repair => state.to = self.addressee(),
             Occasion::Seek => state.to = self.routes.parent,
         }
@@ -400,6 +407,7 @@ impl TreeRouting {
     /// Says for the last time how far this drone has got.
     pub(super) fn stop(&mut self, now: Timestamp) {
         if !self.durable.stopped {
+            self.durable.landing.get_or_insert(now);
             self.say(now, Occasion::News);
             self.durable.stopped = true;
             self.next_beacon = None;

@@ -541,3 +541,65 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
     );
     assert_eq!(child.routing.routes.parent, Some(NodeId(2)));
 }
+
+#[test]
+fn a_drone_whose_host_stalled_asks_before_it_misses_anybody() {
+    let mut child = child_of_a_master_that_it_hears_well();
+    // Nothing is handled for 30 s, then its timers are.
+    child.now = child.now + Duration::from_secs(30);
+    child.stimulate(Stimulus::Timeout);
+    child.wait(1_500);
+    assert_eq!(child.notices, [], "one more period");
+    child.hear(0, beacon_of_the_master(80));
+    child.wait(1_500);
+    assert_eq!(child.notices, [], "it was there all the time");
+    // A master that is not is missed all the same, if later.
+    child.now = child.now + Duration::from_secs(30);
+    child.stimulate(Stimulus::Timeout);
+    child.wait(15_000);
+    assert_eq!(child.notices, [Notice::MasterSilent]);
+}
+
+#[test]
+fn a_master_whose_host_stalled_gives_its_members_their_time_to_live_anew() {
+    let mut master = Node::new(0);
+    master.tell(Input::Lead(MASTER));
+    master.tell(Input::Discover);
+    for _ in 0..3 {
+        master.hear(1, beacon_of_child(1, 0, 1));
+        master.wait(1_000);
+    }
+    master.notices.clear();
+    // Of the others nothing has been heard at all.
+    master.now = master.now + Duration::from_secs(30);
+    master.stimulate(Stimulus::Timeout);
+    master.wait(4_000);
+    assert_eq!(master.notices, []);
+    master.wait(40_000);
+    let silent = [1, 2, 3].map(|id| Notice::Silent(NodeId(id)));
+    assert!(silent.iter().all(|it| master.notices.contains(it)));
+}
+
+#[test]
+fn a_master_that_lands_is_told_of_by_whoever_hears_it_to_whoever_does_not() {
+    let landing = Tree {
+        landing: ids([0]),
+        ..beacon_of_the_master(51)
+    };
+    let mut child = child_of_a_master_that_it_hears_well();
+    child.hear(2, beacon_of_child(2, 1, 2));
+    child.hear(0, landing.clone());
+    assert_eq!(child.notices, [Notice::MasterLands]);
+    child.hear(0, landing.clone());
+    assert_eq!(child.notices.len(), 1, "once");
+    let said = child.stimulate_next_beacon();
+    assert!(said.landing.contains(NodeId(0)));
+    // Whoever lacks the last order can't tell whether that was to land.
+    let mut child = child_of_a_master_that_it_hears_well();
+    let unknown = Tree {
+        sequence: 7,
+        ..landing
+    };
+    child.hear(0, unknown);
+    assert_eq!(child.notices, []);
+}

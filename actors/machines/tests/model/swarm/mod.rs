@@ -31,6 +31,7 @@ pub(crate) struct Swarm {
     faults: Faults,
     pace: Pace,
     flaw: Flaw,
+    settles: bool,
 }
 
 /// Everything that tells one moment from another.
@@ -83,12 +84,21 @@ impl Swarm {
             faults,
             pace,
             flaw: Flaw::None,
+            settles: false,
         }
     }
 
     /// The same with something broken.
     pub(crate) fn with(self, flaw: Flaw) -> Self {
         Self { flaw, ..self }
+    }
+
+    /// Followed from every state until nothing changes any more, too, which takes ten times as long.
+    pub(crate) fn that_settles(self) -> Self {
+        Self {
+            settles: true,
+            ..self
+        }
     }
 
     fn ids(&self) -> impl Iterator<Item = NodeId> + use<> {
@@ -301,6 +311,6 @@ impl Model for Swarm {
     }
 
     fn properties(&self) -> Vec<Property<Self>> {
-        rules::properties(self.faults)
+        rules::properties(self.faults, self.settles)
     }
 }

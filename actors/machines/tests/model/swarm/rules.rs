@@ -12,11 +12,13 @@ use super::{Faults, State, Swarm};
 pub(crate) const NAMED: &str = "1a: only the drone named in a ballot acts under it";
 /// Rule 1b.
 pub(crate) const NEVER_FALLS: &str = "1b: the ballot that a drone obeys never falls";
+/// That there are such parts.
+pub(crate) const SETTLES: &str = "once nothing more goes wrong, all parts settle";
 /// Rule 1c.
 pub(crate) const ONE_MASTER: &str =
     "1c: each part that has settled has one master, obeyed by all its members";
 
-pub(crate) fn properties(faults: Faults) -> Vec<Property<Swarm>> {
+pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> {
     let mut all = vec![
         Property::<Swarm>::always(NAMED, |_, state| state.only_the_named_acts()),
         Property::<Swarm>::always(NEVER_FALLS, |_, state| !state.broke(Broken::BallotFell)),
@@ -24,6 +26,11 @@ pub(crate) fn properties(faults: Faults) -> Vec<Property<Swarm>> {
             !swarm.is_settled(state) || state.each_part_has_one_master()
         }),
     ];
+    if settles {
+        all.push(Property::<Swarm>::always(SETTLES, |swarm, state| {
+            swarm.settles(state)
+        }));
+    }
     let can_lose_master = faults.crashes + faults.splits + faults.suspicions > 0;
     if can_lose_master {
         all.push(Property::<Swarm>::sometimes(
@@ -137,7 +144,31 @@ impl State {
     }
 }
 
+/// More steps than any swarm here needs to settle.
+const SETTLING_STEPS_MAX: usize = 1_000;
+
 impl Swarm {
+    /// Whether it comes to rest if nothing goes wrong from here on, each taking its turn.
+    fn settles(&self, state: &State) -> bool {
+        let mut state = state.clone();
+        (0..SETTLING_STEPS_MAX).any(|step| {
+            let mut actions = Vec::new();
+            for id in self.ids() {
+                self.progress_of(&state, id, &mut actions);
+            }
+            let first = step % actions.len().max(1);
+            actions.rotate_left(first);
+            let next = actions
+                .into_iter()
+                .find_map(|action| self.next_state(&state, action));
+            let is_settled = next.is_none();
+            if let Some(next) = next {
+                state = next;
+            }
+            is_settled
+        })
+    }
+
     /// Whether nothing changes any more unless something goes wrong, or heals.
     fn is_settled(&self, state: &State) -> bool {
         let mut actions = Vec::new();

@@ -1,0 +1,244 @@
+use super::*;
+use crate::navigation::Failure;
+
+/// Drone `id` of three, which elect, at waypoint 0 or on its way to 1.
+fn elects(id: u32, moves: bool) -> Mission {
+    let config = Config {
+        succession: Succession::Elect,
+        ..config(id, Liveness::Pulse)
+    };
+    let mut slave = Mission::new(config, None);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    arrives(&mut slave, 20.0);
+    hears(&mut slave, 30.0, RoutingNotice::RoutesReady);
+    ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    if moves {
+        ordered(&mut slave, 4, &Order::Move { waypoint: 1 });
+    }
+    slave
+}
+
+fn arrives(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
+    told(mission, at_s, Input::Navigation(NavigationNotice::Arrived))
+}
+
+fn failing(failure: Failure, stop: Ned, is_airborne: bool) -> Input {
+    Input::Navigation(NavigationNotice::Failing {
+        failure,
+        stop,
+        is_airborne,
+    })
+}
+
+/// What a drone says and shows to a failure in the air.
+fn fails(mission: &mut Mission, failure: Failure) -> (Vec<Transmit>, Vec<LandingReason>) {
+    let stop = Ned::new(50.0, -100.0, -25.0);
+    let failing = Stimulus::Input(failing(failure, stop, true));
+    let (transmits, events) = stimulate(mission, 42.0, failing);
+    let reasons = events.into_iter().filter_map(|event| match event {
+        Event::Landing(reason) => Some(reason),
+        _ => None,
+    });
+    (transmits, reasons.collect())
+}
+
+#[test]
+fn a_drone_whose_battery_is_low_flies_its_leg_to_the_end_and_lands_from_there() {
+    let mut slave = elects(0, true);
+    assert_eq!(fails(&mut slave, Failure::BatteryLow), (vec![], vec![]));
+    assert_eq!(
+        slave.durable.state,
+        State::MovingToWaypoint { waypoint: 1 },
+        "in lockstep: stopping would put it in others' way"
+    );
+    let said = arrives(&mut slave, 60.0);
+    let slot = slave.config.layout.slot(NodeId(0), waypoints()[1]);
+    let to = slot.at_altitude(25.0 - PITCH_M);
+    assert_eq!(
+        said,
+        [Transmit::Goal(Goal::TransitTo { to })],
+        "the others wait until it is below them"
+    );
+    // It never rejoins.
+    ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
+    assert_eq!(slave.durable.state, State::MovingToLand);
+    let said = arrives(&mut slave, 80.0);
+    assert!(
+        said.contains(&Transmit::Land),
+        "nobody waits for it any more"
+    );
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn a_drone_that_waits_at_a_waypoint_with_a_low_battery_goes_at_once() {
+    let mut slave = elects(0, false);
+    let (_, reasons) = fails(&mut slave, Failure::BatteryLow);
+    assert_eq!(reasons, [LandingReason::BatteryLow]);
+    assert_eq!(slave.durable.state, State::MovingToLand);
+}
+
+#[test]
+fn of_several_failures_the_most_severe_decides() {
+    let mut slave = elects(0, false);
+    fails(&mut slave, Failure::BatteryLow);
+    let (said, reasons) = fails(&mut slave, Failure::BatteryCritical);
+    assert!(said.contains(&Transmit::Goal(Goal::Land)));
+    assert_eq!(reasons, [LandingReason::BatteryCritical]);
+    for milder in [
+        Failure::BatteryLow,
+        Failure::Geofence,
+        Failure::PositionLost,
+    ] {
+        assert_eq!(fails(&mut slave, milder), (vec![], vec![]));
+        assert_eq!(slave.durable.state, State::Landing);
+    }
+}
+
+#[test]
+fn a_drone_that_does_not_know_where_it_is_lands_on_the_spot() {
+    let mut slave = elects(0, true);
+    let (said, reasons) = fails(&mut slave, Failure::PositionLost);
+    assert!(said.contains(&Transmit::Goal(Goal::Land)));
+    assert_eq!(reasons, [LandingReason::PositionLost]);
+    assert!(
+        !said.contains(&Transmit::Land),
+        "the swarm waits until it is down"
+    );
+    let said = told(
+        &mut slave,
+        80.0,
+        Input::Navigation(NavigationNotice::Landed),
+    );
+    assert!(said.contains(&Transmit::Stop));
+}
+
+#[test]
+fn a_drone_stopped_at_its_fence_lands_around_where_it_was_stopped_and_at_a_second_breach_on_the_spot()
+ {
+    let mut slave = elects(0, true);
+    let (said, reasons) = fails(&mut slave, Failure::Geofence);
+    let to = Ned::new(50.0, -100.0, -25.0 + PITCH_M);
+    assert!(said.contains(&Transmit::Goal(Goal::TransitTo { to })));
+    assert_eq!(reasons, [LandingReason::Geofence]);
+    let (said, _) = fails(&mut slave, Failure::Geofence);
+    assert!(said.contains(&Transmit::Goal(Goal::Land)));
+}
+
+#[test]
+fn a_low_battery_on_the_ground_never_takes_off() {
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    let said = told(
+        &mut slave,
+        5.0,
+        failing(Failure::BatteryLow, Ned::HOME, false),
+    );
+    assert_eq!(said, [Transmit::Land, Transmit::Stop]);
+    ordered(&mut slave, 2, &Order::TakeOff);
+    assert_eq!(slave.durable.state, State::Finished);
+    // Nor does one that was told to and has not armed yet.
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    let said = told(
+        &mut slave,
+        5.0,
+        failing(Failure::BatteryLow, Ned::HOME, false),
+    );
+    assert!(said.contains(&Transmit::Goal(Goal::Land)));
+}
+
+/// A master that elections may replace, on its way to waypoint 1.
+fn master() -> Mission {
+    let mut master = elects(1, true);
+    hears(&mut master, 40.0, RoutingNotice::MasterSilent);
+    assert!(master.durable.lead.is_some());
+    master
+}
+
+#[test]
+fn a_master_that_must_land_leaves_its_swarm_to_another_where_there_are_elections() {
+    for input in [
+        Input::GiveUp,
+        failing(Failure::BatteryCritical, waypoints()[1], true),
+    ] {
+        let mut master = master();
+        let said = told(&mut master, 41.0, input);
+        assert_eq!(orders(&said), [], "the others fly on");
+        assert!(said.contains(&Transmit::Land), "and know at once");
+        assert_eq!(master.durable.state, State::Landing);
+    }
+}
+
+#[test]
+fn whoever_hears_that_the_master_lands_claims_at_once_unless_it_was_told_to_land_itself() {
+    let mut slave = elects(0, true);
+    let said = hears(&mut slave, 41.0, RoutingNotice::MasterLands);
+    assert!(matches!(said[0], Transmit::Lead(_)), "{said:?}");
+    let mut slave = elects(0, true);
+    ordered(&mut slave, 5, &land_at(waypoints()[1]));
+    assert_eq!(hears(&mut slave, 41.0, RoutingNotice::MasterLands), []);
+    // Without elections a master takes its swarm down with it.
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    assert_eq!(hears(&mut slave, 41.0, RoutingNotice::MasterLands), []);
+}
+
+#[test]
+fn a_drone_alone_flies_on_or_goes_to_land_as_it_was_told() {
+    for (alone, state) in [
+        (Alone::CarryOn, State::MovingToWaypoint { waypoint: 2 }),
+        (Alone::Land, State::MovingToLand),
+    ] {
+        let mut master = master();
+        master.config.alone = alone;
+        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
+        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2)));
+        assert_eq!(
+            master.durable.state,
+            State::MovingToWaypoint { waypoint: 1 }
+        );
+        arrives(&mut master, 60.0);
+        assert_eq!(master.durable.state, state, "{alone:?}");
+    }
+}
+
+#[test]
+fn a_drone_is_not_alone_while_it_hears_one_other_nor_if_there_never_was_any() {
+    let mut master = master();
+    master.config.alone = Alone::Land;
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
+    arrives(&mut master, 60.0);
+    assert_eq!(
+        master.durable.state,
+        State::WaypointReached { waypoint: 1 },
+        "it waits for the other"
+    );
+    // On the way alone, but no longer when it arrives.
+    let mut master = self::master();
+    master.config.alone = Alone::Land;
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2)));
+    hears(&mut master, 55.0, RoutingNotice::Returned(NodeId(2)));
+    arrives(&mut master, 60.0);
+    assert_eq!(master.durable.state, State::WaypointReached { waypoint: 1 });
+}
+
+#[test]
+fn a_leg_that_a_stalled_host_was_late_to_look_at_gets_as_much_time_again() {
+    let mut slave = elects(0, true);
+    // Its limit was at 101 s.
+    stimulate(&mut slave, 104.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
+    stimulate(&mut slave, 107.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::Landing);
+}
+
+#[test]
+fn the_way_to_a_landing_of_ones_own_has_its_limit() {
+    let mut slave = elects(0, false);
+    fails(&mut slave, Failure::BatteryLow);
+    stimulate(&mut slave, 142.0, Stimulus::Timeout);
+    assert_eq!(slave.durable.state, State::Landing);
+}

@@ -1,0 +1,139 @@
+//! Drones that can't go on come down safely, each by itself, and the others fly on.
+
+use muster_machines::geometry::Ned;
+use muster_scenarios::engine::{Engine, run};
+use muster_scenarios::report::{Flight, Report};
+
+use crate::support::{fly, scenario};
+
+const OVER: Option<&str> = None;
+const ALONE: Option<&str> = Some("it heard of no other drone");
+const LOW: Option<&str> = Some("its battery was low");
+const CRITICAL: Option<&str> = Some("its battery was all but empty");
+const LOST: Option<&str> = Some("it did not know where it was");
+const FENCE: Option<&str> = Some("it was about to leave the geofence");
+
+/// A shipped scenario, flown alike on both engines without breaking a rule.
+fn flown(name: &str, fields: &[&str]) -> (Report, Flight) {
+    let scenario = scenario(name, fields);
+    let (report, flight) = run(&scenario, Engine::Events, None).unwrap();
+    assert_eq!(report.violations, [], "{name}, {fields:?}");
+    let actors = fly(&scenario, Engine::Actors);
+    assert_eq!(actors.trace, report.trace, "{name}, {fields:?}");
+    (report, flight)
+}
+
+/// Why each drone that ended on the ground by itself came down.
+fn reasons(report: &Report) -> Vec<Option<&str>> {
+    let landed = report.drones.iter().filter(|it| it.state == "finished");
+    landed.map(|it| it.landed_because.as_deref()).collect()
+}
+
+/// Where a drone touched down.
+fn landed_at(flight: &Flight, drone: usize) -> Ned {
+    flight.drones[drone].track.last().unwrap().1
+}
+
+#[test]
+fn a_drone_that_hears_of_nobody_else_goes_to_land_or_flies_on() {
+    let (report, _) = flown("failsafe-alone.toml", &[]);
+    assert_eq!(reasons(&report), [ALONE]);
+    assert!(!report.mission_completed);
+    let (report, _) = flown("failsafe-alone.toml", &["failsafe.alone=carry-on"]);
+    assert_eq!(reasons(&report), [OVER]);
+    assert!(report.mission_completed);
+}
+
+#[test]
+fn batteries_take_each_drone_down_by_itself_and_a_master_hands_over() {
+    let (report, flight) = flown("failsafe-battery.toml", &[]);
+    eprintln!(
+        "{:?}",
+        report
+            .drones
+            .iter()
+            .map(|d| (d.id, &d.state, &d.landed_because))
+            .collect::<Vec<_>>()
+    );
+    eprintln!("{:?}", report.elections);
+    assert_eq!(reasons(&report), [LOW, OVER, CRITICAL, OVER]);
+    assert!(
+        report.drones[4]
+            .state
+            .starts_with("its battery empty while")
+    );
+    assert!(report.mission_completed, "by those who can");
+    let [election] = &report.elections[..] else {
+        panic!("one election: {:?}", report.elections);
+    };
+    assert!(election.settled_after_s.unwrap() < 0.1, "{election:?}");
+    for drone in 0..5 {
+        eprintln!("{drone} {:?}", landed_at(&flight, drone));
+    }
+}
+
+#[test]
+fn a_lost_position_holds_a_drone_out_of_the_others_way_and_then_brings_it_down() {
+    let (report, flight) = flown("failsafe-gps.toml", &[]);
+    eprintln!(
+        "{:?}",
+        report
+            .drones
+            .iter()
+            .map(|d| (d.id, &d.state, &d.landed_because))
+            .collect::<Vec<_>>()
+    );
+    assert_eq!(reasons(&report), [OVER, LOST, OVER, OVER, OVER]);
+    assert!(report.mission_completed);
+    let highest = |drone: usize| {
+        let track = flight.drones[drone].track.iter();
+        track.map(|(_, at)| at.altitude_m()).fold(0.0, f64::max)
+    };
+    eprintln!("{:?}", (0..5).map(highest).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_second_without_a_position_changes_nothing() {
+    let short = r#"faults=[{ at_s = 38, lose_gps = 3, for_s = 0.9 }]"#;
+    let (blinked, _) = flown("failsafe-gps.toml", &[short]);
+    let (never, _) = flown("failsafe-gps.toml", &["faults=[]"]);
+    assert_eq!(reasons(&blinked), [OVER; 5]);
+    assert_eq!(blinked.simulated_s, never.simulated_s);
+}
+
+#[test]
+fn nobody_leaves_the_fence_whatever_the_pilot_does() {
+    let (report, flight) = flown("failsafe-fence.toml", &[]);
+    eprintln!(
+        "{:?}",
+        report
+            .drones
+            .iter()
+            .map(|d| (d.id, &d.state, &d.landed_because))
+            .collect::<Vec<_>>()
+    );
+    let farthest = |drone: usize| {
+        let track = flight.drones[drone].track.iter();
+        track
+            .map(|(_, at)| Ned::HOME.horizontal_distance_m(*at))
+            .fold(0.0, f64::max)
+    };
+    eprintln!("{:?}", (0..5).map(farthest).collect::<Vec<_>>());
+    assert!((0..5).all(|drone| farthest(drone) < 250.0));
+    assert_eq!(reasons(&report), [FENCE; 5]);
+}
+
+#[test]
+fn whoever_s_process_hung_for_a_while_elects_nobody() {
+    for for_s in [0.5, 2.0, 5.0] {
+        let fields = [
+            "protocol.succession=elect",
+            "protocol.parameters=fast",
+            "limits.watchdog_ms=60000",
+            &*format!("faults=[{{ at_s = 150, hang = 3, for_s = {for_s} }}]"),
+        ];
+        let (report, _) = flown("barrier-mesh.toml", &fields);
+        assert_eq!(report.elections, [], "{for_s} s");
+        assert!(report.mission_completed);
+    }
+}
