@@ -166,9 +166,8 @@ impl Scenario {
     /// How long it may take until each part of the swarm has its one master.
     #[must_use]
     pub fn settling(&self) -> Settling {
-        let routing = self.routing(self.layout.formation().centre());
-        let (radio, limits) = (&self.radio, &self.limits);
-        Settling::new(&routing, radio, self.protocol.liveness, limits.leg)
+        let drone = self.blueprint(self.layout.formation().centre());
+        Settling::new(&drone.routing, &drone.mission, &self.radio)
     }
 
     /// What one of its drones is built with.

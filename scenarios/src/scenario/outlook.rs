@@ -1,6 +1,7 @@
 //! What can be told of a scenario before it is flown.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use muster_machines::formation::Change;
 use muster_machines::identity::NodeId;
@@ -28,16 +29,23 @@ impl Scenario {
     fn settling_in_words(&self) -> String {
         let settling = self.settling();
         let (diameter, is_at_most) = self.diameter();
-        let seconds = |time: std::time::Duration, digits| figure(time.as_secs_f64(), digits);
+        let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
         format!(
             "settles in {} s: {} s until whoever has lost the master misses it, 2 × {}{} of {} s, {} s until what was \
-             lost on the way has been said again",
+             lost on the way has been said again{}",
             seconds(settling.time(diameter), 1),
             seconds(settling.detection, 2),
             if is_at_most { "at most " } else { "" },
             plural(diameter as usize, "hop"),
             seconds(settling.hop, 3),
             seconds(settling.back_off, 2),
+            match settling.spreading {
+                Duration::ZERO => String::new(),
+                more => format!(
+                    "; {} s more while it takes off or changes formation",
+                    seconds(more, 1)
+                ),
+            }
         )
     }
 
@@ -69,7 +77,7 @@ impl Scenario {
 
     fn bound_in_words(&self) -> String {
         let limits = &self.limits;
-        let seconds = |time: std::time::Duration| figure(time.as_secs_f64(), 0);
+        let seconds = |time: Duration| figure(time.as_secs_f64(), 0);
         let formula = format!(
             "set-up {} s + take-off {} s + twice the flight of {} s + {} s",
             seconds(limits.set_up),

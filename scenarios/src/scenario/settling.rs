@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use muster_machines::mission::Liveness;
+use muster_machines::mission::{self, Liveness};
 use muster_machines::routing;
 use muster_transport::sim::{Access, Config};
 
@@ -16,6 +16,8 @@ use crate::parts::UP_LOSS_MAX;
 pub struct Settling {
     /// How long a drone takes at most until it misses a master that is gone, and lands or claims to lead.
     pub detection: Duration,
+    /// How much longer it takes while the swarm takes off or changes formation.
+    pub spreading: Duration,
     /// How long news takes to a neighbour.
     pub hop: Duration,
     /// How long it takes at most until what is said at each turn has got through, and an answer that is, too.
@@ -28,29 +30,30 @@ const ODDS: f64 = 1e-6;
 const COLLISIONS: f64 = 0.1;
 
 impl Settling {
+    /// Of drones that are built with these two.
     pub(super) fn new(
         routing: &routing::Config,
+        mission: &mission::Config,
         radio: &Config,
-        liveness: Liveness,
-        leg_limit: Duration,
     ) -> Self {
         let (travel, collisions) = match radio.access {
             Access::Ideal { latency, jitter } => (latency + jitter, 0.0),
             Access::Csma { jitter, .. } => (jitter, COLLISIONS),
         };
         // The thesis's drones look only where they wait, which on a leg they don't.
-        let on_a_leg = match liveness {
+        let on_a_leg = match mission.liveness {
             Liveness::Pulse => Duration::ZERO,
-            Liveness::Thesis => leg_limit,
+            Liveness::Thesis => mission.leg_limit,
         };
         Self {
             detection: routing.detection() + on_a_leg,
+            spreading: mission.spreading_patience,
             hop: routing.hop() + travel,
             back_off: routing.turn() * 2 * tries(worst_loss(radio).max(collisions)),
         }
     }
 
-    /// For parts of at most so many hops across.
+    /// For parts of at most so many hops across, which do not spread.
     #[must_use]
     pub fn time(&self, diameter: u32) -> Duration {
         self.detection + self.hop * 2 * diameter + self.back_off

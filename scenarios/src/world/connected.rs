@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::mission::State;
 
 use super::World;
 use crate::checkers::Standing;
@@ -28,7 +29,17 @@ impl World {
     pub(super) fn look_at_links(&mut self) {
         self.next_look = self.now + LOOK_AT_LINKS_EVERY;
         let ids = (0..).map(NodeId).take(self.drones.len());
-        let changes = |id: NodeId| self.recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
+        // Any number that is another one once it has failed, or does something else.
+        let changes = |id: NodeId| {
+            let failures = self.recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
+            let does = match self.recorder.state(id) {
+                State::Start | State::SetUp | State::Finished => 0,
+                State::MovingToLand | State::Landing => 1,
+                state if state.is_spreading() => 2,
+                _ => 3,
+            };
+            failures * 4 + does
+        };
         let live = ids.map(|id| self.passes_on(id).then(|| changes(id)));
         self.parts
             .look(self.now, live.collect(), Link::all(&self.medium));
@@ -38,6 +49,7 @@ impl World {
     pub(super) fn check_masters(&mut self) {
         let standing = |id| Standing {
             flies: self.flies(id),
+            spreads: self.recorder.state(id).is_spreading(),
             obeys: self.election.obeyed(id),
         };
         let found = self.settled.look(self.now, &self.parts, standing);
@@ -52,12 +64,12 @@ impl World {
         runs(Address::Radio)
             && runs(Address::Routing)
             && drone.is_up(Address::Mission)
-            && !self.recorder.is_finished(id)
+            && self.recorder.state(id) != State::Finished
     }
 
     /// Whether a drone is in the air, flies the mission, and can be led.
     fn flies(&self, id: NodeId) -> bool {
-        self.recorder.is_following(id) && self.drones[id.0 as usize].is_sound()
+        self.recorder.state(id).is_following() && self.drones[id.0 as usize].is_sound()
     }
 
     /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.

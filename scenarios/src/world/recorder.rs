@@ -248,16 +248,10 @@ impl Recorder {
         record.restarts + record.reboots
     }
 
-    /// Whether a drone is done.
-    pub(crate) fn is_finished(&self, id: NodeId) -> bool {
+    /// What a drone does.
+    pub(crate) fn state(&self, id: NodeId) -> State {
         let last = self.nodes[id.0 as usize].states.last();
-        last.is_some_and(|(_, state)| *state == State::Finished)
-    }
-
-    /// Whether a drone is in the air and takes part in the mission.
-    pub(crate) fn is_following(&self, id: NodeId) -> bool {
-        let last = self.nodes[id.0 as usize].states.last();
-        last.is_some_and(|(_, state)| state.is_following())
+        last.map(|(_, state)| *state).unwrap_or_default()
     }
 
     pub(crate) fn killed(&mut self, id: NodeId, now: Timestamp) {
@@ -344,17 +338,14 @@ impl Recorder {
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
         let record = &self.nodes[id.0 as usize];
-        record.given_up || record.killed.is_some() || self.is_finished(id)
+        record.given_up || record.killed.is_some() || self.state(id) == State::Finished
     }
 
     fn is_landing(&self, id: NodeId) -> bool {
-        let last = self.nodes[id.0 as usize].states.last();
-        last.is_some_and(|(_, state)| {
-            matches!(
-                state,
-                State::MovingToLand | State::Landing | State::Finished
-            )
-        })
+        matches!(
+            self.state(id),
+            State::MovingToLand | State::Landing | State::Finished
+        )
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {

@@ -73,6 +73,18 @@ impl State {
         }
     }
 
+    /// Whether the swarm is taking off or changing formation, so that ways are lost and found again meanwhile.
+    #[must_use]
+    pub const fn is_spreading(self) -> bool {
+        matches!(
+            self,
+            Self::TakingOff
+                | Self::NeighbourDiscovery
+                | Self::HopUpdate
+                | Self::ChangingFormation { .. }
+        )
+    }
+
     /// Whether the drone is in the air with nothing to do until somebody tells it more, once it is in its slot.
     #[must_use]
     pub const fn is_waiting(self) -> bool {

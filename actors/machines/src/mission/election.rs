@@ -84,16 +84,10 @@ impl Mission {
         let since = self
             .master_silent
             .filter(|_| looks && self.durable.lead.is_none())?;
-        Some(match self.durable.state {
-            State::TakingOff
-            | State::NeighbourDiscovery
-            | State::HopUpdate
-            | State::ChangingFormation { .. }
-                if !self.master_lands =>
-            {
-                since + self.config.spreading_patience
-            }
-            _ => since,
+        Some(if self.durable.state.is_spreading() && !self.master_lands {
+            since + self.config.spreading_patience
+        } else {
+            since
         })
     }
 
