@@ -7,7 +7,8 @@ use muster_machines::time::Timestamp;
 use super::Violation;
 
 /// Rule 3: waypoints open one by one, each once every live member of the master's part that is not landing has reached
-/// the one before; no drone skips one. The master's part is whoever can be reached from it by radio, over others too.
+/// the one before; no drone skips one. Of the master's part are those whom links that are up connect with it, and who obey it
+/// for long enough that it knows.
 /// Where the master waits for its neighbours only, it may open one before the others have reached the one before.
 #[derive(Debug)]
 pub(crate) struct BarrierChecker {

@@ -9,12 +9,15 @@ use super::Violation;
 #[derive(Debug)]
 pub(crate) struct ElectionChecker {
     obeyed: Vec<Option<Ballot>>,
+    /// Since when.
+    since: Vec<Timestamp>,
 }
 
 impl ElectionChecker {
     pub(crate) fn new(drones: usize) -> Self {
         Self {
             obeyed: vec![None; drones],
+            since: vec![Timestamp::ZERO; drones],
         }
     }
 
@@ -24,6 +27,9 @@ impl ElectionChecker {
         drone: NodeId,
         event: &Event,
     ) -> Option<Violation> {
+        if let Event::Obeys(_) = event {
+            self.since[drone.0 as usize] = now;
+        }
         let obeyed = &mut self.obeyed[drone.0 as usize];
         let violation = |what| Violation {
             rule: 1,
@@ -47,6 +53,11 @@ impl ElectionChecker {
             }
             _ => None,
         }
+    }
+
+    /// Since when a drone has obeyed whom it obeys.
+    pub(crate) fn since(&self, drone: NodeId) -> Timestamp {
+        self.since[drone.0 as usize]
     }
 
     /// Whom a drone obeys.

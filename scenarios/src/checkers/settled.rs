@@ -37,6 +37,11 @@ impl SettledChecker {
         Self { settling }
     }
 
+    /// How long a part may take to settle.
+    pub(crate) const fn settling(&self) -> Settling {
+        self.settling
+    }
+
     /// Looks at every part.
     pub(crate) fn look(
         &self,

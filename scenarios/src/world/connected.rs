@@ -45,6 +45,23 @@ impl World {
             .look(self.now, live.collect(), Link::all(&self.medium));
     }
 
+    /// For whom a master is to wait at a waypoint: those of its part that obey it, and of those that turned to it only
+    /// who did so long enough ago for it to know.
+    pub(super) fn awaited_by(&self, master: NodeId) -> BTreeSet<NodeId> {
+        let mut part = self.parts.part_of(master);
+        let Some(reign) = self.election.obeyed(master) else {
+            return part;
+        };
+        let settling = self.settled.settling();
+        let hops = u32::try_from(part.len()).unwrap_or(u32::MAX);
+        let is_known = |id: NodeId| {
+            let obeyed_for = self.now.since(self.election.since(id));
+            !reign.is_elected() || obeyed_for > settling.time(hops)
+        };
+        part.retain(|id| self.election.obeyed(*id) == Some(reign) && is_known(*id));
+        part
+    }
+
     /// Each part has its master, once it has had the time to settle.
     pub(super) fn check_masters(&mut self) {
         let standing = |id| Standing {

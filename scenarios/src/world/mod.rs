@@ -16,7 +16,7 @@ mod recorder;
 mod tampering;
 mod trace;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -644,11 +644,12 @@ impl World {
                 let obeyed = self.election.obeyed(drone);
                 let found = self.arming.observe(now, drone, event, obeyed);
                 self.find(found);
+                let mut awaited = BTreeSet::new();
                 if matches!(event, mission::Event::Opened { .. }) {
                     self.look_at_links();
+                    awaited = self.awaited_by(drone);
                 }
-                let part = || self.parts.part_of(drone);
-                let found = self.barrier.observe(now, drone, event, part);
+                let found = self.barrier.observe(now, drone, event, || awaited);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
                 self.occurs_to(drone, event);

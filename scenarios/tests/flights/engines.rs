@@ -205,9 +205,10 @@ fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
 }
 
 #[test]
-fn drones_out_of_reach_of_their_master_land_and_it_flies_on_alone() {
+fn drones_out_of_reach_of_their_master_land_where_none_is_elected_and_it_flies_on_alone() {
     for liveness in ["protocol.liveness=thesis", "protocol.liveness=pulse"] {
-        let report = on_both_engines(&scenario("thesis-1.toml", &["radio.range_m=100", liveness]));
+        let fields = ["radio.range_m=100", liveness, "protocol.succession=land"];
+        let report = on_both_engines(&scenario("thesis-1.toml", &fields));
         assert_eq!(report.violations, []);
         for drone in &report.drones {
             let alone = drone.id != 2;

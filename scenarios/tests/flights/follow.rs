@@ -86,12 +86,13 @@ fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
 }
 
 #[test]
-fn slaves_of_a_master_that_fell_silent_come_down() {
+fn slaves_of_a_master_that_fell_silent_come_down_where_none_is_elected() {
     let crashes: Vec<_> = (0..8)
         .map(|times| format!("{{ at_s = {}, crash = 7, actor = \"radio\" }}", 100 + times))
         .collect();
     let faults = format!("faults=[{}]", crashes.join(", "));
-    let report = fly(&scenario("follow.toml", &[&faults]), Engine::Events);
+    let fields = [&*faults, "protocol.succession=land"];
+    let report = fly(&scenario("follow.toml", &fields), Engine::Events);
     assert_eq!(report.violations, []);
     assert!(!report.mission_completed);
     for drone in &report.drones {

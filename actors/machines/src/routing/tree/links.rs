@@ -37,6 +37,8 @@ pub(super) struct Link {
     pub(super) heard_at: Timestamp,
     /// Whether the neighbour has heard this drone too: only then the link counts.
     pub(super) symmetric: bool,
+    /// Since when it has left this drone out whenever it said whom it hears.
+    left_out: Option<Timestamp>,
     /// The share of the neighbour's frames that was missed lately, told from the gaps between their numbers.
     pub(super) loss: f64,
     /// How many frames that was told from, up to [`LOSS_MEMORY`].
@@ -63,6 +65,11 @@ impl Link {
     pub(super) fn obeys_another(&self) -> bool {
         let told = self.told_of_reign;
         self.symmetric && told.is_some_and(|times| times < TOLD_OF_REIGN_MAX)
+    }
+
+    /// Whether it has just said that it does not hear this drone, which it did before.
+    pub(super) const fn needs_to_hear(&self) -> bool {
+        self.symmetric && self.left_out.is_some()
     }
 
     /// Whether it knows of an order, as it said or the medium did.
@@ -124,14 +131,23 @@ impl Link {
 }
 
 impl Links {
-    /// Takes in what a neighbour says; false for a number that is not newer than the last.
-    pub(super) fn hear(&mut self, own: NodeId, id: NodeId, said: Tree, now: Timestamp) -> bool {
+    /// Takes in what a neighbour says; false for a number that is not newer than the last. One that has left this drone
+    /// out for a beacon does not hear it.
+    pub(super) fn hear(
+        &mut self,
+        own: NodeId,
+        id: NodeId,
+        said: Tree,
+        now: Timestamp,
+        beacon: Duration,
+    ) -> bool {
         let symmetric = self.is_symmetric(own, id, &said);
         match self.0.get_mut(&id) {
             None => {
                 let link = Link {
                     heard_at: now,
                     symmetric,
+                    left_out: None,
                     loss: 0.0,
                     frames: 0,
                     told: (0, NodeSet::default()),
@@ -157,7 +173,11 @@ impl Links {
                     // It restarted, or spoke before it knew.
                     link.told = (0, NodeSet::default());
                 }
-                link.symmetric = symmetric;
+                let leaves_out = !symmetric && said.hears.is_some();
+                link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
+                // At first it may have restarted: it hears this drone again when that speaks.
+                let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
+                link.symmetric = symmetric || (link.symmetric && is_new);
                 link.said = said;
                 true
             }
@@ -172,13 +192,14 @@ impl Links {
         id: NodeId,
         said: &Tree,
         now: Timestamp,
+        beacon: Duration,
     ) {
         let said = Tree {
             beat: said.beat,
             hears: said.hears.clone(),
             ..Tree::default()
         };
-        self.hear(own, id, said, now);
+        self.hear(own, id, said, now, beacon);
         if let Some(link) = self.0.get_mut(&id) {
             link.told_of_reign = Some(0);
         }

@@ -188,8 +188,13 @@ impl TreeRouting {
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
-                self.links
-                    .hear_of_another_reign(self.config.id, sender, &said, now);
+                self.links.hear_of_another_reign(
+                    self.config.id,
+                    sender,
+                    &said,
+                    now,
+                    self.config.beacon,
+                );
             }
             self.outbox.event(Event::Ignored(sender));
             return;
@@ -266,8 +271,11 @@ impl TreeRouting {
         let (pulse, pending) = (said.pulse, (said.sequence, said.pending.clone()));
         let order = said.order.clone().map(|order| (said.sequence, order));
         let landing = (said.sequence, said.landing.clone());
-        if !self.links.hear(own, sender, said, now) {
+        if !self.links.hear(own, sender, said, now, self.config.beacon) {
             return;
+        }
+        if self.links.get(sender).is_some_and(Link::needs_to_hear) {
+            self.beacon_soon(now);
         }
         let news = self.take_order(order);
         self.hear_of_landing(&landing);

@@ -493,7 +493,13 @@ fn a_parent_over_a_lossy_link_is_asked_more_often() {
             beat,
             ..Tree::default()
         };
-        links.hear(NodeId(1), NodeId(0), said, Timestamp::ZERO);
+        links.hear(
+            NodeId(1),
+            NodeId(0),
+            said,
+            Timestamp::ZERO,
+            Duration::from_secs(1),
+        );
     }
     let questions = links.get(NodeId(0)).unwrap().questions();
     assert!((18..25).contains(&questions), "{questions}");
