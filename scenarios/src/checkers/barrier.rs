@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use muster_machines::identity::NodeId;
+use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::mission::{Barrier, Event, State};
 use muster_machines::time::Timestamp;
 
@@ -15,8 +15,8 @@ pub(crate) struct BarrierChecker {
     barrier: Barrier,
     /// The highest waypoint opened, by whomever.
     opened: Option<u16>,
-    /// Who opened a waypoint last, and which.
-    last: Option<(NodeId, u16)>,
+    /// Under which ballot a waypoint was opened last, and which.
+    last: Option<(Option<Ballot>, u16)>,
     drones: Vec<Progress>,
 }
 
@@ -41,6 +41,7 @@ impl BarrierChecker {
         now: Timestamp,
         drone: NodeId,
         event: &Event,
+        reign: Option<Ballot>,
         part: impl FnOnce() -> BTreeSet<NodeId>,
     ) -> Option<Violation> {
         match *event {
@@ -50,7 +51,7 @@ impl BarrierChecker {
                     Barrier::Strict => part(),
                     Barrier::Neighbours => BTreeSet::new(),
                 };
-                self.opens(now, drone, waypoint, &awaited)
+                self.opens(now, (drone, reign), waypoint, &awaited)
             }
             _ => None,
         }
@@ -88,15 +89,15 @@ impl BarrierChecker {
     fn opens(
         &mut self,
         now: Timestamp,
-        master: NodeId,
+        (master, reign): (NodeId, Option<Ballot>),
         waypoint: u16,
         awaited: &BTreeSet<NodeId>,
     ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
         self.opened = self.opened.max(Some(waypoint));
         // Whoever was elected may not know, or not be told by anyone in its part, how far the master before it had got.
-        let is_next = match self.last.replace((master, waypoint)) {
-            Some((last, opened)) if last == master => waypoint == opened + 1,
+        let is_next = match self.last.replace((reign, waypoint)) {
+            Some((last, opened)) if last == reign => waypoint == opened + 1,
             _ => waypoint <= next,
         };
         if !is_next {
@@ -136,7 +137,7 @@ mod tests {
         drone: NodeId,
         event: &Event,
     ) -> Option<Violation> {
-        checker.observe(now, drone, event, || [NodeId(0), NodeId(1)].into())
+        checker.observe(now, drone, event, None, || [NodeId(0), NodeId(1)].into())
     }
 
     const REACHED_0: Event = Event::State(State::WaypointReached { waypoint: 0 });
@@ -210,7 +211,9 @@ mod tests {
         let on_the_way = Event::State(State::HopUpdate);
         observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);
         let opens = Event::Opened { waypoint: 1 };
-        let found = checker.observe(Timestamp::ZERO, NodeId(0), &opens, || [NodeId(0)].into());
+        let found = checker.observe(Timestamp::ZERO, NodeId(0), &opens, None, || {
+            [NodeId(0)].into()
+        });
         assert_eq!(found, None);
     }
 

@@ -159,6 +159,8 @@ pub struct DroneReport {
     pub following: Option<FormationError>,
     /// What it was doing at the end.
     pub state: String,
+    /// How many waypoints it has reached, the one where the take-off ends included.
+    pub waypoints: usize,
     /// Why it came down, if not because its mission was over.
     pub landed_because: Option<String>,
     /// How often an actor of it was restarted.

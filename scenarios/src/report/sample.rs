@@ -269,6 +269,7 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         waypoint_delay_s: Some(wait_s(f64::from(drones / 2)) + 0.03 * f64::from(hops)),
         waypoint_delay_max_s: Some(wait_s(f64::from(drones / 2)) + 0.05 * f64::from(hops)),
         state: "finished".to_owned(),
+        waypoints: 1,
         landed_because: None,
         restarts: 0,
         following: None,

@@ -100,6 +100,7 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
         waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
         state: state(record),
+        waypoints: record.waypoints(),
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),
         restarts: record.restarts,
     }

@@ -74,9 +74,10 @@ impl Drone {
         self.hung[address as usize]
     }
 
-    /// Whether it can do what it is told: its process runs, and all of it.
+    /// Whether it can do what it is told: its process runs and does not hang as a whole.
     pub(crate) fn is_sound(&self) -> bool {
-        self.runs && !self.given_up && Address::ALL.iter().all(|it| !self.is_hung(*it))
+        let hangs = Address::ALL.iter().all(|it| self.is_hung(*it));
+        self.runs && !self.given_up && !hangs
     }
 
     /// Keeps what a machine is built anew from.

@@ -649,7 +649,7 @@ impl World {
                     self.look_at_links();
                     awaited = self.awaited_by(drone);
                 }
-                let found = self.barrier.observe(now, drone, event, || awaited);
+                let found = self.barrier.observe(now, drone, event, obeyed, || awaited);
                 self.find(found);
                 self.recorder.mission(self.now, drone, event);
                 self.occurs_to(drone, event);

@@ -385,6 +385,15 @@ impl Record {
         Some(self.states[begins].0..until)
     }
 
+    /// How many different waypoints it has reached.
+    pub(crate) fn waypoints(&self) -> usize {
+        let reached = self.states.iter().filter_map(|(_, state)| match state {
+            State::WaypointReached { waypoint } => Some(*waypoint),
+            _ => None,
+        });
+        reached.collect::<BTreeSet<_>>().len()
+    }
+
     /// Its own waits at waypoints, from arrival to departure.
     pub(crate) fn waits(&self) -> impl Iterator<Item = std::time::Duration> + '_ {
         self.states

@@ -12,6 +12,7 @@ mod follow;
 mod formations;
 mod relay;
 mod settling;
+mod shipped;
 mod support;
 mod thesis;
 mod tree;

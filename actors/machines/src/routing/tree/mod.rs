@@ -334,9 +334,9 @@ impl TreeRouting {
     }
 
     /// Chooses the parent anew: the symmetric neighbour nearest to the master, then the one with the least loss; the
-    /// one it has unless another is nearer. In the place of a parent that is lost or stale it takes only a drone that
-    /// has heard more of the master since, and in the place of one that does not answer only a drone no farther from
-    /// the master than itself: the way of neither can be through this one.
+    /// one it has unless another is nearer. It takes only a drone that has heard more of the master since or, unless the
+    /// parent that it has is lost or stale, one that has heard as much and is nearer to the master than itself: the way of
+    /// neither can be through this one, so that no ring of drones follows itself.
     fn update_routes(&mut self, now: Timestamp) {
         let own = self.config.id;
         let is_master = self.is_master();
@@ -356,12 +356,17 @@ impl TreeRouting {
                 let link = self.links.get(*parent);
                 link.is_some_and(|link| link.is_stale(now, self.config.beacon))
             });
+            let own_pulse = self.durable.beats.pulse;
             let has_newer_pulse = |link: &Link, pulse: u32| link.said.pulse > pulse;
-            let is_elsewhere = |link: &Link| match (self.orphaned, suspected, stale) {
-                (Some((_, pulse)), ..) => has_newer_pulse(link, pulse),
-                (None, Some(_), _) => link.said.hops <= self.routes.hops,
-                (None, None, Some(_)) => has_newer_pulse(link, self.durable.beats.pulse),
-                (None, None, None) => true,
+            // Whoever has heard as much of the master and is nearer to it: its way can't be through this drone.
+            let is_nearer =
+                |link: &Link| link.said.pulse == own_pulse && link.said.hops < self.routes.hops;
+            let is_elsewhere = |id: NodeId, link: &Link| match (self.orphaned, stale) {
+                (Some((_, pulse)), _) => has_newer_pulse(link, pulse),
+                (None, Some(_)) => has_newer_pulse(link, own_pulse),
+                (None, None) => {
+                    parent == Some(id) || has_newer_pulse(link, own_pulse) || is_nearer(link)
+                }
             };
             let left = suspected.or(stale);
             let usable = |id: NodeId, link: &Link| {
@@ -370,7 +375,7 @@ impl TreeRouting {
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
                     && Some(id) != left
-                    && is_elsewhere(link)
+                    && is_elsewhere(id, link)
             };
             let kept = left.and_then(|parent| Some((parent, self.links.get(parent)?)));
             let best = self

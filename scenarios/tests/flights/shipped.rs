@@ -1,0 +1,120 @@
+//! What must hold in the scenarios that are shipped to show that it does.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+
+use crate::support::{fly, scenario};
+
+fn flown(name: &str) -> Report {
+    let report = fly(&scenario(&format!("{name}.toml"), &[]), Engine::Events);
+    assert_eq!(report.violations, [], "{name}");
+    report
+}
+
+/// Whoever lives has flown all there was to fly, and landed because it was over.
+fn assert_flown(name: &str, report: &Report, lost: &[u32]) {
+    assert!(report.mission_completed, "{name}");
+    for drone in &report.drones {
+        let is_lost = lost.contains(&drone.id);
+        assert_eq!(drone.state == "finished", !is_lost, "{name}, {drone:?}");
+        assert_eq!(drone.landed_because, None, "{name}, {drone:?}");
+    }
+}
+
+/// Who led after each election.
+fn masters(report: &Report) -> Vec<Vec<u32>> {
+    let elections = report.elections.iter();
+    elections.map(|election| election.masters.clone()).collect()
+}
+
+#[test]
+fn a_master_killed_on_the_ground_leaves_its_swarm_there() {
+    let report = flown("kill-on-ground");
+    for drone in &report.drones {
+        assert_eq!(drone.flight_time_s, None, "{drone:?}");
+    }
+}
+
+#[test]
+fn a_master_killed_in_the_air_is_replaced_in_each_part() {
+    for (name, lost, after) in [
+        ("kill-at-waypoint", &[3][..], &[&[2, 4][..]][..]),
+        ("kill-while-landing", &[3], &[]),
+        ("kill-successor", &[2, 3], &[&[1, 4]]),
+    ] {
+        let report = flown(name);
+        assert_flown(name, &report, lost);
+        assert_eq!(masters(&report), after, "{name}");
+    }
+}
+
+#[test]
+fn clusters_without_their_master_are_swarms_of_their_own() {
+    for clusters in [2, 3, 5] {
+        let name = format!("split-up-{clusters}");
+        let report = flown(&name);
+        assert_flown(&name, &report, &[0]);
+        assert_eq!(masters(&report)[0].len(), clusters, "{name}");
+    }
+}
+
+#[test]
+fn swarms_that_meet_again_are_one_and_all_fly_every_waypoint() {
+    for name in ["cut-in-two", "cut-two-apart"] {
+        let report = flown(name);
+        assert_flown(name, &report, &[]);
+        assert_eq!(masters(&report), [vec![2, 3], vec![2]], "{name}");
+        let met = report.elections[1].settled_after_s.unwrap();
+        assert!(met <= 2.0, "{name}: {met} s");
+        for drone in &report.drones {
+            let waypoints = report.barriers.len();
+            assert_eq!(drone.waypoints, waypoints, "{name}, {drone:?}");
+        }
+    }
+}
+
+#[test]
+fn links_that_come_and_go_or_carry_one_way_cost_nobody() {
+    for name in ["flapping-link", "one-way-link"] {
+        assert_flown(name, &flown(name), &[]);
+    }
+}
+
+#[test]
+fn whoever_hangs_or_restarts_rejoins() {
+    for (name, last) in [("hung-master", 2), ("returning-drone", 5)] {
+        let report = flown(name);
+        assert_flown(name, &report, &[]);
+        assert_eq!(masters(&report).last().unwrap(), &[last], "{name}");
+    }
+}
+
+#[test]
+fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
+    let report = flown("hung-mission");
+    assert_flown("hung-mission", &report, &[]);
+    assert_eq!(report.drones[3].restarts, 1);
+    assert_eq!(report.elections, []);
+}
+
+#[test]
+fn nobody_heeds_strangers_and_other_swarms() {
+    let report = flown("other-swarm");
+    assert_flown("other-swarm", &report, &[]);
+    assert_eq!(report.elections, []);
+    for reason in ["forged", "other swarm", "replayed", "stranger"] {
+        assert!(report.dropped.contains_key(reason), "{:?}", report.dropped);
+    }
+}
+
+#[test]
+fn a_swarm_takes_off_without_whoever_is_dead() {
+    assert_flown("dead-on-ground", &flown("dead-on-ground"), &[6]);
+}
+
+#[test]
+fn forty_drones_have_forty_places() {
+    let report = flown("big-matrix");
+    assert_flown("big-matrix", &report, &[]);
+    assert!(report.min_separation_m.unwrap() >= 5.0);
+}
