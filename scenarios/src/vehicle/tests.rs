@@ -279,8 +279,7 @@ fn a_vehicle_that_holds_brakes_over_ground_and_climbs_or_descends_meanwhile() {
         assert!(vehicle.motion().is_at_rest(at(40.1)));
         // 1.5 s to 1.5 m/s are 1.1 m; the rest takes its time at 1.5 m/s.
         let climbed = after(3.5).altitude_m() - 20.0;
-        let towards = (altitude_m - 20.0).signum()
-            * f64::from(u8::from(altitude_m < 20.0 || altitude_m > 20.0));
+        let towards = (altitude_m - 20.0).clamp(-1.0, 1.0);
         assert!(close(climbed, towards * (1.125 + 3.0)), "{climbed}");
     }
 }

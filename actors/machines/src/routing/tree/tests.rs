@@ -556,7 +556,7 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
 fn a_drone_whose_host_stalled_asks_before_it_misses_anybody() {
     let mut child = child_of_a_master_that_it_hears_well();
     // Nothing is handled for 30 s, then its timers are.
-    child.now = child.now + Duration::from_secs(30);
+    child.now += Duration::from_secs(30);
     child.stimulate(Stimulus::Timeout);
     child.wait(1_500);
     assert_eq!(child.notices, [], "one more period");
@@ -564,7 +564,7 @@ fn a_drone_whose_host_stalled_asks_before_it_misses_anybody() {
     child.wait(1_500);
     assert_eq!(child.notices, [], "it was there all the time");
     // A master that is not is missed all the same, if later.
-    child.now = child.now + Duration::from_secs(30);
+    child.now += Duration::from_secs(30);
     child.stimulate(Stimulus::Timeout);
     child.wait(15_000);
     assert_eq!(child.notices, [Notice::MasterSilent]);
@@ -581,7 +581,7 @@ fn a_master_whose_host_stalled_gives_its_members_their_time_to_live_anew() {
     }
     master.notices.clear();
     // Of the others nothing has been heard at all.
-    master.now = master.now + Duration::from_secs(30);
+    master.now += Duration::from_secs(30);
     master.stimulate(Stimulus::Timeout);
     master.wait(4_000);
     assert_eq!(master.notices, []);
