@@ -57,14 +57,10 @@ impl BarrierChecker {
         }
     }
 
-    /// A drone is being brought down whose mission may not be there any more to say so.
+    /// A drone's mission may not be there any more to say what it does: it is being brought down, or its process has ended.
+    /// It counts again once it says so.
     pub(crate) fn given_up(&mut self, drone: NodeId) {
         self.drones[drone.0 as usize].state = State::Landing;
-    }
-
-    /// A drone's process has ended; it counts again once it says what it does.
-    pub(crate) fn ended(&mut self, drone: NodeId) {
-        self.given_up(drone);
     }
 
     fn enters(&mut self, now: Timestamp, drone: NodeId, state: State) -> Option<Violation> {

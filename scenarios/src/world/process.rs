@@ -165,6 +165,6 @@ impl World {
     fn end_process(&mut self, drone: NodeId) {
         self.inbox.retain(|(to, _)| *to != drone);
         self.drone(drone).end();
-        self.barrier.ended(drone);
+        self.barrier.given_up(drone);
     }
 }

@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
-use crate::support::{fly, scenario};
+use crate::support::{assert_finished, fly, scenario};
 
 const ELECT: &str = "protocol.succession=elect";
 
@@ -11,11 +11,7 @@ const ELECT: &str = "protocol.succession=elect";
 fn assert_flown(report: &Report, killed: &[u32], what: &str) {
     assert_eq!(report.violations, [], "{what}");
     assert!(report.mission_completed, "{what}");
-    for drone in &report.drones {
-        let is_killed = killed.contains(&drone.id);
-        assert_eq!(drone.state == "finished", !is_killed, "{what}, {drone:?}");
-        assert_eq!(drone.landed_because, None, "{what}, {drone:?}");
-    }
+    assert_finished(report, killed, what);
 }
 
 #[test]

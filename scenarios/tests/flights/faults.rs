@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
-use crate::support::{fly, scenario};
+use crate::support::{assert_finished, fly, masters, scenario};
 
 /// Seven in line, on a short mission, with other faults than its own; both engines fly it alike.
 fn fly_with(faults: &str) -> Report {
@@ -20,26 +20,12 @@ fn fly_with(faults: &str) -> Report {
     report
 }
 
-fn assert_all_finished_but(report: &Report, lost: &[u32], what: &str) {
-    for drone in &report.drones {
-        let is_lost = lost.contains(&drone.id);
-        assert_eq!(drone.state == "finished", !is_lost, "{what}, {drone:?}");
-        assert_eq!(drone.landed_because, None, "{what}, {drone:?}");
-    }
-}
-
-/// Who led once the swarm was whole again, after each of the elections.
-fn masters(report: &Report) -> Vec<Vec<u32>> {
-    let elections = report.elections.iter();
-    elections.map(|election| election.masters.clone()).collect()
-}
-
 #[test]
 fn a_process_that_restarts_rejoins_the_swarm_from_its_journal() {
     for (who, after) in [("1", vec![0, 3]), (r#""master""#, vec![2, 4])] {
         let faults = format!("{{ at_s = 70, restart = {who} }}");
         let report = fly_with(&faults);
-        assert_all_finished_but(&report, &[], &faults);
+        assert_finished(&report, &[], &faults);
         let masters = masters(&report);
         assert_eq!(masters[0], after, "{faults}: each part has its own");
         assert_eq!(masters[1].len(), 1, "{faults}: parts that meet are one");
@@ -71,7 +57,7 @@ fn what_hangs_is_found_out_and_the_swarm_flies_on() {
         "{ at_s = 70, hang = 2, for_s = 1.5 }",
         r#"{ when = "taking-off", after_s = 5, hang = 4, for_s = 2 }"#,
     ] {
-        assert_all_finished_but(&fly_with(faults), &[], faults);
+        assert_finished(&fly_with(faults), &[], faults);
     }
 }
 
@@ -83,7 +69,7 @@ fn a_swarm_that_is_cut_in_two_is_two_swarms_and_one_again_once_it_is_healed() {
         "{ at_s = 60, cut = [[0, 1, 2], [3, 4]] }, { at_waypoint = 2, heal = [2, 3] }",
     ] {
         let report = fly_with(faults);
-        assert_all_finished_but(&report, &[], faults);
+        assert_finished(&report, &[], faults);
         let masters = masters(&report);
         assert_eq!(masters.len(), 2, "{faults}: {masters:?}");
         assert_eq!(masters[0], [2, 3], "{faults}");
@@ -94,14 +80,14 @@ fn a_swarm_that_is_cut_in_two_is_two_swarms_and_one_again_once_it_is_healed() {
 #[test]
 fn a_jammed_swarm_flies_on_in_parts() {
     let faults = "{ at_s = 66, jam = { north_m = 150, east_m = 0, radius_m = 80 }, for_s = 10 }";
-    assert_all_finished_but(&fly_with(faults), &[], faults);
+    assert_finished(&fly_with(faults), &[], faults);
 }
 
 #[test]
 fn the_others_fly_on_without_an_aircraft_that_fell() {
     let faults = r#"{ when = "taking-off", after_s = 65, crash_aircraft = "master" }"#;
     let report = fly_with(faults);
-    assert_all_finished_but(&report, &[3], faults);
+    assert_finished(&report, &[3], faults);
     assert!(report.drones[3].state.starts_with("fell while"));
 }
 
@@ -123,7 +109,7 @@ fn nothing_that_is_done_to_frames_is_obeyed() {
         ),
     ] {
         let report = fly_with(faults);
-        assert_all_finished_but(&report, &[], faults);
+        assert_finished(&report, &[], faults);
         assert_eq!(report.elections, [], "{faults}");
         assert!(
             report
@@ -145,6 +131,6 @@ fn late_and_overtaking_frames_and_wrong_clocks_cost_nothing() {
         "{ at_s = 10, skew = 3, ppm = 50000 }",
         "{ at_s = 10, skew = 1, ppm = -50000, for_s = 100 }",
     ] {
-        assert_all_finished_but(&fly_with(faults), &[], faults);
+        assert_finished(&fly_with(faults), &[], faults);
     }
 }

@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
-use crate::support::{fly, scenario};
+use crate::support::{assert_finished, fly, masters, scenario};
 
 fn flown(name: &str) -> Report {
     let report = fly(&scenario(&format!("{name}.toml"), &[]), Engine::Events);
@@ -14,17 +14,7 @@ fn flown(name: &str) -> Report {
 /// Whoever lives has flown all there was to fly, and landed because it was over.
 fn assert_flown(name: &str, report: &Report, lost: &[u32]) {
     assert!(report.mission_completed, "{name}");
-    for drone in &report.drones {
-        let is_lost = lost.contains(&drone.id);
-        assert_eq!(drone.state == "finished", !is_lost, "{name}, {drone:?}");
-        assert_eq!(drone.landed_because, None, "{name}, {drone:?}");
-    }
-}
-
-/// Who led after each election.
-fn masters(report: &Report) -> Vec<Vec<u32>> {
-    let elections = report.elections.iter();
-    elections.map(|election| election.masters.clone()).collect()
+    assert_finished(report, lost, name);
 }
 
 #[test]

@@ -21,6 +21,21 @@ pub(crate) fn fly(scenario: &Scenario, engine: Engine) -> Report {
     run(scenario, engine, None).unwrap().0
 }
 
+/// Whoever is not lost has landed because the mission was over.
+pub(crate) fn assert_finished(report: &Report, lost: &[u32], what: &str) {
+    for drone in &report.drones {
+        let is_lost = lost.contains(&drone.id);
+        assert_eq!(drone.state == "finished", !is_lost, "{what}, {drone:?}");
+        assert_eq!(drone.landed_because, None, "{what}, {drone:?}");
+    }
+}
+
+/// Who led after each of the elections.
+pub(crate) fn masters(report: &Report) -> Vec<Vec<u32>> {
+    let elections = report.elections.iter();
+    elections.map(|election| election.masters.clone()).collect()
+}
+
 /// The rows of a data file, without its heading.
 pub(crate) fn rows(name: &str) -> Vec<Vec<String>> {
     let path = shipped("tests/data").join(name);

@@ -1,7 +1,7 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use muster_machines::cell::Address;
+use muster_machines::cell::{Address, Effect, Envelope};
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::machine::{Said, Stimulus, step};
 use muster_machines::mission::{self, Config, Mission};
@@ -276,25 +276,15 @@ impl Drone {
 
 /// What of a mission's words is for that part of the routing which is in the model.
 fn to_routing(transmit: mission::Transmit) -> Option<Post> {
-    use mission::Transmit;
-    let input = match transmit {
-        Transmit::Lead(ballot) => routing::Input::Lead(ballot),
-        Transmit::Publish {
-            ballot,
-            sequence,
-            order,
-        } => routing::Input::Publish {
-            ballot,
-            sequence,
-            order,
-        },
-        Transmit::Acknowledge { ballot, sequence } => {
-            routing::Input::Acknowledge { ballot, sequence }
-        }
-        Transmit::Resync => routing::Input::Resync,
-        _ => return None,
+    use routing::Input;
+    let Effect::Post(Envelope::Routing(input)) = transmit.into() else {
+        return None;
     };
-    Some(Post::ToRouting(input))
+    matches!(
+        input,
+        Input::Lead(_) | Input::Publish { .. } | Input::Acknowledge { .. } | Input::Resync
+    )
+    .then_some(Post::ToRouting(input))
 }
 
 impl PartialEq for Drone {
