@@ -57,7 +57,7 @@ impl From<&Report> for Ended {
     fn from(report: &Report) -> Self {
         if !report.violations.is_empty() {
             Self::RuleBroken
-        } else if report.mission_completed {
+        } else if report.are_missions_completed() {
             Self::Well
         } else {
             Self::MissionIncomplete

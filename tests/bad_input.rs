@@ -362,6 +362,26 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "[radio]",
+            "[[swarms]]\nscenario = \"scenario.toml\"\nnorth_m = 50\neast_m = 0\n\n[radio]",
+            &["has `swarms` of its own", "`swarms.scenario` is"],
+        ),
+        (
+            "[radio]",
+            "[[swarms]]\nscenario = \"nowhere.toml\"\nnorth_m = 50\neast_m = 0\n\n[radio]",
+            &["nowhere.toml"],
+        ),
+        (
+            "[radio]",
+            "[[swarms]]\nscenario = \"scenario.toml\"\nnorth_m = 50\n\n[radio]",
+            &["missing field `east_m`"],
+        ),
+        (
+            "[radio]",
+            "[[swarms]]\nscenario = \"scenario.toml\"\nnorth_m = 0\neast_m = 0\nafter_s = -1\n\n[radio]",
+            &["-1 is not", "swarms.after_s"],
+        ),
+        (
+            "[radio]",
             "[[relays]]\nnorth_m = 0\neast_m = 0\naltitude_m = 5\n\n[radio]",
             &[
                 "policy `flood` has no pure relays",

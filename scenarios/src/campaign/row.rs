@@ -63,7 +63,7 @@ pub struct Row {
     pub min_separation_m: Option<f64>,
     /// How often an actor of any drone was restarted.
     pub restarts: u64,
-    /// Whether the mission was flown to its end, as in [`Report::mission_completed`].
+    /// Whether all missions were flown to their ends, as in [`Report::are_missions_completed`].
     pub mission_completed: bool,
     /// How often a rule was broken; the first ends the run.
     pub violations: u64,
@@ -140,7 +140,7 @@ impl Row {
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
-            mission_completed: report.mission_completed,
+            mission_completed: report.are_missions_completed(),
             violations: report.violations.len() as u64,
             rule: first.map(|violation| violation.rule),
             violation: first.map(|violation| violation.what.clone()),

@@ -1,4 +1,4 @@
-//! The median of a sample and an interval around it that holds whatever the sample's distribution.
+//! The median of a sample, an interval around it that holds whatever the sample's distribution, and its 99th percentile.
 
 /// How sure an interval is at least.
 pub(super) const CONFIDENCE: f64 = 0.95;
@@ -14,6 +14,9 @@ pub struct Estimate {
     /// Between these the median of the distribution lies with at least 95 % confidence; nothing for fewer than six
     /// values, which can't tell.
     pub interval: Option<(f64, f64)>,
+    /// The smallest value that at least 99 of 100 do not exceed; nothing for fewer than a hundred values, of which it
+    /// would be the largest.
+    pub p99: Option<f64>,
     /// The sample, or an evenly ranked part of it with both ends, rising.
     pub drawn: Vec<f64>,
 }
@@ -31,6 +34,7 @@ impl Estimate {
         Some(Self {
             median: f64::midpoint(sample[last / 2], sample[number / 2]),
             interval,
+            p99: (number >= 100).then(|| sample[(number * 99).div_ceil(100) - 1]),
             drawn: (0..drawn)
                 .map(|place| sample[place * last / (drawn - 1).max(1)])
                 .collect(),
@@ -120,6 +124,15 @@ mod tests {
             assert!((half - expected).abs() <= 1.5, "{number}: {low}");
             assert_eq!(low + high, number + 1);
         }
+    }
+
+    #[test]
+    fn one_of_a_hundred_is_above_the_99th_percentile() {
+        let p99 = |number: u32| Estimate::of((1..=number).rev().map(f64::from).collect());
+        assert_eq!(p99(99).unwrap().p99, None);
+        assert_eq!(p99(100).unwrap().p99, Some(99.0));
+        assert_eq!(p99(1_000).unwrap().p99, Some(990.0));
+        assert_eq!(p99(1_001).unwrap().p99, Some(991.0));
     }
 
     #[test]

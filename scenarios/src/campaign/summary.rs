@@ -135,6 +135,8 @@ pub struct Summary {
     pub incomplete: u64,
     /// How often rules were broken in them.
     pub violations: u64,
+    /// How often a part of a swarm had lost its master in them.
+    pub elections: u64,
     /// Each of [`FIGURES`], over the runs that kept the rules and have it.
     pub estimates: Vec<Option<Estimate>>,
 }
@@ -165,13 +167,14 @@ impl Broken {
     }
 }
 
-/// The figures of a combination's runs: 72 bytes of memory a run.
+/// The figures of a combination's runs: 80 bytes of memory a run.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     runs: u64,
     broken: u64,
     incomplete: u64,
     violations: u64,
+    elections: u64,
     samples: [Vec<f64>; FIGURES.len()],
 }
 
@@ -179,6 +182,7 @@ impl Tally {
     pub(super) fn add(&mut self, row: &Row) {
         self.runs += 1;
         self.violations += row.violations;
+        self.elections += row.elections;
         self.incomplete += u64::from(row.is_incomplete());
         if row.is_broken() {
             self.broken += 1;
@@ -201,6 +205,7 @@ impl Tally {
             broken: self.broken,
             incomplete: self.incomplete,
             violations: self.violations,
+            elections: self.elections,
             estimates: self.samples.into_iter().map(Estimate::of).collect(),
         }
     }
@@ -215,12 +220,14 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
             .iter()
             .map(|variation| variation.key().to_owned()),
     );
-    names.extend(["runs", "broken", "incomplete", "violations"].map(str::to_owned));
+    let counts = ["runs", "broken", "incomplete", "violations", "elections"];
+    names.extend(counts.map(str::to_owned));
     for Figure { column, .. } in &FIGURES {
         names.extend([
             format!("{column}_median"),
             format!("{column}_low"),
             format!("{column}_high"),
+            format!("{column}_p99"),
         ]);
     }
     names
@@ -231,7 +238,13 @@ impl Summary {
     pub(super) fn record(&self) -> Vec<String> {
         let mut fields = vec![self.combination.to_string()];
         fields.extend(self.values.iter().cloned());
-        let counts = [self.runs, self.broken, self.incomplete, self.violations];
+        let counts = [
+            self.runs,
+            self.broken,
+            self.incomplete,
+            self.violations,
+            self.elections,
+        ];
         fields.extend(counts.map(|count| count.to_string()));
         for estimate in &self.estimates {
             let interval = estimate.as_ref().and_then(|it| it.interval);
@@ -239,6 +252,7 @@ impl Summary {
                 or_empty(estimate.as_ref().map(|it| rounded(it.median))),
                 or_empty(interval.map(|(low, _)| low)),
                 or_empty(interval.map(|(_, high)| high)),
+                or_empty(estimate.as_ref().and_then(|it| it.p99).map(rounded)),
             ]);
         }
         fields
@@ -278,7 +292,7 @@ mod tests {
         let campaign = plan::tests::campaign();
         let record = Tally::default().summary(&campaign, 0).record();
         assert_eq!(record.len(), heading(&campaign).len());
-        assert!(record.iter().skip(7).all(String::is_empty), "{record:?}");
+        assert!(record.iter().skip(8).all(String::is_empty), "{record:?}");
     }
 
     #[test]

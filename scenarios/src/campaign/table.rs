@@ -35,7 +35,8 @@ pub fn table(published: &Published, colour: Colour) -> String {
         format!(", shard {} of {}", campaign.shard, campaign.runs())
     };
     text.push_str(
-        "\n Medians, and below them their 95 % intervals, of the runs that kept the rules.\n\n",
+        "\n Medians, below them their 95 % intervals and, from a hundred runs on, 99th percentiles (≤) of the runs that \
+         kept the rules.\n\n",
     );
     text.push_str(&format!(
         " runs   {runs}{shard}: {}, seeds {}, engine {}\n",
@@ -89,7 +90,7 @@ fn medians(published: &Published, colour: Colour) -> String {
     }
     let keys = published.campaign.vary.iter();
     let keys = keys.map(|it| it.key().replacen('.', ".\n", 1));
-    let counts = ["\nruns", "\nbroken"].map(str::to_owned);
+    let counts = ["\nruns", "\nbroken", "\nelections"].map(str::to_owned);
     let figures = FIGURES.iter().map(|figure| figure.short.to_owned());
     let header = keys.chain(counts).chain(figures);
     table.set_header(header.map(|name| Cell::new(name).add_attribute(Attribute::Bold)));
@@ -110,7 +111,7 @@ fn medians(published: &Published, colour: Colour) -> String {
 fn row(summary: &Summary) -> Vec<String> {
     let figures = FIGURES.iter().zip(&summary.estimates);
     let estimates = figures.map(|(figure, estimate)| in_two_lines(figure, estimate.as_ref()));
-    let counts = [summary.runs, summary.broken].map(|count| count.to_string());
+    let counts = [summary.runs, summary.broken, summary.elections].map(|count| count.to_string());
     let values = summary.values.iter().cloned();
     values.chain(counts).chain(estimates).collect()
 }
@@ -120,10 +121,18 @@ fn in_two_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
         return NOTHING.to_owned();
     };
     let median = self::figure(estimate.median, figure.digits);
-    format!(
-        "{median}\n{}",
-        interval(figure, estimate).unwrap_or_default()
-    )
+    let lines = [
+        Some(median),
+        interval(figure, estimate),
+        p99(figure, estimate),
+    ];
+    lines.into_iter().flatten().collect::<Vec<_>>().join("\n")
+}
+
+/// A 99th percentile as a person reads it.
+pub(super) fn p99(of: &Figure, estimate: &Estimate) -> Option<String> {
+    let p99 = estimate.p99?;
+    Some(format!("≤{}", figure(p99, of.digits)))
 }
 
 /// An interval as a person reads it.

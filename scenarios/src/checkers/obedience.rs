@@ -18,10 +18,21 @@ pub(crate) struct ObedienceChecker {
 
 impl ObedienceChecker {
     /// A machine of a drone is about to be told something; the drone obeys that ballot.
-    pub(crate) fn told(&mut self, drone: NodeId, envelope: &Envelope, obeyed: Option<Ballot>) {
+    /// What the world calls a member that the drone speaks of is told by `number`.
+    pub(crate) fn told(
+        &mut self,
+        drone: NodeId,
+        envelope: &Envelope,
+        obeyed: Option<Ballot>,
+        number: impl Fn(NodeId) -> NodeId,
+    ) {
         if let Envelope::Mission(Input::Routing(Notice::Order { ballot, .. })) = envelope {
-            let newer = obeyed.filter(|obeyed| obeyed.beats(ballot));
-            self.refuses = newer.map(|newer| (drone, [*ballot, newer]));
+            let told = Ballot {
+                master: number(ballot.master),
+                ..*ballot
+            };
+            let newer = obeyed.filter(|obeyed| obeyed.beats(&told));
+            self.refuses = newer.map(|newer| (drone, [told, newer]));
         }
     }
 
@@ -91,7 +102,7 @@ mod tests {
             order: Bytes::new(),
         };
         let order = Envelope::Mission(Input::Routing(order));
-        checker.told(DRONE, &order, Some(ballot(2)));
+        checker.told(DRONE, &order, Some(ballot(2)), |id| id);
         let found = checker.stepped(Timestamp::ZERO, DRONE, Address::Mission, effects, &kept);
         found.is_some_and(|violation| violation.rule == 2)
     }

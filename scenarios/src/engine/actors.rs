@@ -44,8 +44,7 @@ pub(super) fn run(
 
 async fn fly(scenario: &Scenario, driver: &Arc<Driver>) -> Result<(), ractor::SpawnErr> {
     let mut drones = Vec::new();
-    for blueprint in blueprints(scenario) {
-        let id = blueprint.id;
+    for (id, blueprint) in (0..).map(NodeId).zip(blueprints(scenario)) {
         let config = DroneConfig {
             blueprint,
             restarts: scenario.limits.restarts,
@@ -83,7 +82,7 @@ impl Driver {
             let mut world = lock(&self.world);
             let task = world.next();
             if let Some(meter) = &mut *lock(&self.meter) {
-                meter.read(world.now(), world.recorder());
+                meter.read(&world);
             }
             task
         };

@@ -33,7 +33,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     }
     while let Some(task) = world.next() {
         if let Some(meter) = &mut meter {
-            meter.read(world.now(), world.recorder());
+            meter.read(&world);
         }
         let (id, address) = (task.drone, task.address);
         let drone = &mut drones[id.0 as usize];

@@ -10,7 +10,7 @@ use thiserror::Error;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
-use crate::world::{Recorder, World};
+use crate::world::World;
 
 /// Why a run could not be made: the machine's fault or ours, never the scenario's. Nothing is left behind.
 #[derive(Debug, Error)]
@@ -66,20 +66,20 @@ struct Meter {
 
 impl Meter {
     fn new(scenario: &Scenario, watcher: Watcher) -> Self {
-        let drones = u64::from(scenario.layout.formation().drones());
+        let total = scenario.swarms().map(|(swarm, _)| swarm.steps()).sum();
         Self {
             watcher,
-            total: drones * scenario.steps(),
+            total,
             told_s: None,
         }
     }
 
-    fn read(&mut self, now: muster_machines::time::Timestamp, recorder: &Recorder) {
-        let simulated_s = now.as_nanos() / 1_000_000_000;
+    fn read(&mut self, world: &World) {
+        let simulated_s = world.now().as_nanos() / 1_000_000_000;
         if self.told_s != Some(simulated_s) {
             self.told_s = Some(simulated_s);
             (self.watcher)(Progress {
-                done: recorder.steps_done().min(self.total),
+                done: world.steps_done().min(self.total),
                 total: self.total,
                 simulated_s,
             });

@@ -58,6 +58,13 @@ impl FormationChange {
 }
 
 impl Report {
+    /// Whether every swarm of the run flew its mission to its end.
+    #[must_use]
+    pub fn are_missions_completed(&self) -> bool {
+        let mut all = std::iter::once(self).chain(&self.others);
+        all.all(|report| report.mission_completed)
+    }
+
     /// How many changes of formation took all drones to their new slots.
     #[must_use]
     pub fn changes_made(&self) -> usize {

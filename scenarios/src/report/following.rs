@@ -5,51 +5,52 @@ use std::time::Duration;
 use muster_machines::formation::Layout;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
 
 use super::FormationError;
 use super::figures::count;
 use crate::scenario::Scenario;
-use crate::world::Outcome;
+use crate::vehicle::Vehicle;
+use crate::world::{Flown, Record};
 
 /// How often a drone's place is compared with its slot.
 const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 
 /// Each drone's distances from its slot while it followed, in metres; none for the master and for whoever never did.
-pub(super) fn distances_m(scenario: &Scenario, outcome: &Outcome) -> Vec<Vec<f64>> {
-    let centre = outcome.recorder.centre();
+pub(super) fn distances_m(scenario: &Scenario, flown: &Flown, ended: Timestamp) -> Vec<Vec<f64>> {
     let layout = scenario
         .changes
         .last()
         .map_or(&*scenario.layout, |change| change.layout());
-    (0..)
-        .map(NodeId)
-        .zip(outcome.recorder.drones())
-        .map(|(id, _)| {
-            if id == centre {
-                Vec::new()
-            } else {
-                of_drone(id, layout, outcome)
-            }
-        })
-        .collect()
+    let drones = || {
+        let records = flown.recorder.drones().map(|(_, record)| record);
+        (0..).map(NodeId).zip(records.zip(&flown.vehicles))
+    };
+    let centre = layout.formation().centre();
+    let master = drones().find(|(id, _)| *id == centre);
+    let of_drone = |(id, drone)| match master {
+        Some((centre, master)) if centre != id => of_drone((id, drone), master, layout, ended),
+        _ => Vec::new(),
+    };
+    drones().map(of_drone).collect()
 }
 
-fn of_drone(id: NodeId, layout: &Layout, outcome: &Outcome) -> Vec<f64> {
-    let centre = outcome.recorder.centre();
-    let record = |id: NodeId| &outcome.recorder.drones()[id.0 as usize];
-    let (Some(own), Some(masters)) = (
-        record(id).following(outcome.ended),
-        record(centre).following(outcome.ended),
-    ) else {
+fn of_drone(
+    (id, (record, vehicle)): (NodeId, (&Record, &Vehicle)),
+    (masters_record, masters_vehicle): (&Record, &Vehicle),
+    layout: &Layout,
+    ended: Timestamp,
+) -> Vec<f64> {
+    let (Some(own), Some(masters)) = (record.following(ended), masters_record.following(ended))
+    else {
         return Vec::new();
     };
-    let place = |id: NodeId, at| outcome.vehicles[id.0 as usize].motion().position(at);
     let until = own.end.min(masters.end);
     std::iter::successors(Some(own.start), |at| Some(*at + SAMPLE_EVERY))
         .take_while(|at| *at < until)
         .map(|at| {
-            let slot: Ned = layout.slot(id, place(centre, at));
-            slot.distance_m(place(id, at))
+            let slot: Ned = layout.slot(id, masters_vehicle.motion().position(at));
+            slot.distance_m(vehicle.motion().position(at))
         })
         .collect()
 }

@@ -76,6 +76,9 @@ pub struct Report {
     pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
+    /// Every other swarm of the scenario: the same of it, of the same run. Drones and relays are numbered on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<Self>,
 }
 
 /// A time in which some of the drones that flew the mission had no master that they could reach, or did not all obey
@@ -288,6 +291,8 @@ pub struct Flight {
     pub range_m: f64,
     /// Each drone, in the order of their ids.
     pub drones: Vec<FlightOfDrone>,
+    /// Of every other swarm.
+    pub others: Vec<Self>,
 }
 
 /// What is drawn of one drone.

@@ -28,6 +28,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
             .collect(),
         range_m: 300.0,
         drones: (0..drones).map(|id| script.fly(id, master)).collect(),
+        others: vec![],
     };
     let reports: Vec<_> = (0..drones)
         .map(|id| report_of(id, master, drones, &flight))
@@ -73,6 +74,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         following: None,
         min_separation_m: (drones > 1).then_some(GATHERED_M - 0.13),
         violations: vec![],
+        others: vec![],
     };
     (report, flight)
 }

@@ -10,8 +10,8 @@ use super::{
     Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
     MediumCounters, RelayReport, Report, Role, Violation,
 };
-use crate::scenario::Scenario;
-use crate::world::{Outcome, Record, track};
+use crate::scenario::{Joins, Scenario};
+use crate::world::{Flown, Outcome, Record, Recorder, track};
 
 /// What came of a run, for a program and for a person.
 pub(crate) fn summary(
@@ -20,58 +20,62 @@ pub(crate) fn summary(
     outcome: &Outcome,
     wall: Duration,
 ) -> (Report, Flight) {
-    let recorder = &outcome.recorder;
-    let distances_m = distances_m(scenario, outcome);
-    let drones: Vec<DroneReport> = (0..)
-        .map(NodeId)
-        .zip(recorder.drones().iter().zip(&distances_m))
-        .map(|(id, (record, distances_m))| DroneReport {
-            following: error(distances_m.clone()),
-            ..drone(id, recorder.centre(), record)
-        })
-        .collect();
     let overrides: Vec<_> = scenario.overrides.iter().map(ToString::to_string).collect();
-    let report = Report {
-        command: command(&scenario.name, scenario.seed, engine, &overrides),
-        scenario: scenario.name.clone(),
-        seed: scenario.seed,
-        overrides,
-        engine,
-        trace: outcome.trace.clone(),
-        simulated_s: outcome.ended.as_secs_f64(),
-        wall_s: wall.as_secs_f64(),
-        means: means(&drones),
-        drones,
-        relays: relays(scenario, outcome),
-        barriers: barriers(outcome),
-        changes: changes(scenario, outcome),
-        following: error(distances_m.concat()),
-        elections: elections(outcome),
-        bridges: bridges(outcome),
-        dropped: recorder
-            .dropped()
-            .iter()
-            .map(|(reason, count)| (reason.to_string(), *count))
-            .collect(),
-        medium: medium(scenario, outcome),
-        min_separation_m: outcome.closest_m,
-        mission_completed: is_completed(scenario, outcome),
-        violations: outcome.violations.iter().map(Violation::from).collect(),
+    let command = command(&scenario.name, scenario.seed, engine, &overrides);
+    let of_swarm = |(swarm, joins): (&Scenario, Joins), flown: &Flown| {
+        let distances_m = distances_m(swarm, flown, outcome.ended);
+        let drones: Vec<_> = (flown.recorder.drones())
+            .zip(&distances_m)
+            .map(|((id, record), distances_m)| DroneReport {
+                following: error(distances_m.clone()),
+                ..drone(id, flown.recorder.centre(), record)
+            })
+            .collect();
+        let dropped = flown.recorder.dropped().iter();
+        let report = Report {
+            scenario: swarm.name.clone(),
+            seed: scenario.seed,
+            overrides: overrides.clone(),
+            engine,
+            command: command.clone(),
+            trace: outcome.trace.clone(),
+            simulated_s: outcome.ended.as_secs_f64(),
+            wall_s: wall.as_secs_f64(),
+            means: means(&drones),
+            drones,
+            relays: relays(flown),
+            barriers: barriers(&flown.recorder),
+            changes: changes(swarm, &flown.recorder),
+            following: error(distances_m.concat()),
+            elections: elections(&flown.recorder),
+            bridges: bridges(&flown.recorder),
+            dropped: dropped
+                .map(|(reason, count)| (reason.to_string(), *count))
+                .collect(),
+            medium: medium(scenario, outcome),
+            min_separation_m: outcome.closest_m,
+            mission_completed: is_completed(swarm, &flown.recorder),
+            violations: outcome.violations.iter().map(Violation::from).collect(),
+            others: Vec::new(),
+        };
+        let drawn = flown.recorder.drones().zip(&flown.vehicles);
+        let flight = Flight {
+            waypoints: swarm.waypoints.iter().map(|it| *it + joins.home).collect(),
+            range_m: scenario.radio.propagation.range_m(),
+            drones: drawn
+                .map(|((_, record), vehicle)| FlightOfDrone {
+                    track: track(vehicle, record, outcome.ended),
+                    states: record.states.clone(),
+                })
+                .collect(),
+            others: Vec::new(),
+        };
+        (report, flight)
     };
-    let drawn = recorder
-        .drones()
-        .iter()
-        .zip(&outcome.vehicles)
-        .map(|(record, vehicle)| FlightOfDrone {
-            track: track(vehicle, record, outcome.ended),
-            states: record.states.clone(),
-        })
-        .collect();
-    let flight = Flight {
-        waypoints: scenario.waypoints.to_vec(),
-        range_m: scenario.radio.propagation.range_m(),
-        drones: drawn,
-    };
+    let swarms = scenario.swarms().zip(&outcome.swarms);
+    let mut swarms = swarms.map(|(swarm, flown)| of_swarm(swarm, flown));
+    let (mut report, mut flight) = swarms.next().expect("a scenario has a swarm of its own");
+    (report.others, flight.others) = swarms.unzip();
     (report, flight)
 }
 
@@ -106,13 +110,15 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
     }
 }
 
-fn relays(scenario: &Scenario, outcome: &Outcome) -> Vec<RelayReport> {
-    (scenario.layout.formation().drones()..)
-        .zip(scenario.relays.iter().zip(outcome.recorder.relays()))
-        .map(|(id, (place, record))| RelayReport {
-            id,
-            north_m: place.0.x,
-            east_m: place.0.y,
+fn relays(flown: &Flown) -> Vec<RelayReport> {
+    let drones = flown.recorder.drones().count();
+    let relays = flown.recorder.relays().zip(&flown.vehicles[drones..]);
+    relays
+        .map(|((id, record), vehicle)| (id, record, vehicle.motion().end()))
+        .map(|(id, record, place)| RelayReport {
+            id: id.0,
+            north_m: place.north_m(),
+            east_m: place.east_m(),
             altitude_m: place.altitude_m(),
             hops: record.routes.hops,
             parent: record.routes.parent.map(|parent| parent.0),
@@ -177,8 +183,8 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn elections(outcome: &Outcome) -> Vec<Election> {
-    let all = outcome.recorder.elections().iter();
+fn elections(recorder: &Recorder) -> Vec<Election> {
+    let all = recorder.elections().iter();
     all.map(|election| {
         let settled = election.settled.as_ref();
         Election {
@@ -192,8 +198,8 @@ fn elections(outcome: &Outcome) -> Vec<Election> {
     .collect()
 }
 
-fn barriers(outcome: &Outcome) -> Vec<Barrier> {
-    let crossings = outcome.recorder.barriers().iter();
+fn barriers(recorder: &Recorder) -> Vec<Barrier> {
+    let crossings = recorder.barriers().iter();
     crossings
         .filter_map(|(waypoint, crossing)| {
             let (sent_before, arrived) = (crossing.begun?, crossing.arrived?);
@@ -228,8 +234,8 @@ fn medium(scenario: &Scenario, outcome: &Outcome) -> Option<MediumCounters> {
     })
 }
 
-fn changes(scenario: &Scenario, outcome: &Outcome) -> Vec<FormationChange> {
-    let made = outcome.recorder.changes().iter();
+fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
+    let made = recorder.changes().iter();
     made.map(|(index, made)| {
         let change = &scenario.changes[usize::from(*index)];
         FormationChange {
@@ -245,21 +251,21 @@ fn changes(scenario: &Scenario, outcome: &Outcome) -> Vec<FormationChange> {
 }
 
 /// Whether the last waypoint was reached and left, or the swarm assembled around the master that it followed.
-fn is_completed(scenario: &Scenario, outcome: &Outcome) -> bool {
+fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     if scenario.follow.is_some() {
-        let master = &outcome.recorder.drones()[outcome.recorder.centre().0 as usize];
+        let master = recorder.of(recorder.centre());
         let assembled = |state: &State| *state == State::Assembling;
         return master.states.iter().any(|(_, state)| assembled(state))
             && master.reason == Some(LandingReason::MissionOver);
     }
     let last = u16::try_from(scenario.waypoints.len() - 1).ok();
-    let crossing = last.and_then(|last| outcome.recorder.barriers().get(&last));
+    let crossing = last.and_then(|last| recorder.barriers().get(&last));
     crossing.is_some_and(|crossing| crossing.moving.is_some())
 }
 
-fn bridges(outcome: &Outcome) -> Vec<Bridge> {
+fn bridges(recorder: &Recorder) -> Vec<Bridge> {
     let mut bridges: Vec<Bridge> = Vec::new();
-    for (member, via) in outcome.recorder.out_of_range() {
+    for (member, via) in recorder.out_of_range() {
         match bridges.iter_mut().find(|bridge| bridge.bridge == via.0) {
             Some(bridge) => bridge.out_of_range.push(member.0),
             None => bridges.push(Bridge {

@@ -40,9 +40,25 @@ const STATE_MIN: u16 = 12;
 /// It takes less than 100 columns for hundreds of drones. In fewer than it needs, the states are wrapped.
 #[must_use]
 pub fn table(report: &Report, width: Option<u16>, colour: Colour) -> String {
+    let mut text = swarm(report, summary(report), width, colour);
+    for other in &report.others {
+        text.push_str(&format!("\n the swarm of {}\n", other.scenario));
+        text.push_str(&swarm(other, of_swarm(other), width, colour));
+    }
+    rules(report, colour, &mut text);
+    text
+}
+
+/// The drones of a swarm, `lines` on it all, and a remark on each drone that asks for one.
+fn swarm(
+    report: &Report,
+    lines: Vec<(&'static str, String)>,
+    width: Option<u16>,
+    colour: Colour,
+) -> String {
     let mut text = figures(report, width, colour);
     text.push('\n');
-    for (name, value) in summary(report) {
+    for (name, value) in lines {
         text.push_str(&format!(" {name:<11}  {value}\n"));
     }
     for drone in &report.drones {
@@ -53,7 +69,6 @@ pub fn table(report: &Report, width: Option<u16>, colour: Colour) -> String {
             ));
         }
     }
-    rules(report, colour, &mut text);
     text
 }
 
@@ -161,13 +176,20 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
             format!("{} m at the closest", figure(separation_m, 1)),
         ));
     }
+    lines.extend(of_swarm(report));
+    lines.push(("trace", report.trace.clone()));
+    lines
+}
+
+/// What a swarm did.
+fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
     let wait = report
         .mean_wait_s()
         .map(|wait_s| format!(", mean wait {} s", figure(wait_s, 2)));
-    lines.push((
+    let mut lines = vec![(
         "barriers",
         format!("{}{}", report.barriers.len(), wait.unwrap_or_default()),
-    ));
+    )];
     if let Some(error) = &report.following {
         lines.push(("following", kept_formation(error)));
     }
@@ -197,7 +219,6 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
             "not completed: the swarm came down before the last waypoint".to_owned(),
         ));
     }
-    lines.push(("trace", report.trace.clone()));
     lines
 }
 

@@ -160,7 +160,7 @@ fn fields_of(table: &str) -> Vec<&'static str> {
 }
 
 /// Fields that hold any number of tables.
-const LISTS: [&str; 4] = ["faults", "changes", "follow.pilot", "relays"];
+const LISTS: [&str; 5] = ["faults", "changes", "follow.pilot", "relays", "swarms"];
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
 

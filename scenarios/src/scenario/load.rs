@@ -30,17 +30,59 @@ use crate::vehicle::Landing;
 /// # Errors
 /// When either file can't be used: the error names the file, shows the place and says what would be accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    load_from(path, overrides, read_text)
+    load_from(path, overrides, &read_text)
 }
 
 /// Likewise, with each file's text from `read`.
 pub(crate) fn load_from(
     path: &Path,
     overrides: &[Override],
-    read: impl Fn(&Path) -> Result<String, BadInput>,
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
     let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut scenario = alone(path, (&source, &raw), overrides, read)?;
+    for joins in &raw.swarms {
+        let swarm = other(&source, joins, folder, read)?;
+        let radio = scenario.radio;
+        scenario
+            .others
+            .push((Scenario { radio, ..swarm }, joins.into()));
+    }
+    Ok(scenario)
+}
+
+/// The swarm of a file named by another one.
+fn other(
+    source: &Source,
+    joins: &super::raw::Swarm,
+    folder: &Path,
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Scenario, BadInput> {
+    let file = &joins.scenario;
+    let path = folder.join(file.get_ref());
+    let others = Source::new(&path, read(&path)?, &[])?;
+    let raw = others.parse()?;
+    for (field, is_there) in [
+        ("swarms", !raw.swarms.is_empty()),
+        ("faults", !raw.faults.is_empty()),
+    ] {
+        if is_there {
+            let message = format!("{} has `{field}` of its own", path.display());
+            return Err(source.error(file.span(), &message));
+        }
+    }
+    alone(&path, (&others, &raw), &[], read)
+}
+
+/// A scenario without the other swarms that it names.
+fn alone(
+    path: &Path,
+    (source, raw): (&Source, &Raw),
+    overrides: &[Override],
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Scenario, BadInput> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mission_path = folder.join(raw.mission.file.get_ref());
     let mission = mission_file::parse(&mission_path, &read(&mission_path)?)?;
@@ -56,17 +98,16 @@ pub(crate) fn load_from(
             .separation_vertical_m
             .map_or(SEPARATION_M, |it| it.0),
     };
-    let layout = Arc::new(formation::layout(&source, &raw, separation)?);
-    let changes: Arc<[Change]> =
-        formation::changes(&source, &raw, &layout, waypoints.len())?.into();
-    let fence = fence(&raw, altitude_max_m(&raw));
-    let vehicle = vehicle(&raw, failsafe(&source, &raw, fence)?);
+    let layout = Arc::new(formation::layout(source, raw, separation)?);
+    let changes: Arc<[Change]> = formation::changes(source, raw, &layout, waypoints.len())?.into();
+    let fence = fence(raw, altitude_max_m(raw));
+    let vehicle = vehicle(raw, failsafe(source, raw, fence)?);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
-        highest_m: altitude_max_m(&raw) - highest_layer_m(&layout, &changes, &waypoints),
+        highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
-    let follow = follow(&source, &raw, vehicle, heights)?;
-    let landing = landing(&raw, vehicle);
+    let follow = follow(source, raw, vehicle, heights)?;
+    let landing = landing(raw, vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
@@ -77,15 +118,15 @@ pub(crate) fn load_from(
         settle,
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
-    check_layers(&source, &raw, &course)?;
+    check_layers(source, raw, &course)?;
     let flown = (&*layout, &*changes, &*waypoints);
-    check_fence(&source, &raw, fence, flown, vehicle.speed_mps)?;
-    let limits = limits(&raw, separation, &course);
-    let protocol = protocol(&source, &raw)?;
-    let relays = relays(&source, &raw)?;
-    check_datagrams(&source, &raw)?;
-    let faults = faults(&source, &raw)?;
-    let radio = radio(&source, &raw)?;
+    check_fence(source, raw, fence, flown, vehicle.speed_mps)?;
+    let limits = limits(raw, separation, &course);
+    let protocol = protocol(source, raw)?;
+    let relays = relays(source, raw)?;
+    check_datagrams(source, raw)?;
+    let faults = faults(source, raw)?;
+    let radio = radio(source, raw)?;
     let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
     if layout.exposed() > 0 {
         notes.push(format!(
@@ -120,6 +161,7 @@ pub(crate) fn load_from(
         limits,
         notes,
         faults,
+        others: Vec::new(),
     })
 }
 

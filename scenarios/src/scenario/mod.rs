@@ -79,12 +79,45 @@ pub struct Scenario {
     pub notes: Vec<String>,
     /// What goes wrong, and when.
     pub faults: Vec<Fault>,
+    /// Who else flies in the same air and over the same medium, and how each comes into it.
+    pub others: Vec<(Self, Joins)>,
 }
 
-/// The swarm that a scenario simulates.
-const SWARM: SwarmId = SwarmId(1);
+/// How a swarm comes into a world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joins {
+    /// Where its home is, from the home of the scenario's own swarm.
+    pub home: Ned,
+    /// When its master is told to fly.
+    pub after: Duration,
+}
+
+impl Joins {
+    /// As the scenario's own swarm does.
+    const OWN: Self = Self {
+        home: Ned::HOME,
+        after: Duration::ZERO,
+    };
+}
 
 impl Scenario {
+    /// The scenario's own swarm; others are numbered on.
+    pub(crate) const FIRST_SWARM: SwarmId = SwarmId(1);
+
+    /// All swarms of its world, its own first.
+    pub(crate) fn swarms(&self) -> impl Iterator<Item = (&Self, Joins)> {
+        let others = self.others.iter().map(|(swarm, joins)| (swarm, *joins));
+        std::iter::once((self, Joins::OWN)).chain(others)
+    }
+
+    /// Where its drones stand before they take off, and its relays are.
+    pub(crate) fn stands(&self) -> impl Iterator<Item = Ned> {
+        let home = self.waypoints[0].at_altitude(0.0);
+        let drones = (0..self.layout.formation().drones()).map(NodeId);
+        let stands = drones.map(move |id| self.layout.stand(id, home));
+        stands.chain(self.relays.iter().copied())
+    }
+
     /// What it is, in a few words.
     #[must_use]
     pub fn description(&self) -> String {
@@ -109,18 +142,32 @@ impl Scenario {
             self.layout.formation().drones(),
             self.layout.formation().centre(),
             self.waypoints.len(),
-            self.limits.duration.as_secs_f64(),
+            self.bound().as_secs_f64(),
         )
     }
 
-    /// How many waypoints a drone reaches, take-off and landing counted as one each.
+    /// By when all are on the ground, from the start of the run: as its limits say, or the longest of those of all swarms.
+    pub(crate) fn bound(&self) -> Duration {
+        let own = self.limits.duration;
+        if own != self.limits.default_duration() {
+            return own;
+        }
+        let others = self
+            .others
+            .iter()
+            .map(|(swarm, joins)| joins.after + swarm.bound());
+        others.fold(own, Duration::max)
+    }
+
+    /// How many waypoints its drones reach, take-off and landing counted as one each.
     pub(crate) fn steps(&self) -> u64 {
         let stops = if self.follow.is_some() {
             1
         } else {
             self.waypoints.len()
         };
-        (stops + self.changes.len() + 1) as u64
+        let drones = u64::from(self.layout.formation().drones());
+        drones * (stops + self.changes.len() + 1) as u64
     }
 
     /// How many radios there are: drones first, then relays.
@@ -166,19 +213,19 @@ impl Scenario {
     /// How long it may take until each part of the swarm has its one master.
     #[must_use]
     pub fn settling(&self) -> Settling {
-        let drone = self.blueprint(self.layout.formation().centre());
+        let drone = self.blueprint(Self::FIRST_SWARM, self.layout.formation().centre());
         Settling::new(&drone.routing, &drone.mission, &self.radio)
     }
 
-    /// What one of its drones is built with.
-    pub(crate) fn blueprint(&self, id: NodeId) -> Blueprint {
+    /// What one of its drones is built with, as a member of that swarm.
+    pub(crate) fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
         let leads = id == self.layout.formation().centre();
         Blueprint {
             id,
             radio: radio::Config {
                 id,
-                swarm: SWARM,
+                swarm,
                 budget: Budget {
                     interval: protocol.period / BUDGET_PER_PERIOD,
                     burst: BUDGET_BURST,

@@ -23,6 +23,19 @@ impl Scenario {
     pub fn outlook(&self) -> Vec<String> {
         let mut lines = vec![self.settling_in_words(), self.bound_in_words()];
         lines.extend(self.layers_in_words());
+        let mut first = self.nodes();
+        for (swarm, joins) in &self.others {
+            let last = first + swarm.layout.formation().drones() - 1;
+            lines.push(format!(
+                "{} of {}: home {} m north and {} m east of here, told to fly after {} s",
+                drones(&(first..=last).collect::<Vec<_>>()),
+                swarm.name,
+                joins.home.north_m(),
+                joins.home.east_m(),
+                joins.after.as_secs_f64(),
+            ));
+            first += swarm.nodes();
+        }
         lines
     }
 
@@ -86,7 +99,12 @@ impl Scenario {
             seconds(MARGIN),
         );
         let default = limits.default_duration();
-        if limits.duration == default {
+        if self.bound() != limits.duration {
+            format!(
+                "all down by {} s, as the bound of another swarm says",
+                seconds(self.bound())
+            )
+        } else if limits.duration == default {
             format!("all down by {} s: {formula}", seconds(limits.duration))
         } else {
             format!(

@@ -2,13 +2,15 @@
 //! when they are put together.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use muster_machines::cell::Address;
+use muster_machines::geometry::Ned;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Occasion, Policy};
+use super::{Joins, Occasion, Policy};
 
 /// What links are named by.
 const TWO_GROUPS: &str = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`";
@@ -99,6 +101,21 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "relays.altitude_m",
         "metres above home, a number from 0 to 100000",
+    ),
+    (
+        "swarms",
+        "other swarms in the same air and over the same medium, tables begun by `[[swarms]]` with `scenario`, `north_m` \
+         and `east_m`",
+    ),
+    (
+        "swarms.scenario",
+        "the path of a scenario file, as seen from this one's folder, that has neither `faults` nor `swarms`",
+    ),
+    ("swarms.north_m", "metres, a number from -100000 to 100000"),
+    ("swarms.east_m", "metres, a number from -100000 to 100000"),
+    (
+        "swarms.after_s",
+        "seconds from the start of the run, a number from 0 to 604800",
     ),
     ("radio", "a table with `range_m`"),
     ("radio.range_m", "metres, a number from 0.01 to 100000"),
@@ -420,6 +437,8 @@ pub(super) struct Raw {
     pub(super) mission: Mission,
     #[serde(default)]
     pub(super) relays: Vec<Spanned<Relay>>,
+    #[serde(default)]
+    pub(super) swarms: Vec<Swarm>,
     pub(super) radio: Radio,
     pub(super) protocol: Protocol,
     pub(super) follow: Option<Spanned<Follow>>,
@@ -503,6 +522,24 @@ pub(super) struct Relay {
     pub(super) north_m: Offset,
     pub(super) east_m: Offset,
     pub(super) altitude_m: Height,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[[swarms]]`")]
+pub(super) struct Swarm {
+    pub(super) scenario: Spanned<PathBuf>,
+    pub(super) north_m: Offset,
+    pub(super) east_m: Offset,
+    pub(super) after_s: Option<Instant>,
+}
+
+impl From<&Swarm> for Joins {
+    fn from(swarm: &Swarm) -> Self {
+        Self {
+            home: Ned::new(swarm.north_m.0, swarm.east_m.0, 0.0),
+            after: Duration::from_secs_f64(swarm.after_s.map_or(0.0, |it| it.0)),
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]

@@ -220,7 +220,7 @@ impl Flights {
 /// A shipped scenario from its text.
 fn shipped(name: &str, text: &str, overrides: &[Override]) -> Result<Scenario, BadInput> {
     let path = Path::new("scenarios").join(name);
-    load_from(&path, overrides, |asked| {
+    load_from(&path, overrides, &|asked| {
         let text = if asked == path { text } else { MISSION };
         Ok(text.to_owned())
     })

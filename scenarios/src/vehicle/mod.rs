@@ -32,6 +32,8 @@ const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 /// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
 #[derive(Debug)]
 pub(crate) struct Vehicle {
+    /// From where its drone reckons.
+    home: Ned,
     landing: Landing,
     motion: Motion,
     armed: bool,
@@ -49,6 +51,7 @@ pub(crate) struct Vehicle {
 impl Vehicle {
     pub(crate) fn new(landing: Landing, place: Ned) -> Self {
         Self {
+            home: Ned::HOME,
             landing,
             motion: Motion::at_rest(place),
             armed: false,
@@ -65,6 +68,13 @@ impl Vehicle {
     /// The same, with a battery that lasts so long with its motors armed.
     pub(crate) fn lasting(mut self, endurance: Option<Duration>) -> Self {
         self.battery.lasts(endurance);
+        self
+    }
+
+    /// The same, of a swarm whose home is there and not where the world's is.
+    pub(crate) fn with_home(mut self, home: Ned) -> Self {
+        self.motion = Motion::at_rest(self.motion.end() + home);
+        self.home = home;
         self
     }
 
@@ -97,9 +107,12 @@ impl Vehicle {
     }
 
     pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
-        let known = |place: Ned| match self.lost {
-            Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
-            None => place,
+        let known = |place: Ned| {
+            let place = match self.lost {
+                Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
+                None => place,
+            };
+            place - self.home
         };
         Telemetry {
             position: known(self.motion.position(now)),
@@ -139,6 +152,7 @@ impl Vehicle {
             }) => {
                 self.target = Some(to);
                 self.motion.brake(now);
+                let to = to + self.home;
                 self.motion.fly(to, speed_mps, acceleration_mps2);
                 true
             }
@@ -154,6 +168,7 @@ impl Vehicle {
                     speed_mps,
                     acceleration_mps2,
                 };
+                let to = to + self.home;
                 self.motion.track(now, (to, velocity), limits, hold);
                 true
             }

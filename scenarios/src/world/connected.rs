@@ -7,7 +7,7 @@ use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::State;
 
-use super::World;
+use super::{Swarm, World};
 use crate::checkers::Standing;
 use crate::parts::Link;
 use crate::scenario::Occasion;
@@ -31,8 +31,9 @@ impl World {
         let ids = (0..).map(NodeId).take(self.drones.len());
         // Any number that is another one once it has failed, or does something else.
         let changes = |id: NodeId| {
-            let failures = self.recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
-            let does = match self.recorder.state(id) {
+            let recorder = &self.swarm(id).recorder;
+            let failures = recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
+            let does = match recorder.state(id) {
                 State::Start | State::SetUp | State::Finished => 0,
                 State::MovingToLand | State::Landing => 1,
                 state if state.is_spreading() => 2,
@@ -40,19 +41,28 @@ impl World {
             };
             failures * 4 + does
         };
-        let live = ids.map(|id| self.passes_on(id).then(|| changes(id)));
-        self.parts
-            .look(self.now, live.collect(), Link::all(&self.medium));
+        let live: Vec<_> = ids
+            .map(|id| self.passes_on(id).then(|| changes(id)))
+            .collect();
+        let links = Link::all(&self.medium);
+        for swarm in &mut self.swarms {
+            let mut own = live.clone();
+            for (id, live) in (0..).map(NodeId).zip(&mut own) {
+                *live = live.filter(|_| swarm.has(id));
+            }
+            swarm.parts.look(self.now, own, links.clone());
+        }
     }
 
     /// For whom a master is to wait at a waypoint: those of its part that obey it, and of those that turned to it only
     /// who did so long enough ago for it to know.
     pub(super) fn awaited_by(&self, master: NodeId) -> BTreeSet<NodeId> {
-        let mut part = self.parts.part_of(master);
+        let swarm = self.swarm(master);
+        let mut part = swarm.parts.part_of(master);
         let Some(reign) = self.election.obeyed(master) else {
             return part;
         };
-        let settling = self.settled.settling();
+        let settling = swarm.settled.settling();
         let hops = u32::try_from(part.len()).unwrap_or(u32::MAX);
         let is_known = |id: NodeId| {
             let obeyed_for = self.now.since(self.election.since(id));
@@ -66,10 +76,11 @@ impl World {
     pub(super) fn check_masters(&mut self) {
         let standing = |id| Standing {
             flies: self.flies(id),
-            spreads: self.recorder.state(id).is_spreading(),
+            spreads: self.swarm(id).recorder.state(id).is_spreading(),
             obeys: self.election.obeyed(id),
         };
-        let found = self.settled.look(self.now, &self.parts, standing);
+        let mut looked_at = self.swarms.iter();
+        let found = looked_at.find_map(|it| it.settled.look(self.now, &it.parts, standing));
         self.find(found);
     }
 
@@ -81,34 +92,37 @@ impl World {
         runs(Address::Radio)
             && runs(Address::Routing)
             && drone.is_up(Address::Mission)
-            && self.recorder.state(id) != State::Finished
+            && self.swarm(id).recorder.state(id) != State::Finished
     }
 
     /// Whether a drone is in the air, flies the mission, and can be led.
     fn flies(&self, id: NodeId) -> bool {
-        self.recorder.state(id).is_following() && self.drones[id.0 as usize].is_sound()
+        self.swarm(id).recorder.state(id).is_following() && self.drones[id.0 as usize].is_sound()
     }
 
-    /// Writes down when the swarm has lost a master, or some of it obey another, and when each part has one again.
+    /// Writes down when a swarm has lost a master, or some of it obey another, and when each part has one again.
     pub(super) fn look_at_elections(&mut self) {
         self.look_at_links();
         self.check_masters();
-        let masters = self.masters_if_settled();
-        if self.recorder.election(self.now, masters) {
-            self.occurs(Occasion::Settled);
+        for index in 0..self.swarms.len() {
+            let masters = self.masters_if_settled(&self.swarms[index]);
+            let recorder = &mut self.swarms[index].recorder;
+            if recorder.election(self.now, masters) {
+                let centre = recorder.centre();
+                self.occurs(centre, Occasion::Settled);
+            }
         }
     }
 
-    /// The masters, if those that fly the mission obey, among all that some link connects, one drone of these.
-    fn masters_if_settled(&self) -> Option<BTreeSet<NodeId>> {
+    /// A swarm's masters, if those that fly the mission obey, among all that some link connects, one drone of these.
+    fn masters_if_settled(&self, swarm: &Swarm) -> Option<BTreeSet<NodeId>> {
         let mut masters = BTreeSet::new();
         let mut seen = BTreeSet::new();
-        let ids = (0..).map(NodeId).take(self.drones.len());
-        for id in ids.filter(|id| self.flies(*id)) {
+        for id in swarm.ids().filter(|id| self.flies(*id)) {
             if seen.contains(&id) {
                 continue;
             }
-            let connected = self.parts.reach_of(id);
+            let connected = swarm.parts.reach_of(id);
             let obeyed = self.election.obeyed(id)?;
             let is_one = connected
                 .iter()

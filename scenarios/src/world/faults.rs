@@ -67,8 +67,11 @@ impl Plan {
 }
 
 impl World {
-    /// Something happened that faults may wait for.
-    pub(super) fn occurs(&mut self, occasion: Occasion) {
+    /// Something happened to a drone that faults may wait for.
+    pub(super) fn occurs(&mut self, drone: NodeId, occasion: Occasion) {
+        if !self.own_swarm().has(drone) {
+            return;
+        }
         let now = self.now;
         let (faults, heap) = (&self.plan.faults, &mut self.heap);
         self.plan.waiting.retain(|index| match faults[*index].when {
@@ -256,9 +259,7 @@ impl World {
     fn find_target(&self, target: Target) -> Option<NodeId> {
         match target {
             Target::Drone(drone) => Some(drone),
-            Target::Master => (0..)
-                .map(NodeId)
-                .take(self.drones.len())
+            Target::Master => (self.own_swarm().ids())
                 .filter(|id| {
                     let drone = &self.drones[id.0 as usize];
                     drone.runs && !drone.given_up

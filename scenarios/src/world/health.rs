@@ -41,7 +41,7 @@ impl World {
             self.watch_battery(drone);
             self.report_telemetry(drone);
         } else {
-            self.recorder.ran_empty(drone);
+            self.recorder(drone).ran_empty(drone);
             self.kill(drone);
         }
     }

@@ -13,6 +13,7 @@ mod health;
 mod heap;
 mod process;
 mod recorder;
+mod swarm;
 mod tampering;
 mod trace;
 
@@ -24,7 +25,7 @@ use muster_machines::cell::{
     Address, Blueprint, Checkpoints, Effect, Envelope, Observation, Reaction, last_resort,
 };
 use muster_machines::geometry::Velocity;
-use muster_machines::identity::NodeId;
+use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::State;
 use muster_machines::msp::{self, Demand, Setpoint};
@@ -39,15 +40,15 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
-pub(crate) use self::recorder::{Outcome, Record, Recorder, track};
+pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
+use self::swarm::Swarm;
 use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
-    AdmissionChecker, ArmingChecker, BarrierChecker, BoundsChecker, ElectionChecker,
-    ObedienceChecker, SeparationChecker, SettledChecker, Violation, check_landed,
+    AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
+    SeparationChecker, Violation, check_landed,
 };
-use crate::parts::Parts;
-use crate::scenario::{Follow, Occasion, Scenario};
+use crate::scenario::{Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
@@ -80,7 +81,8 @@ pub(crate) enum What {
 
 #[derive(Debug)]
 enum Planned {
-    Fly,
+    /// The operator tells a master to fly.
+    Fly(NodeId),
     /// The medium has something to do.
     Medium,
     Arrive {
@@ -145,10 +147,10 @@ enum Planned {
     FaultOver {
         index: usize,
     },
-    /// The master's pilot moves the sticks.
-    Steer(Velocity),
-    /// The operator ends the flight.
-    Land,
+    /// The pilot of a master moves the sticks.
+    Steer(NodeId, Velocity),
+    /// The operator ends the flight that a master leads.
+    Land(NodeId),
 }
 
 /// A world in the middle of a run.
@@ -165,26 +167,19 @@ pub(crate) struct World {
     medium_wakes: Option<Timestamp>,
     drones: Vec<Drone>,
     vehicles: Vec<Vehicle>,
-    /// How long a vehicle takes at most to come to rest at the end of a leg.
-    settle: Duration,
+    swarms: Vec<Swarm>,
     /// How long an actor may hang before its supervisor takes it for failed.
     hang_max: Duration,
     /// How long a process may before its service manager ends it.
     watchdog: Duration,
     airborne: usize,
     trace: Trace,
-    recorder: Recorder,
-    /// What is to happen once the master is followed.
-    follow: Option<Follow>,
-    parts: Parts,
     /// When the links are looked at next.
     next_look: Timestamp,
     election: ElectionChecker,
     admission: AdmissionChecker,
-    settled: SettledChecker,
     obedience: ObedienceChecker,
     arming: ArmingChecker,
-    barrier: BarrierChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
     violation: Option<Violation>,
@@ -193,21 +188,29 @@ pub(crate) struct World {
 impl World {
     /// The world of a scenario before anything has happened in it: all drones on the ground, nobody told to fly.
     pub(crate) fn new(scenario: &Scenario) -> Self {
-        let layout = &scenario.layout;
-        let drones = layout.formation().drones();
-        let nodes = scenario.nodes();
-        let home = scenario.waypoints[0].at_altitude(0.0);
-        let places: Vec<_> = (0..drones)
-            .map(|id| layout.stand(NodeId(id), home))
-            .chain(scenario.relays.iter().copied())
-            .collect();
+        let (mut swarms, mut places, mut vehicles) = (Vec::new(), Vec::new(), Vec::new());
+        let mut heap = Heap::new();
+        let mut nodes = 0;
+        for (swarm, joins) in scenario.swarms() {
+            let began = Swarm::new(swarm, nodes);
+            heap.plan(
+                Timestamp::ZERO + joins.after,
+                Planned::Fly(began.recorder.centre()),
+            );
+            places.extend(swarm.stands().map(|place| place + joins.home));
+            vehicles.extend((swarm.stands()).map(|place| {
+                Vehicle::new(swarm.landing, place)
+                    .lasting(swarm.endurance)
+                    .with_home(joins.home)
+            }));
+            swarms.push(began);
+            nodes += swarm.nodes();
+        }
         let generator = |stream: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
             rng.set_stream(stream);
             rng
         };
-        let mut heap = Heap::new();
-        heap.plan(Timestamp::ZERO, Planned::Fly);
         let plan = Plan::new(&scenario.faults);
         let has_journals = plan.restarts_processes();
         for (index, at) in plan.timed() {
@@ -215,11 +218,11 @@ impl World {
         }
         Self {
             now: Timestamp::ZERO,
-            limit: Timestamp::ZERO + scenario.limits.duration,
+            limit: Timestamp::ZERO + scenario.bound(),
             heap,
             tampering: Tampering::new(
                 generator(FAULTS_STREAM),
-                plan.listened_to(nodes).into_iter(),
+                plan.listened_to(scenario.nodes()).into_iter(),
             ),
             plan,
             inbox: VecDeque::new(),
@@ -228,25 +231,17 @@ impl World {
             drones: (0..u64::from(nodes))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
-            vehicles: places
-                .iter()
-                .map(|place| Vehicle::new(scenario.landing, *place).lasting(scenario.endurance))
-                .collect(),
-            settle: scenario.settle,
+            vehicles,
+            swarms,
             hang_max: scenario.limits.hang,
             watchdog: scenario.limits.watchdog,
             airborne: 0,
             trace: Trace::new(),
-            recorder: Recorder::new(drones, nodes, layout.formation().centre()),
-            follow: scenario.follow.clone(),
-            parts: Parts::default(),
             next_look: Timestamp::ZERO,
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
-            settled: SettledChecker::new(scenario.settling()),
             obedience: ObedienceChecker::default(),
             arming: ArmingChecker::new(nodes as usize),
-            barrier: BarrierChecker::new(scenario.protocol.barrier, nodes as usize),
             separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
@@ -262,10 +257,6 @@ impl World {
     /// What a drone's own clock shows.
     pub(crate) fn now_of(&self, drone: NodeId) -> Timestamp {
         self.drones[drone.0 as usize].clock.at(self.now)
-    }
-
-    pub(crate) const fn recorder(&self) -> &Recorder {
-        &self.recorder
     }
 
     /// What the next machine to be built draws its lots from.
@@ -291,7 +282,9 @@ impl World {
                     self.admission.told(drone, &envelope);
                     self.arming.told(drone, &envelope);
                     let obeyed = self.election.obeyed(drone);
-                    self.obedience.told(drone, &envelope, obeyed);
+                    let swarm = &self.swarms[self.index_of_swarm(drone)];
+                    let number = |member| swarm.number(member);
+                    self.obedience.told(drone, &envelope, obeyed, number);
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -329,10 +322,7 @@ impl World {
     /// Lets something planned happen; whom to step for it, if that is not told by message.
     fn happen(&mut self, planned: Planned) -> Option<Task> {
         match planned {
-            Planned::Fly => {
-                let master = self.recorder.centre();
-                self.post(master, Envelope::Mission(mission::Input::Fly));
-            }
+            Planned::Fly(master) => self.post(master, Envelope::Mission(mission::Input::Fly)),
             Planned::Medium => self.wake_medium(),
             Planned::Arrive {
                 to,
@@ -349,7 +339,7 @@ impl World {
             }
             Planned::Outcome(outcome) => {
                 let told = radio::Input::Outcome {
-                    to: outcome.to,
+                    to: self.swarm(outcome.from).member(outcome.to),
                     delivered: outcome.fate == Fate::Delivered,
                     frame: outcome.datagram,
                 };
@@ -393,11 +383,8 @@ impl World {
             }
             Planned::Fault { index, nth } => return self.befall(index, nth),
             Planned::FaultOver { index } => self.is_over_now(index),
-            Planned::Steer(velocity) => self.steer(velocity),
-            Planned::Land => {
-                let master = self.recorder.centre();
-                self.post(master, Envelope::Mission(mission::Input::Land));
-            }
+            Planned::Steer(master, velocity) => self.steer(master, velocity),
+            Planned::Land(master) => self.post(master, Envelope::Mission(mission::Input::Land)),
         }
         None
     }
@@ -439,18 +426,22 @@ impl World {
                 frame,
                 keep_alive,
             } => {
-                self.recorder.sent(drone, keep_alive);
+                self.recorder(drone).sent(drone, keep_alive);
+                let to = to.map(|member| self.swarm(drone).number(member));
                 self.send(drone, to, &frame);
             }
             Effect::Command(demand) => self.command(drone, demand),
             Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
-            Effect::Observe(observation) => self.observe(drone, &observation),
+            Effect::Observe(seen) => {
+                let seen = self.swarm(drone).renumbered(seen);
+                self.observe(drone, &seen);
+            }
         }
     }
 
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
-            self.recorder.received(drone);
+            self.recorder(drone).received(drone);
             let found = self.admission.lets_in(self.now, drone);
             self.find(found);
         }
@@ -484,7 +475,10 @@ impl World {
         if self.medium_wakes == Some(self.now) {
             self.medium_wakes = None;
             self.medium.handle_timeout(self.now);
-            self.recorder.retried(self.medium.counters().retries);
+            let retries = self.medium.counters().retries;
+            for swarm in &mut self.swarms {
+                swarm.recorder.retried(retries);
+            }
             self.follow_medium();
         }
     }
@@ -495,12 +489,19 @@ impl World {
             match event {
                 Event::Arrival(arrival) => {
                     let to = arrival.to;
-                    let (first, twin) = self.tampering.pass(to, arrival.datagram);
+                    let is_plain = self.swarms.len() == 1 && self.tampering.is_idle();
+                    let from = if is_plain {
+                        None
+                    } else {
+                        self.sender(&arrival.datagram)
+                    };
+                    let is_told = from.is_none_or(|from| self.swarm(from).has(to));
+                    let (first, twin) = self.tampering.pass(from, to, arrival.datagram);
                     for passage in std::iter::once(first).chain(twin) {
                         let arrive = Planned::Arrive {
                             to,
                             datagram: passage.datagram,
-                            is_genuine: passage.is_genuine,
+                            is_genuine: passage.is_genuine && is_told,
                         };
                         self.heap.plan(arrival.at + passage.late, arrive);
                     }
@@ -534,8 +535,9 @@ impl World {
             self.armed(drone);
         }
         if moves {
+            let settle = self.swarm(drone).settle;
             if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
-                && let Some(time) = self.drones[index].draw_settling(self.settle)
+                && let Some(time) = self.drones[index].draw_settling(settle)
             {
                 self.vehicles[index].settle(time);
             }
@@ -546,13 +548,14 @@ impl World {
     }
 
     fn armed(&mut self, drone: NodeId) {
-        self.recorder.armed(drone, self.now);
+        let now = self.now;
+        self.recorder(drone).armed(drone, now);
         if self.airborne == 0 {
             self.heap.plan(self.now, Planned::PlaceRadios);
         }
         self.airborne += 1;
         self.watch_battery(drone);
-        self.occurs(Occasion::TakingOff);
+        self.occurs(drone, Occasion::TakingOff);
     }
 
     /// Plans the end of the motion that a vehicle has just begun.
@@ -564,27 +567,23 @@ impl World {
             .plan(end, Planned::ComeToRest { drone, generation });
     }
 
-    /// The master is followed from now on: its pilot takes over, if it has one.
-    fn follow_begins(&mut self) {
-        let Some(follow) = self.follow.take() else {
+    /// A master is followed from now on: its pilot takes over, if it has one.
+    fn follow_begins(&mut self, master: NodeId) {
+        let Some(follow) = &self.swarms[self.index_of_swarm(master)].follow else {
             return;
         };
         for sticks in &follow.pilot {
             let at = self.now + sticks.after;
-            self.heap.plan(at, Planned::Steer(sticks.velocity));
+            self.heap.plan(at, Planned::Steer(master, sticks.velocity));
         }
         if let Some(after) = follow.land_after {
-            self.heap.plan(self.now + after, Planned::Land);
+            self.heap.plan(self.now + after, Planned::Land(master));
         }
-        self.follow = Some(follow);
     }
 
-    fn steer(&mut self, velocity: Velocity) {
-        let master = self.recorder.centre();
-        let acceleration_mps2 = self
-            .follow
-            .as_ref()
-            .map_or(0.0, |follow| follow.master.acceleration_mps2);
+    fn steer(&mut self, master: NodeId, velocity: Velocity) {
+        let follow = self.swarm(master).follow.as_ref();
+        let acceleration_mps2 = follow.map_or(0.0, |follow| follow.master.acceleration_mps2);
         self.trace
             .value(self.now, master, Kind::Steered, &velocity.0);
         let found = self.separation.path_ends(self.now, master, &self.vehicles);
@@ -612,7 +611,8 @@ impl World {
         if lands {
             self.airborne -= 1;
             self.medium.place(drone, position);
-            self.recorder.disarmed(drone, self.now);
+            let now = self.now;
+            self.recorder(drone).disarmed(drone, now);
         }
         self.trace
             .value(self.now, drone, Kind::CameToRest, &position);
@@ -649,23 +649,24 @@ impl World {
                     self.look_at_links();
                     awaited = self.awaited_by(drone);
                 }
-                let found = self.barrier.observe(now, drone, event, obeyed, || awaited);
+                let barrier = &mut self.swarm_mut(drone).barrier;
+                let found = barrier.observe(now, drone, event, obeyed, || awaited);
                 self.find(found);
-                self.recorder.mission(self.now, drone, event);
+                self.recorder(drone).mission(now, drone, event);
                 self.occurs_to(drone, event);
                 if let mission::Event::Obeys(ballot) = event
                     && ballot.is_elected()
                 {
                     self.look_at_elections();
                 }
-                if drone == self.recorder.centre()
-                    && *event == mission::Event::State(State::Following)
+                if *event == mission::Event::State(State::Following)
+                    && drone == self.swarm(drone).recorder.centre()
                 {
-                    self.follow_begins();
+                    self.follow_begins(drone);
                 }
             }
-            Observation::Routing(event) => self.recorder.routing(drone, event),
-            Observation::Radio(event) => self.recorder.radio(event),
+            Observation::Routing(event) => self.recorder(drone).routing(drone, event),
+            Observation::Radio(event) => self.recorder(drone).radio(event),
         }
     }
 
@@ -678,7 +679,7 @@ impl World {
             .retain(|(to, envelope)| *to != drone || envelope.address() != address);
         match verdict {
             Verdict::Restart { at } => {
-                self.recorder.restarts(drone);
+                self.recorder(drone).restarts(drone);
                 let at = self.drone(drone).clock.when(at).max(self.now);
                 let life = self.drone(drone).lives;
                 let restart = Planned::Restart {
@@ -689,8 +690,8 @@ impl World {
                 self.heap.plan(at, restart);
             }
             Verdict::GiveUp => {
-                self.recorder.given_up(drone);
-                self.barrier.given_up(drone);
+                self.recorder(drone).given_up(drone);
+                self.swarm_mut(drone).barrier.given_up(drone);
                 let actors = self.drone(drone);
                 actors.given_up = true;
                 for effect in last_resort(|address| actors.is_up(address)) {
@@ -704,11 +705,11 @@ impl World {
     fn occurs_to(&mut self, drone: NodeId, event: &mission::Event) {
         match *event {
             mission::Event::State(State::WaypointReached { waypoint }) => {
-                self.occurs(Occasion::Waypoint(waypoint));
+                self.occurs(drone, Occasion::Waypoint(waypoint));
             }
-            mission::Event::Landing(_) => self.occurs(Occasion::Landing),
+            mission::Event::Landing(_) => self.occurs(drone, Occasion::Landing),
             mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == drone => {
-                self.occurs(Occasion::Elected);
+                self.occurs(drone, Occasion::Elected);
             }
             _ => {}
         }
@@ -736,22 +737,19 @@ impl World {
                 .collect();
             self.violation = check_landed(self.now, armed);
         }
+        let mut vehicles = self.vehicles.into_iter();
+        let flown = self.swarms.into_iter().map(|swarm| Flown {
+            vehicles: vehicles.by_ref().take(swarm.ids().count()).collect(),
+            recorder: swarm.recorder,
+        });
         Outcome {
+            swarms: flown.collect(),
             trace: self.trace.finish(),
             ended: self.now,
             medium: self.medium.counters(),
             closest_m: self.separation.closest_m(),
             violations: self.violation.into_iter().collect(),
-            recorder: self.recorder,
-            vehicles: self.vehicles,
         }
-    }
-
-    /// Nobody is in the air, and the swarm has flown or will never take off.
-    fn is_over(&self) -> bool {
-        let has_flown = self.vehicles.iter().any(Vehicle::has_flown);
-        let first = self.recorder.centre();
-        self.airborne == 0 && (has_flown || self.recorder.is_out_of_it(first))
     }
 
     fn find(&mut self, found: Option<Violation>) {
@@ -765,9 +763,13 @@ impl World {
     }
 }
 
-/// What each drone of a scenario is built with, drone 0 first; then each relay.
+/// What each drone of a scenario is built with, in the order of their numbers; each knows itself by its swarm's.
 pub(crate) fn blueprints(scenario: &Scenario) -> Vec<Blueprint> {
-    (0..scenario.nodes())
-        .map(|id| scenario.blueprint(NodeId(id)))
+    let swarms = (Scenario::FIRST_SWARM.0..).map(SwarmId);
+    swarms
+        .zip(scenario.swarms())
+        .flat_map(|(id, (swarm, _))| {
+            (0..swarm.nodes()).map(move |member| swarm.blueprint(id, NodeId(member)))
+        })
         .collect()
 }

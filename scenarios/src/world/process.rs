@@ -15,7 +15,8 @@ impl World {
     pub(super) fn kill(&mut self, drone: NodeId) {
         self.trace.value(self.now, drone, Kind::Killed, &());
         self.end_process(drone);
-        self.recorder.killed(drone, self.now);
+        let now = self.now;
+        self.recorder(drone).killed(drone, now);
         self.command(drone, Demand::Land);
     }
 
@@ -23,15 +24,15 @@ impl World {
     pub(super) fn crash_aircraft(&mut self, drone: NodeId) {
         self.trace.value(self.now, drone, Kind::Fell, &());
         self.end_process(drone);
-        self.recorder.fell(drone, self.now);
+        let now = self.now;
+        self.recorder(drone).fell(drone, now);
         let found = self.separation.path_ends(self.now, drone, &self.vehicles);
         self.find(found);
-        let vehicle = &mut self.vehicles[drone.0 as usize];
-        if vehicle.is_armed() {
+        if self.vehicles[drone.0 as usize].is_armed() {
             self.airborne -= 1;
-            self.recorder.disarmed(drone, self.now);
+            self.recorder(drone).disarmed(drone, now);
         }
-        vehicle.fall(self.now);
+        self.vehicles[drone.0 as usize].fall(now);
         self.plan_rest(drone);
     }
 
@@ -54,7 +55,7 @@ impl World {
             return None;
         }
         self.drone(drone).begin();
-        self.recorder.rebooted(drone);
+        self.recorder(drone).rebooted(drone);
         self.arming.boots(drone);
         Some(Task {
             drone,
@@ -165,6 +166,6 @@ impl World {
     fn end_process(&mut self, drone: NodeId) {
         self.inbox.retain(|(to, _)| *to != drone);
         self.drone(drone).end();
-        self.barrier.given_up(drone);
+        self.swarm_mut(drone).barrier.given_up(drone);
     }
 }

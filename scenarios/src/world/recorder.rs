@@ -10,9 +10,11 @@ use muster_machines::time::Timestamp;
 use crate::checkers::Violation;
 use crate::vehicle::Vehicle;
 
-/// What is written down of a run, drone by drone.
+/// What is written down of a swarm's flight, drone by drone.
 #[derive(Debug)]
 pub(crate) struct Recorder {
+    /// The swarm's drone 0.
+    first: NodeId,
     centre: NodeId,
     /// Of drones first, then of relays.
     nodes: Vec<Record>,
@@ -94,12 +96,21 @@ pub(crate) struct Outcome {
     pub(crate) violations: Vec<Violation>,
     /// What the radios did, on a medium that they share.
     pub(crate) medium: muster_transport::sim::Counters,
+    /// The scenario's own swarm first.
+    pub(crate) swarms: Vec<Flown>,
+}
+
+/// What came of a swarm's flight.
+#[derive(Debug)]
+pub(crate) struct Flown {
     pub(crate) recorder: Recorder,
+    /// Of drones first, then of relays.
     pub(crate) vehicles: Vec<Vehicle>,
 }
 
 impl Recorder {
-    pub(crate) fn new(drones: u32, nodes: u32, centre: NodeId) -> Self {
+    /// Of so many drones, and so many drones and relays, numbered from `first` on.
+    pub(crate) fn new(first: NodeId, (drones, nodes): (u32, u32), centre: NodeId) -> Self {
         let record = Record {
             states: vec![(Timestamp::ZERO, State::Start)],
             routes: Routes::default(),
@@ -125,6 +136,7 @@ impl Recorder {
         let mut records = vec![record; drones];
         records.resize(nodes, relay);
         Self {
+            first,
             centre,
             nodes: records,
             drones,
@@ -143,12 +155,18 @@ impl Recorder {
         self.centre
     }
 
-    pub(crate) fn drones(&self) -> &[Record] {
-        &self.nodes[..self.drones]
+    /// Each drone, as the world numbers them.
+    pub(crate) fn drones(&self) -> impl Iterator<Item = (NodeId, &Record)> {
+        self.nodes().take(self.drones)
     }
 
-    pub(crate) fn relays(&self) -> &[Record] {
-        &self.nodes[self.drones..]
+    /// Likewise each relay.
+    pub(crate) fn relays(&self) -> impl Iterator<Item = (NodeId, &Record)> {
+        self.nodes().skip(self.drones)
+    }
+
+    fn nodes(&self) -> impl Iterator<Item = (NodeId, &Record)> {
+        (self.first.0..).map(NodeId).zip(&self.nodes)
     }
 
     pub(crate) const fn barriers(&self) -> &BTreeMap<u16, Crossing> {
@@ -244,13 +262,13 @@ impl Recorder {
 
     /// How often actors of a node, or its process, were restarted so far.
     pub(crate) fn restarts_of(&self, id: NodeId) -> u32 {
-        let record = &self.nodes[id.0 as usize];
+        let record = self.of(id);
         record.restarts + record.reboots
     }
 
     /// What a drone does.
     pub(crate) fn state(&self, id: NodeId) -> State {
-        let last = self.nodes[id.0 as usize].states.last();
+        let last = self.of(id).states.last();
         last.map(|(_, state)| *state).unwrap_or_default()
     }
 
@@ -337,7 +355,7 @@ impl Recorder {
 
     /// Whether a drone has been given up or is done.
     pub(crate) fn is_out_of_it(&self, id: NodeId) -> bool {
-        let record = &self.nodes[id.0 as usize];
+        let record = self.of(id);
         record.given_up || record.killed.is_some() || self.state(id) == State::Finished
     }
 
@@ -348,8 +366,13 @@ impl Recorder {
         )
     }
 
+    /// What is written down of one of the swarm.
+    pub(crate) fn of(&self, id: NodeId) -> &Record {
+        &self.nodes[(id.0 - self.first.0) as usize]
+    }
+
     fn record(&mut self, id: NodeId) -> &mut Record {
-        &mut self.nodes[id.0 as usize]
+        &mut self.nodes[(id.0 - self.first.0) as usize]
     }
 }
 

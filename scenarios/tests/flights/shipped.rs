@@ -98,6 +98,34 @@ fn nobody_heeds_strangers_and_other_swarms() {
 }
 
 #[test]
+fn two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_else() {
+    let report = flown("two-swarms");
+    let [other] = &report.others[..] else {
+        panic!("{} other swarms", report.others.len());
+    };
+    assert_flown("two-swarms", &report, &[3]);
+    assert_flown("southbound", other, &[]);
+    assert_eq!(masters(&report), [[1]], "drones 1 to 6 lead their swarm");
+    assert_eq!(other.elections, []);
+    assert_eq!(other.drones[0].id, 7, "drones are numbered through");
+    for swarm in [&report, other] {
+        let strange = swarm.dropped.keys().map(String::as_str);
+        assert_eq!(strange.collect::<Vec<_>>(), ["other swarm"]);
+    }
+    assert!(report.min_separation_m.unwrap() < 60.0, "they met");
+}
+
+#[test]
+fn a_swarm_that_flies_into_another_is_found() {
+    let mut collision = scenario("two-swarms.toml", &[]);
+    collision.others[0].1.home = muster_machines::geometry::Ned::new(300.0, 0.0, 0.0);
+    let report = fly(&collision, Engine::Events);
+    let found = &report.violations[0];
+    assert_eq!(found.rule, 4);
+    assert!(found.drones.iter().any(|id| *id >= 7) && found.drones.iter().any(|id| *id < 7));
+}
+
+#[test]
 fn a_swarm_takes_off_without_whoever_is_dead() {
     assert_flown("dead-on-ground", &flown("dead-on-ground"), &[6]);
 }

@@ -10,7 +10,7 @@ use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
 use super::summary::{Broken, FIGURES, Summary};
-use super::table::interval;
+use super::table::{interval, p99};
 use crate::report::figures::{NOTHING, count, figure, plural};
 use crate::report::html::document;
 
@@ -38,7 +38,7 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[Broken]
         }
         section {
             h2 { "Combinations" }
-            p.about { "Median, and below it the 95\u{a0}% interval." }
+            p.about { "Median, and below it the 95\u{a0}% interval and, from a hundred runs on, the 99th percentile (≤)." }
             (table(campaign, summaries))
         }
         (method())
@@ -125,6 +125,7 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                         th.n { "Runs" }
                         th.n { "Broken" }
                         th.n { "Incomplete" }
+                        th.n { "Elections" }
                         @for figure in &FIGURES {
                             th.n { (figure.name) @if !figure.unit.is_empty() { ",\u{a0}" (figure.unit) } }
                         }
@@ -146,12 +147,14 @@ fn row(summary: &Summary) -> Markup {
             td.n { (figure(count(summary.runs), 0)) }
             td.n.broken[summary.broken > 0] { (figure(count(summary.broken), 0)) }
             td.n.incomplete { (figure(count(summary.incomplete), 0)) }
+            td.n { (figure(count(summary.elections), 0)) }
             @for (of, estimate) in FIGURES.iter().zip(&summary.estimates) {
                 td.n {
                     @match estimate {
                         Some(estimate) => {
                             (figure(estimate.median, of.digits))
                             span.low-high { (interval(of, estimate).unwrap_or_default()) }
+                            span.low-high { (p99(of, estimate).unwrap_or_default()) }
                         }
                         None => (NOTHING),
                     }

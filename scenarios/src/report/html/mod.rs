@@ -106,7 +106,6 @@ fn verdict(report: &Report) -> Markup {
 }
 
 fn sections(report: &Report, flight: &Flight) -> Markup {
-    let paired = report.drones.len() <= bars::NARROW_MAX;
     html! {
         @if !report.violations.is_empty() {
             section.bad { h2 { "Rules that were broken" } (tables::violations(report)) }
@@ -119,6 +118,28 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             }
             (map::map(report, flight))
         }
+        @if !report.others.is_empty() { h2.swarm { "The swarm of " (report.scenario) } }
+        (of_swarm(report, flight))
+        @for (report, flight) in report.others.iter().zip(&flight.others) {
+            h2.swarm { "The swarm of " (report.scenario) }
+            (of_swarm(report, flight))
+        }
+        section {
+            h2 { "Run it again" }
+            pre { code { (report.command) } }
+            p.about {
+                "The same program gives the same trace: " code.trace { (report.trace) }
+                ". All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }
+                ", all positions in " a href=(TRACKS_CSV) { (TRACKS_CSV) } "."
+            }
+        }
+    }
+}
+
+/// What one swarm did.
+fn of_swarm(report: &Report, flight: &Flight) -> Markup {
+    let paired = report.drones.len() <= bars::NARROW_MAX;
+    html! {
         div.pair[paired] {
             section {
                 h2 { "Flight time" }
@@ -168,14 +189,5 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             }
         }
         section { h2 { "Drones" } (tables::swarm(report)) }
-        section {
-            h2 { "Run it again" }
-            pre { code { (report.command) } }
-            p.about {
-                "The same program gives the same trace: " code.trace { (report.trace) }
-                ". All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }
-                ", all positions in " a href=(TRACKS_CSV) { (TRACKS_CSV) } "."
-            }
-        }
     }
 }
