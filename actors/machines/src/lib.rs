@@ -2,6 +2,7 @@
 //! the machine it runs on.
 
 pub mod cell;
+pub mod flaw;
 pub mod formation;
 pub mod geometry;
 pub mod identity;

@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId};
 
 /// The ballot that a drone obeys, if it has heard of any; it never falls.
@@ -47,7 +48,10 @@ impl Obeyed {
     pub fn hear(&mut self, ballot: Ballot, way: Way) -> Verdict {
         match self.0 {
             Some(own) if own == ballot => Verdict::Same,
-            Some(own) if !ballot.beats(&own) || way == Way::OneWay => Verdict::Ignored,
+            Some(_) if way == Way::OneWay => Verdict::Ignored,
+            Some(own) if !ballot.beats(&own) && !flaw::has(Flaw::ObeysAnyMaster) => {
+                Verdict::Ignored
+            }
             _ => {
                 self.0 = Some(ballot);
                 Verdict::Turned

@@ -15,7 +15,7 @@ fn assert_flown(report: &Report, killed: &[u32], what: &str) {
 }
 
 #[test]
-fn each_half_of_the_line_elects_a_master_and_flies_on() {
+pub(crate) fn each_half_of_the_line_elects_a_master_and_flies_on() {
     for (set, loss, limit_s) in [
         ("fast", "0", 1.5),
         ("fast", "0.2", 3.0),

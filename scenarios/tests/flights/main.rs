@@ -4,6 +4,7 @@
 
 mod any;
 mod changes;
+mod defects;
 mod election;
 mod engines;
 mod failsafe;

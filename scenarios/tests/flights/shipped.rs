@@ -39,7 +39,7 @@ fn a_master_killed_in_the_air_is_replaced_in_each_part() {
 }
 
 #[test]
-fn clusters_without_their_master_are_swarms_of_their_own() {
+pub(crate) fn clusters_without_their_master_are_swarms_of_their_own() {
     for clusters in [2, 3, 5] {
         let name = format!("split-up-{clusters}");
         let report = flown(&name);
@@ -53,7 +53,7 @@ fn clusters_without_their_master_are_swarms_of_their_own() {
 }
 
 #[test]
-fn swarms_that_meet_again_are_one_and_all_fly_every_waypoint() {
+pub(crate) fn swarms_that_meet_again_are_one_and_all_fly_every_waypoint() {
     for name in ["cut-in-two", "cut-two-apart"] {
         let report = flown(name);
         assert_flown(name, &report, &[]);
@@ -82,14 +82,14 @@ fn a_master_that_hangs_is_replaced_and_rejoins() {
 }
 
 #[test]
-fn a_drone_that_returns_is_waited_for() {
+pub(crate) fn a_drone_that_returns_is_waited_for() {
     let report = flown("returning-drone");
     assert_flown("returning-drone", &report, &[]);
     assert_eq!(masters(&report), [vec![3, 6], vec![6]]);
 }
 
 #[test]
-fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
+pub(crate) fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
     let report = flown("hung-mission");
     assert_flown("hung-mission", &report, &[]);
     assert_eq!(report.drones[3].restarts, 1);
@@ -97,7 +97,7 @@ fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
 }
 
 #[test]
-fn nobody_heeds_strangers_and_other_swarms() {
+pub(crate) fn nobody_heeds_strangers_and_other_swarms() {
     let report = flown("other-swarm");
     assert_flown("other-swarm", &report, &[]);
     assert_eq!(report.elections, []);
@@ -107,7 +107,7 @@ fn nobody_heeds_strangers_and_other_swarms() {
 }
 
 #[test]
-fn two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_else() {
+pub(crate) fn two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_else() {
     let report = flown("two-swarms");
     let [other] = &report.others[..] else {
         panic!("{} other swarms", report.others.len());
@@ -135,12 +135,12 @@ fn a_swarm_that_flies_into_another_is_found() {
 }
 
 #[test]
-fn a_swarm_takes_off_without_whoever_is_dead() {
+pub(crate) fn a_swarm_takes_off_without_whoever_is_dead() {
     assert_flown("dead-on-ground", &flown("dead-on-ground"), &[6]);
 }
 
 #[test]
-fn forty_drones_have_forty_places() {
+pub(crate) fn forty_drones_have_forty_places() {
     let report = flown("big-matrix");
     assert_flown("big-matrix", &report, &[]);
     assert!(report.min_separation_m.unwrap() >= 5.0);

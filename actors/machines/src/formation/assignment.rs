@@ -1,6 +1,7 @@
 use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres_min;
 
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 
 /// Who stands where.
@@ -30,6 +31,7 @@ impl Assignment {
     /// The places in the order of the slots that they are assigned to.
     pub(super) fn assign(self, places: &[Ned], slots: &[Ned]) -> Vec<Ned> {
         let chosen = match self {
+            _ if flaw::has(Flaw::TakesSlotsByNumber) => (0..slots.len()).collect(),
             Self::Optimal => optimal(places, slots),
             Self::Greedy => greedy(places, slots),
         };

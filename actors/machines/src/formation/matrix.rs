@@ -1,4 +1,5 @@
 use super::shape::Shape;
+use crate::flaw::{self, Flaw};
 
 /// ⌈√n⌉ columns, filled row by row from the front and from the left; the centre in column ⌊(columns − 1) / 2⌋ of row
 /// ⌊rows / 2⌋ (what the thesis's tables 12 and 13 were flown in).
@@ -20,7 +21,9 @@ pub(super) fn compact(drones: u32, spacing_m: f64) -> Shape {
     let rings = (0..).flat_map(|ring: i64| {
         let mut places: Vec<(i64, i64)> = (-ring..=ring)
             .flat_map(|ahead| (-ring..=ring).map(move |right| (ahead, right)))
-            .filter(|(ahead, right)| ahead.abs().max(right.abs()) == ring)
+            .filter(|(ahead, right)| {
+                ahead.abs().max(right.abs()) == ring || flaw::has(Flaw::RepeatsPlaces)
+            })
             .collect();
         places.sort_by_key(|(ahead, right)| (ahead * ahead + right * right, -ahead, *right));
         places

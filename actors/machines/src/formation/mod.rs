@@ -99,6 +99,7 @@ impl Formation {
             Kind::RegularMatrix => matrix::regular(drones, spacing_m),
             Kind::CompactMatrix => matrix::compact(drones, spacing_m),
         };
+        assert_eq!(shape.slots.len(), drones as usize, "a slot for each drone");
         Self {
             kind,
             centre: NodeId(shape.centre),

@@ -3,6 +3,7 @@ use std::num::NonZeroU32;
 
 use super::mesh::Hexagonal;
 use super::shape::Shape;
+use crate::flaw::{self, Flaw};
 
 /// The centre first, then cluster after cluster: parts of a mesh that spread outwards from a head each, the heads
 /// evenly on a circle around the centre, clockwise from ahead.
@@ -23,9 +24,15 @@ pub(super) fn split_up(
     let head_m = head_distance_m(spacing_m, clusters, distance_m);
     let half_wedge = FRAC_PI_3.min(PI / f64::from(count));
     let in_clusters = (0..count).flat_map(|cluster| {
-        let size = members / count + u32::from(cluster < members % count);
+        let takes_one_more = cluster < members % count && !flaw::has(Flaw::DropsRemainder);
+        let size = members / count + u32::from(takes_one_more);
         let course = 2.0 * PI * f64::from(cluster) / f64::from(count);
         let (sin, cos) = (libm::sin(course), libm::cos(course));
+        let head_m = if flaw::has(Flaw::StretchesDiagonals) {
+            head_m / sin.abs().max(cos.abs())
+        } else {
+            head_m
+        };
         wedge(half_wedge)
             .take(size as usize)
             .map(move |point| {

@@ -8,6 +8,7 @@ use super::{
     Awaited, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State,
     Succession, Transmit,
 };
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::reign::{Verdict, Way};
@@ -78,8 +79,10 @@ impl Mission {
     /// When another master is needed, unless the one that is missed returns.
     pub(super) fn succeeds_at(&self) -> Option<Timestamp> {
         let looks = match self.config.liveness {
-            Liveness::Pulse => self.durable.state.is_following(),
-            Liveness::Thesis => self.durable.state.is_waiting(),
+            Liveness::Pulse if !flaw::has(Flaw::MissesMasterAtWaypointsOnly) => {
+                self.durable.state.is_following()
+            }
+            Liveness::Pulse | Liveness::Thesis => self.durable.state.is_waiting(),
         };
         let since = self
             .master_silent

@@ -2,6 +2,7 @@
 //! one before.
 
 use super::{Awaited, Barrier, Event, LandingReason, Lead, Mission, Order, State, Step, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
 use crate::time::Timestamp;
@@ -185,7 +186,9 @@ impl Mission {
     /// Flies without the members that did not get ready in time.
     pub(super) fn leave_out_the_late(&mut self) {
         let barrier = self.barrier();
-        if let Some(lead) = &mut self.durable.lead {
+        if let Some(lead) = &mut self.durable.lead
+            && !flaw::has(Flaw::WaitsForEver)
+        {
             let late: Vec<_> = lead.awaited(barrier).collect();
             for id in late {
                 if let Some(awaited) = lead.members.get_mut(&id) {

@@ -20,6 +20,7 @@ pub use durable::{Awaited, Checkpoint, Followed, Lead, RoutesPhase, State};
 pub use follow::Following;
 pub use order::{Order, Step};
 
+use crate::flaw::{self, Flaw};
 use crate::formation::{Change, Layout};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
@@ -420,7 +421,7 @@ impl Mission {
             } => self.hear_member(member, |awaited| {
                 awaited.acknowledged = awaited.acknowledged.max(acknowledged);
                 awaited.landing |= landing;
-                awaited.silent = false;
+                awaited.silent &= flaw::has(Flaw::OverlooksWhoReturns);
             }),
             RoutingNotice::Hears(neighbours) => {
                 if let Some(lead) = &mut self.durable.lead {
@@ -431,7 +432,9 @@ impl Mission {
                 self.hear_member(member, |awaited| awaited.silent = true);
             }
             RoutingNotice::Returned(member) => {
-                self.hear_member(member, |awaited| awaited.silent = false);
+                self.hear_member(member, |awaited| {
+                    awaited.silent &= flaw::has(Flaw::OverlooksWhoReturns);
+                });
             }
             RoutingNotice::MasterSilent => {
                 self.master_silent.get_or_insert(now);

@@ -28,6 +28,7 @@ use self::members::Missed;
 use self::seek::Seek;
 use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
@@ -214,7 +215,8 @@ impl TreeRouting {
     /// What comes over a link that carries one way only makes nobody turn.
     fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
         let is_symmetric = self.links.is_symmetric(self.config.id, sender, said);
-        let way = if is_symmetric {
+        let stays = self.is_master() && flaw::has(Flaw::NeverStepsDown);
+        let way = if is_symmetric && !stays {
             Way::Mutual
         } else {
             Way::OneWay

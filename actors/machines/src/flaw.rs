@@ -1,0 +1,97 @@
+//! Guards of the protocol that can be taken out on purpose, one at a time, to see that a scenario finds it.
+//!
+//! Only the feature `flaws` makes that possible, and only tests switch it on. Without it every guard is known to be in
+//! when a machine is compiled, so that nothing of a flaw is left in whatever flies.
+
+/// A guard that is taken out: what a drone does wrong without it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flaw {
+    /// Nobody mends an actor that has failed or hangs.
+    LeavesWhatFails,
+    /// A master hears that a member is back and does not wait for it.
+    OverlooksWhoReturns,
+    /// A master, by policy `tree`, does not turn to a better ballot.
+    NeverStepsDown,
+    /// Whoever hears of another ballot turns to it, better or not.
+    ObeysAnyMaster,
+    /// Frames of another swarm are let in.
+    HeedsOtherSwarms,
+    /// Frames are let in that are not signed by the sender that they name.
+    BelievesAnySender,
+    /// On the way to a waypoint nobody looks whether the master lives.
+    MissesMasterAtWaypointsOnly,
+    /// A master waits for whoever does not get ready, on the ground too, for as long as that takes.
+    WaitsForEver,
+    /// All drones have the same landing place.
+    LandsOnOnePoint,
+    /// A ring of a compact matrix has the places of the rings within it once more.
+    RepeatsPlaces,
+    /// Drones that are left over when clusters are of the same size have no slot.
+    DropsRemainder,
+    /// A cluster is as far out along an axis as it is to be in all, and so farther out on a diagonal.
+    StretchesDiagonals,
+    /// Who stands where on the ground goes by numbers, and not by the way to the slot.
+    TakesSlotsByNumber,
+}
+
+#[cfg(feature = "flaws")]
+pub use planted::{Planted, plant};
+
+#[cfg(feature = "flaws")]
+pub(crate) use planted::has;
+
+/// Whether this guard is out: never.
+#[cfg(not(feature = "flaws"))]
+pub(crate) const fn has(_: Flaw) -> bool {
+    false
+}
+
+#[cfg(feature = "flaws")]
+mod planted {
+    use std::cell::Cell;
+    use std::marker::PhantomData;
+
+    use super::Flaw;
+
+    thread_local! {
+        static PLANTED: Cell<Option<Flaw>> = const { Cell::new(None) };
+    }
+
+    /// A guard is out for as long as this is kept, on the thread that took it out.
+    #[derive(Debug)]
+    #[must_use = "the guard is there again once this is dropped"]
+    pub struct Planted(PhantomData<*const ()>);
+
+    /// Takes a guard out, for all machines on this thread, and puts in the one that was out. Either engine runs a
+    /// simulation on the thread that asks for it; a campaign does so on threads of its own, where all guards are in.
+    pub fn plant(flaw: Flaw) -> Planted {
+        PLANTED.set(Some(flaw));
+        Planted(PhantomData)
+    }
+
+    impl Drop for Planted {
+        fn drop(&mut self) {
+            PLANTED.set(None);
+        }
+    }
+
+    /// Whether this guard is out.
+    pub(crate) fn has(flaw: Flaw) -> bool {
+        PLANTED.get() == Some(flaw)
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn a_guard_is_out_until_it_is_dropped_and_on_one_thread_only() {
+            let planted = plant(Flaw::NeverStepsDown);
+            assert!(has(Flaw::NeverStepsDown) && !has(Flaw::WaitsForEver));
+            let elsewhere = std::thread::spawn(|| has(Flaw::NeverStepsDown));
+            assert!(!elsewhere.join().unwrap());
+            drop(planted);
+            assert!(!has(Flaw::NeverStepsDown));
+        }
+    }
+}
