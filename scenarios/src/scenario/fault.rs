@@ -73,20 +73,8 @@ pub enum Target {
 /// What can go wrong.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FaultKind {
-    /// One of a drone's actors panics.
-    CrashActor(Target, Address),
-    /// A drone's companion computer dies: its aircraft comes down by its controller's failsafe.
-    Kill(Target),
-    /// An aircraft falls out of the sky.
-    CrashAircraft(Target),
-    /// A drone's process ends, and is started again; the vehicle goes on with what it was told last.
-    Restart(Target),
-    /// One of a drone's actors, or its whole process, does nothing any more, while what comes for it waits.
-    Hang(Target, Option<Address>),
-    /// All but this share of a full battery is gone at once.
-    Drain(Target, f64),
-    /// A vehicle does not know where it is over ground.
-    LoseGps(Target),
+    /// Something befalls a drone.
+    Drone(Target, Mishap),
     /// Links between drones are not what they were.
     Links(Links, Link),
     /// Nothing is received within a disc, however high.
@@ -98,12 +86,31 @@ pub enum FaultKind {
     },
     /// Frames are not what they were on their way.
     Tamper(Tampered),
-    /// What a drone has sent so far is sent again, by whoever listened.
-    Replay(Target),
-    /// Somebody speaks in a drone's name, and in that of strangers.
-    Forge(Target),
-    /// A drone's clock gains this many millionths from now on.
-    Skew(Target, i32),
+}
+
+/// What can befall a drone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mishap {
+    /// One of its actors panics.
+    CrashActor(Address),
+    /// Its companion computer dies: its aircraft comes down by its controller's failsafe.
+    Kill,
+    /// Its aircraft falls out of the sky.
+    CrashAircraft,
+    /// Its process ends, and is started again; the vehicle goes on with what it was told last.
+    Restart,
+    /// One of its actors, or its whole process, does nothing any more, while what comes for it waits.
+    Hang(Option<Address>),
+    /// All but this share of a full battery is gone at once.
+    Drain(f64),
+    /// Its vehicle does not know where it is over ground.
+    LoseGps,
+    /// What it has sent so far is sent again, by whoever listened.
+    Replay,
+    /// Somebody speaks in its name, and in that of strangers.
+    Forge,
+    /// Its clock gains this many millionths from now on.
+    Skew(i32),
 }
 
 /// Whose frames are tampered with, how many of them, and how.
@@ -135,19 +142,12 @@ impl FaultKind {
     #[must_use]
     pub const fn can_last(&self) -> bool {
         match self {
-            Self::CrashActor(..)
-            | Self::Kill(_)
-            | Self::CrashAircraft(_)
-            | Self::Drain(..)
-            | Self::Replay(_)
-            | Self::Forge(_) => false,
+            Self::Drone(_, mishap) => matches!(
+                mishap,
+                Mishap::Restart | Mishap::Hang(_) | Mishap::LoseGps | Mishap::Skew(_)
+            ),
             Self::Links(_, link) => !matches!(link, Link::Healed),
-            Self::Restart(_)
-            | Self::Hang(..)
-            | Self::LoseGps(_)
-            | Self::Jam { .. }
-            | Self::Tamper(_)
-            | Self::Skew(..) => true,
+            Self::Jam { .. } | Self::Tamper(_) => true,
         }
     }
 }

@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use super::file::Source;
 use super::raw::{self, Office, Pair, Raw, Sender, Victim, Whole};
-use super::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
+use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
 
 /// What goes wrong, and when.
 pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
@@ -106,22 +106,20 @@ impl Reader<'_> {
                 let message = "`crash` without the `actor` that panics";
                 return Err(self.source.error(victim.span(), message));
             };
-            kinds.push(FaultKind::CrashActor(self.target(victim)?, actor));
+            kinds.push(self.befalls(victim, Mishap::CrashActor(actor))?);
         }
-        if let Some(victim) = &fault.hang {
-            kinds.push(FaultKind::Hang(self.target(victim)?, actor));
-        }
-        if let Some(victim) = &fault.restart {
-            kinds.push(FaultKind::Restart(self.target(victim)?));
-        }
-        if let Some(victim) = &fault.kill {
-            kinds.push(FaultKind::Kill(self.target(victim)?));
-        }
-        if let Some(victim) = &fault.crash_aircraft {
-            kinds.push(FaultKind::CrashAircraft(self.target(victim)?));
-        }
-        if let Some(victim) = &fault.lose_gps {
-            kinds.push(FaultKind::LoseGps(self.target(victim)?));
+        for (victim, mishap) in [
+            (&fault.hang, Mishap::Hang(actor)),
+            (&fault.restart, Mishap::Restart),
+            (&fault.kill, Mishap::Kill),
+            (&fault.crash_aircraft, Mishap::CrashAircraft),
+            (&fault.lose_gps, Mishap::LoseGps),
+            (&fault.replay, Mishap::Replay),
+            (&fault.forge, Mishap::Forge),
+        ] {
+            if let Some(victim) = victim {
+                kinds.push(self.befalls(victim, mishap)?);
+            }
         }
         kinds.extend(self.drained(fault)?);
         for (pair, link) in [
@@ -141,15 +139,9 @@ impl Reader<'_> {
             });
         }
         kinds.extend(self.tampered(fault)?.map(FaultKind::Tamper));
-        if let Some(victim) = &fault.replay {
-            kinds.push(FaultKind::Replay(self.target(victim)?));
-        }
-        if let Some(victim) = &fault.forge {
-            kinds.push(FaultKind::Forge(self.target(victim)?));
-        }
         match (&fault.skew, &fault.ppm) {
             (Some(victim), Some(ppm)) => {
-                kinds.push(FaultKind::Skew(self.target(victim)?, ppm.get_ref().0));
+                kinds.push(self.befalls(victim, Mishap::Skew(ppm.get_ref().0))?);
             }
             (Some(victim), None) => {
                 let message = "`skew` without `ppm`, how much the clock gains";
@@ -170,8 +162,8 @@ impl Reader<'_> {
         match (&fault.drain, &fault.to) {
             (None, None) => Ok(None),
             (Some(victim), Some(to)) => {
-                let target = self.target(victim)?;
-                Ok(Some(FaultKind::Drain(target, to.get_ref().0)))
+                let mishap = Mishap::Drain(to.get_ref().0);
+                self.befalls(victim, mishap).map(Some)
             }
             (Some(alone), None) => {
                 let message = "`drain` without the charge `to` which it goes";
@@ -234,11 +226,12 @@ impl Reader<'_> {
         }
     }
 
-    fn target(&self, victim: &Spanned<Victim>) -> Result<Target, BadInput> {
-        match victim.get_ref() {
-            Victim::Office(Office::Master) => Ok(Target::Master),
-            Victim::Drone(id) => Ok(Target::Drone(self.drone(id, victim.span())?)),
-        }
+    fn befalls(&self, victim: &Spanned<Victim>, mishap: Mishap) -> Result<FaultKind, BadInput> {
+        let target = match victim.get_ref() {
+            Victim::Office(Office::Master) => Target::Master,
+            Victim::Drone(id) => Target::Drone(self.drone(id, victim.span())?),
+        };
+        Ok(FaultKind::Drone(target, mishap))
     }
 
     fn links(&self, pair: &Spanned<Pair>) -> Result<Links, BadInput> {

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use muster_runtime::diagnostic::BadInput;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-use super::raw::{FIELDS, Raw};
+use super::fields::FIELDS;
+use super::raw::Raw;
 
 /// A field to be set in the place of what a scenario file says.
 #[derive(Debug, Clone, PartialEq, Eq)]

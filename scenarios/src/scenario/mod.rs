@@ -3,6 +3,7 @@
 mod failsafe;
 mod fault;
 mod faults;
+mod fields;
 mod file;
 mod follow;
 mod formation;
@@ -29,7 +30,9 @@ use muster_transport::sim;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::Landing;
 
-pub use fault::{Distortion, Fault, FaultKind, Link, Links, Occasion, Tampered, Target, When};
+pub use fault::{
+    Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
+};
 pub use file::Override;
 pub use load::load;
 pub(crate) use load::load_from;
@@ -37,7 +40,7 @@ pub use settling::Settling;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
-    raw::FIELDS.iter().map(|(field, _)| *field)
+    fields::FIELDS.iter().map(|(field, _)| *field)
 }
 
 /// A scenario whose fields fit each other.

@@ -5,15 +5,18 @@ use std::time::Duration;
 
 use muster_machines::formation::Change;
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Succession;
+use muster_machines::time::Timestamp;
 use muster_transport::sim::Medium;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::{MARGIN, Scenario};
-use crate::parts::{Link, Parts};
+use crate::parts::{Link, Part, Parts};
 use crate::report::figures::{drones, figure, plural};
 
-/// For swarms of at most so many the diameter is found; of larger ones it is taken for the most that it can be.
+/// For swarms of at most so many it is found who is connected; the diameter of larger ones is taken for the most that it
+/// can be.
 const DIAMETER_NODES_MAX: u32 = 1_000;
 
 impl Scenario {
@@ -21,8 +24,13 @@ impl Scenario {
     /// layer: a line each.
     #[must_use]
     pub fn outlook(&self) -> Vec<String> {
-        let mut lines = vec![self.settling_in_words(), self.bound_in_words()];
+        let connected = self.connected();
+        let mut lines = vec![
+            self.settling_in_words(connected.as_ref()),
+            self.bound_in_words(),
+        ];
         lines.extend(self.layers_in_words());
+        lines.extend(connected.and_then(|parts| self.apart_in_words(&parts)));
         let mut first = self.nodes();
         for (swarm, joins) in &self.others {
             let last = first + swarm.layout.formation().drones() - 1;
@@ -39,9 +47,11 @@ impl Scenario {
         lines
     }
 
-    fn settling_in_words(&self) -> String {
+    fn settling_in_words(&self, connected: Option<&Parts>) -> String {
         let settling = self.settling();
-        let (diameter, is_at_most) = self.diameter();
+        let known =
+            connected.map(|parts| self.masters_part(parts).map_or(0, |it| parts.diameter(it)));
+        let (diameter, is_at_most) = (known.unwrap_or(self.nodes() - 1), known.is_none());
         let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
         format!(
             "settles in {} s: {} s until whoever has lost the master misses it, 2 × {}{} of {} s, {} s until what was \
@@ -62,30 +72,44 @@ impl Scenario {
         )
     }
 
-    /// The most hops between two that some links connect with the master, as all are in their slots; whether it is only
-    /// known that there are no more.
-    fn diameter(&self) -> (u32, bool) {
+    /// Who is connected with whom, as all are in their slots; nothing for a swarm that is too large.
+    fn connected(&self) -> Option<Parts> {
         let nodes = self.nodes();
         if nodes > DIAMETER_NODES_MAX {
-            return (nodes - 1, true);
+            return None;
         }
-        let formation = self.layout.formation();
-        let slots =
-            (0..formation.drones()).map(|id| self.layout.slot(NodeId(id), self.waypoints[0]));
+        let drones = (0..self.layout.formation().drones()).map(NodeId);
+        let slots = drones.map(|id| self.layout.slot(id, self.waypoints[0]));
         let places: Vec<_> = slots.chain(self.relays.iter().copied()).collect();
         // Nothing is drawn from it.
         let medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
         let mut parts = Parts::default();
         let live = vec![Some(0); places.len()];
-        parts.look(
-            muster_machines::time::Timestamp::ZERO,
-            live,
-            Link::all(&medium),
-        );
-        let masters = parts
-            .iter()
-            .find(|part| part.members.contains(&formation.centre()));
-        (masters.map_or(0, |part| parts.diameter(part)), false)
+        parts.look(Timestamp::ZERO, live, Link::all(&medium));
+        Some(parts)
+    }
+
+    fn masters_part<'a>(&self, parts: &'a Parts) -> Option<&'a Part> {
+        let master = self.layout.formation().centre();
+        parts.iter().find(|part| part.members.contains(&master))
+    }
+
+    /// Who is in a slot that no links that are up connect with the master's, if anybody is.
+    fn apart_in_words(&self, parts: &Parts) -> Option<String> {
+        let with_master = self.masters_part(parts)?;
+        let all = (0..self.layout.formation().drones()).map(NodeId);
+        let apart: Vec<_> = all
+            .filter(|id| !with_master.members.contains(id))
+            .map(|id| id.0)
+            .collect();
+        let led = match self.protocol.succession {
+            Succession::Elect => "elect masters of their own",
+            Succession::Land => "land",
+        };
+        (!apart.is_empty()).then(|| {
+            let who = drones(&apart);
+            format!("out of the master's reach, over others too: {who} will {led}")
+        })
     }
 
     fn bound_in_words(&self) -> String {

@@ -1,12 +1,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Checkpoint, Checkpoints, Envelope};
+use muster_machines::cell::{Address, Checkpoint, Checkpoints};
 use muster_machines::time::Timestamp;
 use muster_runtime::journal::Journal;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::Message;
 use super::clock::Clock;
 use super::disk::Disk;
 
@@ -15,7 +16,7 @@ const NEVER_FAILS: &str = "a simulated disk never fails";
 
 /// What the world keeps for one drone: its random source, its journal, its timers, which of its actors run.
 #[derive(Debug)]
-pub(crate) struct Drone {
+pub(super) struct Drone {
     pub(crate) rng: ChaCha8Rng,
     pub(crate) checkpoints: Checkpoints,
     /// What outlives its process, in a world in which processes start anew.
@@ -28,7 +29,7 @@ pub(crate) struct Drone {
     pub(crate) given_up: bool,
     /// Which of its actors hang, and what waits for them.
     hung: [bool; 5],
-    pub(super) backlog: VecDeque<Envelope>,
+    pub(super) backlog: VecDeque<Message>,
     /// How often a hang has begun or ended.
     pub(crate) hangs: u32,
     pub(super) clock: Clock,
@@ -139,7 +140,7 @@ impl Drone {
     pub(crate) fn take_down(&mut self, address: Address) {
         self.up[address as usize] = false;
         self.hung[address as usize] = false;
-        self.backlog.retain(|it| it.address() != address);
+        self.backlog.retain(|it| it.envelope.address() != address);
         self.set_timer(address, None);
     }
 

@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use muster_machines::identity::NodeId;
+use bytes::Bytes;
+use muster_machines::identity::{NodeId, NodeSet};
 use muster_machines::time::Timestamp;
 
 use super::tampering::paced;
 use super::{Planned, Task, What, World};
-use crate::scenario::{Fault, FaultKind, Link, Links, Occasion, Target, When};
+use crate::scenario::{Fault, FaultKind, Link, Links, Mishap, Occasion, Target, When};
 
 /// A scenario's fault plan, and which of it still waits for something to happen first.
 #[derive(Debug)]
@@ -33,22 +34,23 @@ impl Plan {
 
     /// Whether a drone's process may start anew.
     pub(super) fn restarts_processes(&self) -> bool {
-        self.faults
-            .iter()
-            .any(|fault| matches!(fault.kind, FaultKind::Restart(_) | FaultKind::Hang(_, None)))
+        self.faults.iter().any(|fault| {
+            matches!(
+                fault.kind,
+                FaultKind::Drone(_, Mishap::Restart | Mishap::Hang(None))
+            )
+        })
     }
 
     /// Whose frames somebody listens to, to send them again or to speak in their name.
     pub(super) fn listened_to(&self, nodes: u32) -> BTreeSet<NodeId> {
-        let all = || (0..nodes).map(NodeId).collect();
         let mut listened_to = BTreeSet::new();
         for fault in &self.faults {
-            match fault.kind {
-                FaultKind::Replay(target) | FaultKind::Forge(target) => match target {
+            if let FaultKind::Drone(target, Mishap::Replay | Mishap::Forge) = fault.kind {
+                match target {
                     Target::Drone(drone) => listened_to.extend([drone]),
-                    Target::Master => return all(),
-                },
-                _ => {}
+                    Target::Master => return (0..nodes).map(NodeId).collect(),
+                }
             }
         }
         listened_to
@@ -64,6 +66,11 @@ impl Plan {
                 When::After(..) => None,
             })
     }
+}
+
+/// What the medium calls the jammer of a fault.
+fn jammer(index: usize) -> u32 {
+    u32::try_from(index).unwrap_or(u32::MAX)
 }
 
 impl World {
@@ -95,80 +102,15 @@ impl World {
             self.heap.plan(self.now + fault.every, again);
         }
         match &fault.kind {
-            FaultKind::CrashActor(target, address) => {
+            FaultKind::Drone(target, mishap) => {
                 let drone = self.find_target(*target)?;
-                let what = What::Crash;
-                return self.drone(drone).is_up(*address).then_some(Task {
-                    drone,
-                    address: *address,
-                    what,
-                });
-            }
-            FaultKind::Kill(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.kill(drone);
-                }
-            }
-            FaultKind::CrashAircraft(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.crash_aircraft(drone);
-                }
-            }
-            FaultKind::Restart(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.restart(drone, fault.lasts.unwrap_or(RESTART_AFTER));
-                }
-                return None;
-            }
-            FaultKind::Hang(target, actor) => {
-                let drone = self.find_target(*target)?;
-                self.hang(drone, *actor);
-                if let Some(lasts) = fault.lasts {
-                    let over = Planned::GoOn {
-                        drone,
-                        hangs: self.drone(drone).hangs,
-                    };
-                    self.heap.plan(self.now + lasts, over);
-                }
-                return None;
-            }
-            FaultKind::Drain(target, to) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.drain(drone, *to);
-                }
-                return None;
-            }
-            FaultKind::LoseGps(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.lose_position(drone, fault.lasts);
-                }
-                return None;
+                return self.befall_drone(drone, *mishap, fault.lasts);
             }
             FaultKind::Links(links, link) => self.set_links(links, *link),
             FaultKind::Jam { centre, radius_m } => {
-                let jammer = u32::try_from(index).unwrap_or(u32::MAX);
-                self.medium.jam(jammer, *centre, *radius_m);
+                self.medium.jam(jammer(index), *centre, *radius_m);
             }
             FaultKind::Tamper(tampered) => self.tampering.begin(index, *tampered),
-            FaultKind::Replay(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.replay(drone);
-                }
-            }
-            FaultKind::Forge(target) => {
-                if let Some(drone) = self.find_target(*target) {
-                    self.forge(drone);
-                }
-            }
-            FaultKind::Skew(target, ppm) => {
-                let drone = self.find_target(*target)?;
-                self.skew(drone, *ppm);
-                if let Some(lasts) = fault.lasts {
-                    let over = Planned::Skew { drone, ppm: 0 };
-                    self.heap.plan(self.now + lasts, over);
-                }
-                return None;
-            }
         }
         if let Some(lasts) = fault.lasts {
             self.heap
@@ -178,54 +120,71 @@ impl World {
         None
     }
 
-    /// A fault that lasted is over.
+    /// Something befalls a drone, until it is over by itself; whom to step for it.
+    fn befall_drone(
+        &mut self,
+        drone: NodeId,
+        mishap: Mishap,
+        lasts: Option<Duration>,
+    ) -> Option<Task> {
+        match mishap {
+            Mishap::CrashActor(address) => {
+                let what = What::Crash;
+                return self.drone(drone).is_up(address).then_some(Task {
+                    drone,
+                    address,
+                    what,
+                });
+            }
+            Mishap::Kill => self.kill(drone),
+            Mishap::CrashAircraft => self.crash_aircraft(drone),
+            Mishap::Restart => self.restart(drone, lasts.unwrap_or(RESTART_AFTER)),
+            Mishap::Hang(actor) => self.hang(drone, actor, lasts),
+            Mishap::Drain(to) => self.drain(drone, to),
+            Mishap::LoseGps => self.lose_position(drone, lasts),
+            Mishap::Replay => {
+                let recorded = self.tampering.recorded(drone);
+                let heard = recorded.map(|(datagram, heard_by)| (datagram, Some(heard_by.clone())));
+                let heard = heard.collect();
+                self.play(drone, heard);
+            }
+            Mishap::Forge => {
+                let made_up = self.tampering.forgeries(drone).into_iter();
+                self.play(drone, made_up.map(|datagram| (datagram, None)).collect());
+            }
+            Mishap::Skew(ppm) => {
+                self.skew(drone, ppm);
+                if let Some(lasts) = lasts {
+                    let over = Planned::Skew { drone, ppm: 0 };
+                    self.heap.plan(self.now + lasts, over);
+                }
+            }
+        }
+        None
+    }
+
+    /// A fault that lasted is over; what befell a drone is over by itself.
     pub(super) fn is_over_now(&mut self, index: usize) {
         match self.plan.faults[index].kind.clone() {
+            FaultKind::Drone(..) => {}
             FaultKind::Links(links, _) => self.set_links(&links, Link::Healed),
-            FaultKind::Jam { .. } => {
-                let jammer = u32::try_from(index).unwrap_or(u32::MAX);
-                self.medium.stop_jamming(jammer);
-            }
+            FaultKind::Jam { .. } => self.medium.stop_jamming(jammer(index)),
             FaultKind::Tamper(_) => self.tampering.end(index),
-            // Each ends by itself, for the drone that it befell.
-            FaultKind::CrashActor(..)
-            | FaultKind::Kill(_)
-            | FaultKind::CrashAircraft(_)
-            | FaultKind::Restart(_)
-            | FaultKind::Drain(..)
-            | FaultKind::LoseGps(_)
-            | FaultKind::Hang(..)
-            | FaultKind::Replay(_)
-            | FaultKind::Forge(_)
-            | FaultKind::Skew(..) => {}
         }
         self.look_at_elections();
     }
 
-    /// All that a drone has sent so far is sent again.
-    fn replay(&mut self, of: NodeId) {
+    /// Somebody sends frames where a drone is, one after another, each with who has heard it from the drone itself; of
+    /// what is made up, nobody can have.
+    fn play(&mut self, of: NodeId, frames: Vec<(Bytes, Option<NodeSet>)>) {
         let audience = self.audience(of);
-        for (index, (datagram, heard_by)) in (0..).zip(self.tampering.recorded(of)) {
+        for (index, (datagram, heard_by)) in (0..).zip(frames) {
             for to in audience.iter().copied() {
+                let is_news = heard_by.as_ref().is_some_and(|it| !it.contains(to));
                 let arrival = Planned::Arrive {
                     to,
                     datagram: datagram.clone(),
-                    is_genuine: !heard_by.contains(to),
-                };
-                self.heap.plan(paced(self.now, index), arrival);
-            }
-        }
-    }
-
-    /// Somebody speaks in a drone's name.
-    fn forge(&mut self, of: NodeId) {
-        let audience = self.audience(of);
-        for (index, datagram) in (0..).zip(self.tampering.forgeries(of)) {
-            for to in audience.iter().copied() {
-                let arrival = Planned::Arrive {
-                    to,
-                    datagram: datagram.clone(),
-                    is_genuine: false,
+                    is_genuine: is_news && self.swarm(of).has(to),
                 };
                 self.heap.plan(paced(self.now, index), arrival);
             }

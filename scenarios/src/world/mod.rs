@@ -88,7 +88,7 @@ enum Planned {
     Arrive {
         to: NodeId,
         datagram: Bytes,
-        /// Whether its sender said it, and for the first time.
+        /// As in [`Message`].
         is_genuine: bool,
     },
     /// What became of a frame for one drone.
@@ -153,6 +153,14 @@ enum Planned {
     Land(NodeId),
 }
 
+/// What waits for one of a drone's actors.
+#[derive(Debug)]
+struct Message {
+    envelope: Envelope,
+    /// Not a frame that its sender never said, or not to this swarm, or that has arrived before.
+    is_genuine: bool,
+}
+
 /// A world in the middle of a run.
 #[derive(Debug)]
 pub(crate) struct World {
@@ -161,7 +169,7 @@ pub(crate) struct World {
     heap: Heap<Planned>,
     plan: Plan,
     tampering: Tampering,
-    inbox: VecDeque<(NodeId, Envelope)>,
+    inbox: VecDeque<(NodeId, Message)>,
     medium: Medium,
     /// When the medium is woken next, as far as that is planned.
     medium_wakes: Option<Timestamp>,
@@ -272,14 +280,15 @@ impl World {
     pub(crate) fn next(&mut self) -> Option<Task> {
         self.obedience.goes_on();
         loop {
-            while let Some((drone, envelope)) = self.inbox.pop_front() {
-                let address = envelope.address();
+            while let Some((drone, message)) = self.inbox.pop_front() {
+                let address = message.envelope.address();
                 if self.drone(drone).is_hung(address) {
-                    self.wait_for(drone, envelope);
+                    self.wait_for(drone, message);
                     continue;
                 }
                 if self.drone(drone).is_up(address) {
-                    self.admission.told(drone, &envelope);
+                    let envelope = message.envelope;
+                    self.admission.told(message.is_genuine);
                     self.arming.told(drone, &envelope);
                     let obeyed = self.election.obeyed(drone);
                     let swarm = &self.swarms[self.index_of_swarm(drone)];
@@ -311,11 +320,11 @@ impl World {
     }
 
     /// Keeps what comes for an actor that hangs, as far as there is room.
-    fn wait_for(&mut self, drone: NodeId, envelope: Envelope) {
+    fn wait_for(&mut self, drone: NodeId, message: Message) {
         let waiting_max = self.bounds.waiting_max;
         let backlog = &mut self.drone(drone).backlog;
         if backlog.len() < waiting_max {
-            backlog.push_back(envelope);
+            backlog.push_back(message);
         }
     }
 
@@ -332,10 +341,11 @@ impl World {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
-                if !is_genuine {
-                    self.admission.spurious(to, &datagram);
-                }
-                self.post(to, Envelope::Radio(radio::Input::Received(datagram)));
+                let message = Message {
+                    envelope: Envelope::Radio(radio::Input::Received(datagram)),
+                    is_genuine,
+                };
+                self.enqueue(to, message);
             }
             Planned::Outcome(outcome) => {
                 let told = radio::Input::Outcome {
@@ -445,12 +455,19 @@ impl World {
             let found = self.admission.lets_in(self.now, drone);
             self.find(found);
         }
-        let address = envelope.address();
-        self.inbox.push_back((drone, envelope));
-        let waiting = self
-            .inbox
-            .iter()
-            .filter(|(to, envelope)| *to == drone && envelope.address() == address);
+        let message = Message {
+            envelope,
+            is_genuine: true,
+        };
+        self.enqueue(drone, message);
+    }
+
+    fn enqueue(&mut self, drone: NodeId, message: Message) {
+        let address = message.envelope.address();
+        self.inbox.push_back((drone, message));
+        let is_like =
+            |(to, it): &&(NodeId, Message)| *to == drone && it.envelope.address() == address;
+        let waiting = self.inbox.iter().filter(is_like);
         let found = self.bounds.queue(self.now, drone, waiting.count());
         self.find(found);
     }
@@ -676,7 +693,7 @@ impl World {
             .value(self.now, drone, Kind::Failed, &(address, verdict));
         self.drone(drone).take_down(address);
         self.inbox
-            .retain(|(to, envelope)| *to != drone || envelope.address() != address);
+            .retain(|(to, it)| *to != drone || it.envelope.address() != address);
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder(drone).restarts(drone);

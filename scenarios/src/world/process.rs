@@ -18,6 +18,7 @@ impl World {
         let now = self.now;
         self.recorder(drone).killed(drone, now);
         self.command(drone, Demand::Land);
+        self.look_at_elections();
     }
 
     /// An aircraft falls, with all that is on it.
@@ -34,6 +35,7 @@ impl World {
         }
         self.vehicles[drone.0 as usize].fall(now);
         self.plan_rest(drone);
+        self.look_at_elections();
     }
 
     /// A drone's process ends, and its service manager starts it again after a while.
@@ -65,8 +67,8 @@ impl World {
     }
 
     /// One of a drone's actors does nothing any more, or its whole process; what comes for it waits. Somebody watches:
-    /// the supervisor takes such an actor for failed, the service manager such a process.
-    pub(super) fn hang(&mut self, drone: NodeId, actor: Option<Address>) {
+    /// the supervisor takes such an actor for failed, the service manager such a process; unless it goes on after a while.
+    pub(super) fn hang(&mut self, drone: NodeId, actor: Option<Address>, lasts: Option<Duration>) {
         if !self.drone(drone).runs {
             return;
         }
@@ -87,6 +89,11 @@ impl World {
             hangs: self.drone(drone).hangs,
         };
         self.heap.plan(self.now + watchdog, watched);
+        if let Some(lasts) = lasts {
+            let hangs = self.drone(drone).hangs;
+            let over = Planned::GoOn { drone, hangs };
+            self.heap.plan(self.now + lasts, over);
+        }
         self.look_at_elections();
     }
 
@@ -142,7 +149,7 @@ impl World {
         if self.drone(drone).lives == life {
             let backlog = std::mem::take(&mut self.drone(drone).backlog);
             self.inbox
-                .extend(backlog.into_iter().map(|envelope| (drone, envelope)));
+                .extend(backlog.into_iter().map(|message| (drone, message)));
         }
     }
 

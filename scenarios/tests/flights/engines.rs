@@ -7,7 +7,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
-use muster_scenarios::scenario::{Fault, FaultKind, Scenario, Target};
+use muster_scenarios::scenario::{Fault, FaultKind, Mishap, Scenario, Target};
 
 use crate::support::{fly, scenario};
 
@@ -25,7 +25,7 @@ fn on_both_engines(scenario: &Scenario) -> Report {
 }
 
 fn crash(at_s: f64, drone: u32, actor: Address) -> Fault {
-    let kind = FaultKind::CrashActor(Target::Drone(NodeId(drone)), actor);
+    let kind = FaultKind::Drone(Target::Drone(NodeId(drone)), Mishap::CrashActor(actor));
     Fault::at(Timestamp::from_secs_f64(at_s), kind)
 }
 

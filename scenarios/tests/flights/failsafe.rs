@@ -96,7 +96,8 @@ fn whoever_s_process_hung_for_a_while_elects_nobody() {
             "protocol.succession=elect",
             "protocol.parameters=fast",
             "limits.watchdog_ms=60000",
-            &*format!("faults=[{{ at_s = 150, hang = 3, for_s = {for_s} }}]"),
+            "mission.file=missions/field.waypoints",
+            &*format!("faults=[{{ at_waypoint = 1, after_s = 5, hang = 3, for_s = {for_s} }}]"),
         ];
         let (report, _) = flown("barrier-mesh.toml", &fields);
         assert_eq!(report.elections, [], "{for_s} s");

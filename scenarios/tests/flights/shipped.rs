@@ -145,3 +145,15 @@ pub(crate) fn forty_drones_have_forty_places() {
     assert_flown("big-matrix", &report, &[]);
     assert!(report.min_separation_m.unwrap() >= 5.0);
 }
+
+#[test]
+fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
+    let outlook = |name, overrides| scenario(name, overrides).outlook().join("\n");
+    let apart = "out of the master's reach";
+    let told = outlook("split-up-5.toml", &[]);
+    assert!(!told.contains(apart), "{told}");
+    let told = outlook("split-up-5.toml", &["radio.range_m=61"]);
+    assert!(told.contains(apart), "{told}");
+    let told = outlook("two-swarms.toml", &[]);
+    assert!(told.contains("drones 7–12 of"), "{told}");
+}
