@@ -41,7 +41,11 @@ fn describe(file: &Path) -> Result<String, BadInput> {
         .is_some_and(|extension| extension == "toml")
     {
         let scenario = scenario::load(file, &[])?;
-        let notes = scenario.notes.clone();
+        let mut notes = scenario.notes.clone();
+        for (swarm, _) in &scenario.others {
+            let of_swarm = |note: &String| format!("{}: {note}", swarm.name);
+            notes.extend(swarm.notes.iter().map(of_swarm));
+        }
         let mut description = scenario.description();
         for line in scenario.outlook() {
             description.push_str("\n  ");

@@ -368,7 +368,12 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         (
             "[radio]",
             "[[swarms]]\nscenario = \"nowhere.toml\"\nnorth_m = 50\neast_m = 0\n\n[radio]",
-            &["nowhere.toml"],
+            &["nowhere.toml can't be read", "`swarms.scenario` is"],
+        ),
+        (
+            "[radio]",
+            "[limits]\nduration_s = 100\n\n[[swarms]]\nscenario = \"scenario.toml\"\nnorth_m = 50\neast_m = 0\nafter_s = 100\n\n[radio]",
+            &["the run is over by then"],
         ),
         (
             "[radio]",

@@ -28,7 +28,7 @@ pub struct Row {
     pub trace: String,
     /// How long the run lasted, in simulated seconds.
     pub simulated_s: f64,
-    /// How many drones there were.
+    /// How many drones the scenario's own swarm has, which the figures below are of unless they say otherwise.
     pub drones: u64,
     /// How many of them flew and came down.
     pub landed: u64,
@@ -55,7 +55,7 @@ pub struct Row {
     pub retries_per_barrier: Option<f64>,
     /// From a drone's own arrival to its own departure, in seconds, the mean of the drones' means.
     pub waypoint_delay_mean_s: Option<f64>,
-    /// How often a part of the swarm had no master, or more than one.
+    /// How often a part of any swarm had no master, or more than one.
     pub elections: u64,
     /// How long the longest of these times took, in seconds.
     pub election_max_s: Option<f64>,
@@ -114,7 +114,9 @@ impl Row {
         let master = report.master().and_then(|drone| drone.flight_time_s);
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
-        let settled = report.elections.iter().filter_map(|it| it.settled_after_s);
+        let swarms = || std::iter::once(report).chain(&report.others);
+        let elections = || swarms().flat_map(|swarm| &swarm.elections);
+        let settled = elections().filter_map(|it| it.settled_after_s);
         Self {
             run,
             combination,
@@ -136,7 +138,7 @@ impl Row {
             keep_alives_per_barrier: mean(|barrier| barrier.keep_alives),
             retries_per_barrier: mean(|barrier| barrier.retries),
             waypoint_delay_mean_s: report.mean_waypoint_delay_s().map(rounded),
-            elections: report.elections.len() as u64,
+            elections: elections().count() as u64,
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),

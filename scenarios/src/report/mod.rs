@@ -225,7 +225,8 @@ pub struct Barrier {
     pub transmissions: u64,
     /// Frames that were sent meanwhile only because their time had come, and so were no part of it.
     pub keep_alives: u64,
-    /// How often the medium sent a frame for one drone again meanwhile, for want of an acknowledgement.
+    /// How often the medium sent a frame for one drone, of whichever swarm, again meanwhile, for want of an
+    /// acknowledgement.
     pub retries: u64,
 }
 

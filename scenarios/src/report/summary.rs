@@ -35,7 +35,11 @@ pub(crate) fn summary(
         let report = Report {
             scenario: swarm.name.clone(),
             seed: scenario.seed,
-            overrides: overrides.clone(),
+            overrides: if flown.recorder.is_of_first() {
+                overrides.clone()
+            } else {
+                Vec::new()
+            },
             engine,
             command: command.clone(),
             trace: outcome.trace.clone(),
@@ -43,7 +47,7 @@ pub(crate) fn summary(
             wall_s: wall.as_secs_f64(),
             means: means(&drones),
             drones,
-            relays: relays(flown),
+            relays: relays(swarm, joins, flown),
             barriers: barriers(&flown.recorder),
             changes: changes(swarm, &flown.recorder),
             following: error(distances_m.concat()),
@@ -110,16 +114,16 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
     }
 }
 
-fn relays(flown: &Flown) -> Vec<RelayReport> {
-    let drones = flown.recorder.drones().count();
-    let relays = flown.recorder.relays().zip(&flown.vehicles[drones..]);
+fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> {
+    let relays = flown.recorder.relays().zip(scenario.relays.iter());
     relays
-        .map(|((id, record), vehicle)| (id, record, vehicle.motion().end()))
+        .map(|((id, record), place)| (id, record, *place + joins.home))
         .map(|(id, record, place)| RelayReport {
             id: id.0,
             north_m: place.north_m(),
             east_m: place.east_m(),
-            altitude_m: place.altitude_m(),
+            // Never a negative zero.
+            altitude_m: place.altitude_m() + 0.0,
             hops: record.routes.hops,
             parent: record.routes.parent.map(|parent| parent.0),
             messages_sent: record.sent,

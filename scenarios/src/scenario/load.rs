@@ -44,7 +44,7 @@ pub(crate) fn load_from(
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut scenario = alone(path, (&source, &raw), overrides, read)?;
     for joins in &raw.swarms {
-        let swarm = other(&source, joins, folder, read)?;
+        let swarm = other((&source, &raw), joins, folder, read)?;
         let radio = scenario.radio;
         scenario
             .others
@@ -53,17 +53,30 @@ pub(crate) fn load_from(
     Ok(scenario)
 }
 
-/// The swarm of a file named by another one.
+/// The swarm of a file named by another one, whose seed and separation count for both.
 fn other(
-    source: &Source,
+    (source, own): (&Source, &Raw),
     joins: &super::raw::Swarm,
     folder: &Path,
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
     let file = &joins.scenario;
     let path = folder.join(file.get_ref());
-    let others = Source::new(&path, read(&path)?, &[])?;
-    let raw = others.parse()?;
+    let Ok(text) = read(&path) else {
+        let message = format!("{} can't be read", path.display());
+        return Err(source.error(file.span(), &message));
+    };
+    if let (Some(after), Some(duration)) = (&joins.after_s, own.limits.duration_s)
+        && after.get_ref().0 >= duration.0
+    {
+        let message = "the run is over by then, as `limits.duration_s` says";
+        return Err(source.error(after.span(), message));
+    }
+    let others = Source::new(&path, text, &[])?;
+    let mut raw = others.parse()?;
+    *raw.seed.get_mut() = *own.seed.get_ref();
+    raw.limits.separation_horizontal_m = own.limits.separation_horizontal_m;
+    raw.limits.separation_vertical_m = own.limits.separation_vertical_m;
     for (field, is_there) in [
         ("swarms", !raw.swarms.is_empty()),
         ("faults", !raw.faults.is_empty()),

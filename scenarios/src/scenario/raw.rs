@@ -115,14 +115,15 @@ pub(super) struct Swarm {
     pub(super) scenario: Spanned<PathBuf>,
     pub(super) north_m: Offset,
     pub(super) east_m: Offset,
-    pub(super) after_s: Option<Instant>,
+    pub(super) after_s: Option<Spanned<Instant>>,
 }
 
 impl From<&Swarm> for Joins {
     fn from(swarm: &Swarm) -> Self {
         Self {
             home: Ned::new(swarm.north_m.0, swarm.east_m.0, 0.0),
-            after: Duration::from_secs_f64(swarm.after_s.map_or(0.0, |it| it.0)),
+            after: (swarm.after_s.as_ref())
+                .map_or(Duration::ZERO, |it| Duration::from_secs_f64(it.get_ref().0)),
         }
     }
 }

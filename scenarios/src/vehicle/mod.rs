@@ -101,11 +101,6 @@ impl Vehicle {
         self.armed
     }
 
-    /// Whether it has been armed at all.
-    pub(crate) const fn has_flown(&self) -> bool {
-        self.has_flown
-    }
-
     pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
         let known = |place: Ned| {
             let place = match self.lost {

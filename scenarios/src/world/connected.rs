@@ -105,6 +105,10 @@ impl World {
         self.look_at_links();
         self.check_masters();
         for index in 0..self.swarms.len() {
+            let mut own = self.swarms[index].ids();
+            if !own.any(|id| self.vehicles[id.0 as usize].is_armed()) {
+                continue;
+            }
             let masters = self.masters_if_settled(&self.swarms[index]);
             let recorder = &mut self.swarms[index].recorder;
             if recorder.election(self.now, masters) {

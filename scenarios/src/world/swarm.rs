@@ -11,7 +11,6 @@ use super::{Recorder, World};
 use crate::checkers::{BarrierChecker, SettledChecker};
 use crate::parts::Parts;
 use crate::scenario::{Follow, Scenario};
-use crate::vehicle::Vehicle;
 
 /// A swarm in the middle of a run.
 #[derive(Debug)]
@@ -99,9 +98,10 @@ impl Swarm {
     }
 
     /// Whether it has flown, or never will: its master is out of it.
-    fn is_done(&self, vehicles: &[Vehicle]) -> bool {
-        let mut own = self.ids().map(|id| &vehicles[id.0 as usize]);
-        own.any(Vehicle::has_flown) || self.recorder.is_out_of_it(self.recorder.centre())
+    fn is_done(&self) -> bool {
+        let mut own = self.ids();
+        own.any(|id| self.recorder.of(id).armed.is_some())
+            || self.recorder.is_out_of_it(self.recorder.centre())
     }
 }
 
@@ -140,7 +140,7 @@ impl World {
 
     /// Nobody is in the air, and every swarm has flown or will never take off.
     pub(super) fn is_over(&self) -> bool {
-        self.airborne == 0 && self.swarms.iter().all(|it| it.is_done(&self.vehicles))
+        self.airborne == 0 && self.swarms.iter().all(Swarm::is_done)
     }
 
     /// How many waypoints the drones have reached so far, take-offs and landings counted as one each.

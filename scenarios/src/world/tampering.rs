@@ -127,6 +127,12 @@ impl Tampering {
                 }
             }
         }
+        // Whichever arrives first is let in.
+        if let Some(twin) = &mut twin
+            && twin.late < first.late
+        {
+            std::mem::swap(&mut first.is_genuine, &mut twin.is_genuine);
+        }
         (first, twin)
     }
 

@@ -33,6 +33,13 @@ fn a_process_that_restarts_rejoins_the_swarm_from_its_journal() {
 }
 
 #[test]
+fn an_aircraft_that_falls_over_on_the_ground_keeps_nobody_there() {
+    let faults = "{ at_s = 0, crash_aircraft = 6 }";
+    let report = fly_with(faults);
+    assert!(report.drones[..6].iter().all(|it| it.state == "finished"));
+}
+
+#[test]
 fn a_process_that_restarts_on_the_ground_stays_there() {
     // With the mission, before the take-off; and after its controller has brought it down.
     for faults in [
@@ -126,6 +133,7 @@ fn nothing_that_is_done_to_frames_is_obeyed() {
 fn late_and_overtaking_frames_and_wrong_clocks_cost_nothing() {
     for faults in [
         r#"{ at_s = 50, reorder = "all", by_ms = 50, for_s = 100 }"#,
+        r#"{ at_s = 50, duplicate = "all", for_s = 50 }, { at_s = 50, reorder = "all", by_ms = 50, for_s = 50 }"#,
         "{ at_s = 50, delay = 1, by_ms = 30, for_s = 100 }",
         "{ at_s = 60, degrade = [2, 3], loss = 0.6, for_s = 60 }",
         "{ at_s = 10, skew = 3, ppm = 50000 }",

@@ -152,7 +152,7 @@ fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
     let apart = "out of the master's reach";
     let told = outlook("split-up-5.toml", &[]);
     assert!(!told.contains(apart), "{told}");
-    let told = outlook("split-up-5.toml", &["radio.range_m=61"]);
+    let told = outlook("split-up-5.toml", &["radio.range_m=50"]);
     assert!(told.contains(apart), "{told}");
     let told = outlook("two-swarms.toml", &[]);
     assert!(told.contains("drones 7–12 of"), "{told}");

@@ -61,7 +61,10 @@ fn head(report: &Report) -> Markup {
                 div { dt { "Scenario" } dd { (report.scenario) } }
                 div { dt { "Seed" } dd { (report.seed) } }
                 div { dt { "Engine" } dd { (report.engine) } }
-                div { dt { "Drones" } dd { (report.drones.len()) } }
+                div { dt { "Drones" } dd {
+                    (report.drones.len())
+                    @for other in &report.others { " + " (other.drones.len()) }
+                } }
                 div { dt { "Simulated" } dd { (figure(report.simulated_s, 1)) " s" } }
                 div {
                     dt { "Took" }
