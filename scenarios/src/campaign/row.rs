@@ -114,8 +114,7 @@ impl Row {
         let master = report.master().and_then(|drone| drone.flight_time_s);
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
-        let swarms = || std::iter::once(report).chain(&report.others);
-        let elections = || swarms().flat_map(|swarm| &swarm.elections);
+        let elections = || report.swarms().flat_map(|swarm| &swarm.elections);
         let settled = elections().filter_map(|it| it.settled_after_s);
         Self {
             run,

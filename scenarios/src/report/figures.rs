@@ -61,8 +61,12 @@ impl Report {
     /// Whether every swarm of the run flew its mission to its end.
     #[must_use]
     pub fn are_missions_completed(&self) -> bool {
-        let mut all = std::iter::once(self).chain(&self.others);
-        all.all(|report| report.mission_completed)
+        self.swarms().all(|report| report.mission_completed)
+    }
+
+    /// What came of each swarm of the run, the scenario's own first.
+    pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.others)
     }
 
     /// How many changes of formation took all drones to their new slots.

@@ -4,7 +4,14 @@ use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 
-use super::FlightOfDrone;
+use super::{Flight, FlightOfDrone};
+
+impl Flight {
+    /// Each swarm's, the scenario's own first.
+    pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
+        std::iter::once(self).chain(&self.others)
+    }
+}
 
 impl FlightOfDrone {
     /// What it was doing at `at`.

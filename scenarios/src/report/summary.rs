@@ -35,11 +35,7 @@ pub(crate) fn summary(
         let report = Report {
             scenario: swarm.name.clone(),
             seed: scenario.seed,
-            overrides: if flown.recorder.is_of_first() {
-                overrides.clone()
-            } else {
-                Vec::new()
-            },
+            overrides: Vec::new(),
             engine,
             command: command.clone(),
             trace: outcome.trace.clone(),
@@ -80,6 +76,7 @@ pub(crate) fn summary(
     let mut swarms = swarms.map(|(swarm, flown)| of_swarm(swarm, flown));
     let (mut report, mut flight) = swarms.next().expect("a scenario has a swarm of its own");
     (report.others, flight.others) = swarms.unzip();
+    report.overrides = overrides;
     (report, flight)
 }
 

@@ -20,8 +20,7 @@ const HEADER: [&str; 6] = [
 /// Times are in simulated seconds, positions in metres from home, all to three digits after the point.
 #[must_use]
 pub fn tracks(report: &Report, flight: &Flight) -> Vec<u8> {
-    let others = report.others.iter().zip(&flight.others);
-    let swarms = std::iter::once((report, flight)).chain(others);
+    let swarms = report.swarms().zip(flight.swarms());
     let drones = swarms.flat_map(|(report, flight)| report.drones.iter().zip(&flight.drones));
     let mut points: Vec<(Timestamp, u32, Ned, State)> = drones
         .map(|(report, drone)| (report.id, drone))

@@ -165,11 +165,6 @@ impl Recorder {
         self.nodes().skip(self.drones)
     }
 
-    /// Whether it is the scenario's own swarm.
-    pub(crate) fn is_of_first(&self) -> bool {
-        self.first == NodeId(0)
-    }
-
     fn nodes(&self) -> impl Iterator<Item = (NodeId, &Record)> {
         (self.first.0..).map(NodeId).zip(&self.nodes)
     }

@@ -26,20 +26,15 @@ const LEAST_M: f64 = 30.0;
 
 /// The map with its legend; a sentence if nothing was recorded.
 pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
-    let others = report.others.iter().zip(&flight.others);
-    let swarm: Vec<_> = std::iter::once((report, flight))
-        .chain(others)
+    let swarms = report.swarms().zip(flight.swarms());
+    let swarm: Vec<_> = swarms
         .flat_map(|(report, flight)| Drawn::swarm(report, flight))
         .collect();
     let master = swarm
         .iter()
         .find(|drone| drone.report.kind() == Kind::Master);
-    let waypoints = || {
-        let others = flight.others.iter().flat_map(|it| &it.waypoints);
-        flight.waypoints.iter().chain(others).copied()
-    };
     let master = master.and_then(|drone| drone.formed);
-    let Some(whole) = whole(&swarm, waypoints(), master, flight.range_m) else {
+    let Some(whole) = whole(&swarm, flight, master) else {
         return html! { p.none { "No positions were recorded." } };
     };
     let ends = [End::Start, End::Landing].map(|end| (end, close(&swarm, whole, end)));
@@ -55,8 +50,7 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
                 }
             }
             (ids(frame, &swarm, |drone| drone.formed))
-            (label::pins(frame, &flight.waypoints))
-            @for other in &flight.others { (label::pins(frame, &other.waypoints)) }
+            @for swarm in flight.swarms() { (label::pins(frame, &swarm.waypoints)) }
             (north_arrow(frame.paper_px().0))
         }
     };
@@ -82,18 +76,14 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
 }
 
 /// All ground that anything is drawn on.
-fn whole(
-    swarm: &[Drawn<'_>],
-    waypoints: impl Iterator<Item = Ned>,
-    master: Option<Ned>,
-    range_m: f64,
-) -> Option<Extent> {
+fn whole(swarm: &[Drawn<'_>], flight: &Flight, master: Option<Ned>) -> Option<Extent> {
     let tracks = swarm
         .iter()
         .flat_map(|drone| drone.flight.track.iter().map(|&(_, place)| place));
-    let flown = Extent::around(tracks.chain(waypoints))?;
+    let waypoints = flight.swarms().flat_map(|swarm| &swarm.waypoints);
+    let flown = Extent::around(tracks.chain(waypoints.copied()))?;
     Some(match master {
-        Some(centre) => flown.joined(Extent::of_circle(centre, range_m)),
+        Some(centre) => flown.joined(Extent::of_circle(centre, flight.range_m)),
         None => flown,
     })
 }
