@@ -4,10 +4,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use muster_scenarios::campaign::{
-    self, Campaign, JOBS_MAX, Published, Request, Seeds, Shard, Variation,
-};
-use muster_scenarios::scenario::Override;
+use muster_scenarios::campaign::{self, Campaign, JOBS_MAX, Published, Request, Seeds, Shard};
+use muster_scenarios::scenario::{Override, Variation};
 
 use crate::sim::EngineName;
 use crate::{Ended, Failure, terminal};
@@ -77,7 +75,7 @@ pub(crate) struct MergeArguments {
     out: PathBuf,
 }
 
-fn jobs(text: &str) -> Result<NonZeroUsize, String> {
+pub(crate) fn jobs(text: &str) -> Result<NonZeroUsize, String> {
     let jobs = text
         .parse()
         .ok()

@@ -1,6 +1,7 @@
 //! The operator's command: arguments and printing, nothing else.
 
 mod campaign;
+mod chaos;
 mod check;
 mod completions;
 mod sim;
@@ -40,6 +41,7 @@ enum Command {
     Sim(sim::Arguments),
     Campaign(campaign::Arguments),
     CampaignMerge(campaign::MergeArguments),
+    Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
     Check(check::Arguments),
     Completions(completions::Arguments),
@@ -108,6 +110,7 @@ fn main() -> ExitCode {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
+        Command::Chaos(arguments) => chaos::run(&arguments),
         Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),

@@ -2,6 +2,7 @@
 //! the comparison with the thesis.
 
 pub mod campaign;
+pub mod chaos;
 mod checkers;
 pub mod engine;
 mod parts;

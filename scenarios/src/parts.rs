@@ -8,8 +8,9 @@ use muster_transport::sim::Medium;
 
 /// A link is up if it loses at most this share of frames each way.
 pub(crate) const UP_LOSS_MAX: f64 = 0.4;
-/// And down if it loses at least this share either way; in between it is grey.
-const DOWN_LOSS_MIN: f64 = 0.9;
+/// And down if it loses at least this share either way, so that next to nothing gets through; in between it is grey. A
+/// drone that hears its master over several links now and then, however much each of them loses, is led by it.
+const DOWN_LOSS_MIN: f64 = 0.999;
 
 /// Up to how many members a part's diameter is found exactly, which takes a search from each.
 const EXACT_DIAMETER_MAX: usize = 256;
@@ -47,11 +48,13 @@ impl Link {
         })
     }
 
-    /// All that a medium has as it is now.
-    pub(crate) fn all(medium: &Medium) -> Vec<Self> {
+    /// All that a medium has as it is now, where `spoilt` is the share of a sender's frames that arrive and are good for
+    /// nothing.
+    pub(crate) fn all(medium: &Medium, spoilt: impl Fn(NodeId) -> f64) -> Vec<Self> {
         let mut links = Vec::new();
         medium.each_link(|a, b, [there, back]| {
-            links.extend(Self::between(a, b, there.max(back)));
+            let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - spoilt(from));
+            links.extend(Self::between(a, b, lost(a, there).max(lost(b, back))));
         });
         links
     }

@@ -162,6 +162,8 @@ enum WirePacket<'a> {
         parent: Option<u32>,
         pulse: u32,
         sequence: u32,
+        #[serde(borrow)]
+        hears: &'a [u8],
         members: Vec<WireMember>,
         #[serde(borrow)]
         order: Option<&'a [u8]>,
@@ -211,6 +213,7 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             parent: flood.parent.map(|id| id.0),
             pulse: flood.pulse,
             sequence: flood.sequence,
+            hears: flood.hears.as_bytes(),
             members: flood.members.iter().map(WireMember::from).collect(),
             order: flood.order.as_deref(),
         },
@@ -250,6 +253,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             parent,
             pulse,
             sequence,
+            hears,
             members,
             order,
         } => Packet::Flood(Flood {
@@ -257,6 +261,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             parent: parent.map(NodeId),
             pulse,
             sequence,
+            hears: NodeSet::from_bytes(hears),
             members: members.iter().map(Member::from).collect(),
             order: order.map(bytes::Bytes::copy_from_slice),
         }),
@@ -325,14 +330,17 @@ enum WireOrder {
     TakeOff,
     Move {
         waypoint: u16,
+        apart: bool,
     },
     Land {
         at: [i32; 3],
         changes: u16,
+        apart: bool,
     },
     Reform {
         change: u16,
         step: WireStep,
+        apart: bool,
     },
     Follow {
         at: [i32; 3],
@@ -364,14 +372,21 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
             waypoints: waypoints.iter().copied().map(to_millimetres).collect(),
         },
         Order::TakeOff => WireOrder::TakeOff,
-        Order::Move { waypoint } => WireOrder::Move {
+        Order::Move { waypoint, apart } => WireOrder::Move {
             waypoint: *waypoint,
+            apart: *apart,
         },
-        Order::Land { at, changes } => WireOrder::Land {
+        Order::Land { at, changes, apart } => WireOrder::Land {
             at: to_millimetres(*at),
             changes: *changes,
+            apart: *apart,
         },
-        Order::Reform { change, step } => WireOrder::Reform {
+        Order::Reform {
+            change,
+            step,
+            apart,
+        } => WireOrder::Reform {
+            apart: *apart,
             change: *change,
             step: match step {
                 Step::Climb => WireStep::Climb,
@@ -406,12 +421,18 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             waypoints: waypoints.into_iter().map(from_millimetres).collect(),
         },
         WireOrder::TakeOff => Order::TakeOff,
-        WireOrder::Move { waypoint } => Order::Move { waypoint },
-        WireOrder::Land { at, changes } => Order::Land {
+        WireOrder::Move { waypoint, apart } => Order::Move { waypoint, apart },
+        WireOrder::Land { at, changes, apart } => Order::Land {
             at: from_millimetres(at),
             changes,
+            apart,
         },
-        WireOrder::Reform { change, step } => Order::Reform {
+        WireOrder::Reform {
+            change,
+            step,
+            apart,
+        } => Order::Reform {
+            apart,
             change,
             step: match step {
                 WireStep::Climb => Step::Climb,

@@ -18,9 +18,9 @@ mod shard;
 mod statistics;
 mod summary;
 mod table;
-mod variation;
 
 pub use merge::merge;
+pub(crate) use plan::PROGRAM;
 pub use plan::{COMBINATIONS_MAX, Campaign, RUNS_MAX, Request};
 pub use publish::{Published, RUNS_CSV, RUNS_JSONL, SUMMARY_CSV, SUMMARY_HTML};
 pub use row::Row;
@@ -30,7 +30,6 @@ pub use shard::Shard;
 pub use statistics::{Estimate, interval_ranks};
 pub use summary::{Broken, FIGURES, Figure, Summary};
 pub use table::table;
-pub use variation::Variation;
 
 use std::io;
 use std::path::PathBuf;

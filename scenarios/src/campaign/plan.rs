@@ -6,10 +6,9 @@ use muster_runtime::diagnostic::BadInput;
 
 use super::seeds::Seeds;
 use super::shard::Shard;
-use super::variation::Variation;
 use crate::report::Engine;
 use crate::report::figures::quoted;
-use crate::scenario::{self, Override, Scenario};
+use crate::scenario::{self, Override, Scenario, Variation};
 
 /// The most runs of a campaign, all its shards together.
 pub const RUNS_MAX: u64 = 10_000_000;
@@ -49,7 +48,7 @@ pub struct Campaign {
 }
 
 /// The program, as folders of campaigns name it.
-pub(super) const PROGRAM: &str = concat!("muster ", env!("CARGO_PKG_VERSION"));
+pub(crate) const PROGRAM: &str = concat!("muster ", env!("CARGO_PKG_VERSION"));
 
 impl Campaign {
     /// Reads the scenario and its mission once for each combination; the scenarios are in the combinations' order.

@@ -7,7 +7,8 @@ use super::Violation;
 use crate::vehicle::{Piece, Vehicle};
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
-/// their paths; nobody lands on one that is down already. An aircraft that fell is left out from then on.
+/// their paths; nobody lands on one that is in its landing place already. An aircraft that fell is left out from then on,
+/// and one that came down anywhere else as soon as it is on the ground: nobody knows where it lies.
 ///
 /// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did.
 #[derive(Debug)]
@@ -15,6 +16,8 @@ pub(crate) struct SeparationChecker {
     separation: Separation,
     /// Until when each drone's path has been looked at.
     checked: Vec<Timestamp>,
+    /// Who lies on the ground, nobody knows where.
+    strayed: Vec<bool>,
     closest_m: Option<f64>,
 }
 
@@ -23,6 +26,7 @@ impl SeparationChecker {
         Self {
             separation,
             checked: vec![Timestamp::ZERO; drones],
+            strayed: vec![false; drones],
             closest_m: None,
         }
     }
@@ -30,6 +34,11 @@ impl SeparationChecker {
     /// The closest that two flying drones came so far, in metres.
     pub(crate) const fn closest_m(&self) -> Option<f64> {
         self.closest_m
+    }
+
+    /// A drone is on the ground and not in its landing place.
+    pub(crate) fn strays(&mut self, drone: NodeId) {
+        self.strayed[drone.0 as usize] = true;
     }
 
     /// Looks at all pairs with `drone`, whose path is about to change or end, up to `now`.
@@ -45,7 +54,8 @@ impl SeparationChecker {
             let since = self.checked[index].max(self.checked[other]);
             let pair = (&vehicles[index], &vehicles[other]);
             let flies = pair.0.is_armed() || pair.1.is_armed();
-            if since < now && flies && !pair.0.is_wreck() && !pair.1.is_wreck() {
+            let strayed = self.strayed[index] || self.strayed[other];
+            if since < now && flies && !strayed && !pair.0.is_wreck() && !pair.1.is_wreck() {
                 let found = self.look_at(pair, since..now);
                 violation = violation.or(found.map(|(at, horizontal_m, vertical_m)| Violation {
                     rule: 4,

@@ -26,6 +26,8 @@ pub(crate) struct SettledChecker {
 pub(crate) struct Standing {
     /// Whether it is in the air and flies the mission.
     pub(crate) flies: bool,
+    /// Whether it can lead others that do.
+    pub(crate) leads: bool,
     /// Whether it takes off or changes formation.
     pub(crate) spreads: bool,
     /// Whom it obeys.
@@ -101,7 +103,7 @@ fn disagreement(part: &Part, standing: &impl Fn(NodeId) -> Standing) -> Option<S
             "drone {first} obeys drone {master}, which no link leads to"
         ));
     }
-    (!standing(master).flies).then(|| format!("drone {first} obeys {ballot}, which does not fly"))
+    (!standing(master).leads).then(|| format!("drone {first} obeys {ballot}, which does not fly"))
 }
 
 #[cfg(test)]
@@ -120,6 +122,7 @@ mod tests {
     fn under(term: u32, master: u32) -> Standing {
         Standing {
             flies: true,
+            leads: true,
             spreads: false,
             obeys: Some(Ballot {
                 term,

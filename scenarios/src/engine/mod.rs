@@ -10,7 +10,7 @@ use thiserror::Error;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
-use crate::world::World;
+use crate::world::{Outcome, World};
 
 /// Why a run could not be made: the machine's fault or ours, never the scenario's. Nothing is left behind.
 #[derive(Debug, Error)]
@@ -47,14 +47,26 @@ pub fn run(
     watcher: Option<Watcher>,
 ) -> Result<(Report, Flight), RunError> {
     let started = Instant::now();
+    let outcome = fly(scenario, engine, watcher)?;
+    Ok(summary(scenario, engine, &outcome, started.elapsed()))
+}
+
+/// Likewise, and gives what came of it as it is.
+///
+/// # Errors
+/// As [`run`].
+pub(crate) fn fly(
+    scenario: &Scenario,
+    engine: Engine,
+    watcher: Option<Watcher>,
+) -> Result<Outcome, RunError> {
     let world = World::new(scenario);
     let meter = watcher.map(|watcher| Meter::new(scenario, watcher));
     let world = match engine {
         Engine::Actors => actors::run(scenario, world, meter)?,
         Engine::Events => events::run(scenario, world, meter),
     };
-    let outcome = world.finish();
-    Ok(summary(scenario, engine, &outcome, started.elapsed()))
+    Ok(world.finish())
 }
 
 /// Tells a watcher how far a run is.

@@ -26,7 +26,7 @@ use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use figures::command;
-pub(crate) use summary::summary;
+pub(crate) use summary::{is_completed, summary};
 pub(crate) use write::{Complete, Draft, json, make_folder};
 
 /// The figures of a run: what `--json` prints and `report.json` holds.

@@ -252,7 +252,8 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
 }
 
 /// Whether the last waypoint was reached and left, or the swarm assembled around the master that it followed.
-fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
+/// Whether a swarm, or what was left of it, reached the last waypoint and left it to land.
+pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     if scenario.follow.is_some() {
         let master = recorder.of(recorder.centre());
         let assembled = |state: &State| *state == State::Assembling;

@@ -300,6 +300,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "milliseconds, a whole number from 1 to 3600000",
     ),
     (
+        "limits.controller_s",
+        "seconds, a number above 0, at most 604800",
+    ),
+    (
         "limits.restart_window_s",
         "seconds, a number above 0, at most 604800",
     ),
@@ -412,5 +416,11 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     (
         "faults.ppm",
         "millionths that a clock gains, a whole number from -500000 to 500000, with `skew`",
+    ),
+    ("chaos", "a table with `faults_max` and `vary`"),
+    ("chaos.faults_max", "a whole number from 1 to 100"),
+    (
+        "chaos.vary",
+        "a table of fields and lists of their values, as in `\"formation.drones\" = [5, 8]`",
     ),
 ];

@@ -45,6 +45,20 @@ pub(super) fn highest_layer_m(layout: &Layout, changes: &[Change], waypoints: &[
     layers_m.chain(sectors_m).fold(0.0, f64::max)
 }
 
+/// Whether all layers above the mission are below a ceiling, and neighbours hear each other whichever they are in.
+pub(super) fn has_room(
+    raw: &Raw,
+    layout: &Layout,
+    changes: &[Change],
+    waypoints: &[Ned],
+    ceiling_m: f64,
+) -> bool {
+    let altitudes_m = waypoints.iter().map(|it| it.altitude_m());
+    let highest_m = highest_layer_m(layout, changes, waypoints);
+    let apart_m = raw.formation.spacing_m.get_ref().0.hypot(highest_m);
+    altitudes_m.fold(0.0, f64::max) + highest_m <= ceiling_m && apart_m <= raw.radio.range_m.0
+}
+
 impl Course<'_> {
     fn highest_layer_m(&self) -> f64 {
         highest_layer_m(self.layout, self.changes, self.waypoints)
@@ -182,6 +196,8 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
         hang: milliseconds(raw.limits.hang_ms, 1_000),
         watchdog: milliseconds(raw.limits.watchdog_ms, 3_000),
+        // As ArduPilot's FS_GCS_TIMEOUT.
+        controller: seconds(raw.limits.controller_s, 5.0),
         restarts: RestartLimits {
             restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
             window: seconds(raw.limits.restart_window_s, 30.0),

@@ -1,9 +1,9 @@
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Separation};
+use muster_machines::formation::{Change, Layering, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Barrier;
@@ -20,9 +20,9 @@ use super::faults::faults;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
 use super::formation;
-use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
+use super::limits::{Course, altitude_max_m, check_layers, has_room, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
-use super::{Protocol, Scenario};
+use super::{Chaos, Protocol, Scenario};
 use crate::vehicle::Landing;
 
 /// Reads a scenario and the mission that it names; `overrides` replace what the file says.
@@ -51,6 +51,18 @@ pub(crate) fn load_from(
             .push((Scenario { radio, ..swarm }, joins.into()));
     }
     Ok(scenario)
+}
+
+/// The mission's file that a scenario names, as seen from its folder.
+///
+/// # Errors
+/// As [`load`], of the scenario file.
+pub(crate) fn mission_file(
+    (path, text): (&Path, &str),
+    overrides: &[Override],
+) -> Result<PathBuf, BadInput> {
+    let raw = Source::new(path, text.to_owned(), overrides)?.parse()?;
+    Ok(raw.mission.file.into_inner())
 }
 
 /// The swarm of a file named by another one, whose seed and separation count for both.
@@ -111,9 +123,15 @@ fn alone(
             .separation_vertical_m
             .map_or(SEPARATION_M, |it| it.0),
     };
-    let layout = Arc::new(formation::layout(source, raw, separation)?);
-    let changes: Arc<[Change]> = formation::changes(source, raw, &layout, waypoints.len())?.into();
     let fence = fence(raw, altitude_max_m(raw));
+    let mut layout = formation::layout(source, raw, separation)?.with_layers(Layering::Each);
+    let mut changes = formation::changes(source, raw, &layout, waypoints.len())?;
+    let ceiling_m = fence.map_or(altitude_max_m(raw), |fence| fence.altitude_max_m);
+    if !has_room(raw, &layout, &changes, &waypoints, ceiling_m) {
+        layout = layout.with_layers(Layering::Shared);
+        changes = formation::changes(source, raw, &layout, waypoints.len())?;
+    }
+    let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let vehicle = vehicle(raw, failsafe(source, raw, fence)?);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
@@ -174,8 +192,36 @@ fn alone(
         limits,
         notes,
         faults,
+        chaos: chaos(source, raw)?,
         others: Vec::new(),
     })
+}
+
+/// The most faults of a plan that is drawn: enough for three that only together break something, and one beside.
+const FAULTS_MAX: u32 = 4;
+
+/// What a search may choose: of each field that it varies, one of the values.
+fn chaos(source: &Source, raw: &Raw) -> Result<Chaos, BadInput> {
+    let vary = raw.chaos.vary.iter().map(|(key, values)| {
+        let listed: Vec<_> = values.get_ref().iter().map(in_words).collect();
+        let variation = format!("{key}={}", listed.join(",")).parse();
+        variation.map_err(|error: String| source.error(values.span(), &error))
+    });
+    Ok(Chaos {
+        faults_max: raw
+            .chaos
+            .faults_max
+            .and_then(|it| u32::try_from(it.0).ok())
+            .unwrap_or(FAULTS_MAX),
+        vary: vary.collect::<Result<_, _>>()?,
+    })
+}
+
+/// A value as it is typed behind `--set`.
+fn in_words(value: &toml::Value) -> String {
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// The least distance between flying drones, over ground or in height.
@@ -367,6 +413,9 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
             parent: Some(NodeId(u32::MAX)),
             pulse: u32::MAX,
             sequence: u32::from(u16::MAX),
+            hears: (0..u32::try_from(drones).unwrap_or(u32::MAX))
+                .map(NodeId)
+                .collect(),
             members: (0..drones).map(largest).collect(),
             order: Some(order.clone().into()),
         });

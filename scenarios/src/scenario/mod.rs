@@ -12,6 +12,8 @@ mod load;
 mod outlook;
 mod raw;
 mod settling;
+mod variation;
+mod written;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,8 +37,10 @@ pub use fault::{
 };
 pub use file::Override;
 pub use load::load;
-pub(crate) use load::load_from;
+pub(crate) use load::{load_from, mission_file};
 pub use settling::Settling;
+pub use variation::Variation;
+pub(crate) use written::written;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
@@ -82,6 +86,8 @@ pub struct Scenario {
     pub notes: Vec<String>,
     /// What goes wrong, and when.
     pub faults: Vec<Fault>,
+    /// What a search for a fault plan that breaks a rule may choose.
+    pub chaos: Chaos,
     /// Who else flies in the same air and over the same medium, and how each comes into it.
     pub others: Vec<(Self, Joins)>,
 }
@@ -273,6 +279,15 @@ const BUDGET_PER_PERIOD: u32 = 20;
 /// How many of them may come at once.
 const BUDGET_BURST: u32 = 16;
 
+/// What a search for a fault plan that breaks a rule may choose.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Chaos {
+    /// The most faults of a plan.
+    pub faults_max: u32,
+    /// Fields of which each plan takes one value.
+    pub vary: Vec<Variation>,
+}
+
 /// How the swarm talks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Protocol {
@@ -358,6 +373,8 @@ pub struct Limits {
     pub hang: Duration,
     /// How long a process may hang before its service manager ends it and starts it again.
     pub watchdog: Duration,
+    /// How long a flight controller waits for a process that hangs or has ended before it brings the aircraft down.
+    pub controller: Duration,
     /// When failed actors are restarted and when that is given up.
     pub restarts: RestartLimits,
 }

@@ -85,7 +85,7 @@ impl Scenario {
         let medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
         let mut parts = Parts::default();
         let live = vec![Some(0); places.len()];
-        parts.look(Timestamp::ZERO, live, Link::all(&medium));
+        parts.look(Timestamp::ZERO, live, Link::all(&medium, |_| 0.0));
         Some(parts)
     }
 

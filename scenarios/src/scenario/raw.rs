@@ -1,6 +1,7 @@
 //! A scenario file's fields as they are written; numbers are checked for themselves here, how they fit each other
 //! when they are put together.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -36,6 +37,8 @@ pub(super) struct Raw {
     pub(super) limits: Limits,
     #[serde(default)]
     pub(super) faults: Vec<Spanned<Fault>>,
+    #[serde(default)]
+    pub(super) chaos: Chaos,
 }
 
 #[derive(Debug, Deserialize)]
@@ -353,6 +356,7 @@ pub(super) struct Limits {
     pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
     pub(super) hang_ms: Option<Milliseconds>,
     pub(super) watchdog_ms: Option<Milliseconds>,
+    pub(super) controller_s: Option<Seconds>,
     pub(super) restart_window_s: Option<Seconds>,
 }
 
@@ -391,6 +395,14 @@ pub(super) struct Fault {
     pub(super) forge: Option<Spanned<Victim>>,
     pub(super) skew: Option<Spanned<Victim>>,
     pub(super) ppm: Option<Spanned<Rating>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[chaos]`")]
+pub(super) struct Chaos {
+    pub(super) faults_max: Option<Whole<1, 100>>,
+    #[serde(default)]
+    pub(super) vary: BTreeMap<String, Spanned<Vec<toml::Value>>>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
-use muster_machines::mission::State;
+use muster_machines::mission::{LandingReason, State};
 
 use super::{Swarm, World};
 use crate::checkers::Standing;
@@ -35,16 +35,18 @@ impl World {
             let failures = recorder.restarts_of(id) + self.drones[id.0 as usize].hangs;
             let does = match recorder.state(id) {
                 State::Start | State::SetUp | State::Finished => 0,
-                State::MovingToLand | State::Landing => 1,
-                state if state.is_spreading() => 2,
-                _ => 3,
+                State::MovingToLand => 1,
+                // A master that goes to land alone says so only now.
+                State::Landing => 2,
+                state if state.is_spreading() => 3,
+                _ => 4,
             };
-            failures * 4 + does
+            failures * 5 + does
         };
         let live: Vec<_> = ids
             .map(|id| self.passes_on(id).then(|| changes(id)))
             .collect();
-        let links = Link::all(&self.medium);
+        let links = Link::all(&self.medium, |from| self.tampering.corrupted(from));
         for swarm in &mut self.swarms {
             let mut own = live.clone();
             for (id, live) in (0..).map(NodeId).zip(&mut own) {
@@ -76,6 +78,7 @@ impl World {
     pub(super) fn check_masters(&mut self) {
         let standing = |id| Standing {
             flies: self.flies(id),
+            leads: self.may_lead(id),
             spreads: self.swarm(id).recorder.state(id).is_spreading(),
             obeys: self.election.obeyed(id),
         };
@@ -98,6 +101,19 @@ impl World {
     /// Whether a drone is in the air, flies the mission, and can be led.
     fn flies(&self, id: NodeId) -> bool {
         self.swarm(id).recorder.state(id).is_following() && self.drones[id.0 as usize].is_sound()
+    }
+
+    /// Whether a drone leads others that fly: one that goes to land alone does until it says so, which it does once it
+    /// is out of their way.
+    fn may_lead(&self, id: NodeId) -> bool {
+        let recorder = &self.swarm(id).recorder;
+        let reason = recorder.of(id).reason;
+        let is_in_their_way = match recorder.state(id) {
+            State::MovingToLand => reason != Some(LandingReason::MissionOver),
+            State::Landing => reason == Some(LandingReason::PositionLost),
+            _ => false,
+        };
+        self.flies(id) || is_in_their_way && self.drones[id.0 as usize].is_sound()
     }
 
     /// Writes down when a swarm has lost a master, or some of it obey another, and when each part has one again.
@@ -132,7 +148,7 @@ impl World {
                 .iter()
                 .filter(|id| self.flies(**id))
                 .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !connected.contains(&obeyed.master) || !self.flies(obeyed.master) {
+            if !is_one || !connected.contains(&obeyed.master) || !self.may_lead(obeyed.master) {
                 return None;
             }
             masters.insert(obeyed.master);

@@ -27,8 +27,8 @@ pub(super) struct Drone {
     pub(crate) lives: u32,
     /// Whether one of its actors could not be kept alive.
     pub(crate) given_up: bool,
-    /// Which of its actors hang, and what waits for them.
-    hung: [bool; 5],
+    /// Which of its actors hang, by which hang, and what waits for them.
+    hung: [Option<u32>; 5],
     pub(super) backlog: VecDeque<Message>,
     /// How often a hang has begun or ended.
     pub(crate) hangs: u32,
@@ -57,7 +57,7 @@ impl Drone {
             runs: true,
             lives: 0,
             given_up: false,
-            hung: [false; 5],
+            hung: [None; 5],
             backlog: VecDeque::new(),
             hangs: 0,
             clock: Clock::default(),
@@ -72,7 +72,12 @@ impl Drone {
     }
 
     pub(crate) const fn is_hung(&self, address: Address) -> bool {
-        self.hung[address as usize]
+        self.hung[address as usize].is_some()
+    }
+
+    /// Whether a hang still holds some of its actors.
+    pub(crate) fn is_held_by(&self, hang: u32) -> bool {
+        self.hung.contains(&Some(hang))
     }
 
     /// Whether it can do what it is told: its process runs and does not hang as a whole.
@@ -100,7 +105,7 @@ impl Drone {
         }
         self.runs = false;
         self.lives += 1;
-        self.go_on(&Address::ALL);
+        self.hangs += 1;
         self.backlog.clear();
         if let Some(journal) = self.journal.take() {
             let mut disk = journal.into_storage();
@@ -117,19 +122,20 @@ impl Drone {
         self.given_up = false;
     }
 
-    /// Some of its actors do nothing any more, until they go on.
-    pub(crate) fn hang(&mut self, addresses: &[Address]) {
+    /// Some of its actors do nothing any more, until they go on; the number of this hang.
+    pub(crate) fn hang(&mut self, addresses: &[Address]) -> u32 {
         self.hangs += 1;
         for address in addresses {
-            self.hung[*address as usize] = true;
+            self.hung[*address as usize] = Some(self.hangs);
         }
+        self.hangs
     }
 
-    /// Some of its actors go on; whether they hung.
-    pub(crate) fn go_on(&mut self, addresses: &[Address]) {
+    /// Whom a hang holds goes on.
+    pub(crate) fn go_on(&mut self, hang: u32) {
         self.hangs += 1;
-        for address in addresses {
-            self.hung[*address as usize] = false;
+        for hung in &mut self.hung {
+            *hung = hung.filter(|it| *it != hang);
         }
     }
 
@@ -139,7 +145,7 @@ impl Drone {
 
     pub(crate) fn take_down(&mut self, address: Address) {
         self.up[address as usize] = false;
-        self.hung[address as usize] = false;
+        self.hung[address as usize] = None;
         self.backlog.retain(|it| it.envelope.address() != address);
         self.set_timer(address, None);
     }
@@ -163,7 +169,7 @@ impl Drone {
         let timer = &mut self.timers[address as usize];
         let counts = timer.generation == generation
             && timer.deadline.is_some()
-            && !self.hung[address as usize];
+            && self.hung[address as usize].is_none();
         if counts {
             timer.deadline = None;
         }

@@ -4,12 +4,14 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bytes::Bytes;
-use muster_machines::identity::{NodeId, NodeSet};
+use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
 use super::tampering::paced;
-use super::{Planned, Task, What, World};
-use crate::scenario::{Fault, FaultKind, Link, Links, Mishap, Occasion, Target, When};
+use super::{Origin, Planned, Task, What, World};
+use crate::scenario::{
+    Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
+};
 
 /// A scenario's fault plan, and which of it still waits for something to happen first.
 #[derive(Debug)]
@@ -32,6 +34,11 @@ impl Plan {
         }
     }
 
+    /// What one of its faults is.
+    pub(super) fn kind(&self, index: usize) -> &FaultKind {
+        &self.faults[index].kind
+    }
+
     /// Whether a drone's process may start anew.
     pub(super) fn restarts_processes(&self) -> bool {
         self.faults.iter().any(|fault| {
@@ -51,6 +58,14 @@ impl Plan {
                     Target::Drone(drone) => listened_to.extend([drone]),
                     Target::Master => return (0..nodes).map(NodeId).collect(),
                 }
+            }
+            let doubles = |it: &Tampered| it.how == Distortion::Duplicate;
+            match &fault.kind {
+                FaultKind::Tamper(tampered) if doubles(tampered) => match tampered.from {
+                    Some(drone) => listened_to.extend([drone]),
+                    None => return (0..nodes).map(NodeId).collect(),
+                },
+                _ => {}
             }
         }
         listened_to
@@ -93,6 +108,7 @@ impl World {
 
     /// A fault befalls; whom to step for it, if that is not told by message.
     pub(super) fn befall(&mut self, index: usize, nth: u32) -> Option<Task> {
+        self.strikes(index);
         let fault = self.plan.faults[index].clone();
         if nth + 1 < fault.times {
             let again = Planned::Fault {
@@ -144,13 +160,11 @@ impl World {
             Mishap::LoseGps => self.lose_position(drone, lasts),
             Mishap::Replay => {
                 let recorded = self.tampering.recorded(drone);
-                let heard = recorded.map(|(datagram, heard_by)| (datagram, Some(heard_by.clone())));
-                let heard = heard.collect();
-                self.play(drone, heard);
+                self.play(drone, recorded, Origin::Replayed);
             }
             Mishap::Forge => {
-                let made_up = self.tampering.forgeries(drone).into_iter();
-                self.play(drone, made_up.map(|datagram| (datagram, None)).collect());
+                let made_up = self.tampering.forgeries(drone);
+                self.play(drone, made_up, Origin::Spurious);
             }
             Mishap::Skew(ppm) => {
                 self.skew(drone, ppm);
@@ -174,17 +188,16 @@ impl World {
         self.look_at_elections();
     }
 
-    /// Somebody sends frames where a drone is, one after another, each with who has heard it from the drone itself; of
-    /// what is made up, nobody can have.
-    fn play(&mut self, of: NodeId, frames: Vec<(Bytes, Option<NodeSet>)>) {
+    /// Somebody sends frames where a drone is, one after another.
+    fn play(&mut self, of: NodeId, frames: Vec<Bytes>, origin: Origin) {
         let audience = self.audience(of);
-        for (index, (datagram, heard_by)) in (0..).zip(frames) {
+        for (index, datagram) in (0..).zip(frames) {
             for to in audience.iter().copied() {
-                let is_news = heard_by.as_ref().is_some_and(|it| !it.contains(to));
+                let is_told = self.swarm(of).has(to);
                 let arrival = Planned::Arrive {
                     to,
                     datagram: datagram.clone(),
-                    is_genuine: is_news && self.swarm(of).has(to),
+                    origin: if is_told { origin } else { Origin::Spurious },
                 };
                 self.heap.plan(paced(self.now, index), arrival);
             }
@@ -215,7 +228,7 @@ impl World {
     }
 
     /// Whom a fault befalls, if there is such a drone.
-    fn find_target(&self, target: Target) -> Option<NodeId> {
+    pub(super) fn find_target(&self, target: Target) -> Option<NodeId> {
         match target {
             Target::Drone(drone) => Some(drone),
             Target::Master => (self.own_swarm().ids())

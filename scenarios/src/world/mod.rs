@@ -13,6 +13,7 @@ mod health;
 mod heap;
 mod process;
 mod recorder;
+mod strikes;
 mod swarm;
 mod tampering;
 mod trace;
@@ -40,13 +41,15 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
+use self::process::Silence;
 pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
+pub(crate) use self::strikes::{Phase, Strike};
 use self::swarm::Swarm;
 use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
 use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
-    SeparationChecker, Violation, check_landed,
+    SeparationChecker, Violation, check_landed, unplanned_failure,
 };
 use crate::scenario::{Occasion, Scenario};
 use crate::vehicle::Vehicle;
@@ -88,8 +91,7 @@ enum Planned {
     Arrive {
         to: NodeId,
         datagram: Bytes,
-        /// As in [`Message`].
-        is_genuine: bool,
+        origin: Origin,
     },
     /// What became of a frame for one drone.
     Outcome(muster_transport::Outcome),
@@ -117,11 +119,16 @@ enum Planned {
         drone: NodeId,
         life: u32,
     },
+    /// Its flight controller has waited for it for long enough.
+    Forsaken {
+        drone: NodeId,
+        by: Silence,
+    },
     /// Whoever watches a drone finds that it hangs.
     Watchdog {
         drone: NodeId,
         actor: Option<Address>,
-        hangs: u32,
+        hang: u32,
     },
     /// A drone's clock gains so many millionths from now on.
     Skew {
@@ -131,7 +138,7 @@ enum Planned {
     /// What hangs goes on.
     GoOn {
         drone: NodeId,
-        hangs: u32,
+        hang: u32,
     },
     /// What has waited for a drone that hung is handed to it.
     Backlog {
@@ -157,8 +164,18 @@ enum Planned {
 #[derive(Debug)]
 struct Message {
     envelope: Envelope,
-    /// Not a frame that its sender never said, or not to this swarm, or that has arrived before.
-    is_genuine: bool,
+    origin: Origin,
+}
+
+/// Where a message comes from, as far as a radio is to let it in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    /// From whoever it says.
+    Genuine,
+    /// From somebody who sends again what he heard: it is to be let in by whoever has not let it in before.
+    Replayed,
+    /// From nobody who said this, or not to this swarm.
+    Spurious,
 }
 
 /// A world in the middle of a run.
@@ -180,6 +197,8 @@ pub(crate) struct World {
     hang_max: Duration,
     /// How long a process may before its service manager ends it.
     watchdog: Duration,
+    /// How long a flight controller waits for one.
+    controller_max: Duration,
     airborne: usize,
     trace: Trace,
     /// When the links are looked at next.
@@ -190,7 +209,13 @@ pub(crate) struct World {
     arming: ArmingChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
+    /// The frame that a radio was told of last, where somebody listens.
+    told_of: Option<Bytes>,
     violation: Option<Violation>,
+    /// Which actor is being made to panic.
+    crashing: Option<(NodeId, Address)>,
+    /// What the faults met so far.
+    struck: Vec<Strike>,
 }
 
 impl World {
@@ -243,6 +268,7 @@ impl World {
             swarms,
             hang_max: scenario.limits.hang,
             watchdog: scenario.limits.watchdog,
+            controller_max: scenario.limits.controller,
             airborne: 0,
             trace: Trace::new(),
             next_look: Timestamp::ZERO,
@@ -254,7 +280,10 @@ impl World {
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
             },
+            told_of: None,
             violation: None,
+            crashing: None,
+            struck: Vec::new(),
         }
     }
 
@@ -288,7 +317,7 @@ impl World {
                 }
                 if self.drone(drone).is_up(address) {
                     let envelope = message.envelope;
-                    self.admission.told(message.is_genuine);
+                    self.admit(drone, message.origin, &envelope);
                     self.arming.told(drone, &envelope);
                     let obeyed = self.election.obeyed(drone);
                     let swarm = &self.swarms[self.index_of_swarm(drone)];
@@ -314,9 +343,30 @@ impl World {
             }
             self.now = at;
             if let Some(task) = self.happen(planned) {
+                let crashes = matches!(task.what, What::Crash);
+                self.crashing = crashes.then_some((task.drone, task.address));
                 return Some(task);
             }
         }
+    }
+
+    /// A radio is about to be told of a frame, or somebody else of something.
+    fn admit(&mut self, drone: NodeId, origin: Origin, envelope: &Envelope) {
+        self.told_of = match envelope {
+            Envelope::Radio(radio::Input::Received(frame)) if self.tampering.listens() => {
+                Some(frame.clone())
+            }
+            _ => None,
+        };
+        let sender = || Some((self.sender(self.told_of.as_ref()?)?, self.told_of.as_ref()?));
+        let is_genuine = match origin {
+            Origin::Genuine => true,
+            Origin::Spurious => false,
+            Origin::Replayed => {
+                sender().is_some_and(|(from, frame)| !self.tampering.has_let_in(from, drone, frame))
+            }
+        };
+        self.admission.told(is_genuine);
     }
 
     /// Keeps what comes for an actor that hangs, as far as there is room.
@@ -336,14 +386,14 @@ impl World {
             Planned::Arrive {
                 to,
                 datagram,
-                is_genuine,
+                origin,
             } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
                 let message = Message {
                     envelope: Envelope::Radio(radio::Input::Received(datagram)),
-                    is_genuine,
+                    origin,
                 };
                 self.enqueue(to, message);
             }
@@ -371,13 +421,10 @@ impl World {
             Planned::Drained(drone) => self.drained(drone),
             Planned::PositionFound(drone) => self.find_position(drone),
             Planned::Boot { drone, life } => return self.boot(drone, life),
-            Planned::Watchdog {
-                drone,
-                actor,
-                hangs,
-            } => return self.bite(drone, actor, hangs),
+            Planned::Forsaken { drone, by } => self.forsaken(drone, by),
+            Planned::Watchdog { drone, actor, hang } => return self.bite(drone, actor, hang),
             Planned::Skew { drone, ppm } => self.skew(drone, ppm),
-            Planned::GoOn { drone, hangs } => self.go_on(drone, hangs),
+            Planned::GoOn { drone, hang } => self.go_on(drone, hang),
             Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
             Planned::Restart {
                 drone,
@@ -454,10 +501,15 @@ impl World {
             self.recorder(drone).received(drone);
             let found = self.admission.lets_in(self.now, drone);
             self.find(found);
+            if let Some(frame) = self.told_of.take()
+                && let Some(from) = self.sender(&frame)
+            {
+                self.tampering.let_in(from, drone, &frame);
+            }
         }
         let message = Message {
             envelope,
-            is_genuine: true,
+            origin: Origin::Genuine,
         };
         self.enqueue(drone, message);
     }
@@ -513,12 +565,16 @@ impl World {
                         self.sender(&arrival.datagram)
                     };
                     let is_told = from.is_none_or(|from| self.swarm(from).has(to));
-                    let (first, twin) = self.tampering.pass(from, to, arrival.datagram);
+                    let (first, twin) = self.tampering.pass(from, arrival.datagram);
                     for passage in std::iter::once(first).chain(twin) {
                         let arrive = Planned::Arrive {
                             to,
                             datagram: passage.datagram,
-                            is_genuine: passage.is_genuine && is_told,
+                            origin: if is_told {
+                                passage.origin
+                            } else {
+                                Origin::Spurious
+                            },
                         };
                         self.heap.plan(arrival.at + passage.late, arrive);
                     }
@@ -630,6 +686,9 @@ impl World {
             self.medium.place(drone, position);
             let now = self.now;
             self.recorder(drone).disarmed(drone, now);
+            if !self.recorder(drone).of(drone).landed_with_the_swarm() {
+                self.separation.strays(drone);
+            }
         }
         self.trace
             .value(self.now, drone, Kind::CameToRest, &position);
@@ -670,6 +729,9 @@ impl World {
                 let found = barrier.observe(now, drone, event, obeyed, || awaited);
                 self.find(found);
                 self.recorder(drone).mission(now, drone, event);
+                if matches!(event, mission::Event::Landing(_)) {
+                    self.stays_down(drone);
+                }
                 self.occurs_to(drone, event);
                 if let mission::Event::Obeys(ballot) = event
                     && ballot.is_elected()
@@ -687,10 +749,20 @@ impl World {
         }
     }
 
+    /// A drone will not take off: it lies where it stood.
+    fn stays_down(&mut self, drone: NodeId) {
+        if !self.vehicles[drone.0 as usize].is_armed() {
+            self.separation.strays(drone);
+        }
+    }
+
     /// An actor failed: drops what waits for it and carries the verdict out.
     pub(crate) fn failed(&mut self, drone: NodeId, address: Address, verdict: Verdict) {
         self.trace
             .value(self.now, drone, Kind::Failed, &(address, verdict));
+        if self.crashing.take() != Some((drone, address)) {
+            self.find(Some(unplanned_failure(self.now, drone, address)));
+        }
         self.drone(drone).take_down(address);
         self.inbox
             .retain(|(to, it)| *to != drone || it.envelope.address() != address);
@@ -766,6 +838,7 @@ impl World {
             medium: self.medium.counters(),
             closest_m: self.separation.closest_m(),
             violations: self.violation.into_iter().collect(),
+            struck: self.struck,
         }
     }
 

@@ -10,6 +10,15 @@ use super::faults::RESTART_AFTER;
 use super::trace::Kind;
 use super::{Planned, Task, What, World};
 
+/// Why a flight controller does not hear of its drone's process any more.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Silence {
+    /// It has ended, and there has been no other since this many.
+    End { life: u32 },
+    /// It hangs, by this hang.
+    Hang(u32),
+}
+
 impl World {
     /// A drone's companion computer dies: nothing of it runs any more, and its flight controller brings it down.
     pub(super) fn kill(&mut self, drone: NodeId) {
@@ -17,6 +26,7 @@ impl World {
         self.end_process(drone);
         let now = self.now;
         self.recorder(drone).killed(drone, now);
+        self.stays_down(drone);
         self.command(drone, Demand::Land);
         self.look_at_elections();
     }
@@ -48,7 +58,24 @@ impl World {
         let life = self.drone(drone).lives;
         self.heap
             .plan(self.now + after, Planned::Boot { drone, life });
+        let forsaken = Planned::Forsaken {
+            drone,
+            by: Silence::End { life },
+        };
+        self.heap.plan(self.now + self.controller_max, forsaken);
         self.look_at_elections();
+    }
+
+    /// A flight controller has not heard of its drone's process for too long, and brings the aircraft down.
+    pub(super) fn forsaken(&mut self, drone: NodeId, by: Silence) {
+        let state = self.drone(drone);
+        let is_silent = match by {
+            Silence::End { life } => state.lives == life && !state.runs,
+            Silence::Hang(hang) => state.is_held_by(hang),
+        };
+        if is_silent {
+            self.command(drone, Demand::Land);
+        }
     }
 
     /// A drone's process starts; whom to step for it.
@@ -73,25 +100,22 @@ impl World {
             return;
         }
         self.trace.value(self.now, drone, Kind::Hung, &actor);
-        let watchdog = match actor {
-            Some(actor) => {
-                self.drone(drone).hang(&[actor]);
-                self.hang_max
-            }
+        let (hang, watchdog) = match actor {
+            Some(actor) => (self.drone(drone).hang(&[actor]), self.hang_max),
             None => {
-                self.drone(drone).hang(&Address::ALL);
-                self.watchdog
+                let hang = self.drone(drone).hang(&Address::ALL);
+                let forsaken = Planned::Forsaken {
+                    drone,
+                    by: Silence::Hang(hang),
+                };
+                self.heap.plan(self.now + self.controller_max, forsaken);
+                (hang, self.watchdog)
             }
         };
-        let watched = Planned::Watchdog {
-            drone,
-            actor,
-            hangs: self.drone(drone).hangs,
-        };
+        let watched = Planned::Watchdog { drone, actor, hang };
         self.heap.plan(self.now + watchdog, watched);
         if let Some(lasts) = lasts {
-            let hangs = self.drone(drone).hangs;
-            let over = Planned::GoOn { drone, hangs };
+            let over = Planned::GoOn { drone, hang };
             self.heap.plan(self.now + lasts, over);
         }
         self.look_at_elections();
@@ -102,9 +126,9 @@ impl World {
         &mut self,
         drone: NodeId,
         actor: Option<Address>,
-        hangs: u32,
+        hang: u32,
     ) -> Option<Task> {
-        if self.drone(drone).hangs != hangs {
+        if !self.drone(drone).is_held_by(hang) {
             return None;
         }
         let Some(address) = actor else {
@@ -119,14 +143,14 @@ impl World {
     }
 
     /// What hung goes on: timers that are overdue first, then what has waited.
-    pub(super) fn go_on(&mut self, drone: NodeId, hangs: u32) {
-        if self.drone(drone).hangs != hangs {
+    pub(super) fn go_on(&mut self, drone: NodeId, hang: u32) {
+        if !self.drone(drone).is_held_by(hang) {
             return;
         }
         self.trace.value(self.now, drone, Kind::WentOn, &());
         let now = self.now;
         let state = self.drone(drone);
-        state.go_on(&Address::ALL);
+        state.go_on(hang);
         let shown = state.clock.at(now);
         let overdue = Address::ALL.map(|address| (address, state.overdue(address, shown)));
         for (address, generation) in overdue {

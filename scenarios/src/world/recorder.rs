@@ -7,6 +7,7 @@ use muster_machines::radio::{self, DropReason};
 use muster_machines::routing::{self, Routes};
 use muster_machines::time::Timestamp;
 
+use super::Strike;
 use crate::checkers::Violation;
 use crate::vehicle::Vehicle;
 
@@ -94,6 +95,8 @@ pub(crate) struct Outcome {
     pub(crate) ended: Timestamp,
     pub(crate) closest_m: Option<f64>,
     pub(crate) violations: Vec<Violation>,
+    /// What the faults of the plan met, in the order in which they befell.
+    pub(crate) struck: Vec<Strike>,
     /// What the radios did, on a medium that they share.
     pub(crate) medium: muster_transport::sim::Counters,
     /// The scenario's own swarm first.
@@ -256,6 +259,11 @@ impl Recorder {
         false
     }
 
+    /// Whether some of the swarm has no master by now, or several.
+    pub(crate) fn is_electing(&self) -> bool {
+        self.elections.last().is_some_and(|it| it.settled.is_none())
+    }
+
     pub(crate) fn elections(&self) -> &[Election] {
         &self.elections
     }
@@ -396,6 +404,11 @@ impl Record {
             .iter()
             .find(|(_, state)| is_in_discovery_or_beyond(*state))
             .map(|(at, _)| *at)
+    }
+
+    /// Whether it came down where the swarm lands.
+    pub(crate) fn landed_with_the_swarm(&self) -> bool {
+        self.reason == Some(LandingReason::MissionOver) && self.killed.is_none()
     }
 
     /// When it kept formation on a master that it followed, or was that master: from when until when.

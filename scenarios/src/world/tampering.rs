@@ -11,6 +11,7 @@ use muster_machines::wire::{self, AUTHENTICATOR_LEN, Header};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::Origin;
 use crate::scenario::{Distortion, Tampered};
 
 /// How many frames of one sender are recorded, to be sent again later: the newest.
@@ -19,12 +20,12 @@ const RECORDED_MAX: usize = 1_024;
 /// How soon after the first a doubled frame arrives at the latest.
 const DOUBLED_WITHIN: Duration = Duration::from_millis(10);
 
-/// A frame on its way, and whether it is what its sender said, for the first time.
+/// A frame on its way.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Passage {
     pub(super) late: Duration,
     pub(super) datagram: Bytes,
-    pub(super) is_genuine: bool,
+    pub(super) origin: Origin,
 }
 
 /// What is done to frames on their way.
@@ -66,6 +67,19 @@ impl Tampering {
         self.active.is_empty() && self.recorded.is_empty()
     }
 
+    /// The share of a drone's frames that are altered on their way.
+    pub(super) fn corrupted(&self, from: NodeId) -> f64 {
+        let corrupts =
+            |it: &&Tampered| it.how == Distortion::Corrupt && it.from.is_none_or(|it| it == from);
+        let intact = |it: &Tampered| 1.0 - it.share;
+        1.0 - self
+            .active
+            .values()
+            .filter(corrupts)
+            .map(intact)
+            .product::<f64>()
+    }
+
     /// Takes down what a drone sends, if it is listened to.
     pub(super) fn record(&mut self, from: NodeId, datagram: &Bytes) {
         if let Some(recorded) = self.recorded.get_mut(&from) {
@@ -79,22 +93,20 @@ impl Tampering {
         }
     }
 
-    /// What becomes of a frame on its way to `to`: it arrives as it is, as is the rule, or otherwise, or twice.
+    /// What becomes of a frame on its way: it arrives as it is, as is the rule, or otherwise, or twice.
     pub(super) fn pass(
         &mut self,
         from: Option<NodeId>,
-        to: NodeId,
         datagram: Bytes,
     ) -> (Passage, Option<Passage>) {
         let as_it_is = Passage {
             late: Duration::ZERO,
             datagram,
-            is_genuine: true,
+            origin: Origin::Genuine,
         };
         let Some(from) = from.filter(|_| !self.is_idle()) else {
             return (as_it_is, None);
         };
-        self.hear(from, to, &as_it_is.datagram);
         let (mut first, mut twin) = (as_it_is, None);
         let is_its = |tampered: &&Tampered| tampered.from.is_none_or(|it| it == from);
         for tampered in self.active.values().filter(is_its) {
@@ -105,14 +117,17 @@ impl Tampering {
                 Distortion::Corrupt => {
                     for passage in std::iter::once(&mut first).chain(&mut twin) {
                         passage.datagram = altered(&passage.datagram, &mut self.rng);
-                        passage.is_genuine = false;
+                        passage.origin = Origin::Spurious;
                     }
                 }
                 Distortion::Duplicate => {
+                    // Whichever of the two is let in first.
+                    if first.origin == Origin::Genuine {
+                        first.origin = Origin::Replayed;
+                    }
                     twin.get_or_insert_with(|| Passage {
                         late: first.late + self.rng.random_range(Duration::ZERO..=DOUBLED_WITHIN),
-                        datagram: Bytes::copy_from_slice(&first.datagram),
-                        is_genuine: false,
+                        ..first.clone()
                     });
                 }
                 Distortion::Delay(by) => {
@@ -127,30 +142,33 @@ impl Tampering {
                 }
             }
         }
-        // Whichever arrives first is let in.
-        if let Some(twin) = &mut twin
-            && twin.late < first.late
-        {
-            std::mem::swap(&mut first.is_genuine, &mut twin.is_genuine);
-        }
         (first, twin)
     }
 
-    fn hear(&mut self, from: NodeId, to: NodeId, datagram: &Bytes) {
-        let recorded = self.recorded.get_mut(&from);
-        let heard = recorded.and_then(|frames| {
-            let mut newest_first = frames.iter_mut().rev();
-            newest_first.find(|it| it.datagram.as_ptr() == datagram.as_ptr())
-        });
-        if let Some(heard) = heard {
-            heard.heard_by.insert(to);
+    /// Whether anybody's frames are recorded.
+    pub(super) fn listens(&self) -> bool {
+        !self.recorded.is_empty()
+    }
+
+    /// A drone has let a frame in.
+    pub(super) fn let_in(&mut self, from: NodeId, by: NodeId, datagram: &Bytes) {
+        let recorded = self.recorded.get_mut(&from).into_iter().flatten();
+        if let Some(heard) = recorded.rev().find(|it| it.datagram == datagram) {
+            heard.heard_by.insert(by);
         }
     }
 
-    /// What was recorded of a sender, oldest first, and who has heard each frame already.
-    pub(super) fn recorded(&self, from: NodeId) -> impl Iterator<Item = (Bytes, &NodeSet)> {
+    /// Whether a drone has let a frame in before.
+    pub(super) fn has_let_in(&self, from: NodeId, by: NodeId, datagram: &Bytes) -> bool {
+        let mut recorded = self.recorded.get(&from).into_iter().flatten().rev();
+        let known = recorded.find(|it| it.datagram == datagram);
+        known.is_some_and(|it| it.heard_by.contains(by))
+    }
+
+    /// What was recorded of a sender, oldest first.
+    pub(super) fn recorded(&self, from: NodeId) -> Vec<Bytes> {
         let recorded = self.recorded.get(&from).into_iter().flatten();
-        recorded.map(|it| (Bytes::copy_from_slice(&it.datagram), &it.heard_by))
+        recorded.map(|it| it.datagram.clone()).collect()
     }
 
     /// Frames in the name of a drone that it never sent, made from the last that it did.

@@ -34,7 +34,8 @@ impl Change {
             waypoint,
             from,
             sectors_m: separation.heights_m(&stack).collect(),
-            layout: Layout::new(formation, before.gap_m(), separation),
+            layout: Layout::new(formation, before.gap_m(), separation)
+                .with_layers(before.layering()),
         }
     }
 

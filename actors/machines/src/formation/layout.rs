@@ -39,6 +39,15 @@ impl Separation {
     }
 }
 
+/// How many altitude layers there are for drones that are not in lockstep with their swarm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layering {
+    /// One for each drone: wherever two of them are, and whatever they do, they are out of each other's way.
+    Each,
+    /// As few as drones can do with of which one waits at an end of the leg that the other flies.
+    Shared,
+}
+
 /// A formation with all that follows from it for a drone's flight; shared by the drones of a simulation.
 ///
 /// Ways between ground and slots are compared when they may be flown under the same order, because a swarm goes on
@@ -51,6 +60,7 @@ pub struct Layout {
     gap_m: f64,
     ground: Option<Ways>,
     landing: Ways,
+    layering: Layering,
     layers: Layers,
 }
 
@@ -78,6 +88,7 @@ impl Layout {
         Self {
             landing: Ways::new(Ground::Gathered, &formation, gap_m, separation),
             ground: None,
+            layering: Layering::Shared,
             layers: Layers::default(),
             formation,
             separation,
@@ -91,6 +102,20 @@ impl Layout {
         self.ground = (ground != Ground::Gathered)
             .then(|| Ways::new(ground, &self.formation, self.gap_m, self.separation));
         self
+    }
+
+    /// The same, but for how many layers there are.
+    #[must_use]
+    pub fn with_layers(mut self, layering: Layering) -> Self {
+        self.layering = layering;
+        self.layers = Layers::default();
+        self
+    }
+
+    /// How many layers there are.
+    #[must_use]
+    pub const fn layering(&self) -> Layering {
+        self.layering
     }
 
     /// How far apart drones must be.
@@ -157,16 +182,20 @@ impl Layout {
     }
 
     /// Each drone's altitude layer for a mission: how many metres above the mission's altitude it flies whenever it
-    /// is not in lockstep with its swarm. It differs for drones of which one, flying a leg alone, passes the slot of
-    /// the other, and for those whose ways to the landing places cross; 0 for those in nobody's way.
+    /// is not in lockstep with its swarm. If layers are shared, it differs for drones of which one, flying a leg alone,
+    /// passes the slot of the other, and for those whose ways to the landing places cross; 0 for those in nobody's way.
     #[must_use]
     pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
         self.layers.of(waypoints, || {
+            let slots = self.formation.slots();
+            if self.layering == Layering::Each {
+                let layers = 1..=slots.len();
+                return layers.map(|layer| count(layer) * self.pitch_m()).collect();
+            }
             let legs: Vec<Vector2<f64>> = waypoints
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).0.xy())
                 .collect();
-            let slots = self.formation.slots();
             let mut crossings = self.landing.arranged.crossings.clone();
             crossings.extend(passings(slots, &legs, self.separation.near_m()));
             let stack = Stack::of(slots.len(), &crossings, 1);
@@ -208,6 +237,11 @@ impl Layout {
         self.landing.arranged.stack.exposed
             + ground.map(|it| it.arranged.stack.exposed).sum::<usize>()
     }
+}
+
+/// A number of layers, of which there are no more than drones.
+fn count(layers: usize) -> f64 {
+    f64::from(u32::try_from(layers).unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub use assignment::{Assignment, OPTIMAL_MAX};
 pub use change::Change;
 pub use ground::Ground;
 pub use layers::Layers;
-pub use layout::{Layout, Separation};
+pub use layout::{Layering, Layout, Separation};
 
 use crate::geometry::Ned;
 use crate::identity::NodeId;

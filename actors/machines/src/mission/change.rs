@@ -1,6 +1,7 @@
 //! A change of formation at a waypoint, step by step: what the master orders and what the others do.
 
 use super::{Event, LandingReason, Mission, Order, State, Step, Transmit};
+use crate::formation::Layering;
 use crate::geometry::Ned;
 use crate::time::Timestamp;
 
@@ -25,21 +26,41 @@ impl Mission {
         let change = self.config.changes.get(usize::from(change))?;
         let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
         let [above_old, above_new, new] = change.way(self.config.id, *waypoint);
-        Some(match step {
-            Step::Climb => above_old,
-            Step::Cross => above_new,
-            Step::Descend => new,
+        Some(match (self.changes_in_layer(), step) {
+            (false, Step::Climb) => above_old,
+            (false, Step::Cross) => above_new,
+            (false, Step::Descend) => new,
+            (true, step) => {
+                let altitude_m = new.altitude_m() + self.layer_alone_m(self.config.id);
+                let over = if step == Step::Climb {
+                    above_old
+                } else {
+                    above_new
+                };
+                over.at_altitude(altitude_m)
+            }
         })
+    }
+
+    /// Whether it changes formation in its own layer: nobody is in its way there, whatever the others do.
+    pub(super) fn changes_in_layer(&self) -> bool {
+        self.durable.in_layer && self.layout().layering() == Layering::Each
     }
 
     /// As master: orders a step and takes it.
     pub(super) fn order_step(&mut self, now: Timestamp, change: u16, step: Step) {
-        self.give_order(&Order::Reform { change, step });
+        let apart = self.is_apart();
+        self.give_order(&Order::Reform {
+            change,
+            step,
+            apart,
+        });
         self.step(now, change, step);
     }
 
     fn step(&mut self, now: Timestamp, change: u16, step: Step) {
         self.enter(State::ChangingFormation { change, step });
+        self.durable.in_layer |= self.is_elected_reign();
         self.outbox.transmit(Transmit::Scatter);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();

@@ -123,6 +123,8 @@ impl Mission {
 
     /// Gives the order that the drone itself is at.
     fn order_again(&mut self, now: Timestamp) {
+        // Whoever is led by a drone that was elected takes to its layer by itself, once it is at a waypoint.
+        let apart = self.durable.in_layer;
         let (order, limit) = match self.durable.state {
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
                 (Order::TakeOff, self.config.take_off_limit)
@@ -130,10 +132,15 @@ impl Mission {
             // Nobody has opened the first waypoint yet.
             State::WaypointReached { .. } if self.durable.opened.is_none() => return,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
-                (Order::Move { waypoint }, self.config.leg_limit)
+                (Order::Move { waypoint, apart }, self.config.leg_limit)
             }
             State::ChangingFormation { change, step } => {
-                (Order::Reform { change, step }, self.config.leg_limit)
+                let order = Order::Reform {
+                    change,
+                    step,
+                    apart,
+                };
+                (order, self.config.leg_limit)
             }
             State::Assembling => {
                 let at = self.durable.assembled_at.unwrap_or(Ned::HOME);

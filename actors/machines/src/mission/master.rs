@@ -1,7 +1,7 @@
 //! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
 //! one before.
 
-use super::{Awaited, Barrier, Event, LandingReason, Lead, Mission, Order, State, Step, Transmit};
+use super::{Awaited, Barrier, Event, Lead, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId};
@@ -115,7 +115,8 @@ impl Mission {
         if let State::WaypointReached { .. } = self.durable.state {
             if self.durable.opened.is_none() {
                 self.durable.opened = Some(0);
-                self.give_order(&Order::Move { waypoint: 0 });
+                let apart = self.is_apart();
+                self.give_order(&Order::Move { waypoint: 0, apart });
                 self.outbox.event(Event::Opened { waypoint: 0 });
             }
             self.carried_out();
@@ -166,21 +167,38 @@ impl Mission {
             self.start_being_followed(now);
         } else if usize::from(next) < self.durable.plan.len() {
             self.durable.opened = Some(next);
-            self.give_order(&Order::Move { waypoint: next });
+            let apart = self.is_apart();
+            self.give_order(&Order::Move {
+                waypoint: next,
+                apart,
+            });
             self.outbox.event(Event::Opened { waypoint: next });
             self.leave_for(now, next);
         } else if let Some(last) = self.durable.plan.last().copied() {
             self.gather_at(last);
-            self.land(LandingReason::MissionOver);
+            self.begin_to_land(now, last);
         }
     }
 
     pub(super) fn gather_at(&mut self, centre: Ned) {
-        let changes = self.durable.changes;
+        let (changes, apart) = (self.durable.changes, self.is_apart());
         self.give_order(&Order::Land {
             at: centre,
             changes,
+            apart,
         });
+    }
+
+    /// As master: whether some of the swarm may be elsewhere, since nobody hears of them and they have not said that they
+    /// land. From then on all are to fly in their layers, this drone, too.
+    pub(super) fn is_apart(&mut self) -> bool {
+        let lead = self.durable.lead.as_ref();
+        let mut members = lead.into_iter().flat_map(|lead| lead.members.values());
+        let strays = members.any(|it| (it.silent || it.left_out) && !it.landing);
+        if strays {
+            self.keep_apart();
+        }
+        self.durable.in_layer
     }
 
     /// Flies without the members that did not get ready in time.

@@ -19,11 +19,30 @@ impl Mission {
                 waypoints,
             } => self.store_plan(sequence, index, count, &waypoints),
             Order::TakeOff => self.take_off(now, sequence),
-            Order::Move { waypoint } => self.open(sequence, waypoint),
-            Order::Land { at, changes } => self.go_to_land(now, sequence, at, changes),
-            Order::Reform { change, step } => self.take_step(now, sequence, change, step),
+            Order::Move { waypoint, apart } => {
+                self.hear_apart(apart);
+                self.open(sequence, waypoint);
+            }
+            Order::Land { at, changes, apart } => {
+                self.hear_apart(apart);
+                self.go_to_land(now, sequence, at, changes);
+            }
+            Order::Reform {
+                change,
+                step,
+                apart,
+            } => {
+                self.hear_apart(apart);
+                self.take_step(now, sequence, change, step);
+            }
             Order::Follow { at, velocity } => self.keep_formation(at, velocity),
             Order::Assemble { at } => self.assemble(now, sequence, at),
+        }
+    }
+
+    fn hear_apart(&mut self, apart: bool) {
+        if apart {
+            self.keep_apart();
         }
     }
 
@@ -108,6 +127,11 @@ impl Mission {
         }
         self.durable.pending = Some(sequence);
         self.durable.changes = changes;
+        self.begin_to_land(now, at);
+    }
+
+    /// Makes for the landing place around `at`.
+    pub(super) fn begin_to_land(&mut self, now: Timestamp, at: Ned) {
         self.durable.leaving = None;
         self.durable.land_at = at;
         self.durable.limit = Some(now + self.config.leg_limit);

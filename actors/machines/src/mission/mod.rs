@@ -292,6 +292,11 @@ impl Mission {
         };
         match self.durable.state {
             State::Start | State::SetUp => None,
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
+                if self.durable.in_layer && self.durable.pending.is_none() =>
+            {
+                self.goal_in_layer(at_waypoint(0)?)
+            }
             State::TakingOff => {
                 let to = at_waypoint(0)?;
                 Some(Goal::TakeOff {
@@ -303,20 +308,20 @@ impl Mission {
             State::NeighbourDiscovery | State::HopUpdate => None,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
                 let to = at_waypoint(waypoint)?;
-                Some(if self.durable.in_layer {
-                    let layer_m = layout.layers_m(&self.durable.plan)[id.0 as usize];
-                    let to = to.at_altitude(to.altitude_m() + layer_m);
-                    Goal::TransitTo { to }
-                } else {
-                    let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
-                    Goal::FlyTo {
-                        to,
-                        refuge_altitude_m,
-                    }
+                if self.durable.in_layer {
+                    return self.goal_in_layer(to);
+                }
+                let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                Some(Goal::FlyTo {
+                    to,
+                    refuge_altitude_m,
                 })
             }
             State::ChangingFormation { change, step } => {
                 let to = self.corner(change, step)?;
+                if self.changes_in_layer() {
+                    return Some(Goal::TransitTo { to });
+                }
                 // In a column of its own, or in its sector.
                 let refuge_altitude_m = to.altitude_m();
                 Some(Goal::FlyTo {
@@ -345,6 +350,13 @@ impl Mission {
         }
     }
 
+    /// Above a slot, in the drone's own layer.
+    fn goal_in_layer(&self, slot: Ned) -> Option<Goal> {
+        let altitude_m = slot.altitude_m() + self.layer_alone_m(self.config.id);
+        let to = slot.at_altitude(altitude_m);
+        Some(Goal::TransitTo { to })
+    }
+
     fn pursue_goal(&mut self) {
         if let Some(goal) = self.goal() {
             self.outbox.transmit(Transmit::Goal(goal));
@@ -353,15 +365,14 @@ impl Mission {
 
     /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
     fn landing_layer_m(&self) -> f64 {
-        let layout = self.layout();
-        let slot = self.config.id.0 as usize;
+        let id = self.config.id;
         let land_at = Some(self.durable.land_at);
         let is_where_all_are =
             self.durable.plan.last().copied() == land_at || self.durable.assembled_at == land_at;
         if is_where_all_are && !self.durable.in_layer {
-            layout.landing_layers_m()[slot]
+            self.layout().landing_layers_m()[id.0 as usize]
         } else {
-            layout.layers_m(&self.durable.plan)[slot]
+            self.layer_alone_m(id)
         }
     }
 
@@ -380,16 +391,39 @@ impl Mission {
 
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
-        // After an election there may be parts of the swarm that do not fly in step with this one; and whoever has
-        // fallen behind does not itself.
-        let is_elected = self
-            .durable
-            .obeyed
-            .ballot()
-            .is_some_and(|it| it.is_elected());
-        self.durable.in_layer |= is_elected || self.durable.opened > Some(waypoint);
+        // Whoever has fallen behind does not fly in step with the others.
+        self.durable.in_layer |= self.is_elected_reign() || self.durable.opened > Some(waypoint);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
+    }
+
+    /// Whether its master was elected: there may be parts of the swarm then that do not fly in step with this one.
+    pub(super) fn is_elected_reign(&self) -> bool {
+        let ballot = self.durable.obeyed.ballot();
+        ballot.is_some_and(|it| it.is_elected())
+    }
+
+    /// Takes to its layer with the others, on whose ways they may then not hear each other as they did.
+    fn keep_apart(&mut self) {
+        if !self.durable.in_layer {
+            self.durable.in_layer = true;
+            self.outbox.transmit(Transmit::Scatter);
+        }
+    }
+
+    /// Waits in its layer, out of the way of parts of the swarm that go on sooner.
+    fn wait_in_layer(&mut self) {
+        let waits = match self.durable.state {
+            State::WaypointReached { .. } => true,
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
+                self.durable.pending.is_none()
+            }
+            _ => false,
+        };
+        if waits && self.is_elected_reign() && !self.durable.in_layer {
+            self.durable.in_layer = true;
+            self.pursue_goal();
+        }
     }
 
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
@@ -557,6 +591,7 @@ impl Mission {
         } else {
             self.follow(now);
         }
+        self.wait_in_layer();
     }
 
     fn repeat_to_routing(&mut self) {

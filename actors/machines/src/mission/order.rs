@@ -20,6 +20,8 @@ pub enum Order {
     Move {
         /// The waypoint that is opened, 0 being where the take-off ends.
         waypoint: u16,
+        /// Whether some of the swarm may be elsewhere, so that all fly in their layers from now on.
+        apart: bool,
     },
     /// Gather beside the master and land; carried out once on the ground.
     Land {
@@ -27,6 +29,8 @@ pub enum Order {
         at: Ned,
         /// How many changes of formation have been made: which formation's places are landed on.
         changes: u16,
+        /// As for [`Self::Move`].
+        apart: bool,
     },
     /// Take a step of a change of formation; carried out once it is taken.
     Reform {
@@ -34,6 +38,8 @@ pub enum Order {
         change: u16,
         /// Which step of it.
         step: Step,
+        /// As for [`Self::Move`].
+        apart: bool,
     },
     /// Keep formation on a centre that moves; replaced by the next such order, and never acknowledged.
     Follow {

@@ -126,7 +126,11 @@ fn orders(transmits: &[Transmit]) -> Vec<Order> {
 }
 
 fn land_at(at: Ned) -> Order {
-    Order::Land { at, changes: 0 }
+    Order::Land {
+        at,
+        changes: 0,
+        apart: false,
+    }
 }
 
 fn whole_plan() -> Order {
@@ -246,10 +250,22 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
         hears(&mut master, 23.0, notice);
     }
     let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
-    assert_eq!(orders(&opened), [Order::Move { waypoint: 0 }]);
+    assert_eq!(
+        orders(&opened),
+        [Order::Move {
+            waypoint: 0,
+            apart: false
+        }]
+    );
     assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
     let transmits = hears(&mut master, 33.0, progress(2, 3));
-    assert_eq!(orders(&transmits), [Order::Move { waypoint: 1 }]);
+    assert_eq!(
+        orders(&transmits),
+        [Order::Move {
+            waypoint: 1,
+            apart: false
+        }]
+    );
     assert_eq!(
         master.durable.state,
         State::MovingToWaypoint { waypoint: 1 }
@@ -269,10 +285,22 @@ fn at_a_waypoint_a_master_may_wait_for_those_that_it_hears_and_on_the_way_up_it_
     hears(&mut master, 30.0, RoutingNotice::RoutesReady);
     assert!(orders(&hears(&mut master, 31.0, progress(0, 3))).is_empty());
     let transmits = hears(&mut master, 32.0, progress(2, 3));
-    assert_eq!(orders(&transmits), [Order::Move { waypoint: 1 }]);
+    assert_eq!(
+        orders(&transmits),
+        [Order::Move {
+            waypoint: 1,
+            apart: false
+        }]
+    );
     told(&mut master, 60.0, arrived);
     let transmits = hears(&mut master, 61.0, progress(2, 4));
-    assert_eq!(orders(&transmits), [Order::Move { waypoint: 2 }]);
+    assert_eq!(
+        orders(&transmits),
+        [Order::Move {
+            waypoint: 2,
+            apart: false
+        }]
+    );
 }
 
 #[test]
@@ -288,7 +316,8 @@ fn only_those_that_are_waited_for_are_left_out() {
     hears(&mut master, 32.0, progress(2, 3));
     told(&mut master, 60.0, arrived);
     let (transmits, events) = stimulate(&mut master, 160.0, Stimulus::Timeout);
-    assert_eq!(orders(&transmits), [Order::Move { waypoint: 2 }]);
+    let (waypoint, apart) = (2, true);
+    assert_eq!(orders(&transmits), [Order::Move { waypoint, apart }]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
     assert!(!events.contains(&Event::LeftOut(NodeId(0))));
 }
@@ -314,7 +343,14 @@ fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again()
 #[test]
 fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
-    ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
+    ordered(
+        &mut slave,
+        5,
+        &Order::Move {
+            waypoint: 2,
+            apart: false,
+        },
+    );
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
     let transmits = told(
         &mut slave,
@@ -336,7 +372,14 @@ fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff);
-    let transmits = ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    let transmits = ordered(
+        &mut slave,
+        3,
+        &Order::Move {
+            waypoint: 0,
+            apart: false,
+        },
+    );
     assert!(transmits.contains(&Transmit::Goal(Goal::Land)));
     assert_eq!(slave.durable.state, State::Landing);
 }
@@ -346,7 +389,17 @@ fn a_landing_drone_obeys_nobody_any_more() {
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
     told(&mut slave, 35.0, Input::GiveUp);
     assert_eq!(slave.durable.state, State::Landing);
-    assert!(ordered(&mut slave, 9, &Order::Move { waypoint: 1 }).is_empty());
+    assert!(
+        ordered(
+            &mut slave,
+            9,
+            &Order::Move {
+                waypoint: 1,
+                apart: false
+            }
+        )
+        .is_empty()
+    );
     assert_eq!(slave.durable.state, State::Landing);
 }
 
@@ -361,7 +414,14 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
         ),
     ] {
         let mut slave = slave_at_waypoint_0(liveness);
-        ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+        ordered(
+            &mut slave,
+            5,
+            &Order::Move {
+                waypoint: 1,
+                apart: false,
+            },
+        );
         hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
         assert_eq!(slave.durable.state, moving);
         told(
@@ -376,7 +436,14 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
 #[test]
 fn a_leg_that_takes_too_long_ends_in_a_landing() {
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
-    ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+    ordered(
+        &mut slave,
+        5,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     stimulate(&mut slave, 100.9, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
     stimulate(&mut slave, 101.0, Stimulus::Timeout);
@@ -394,7 +461,14 @@ fn a_master_that_must_land_takes_its_swarm_down_with_it() {
 #[test]
 fn a_restarted_mission_goes_on_where_it_was() {
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
-    ordered(&mut slave, 5, &Order::Move { waypoint: 1 });
+    ordered(
+        &mut slave,
+        5,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     let checkpoint = slave.durable.clone();
     let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
     let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);

@@ -36,6 +36,8 @@ pub struct Flood {
     pub pulse: u32,
     /// The newest order that the sender has heard of; 0 before the first.
     pub sequence: u32,
+    /// Whom the sender has heard within the time to live.
+    pub hears: NodeSet,
     /// The sender and those whose acknowledgements it passes on.
     pub members: Vec<Member>,
     /// The newest order, from the master and from whoever relays it.

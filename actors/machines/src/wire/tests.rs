@@ -46,6 +46,7 @@ fn packets_have_these_bytes() {
         parent: Some(NodeId(6)),
         pulse: 900,
         sequence: 5,
+        hears: [NodeId(1), NodeId(6)].into_iter().collect(),
         members: vec![Member {
             id: NodeId(1),
             beat: 300,
@@ -57,7 +58,7 @@ fn packets_have_these_bytes() {
     });
     assert_eq!(
         hex(&encode_packet(&flood)),
-        "02010201068407050101ac020403010101"
+        "020102010684070501420101ac020403010101"
     );
 }
 
@@ -92,18 +93,29 @@ fn orders_have_these_bytes() {
     };
     assert_eq!(hex(&encode_order(&plan)), "00000101d00fcf0fcf8603");
     assert_eq!(hex(&encode_order(&Order::TakeOff)), "01");
-    assert_eq!(hex(&encode_order(&Order::Move { waypoint: 300 })), "02ac02");
+    assert_eq!(
+        hex(&encode_order(&Order::Move {
+            waypoint: 300,
+            apart: true
+        })),
+        "02ac0201"
+    );
     let land = Order::Land {
         at: Ned::new(0.001, 0.0, 0.0),
         changes: 2,
+        apart: false,
     };
-    assert_eq!(hex(&encode_order(&land)), "0302000002");
+    assert_eq!(hex(&encode_order(&land)), "030200000200");
     for (step, bytes) in [
-        (Step::Climb, "040100"),
-        (Step::Cross, "040101"),
-        (Step::Descend, "040102"),
+        (Step::Climb, "04010000"),
+        (Step::Cross, "04010100"),
+        (Step::Descend, "04010200"),
     ] {
-        let reform = Order::Reform { change: 1, step };
+        let reform = Order::Reform {
+            change: 1,
+            step,
+            apart: false,
+        };
         assert_eq!(hex(&encode_order(&reform)), bytes);
         assert_eq!(decode_order(&encode_order(&reform)), Ok(reform));
     }
@@ -192,15 +204,17 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         any::<Option<u16>>(),
         any::<Option<u32>>(),
         any::<[u32; 2]>(),
+        ids_below_200(),
         prop::collection::vec(member, 0..20),
         any::<Option<Vec<u8>>>(),
     )
-        .prop_map(|(hops, parent, [pulse, sequence], members, order)| {
+        .prop_map(|(hops, parent, [pulse, sequence], hears, members, order)| {
             Packet::Flood(Flood {
                 hops,
                 parent: parent.map(NodeId),
                 pulse,
                 sequence,
+                hears: hears.into_iter().collect(),
                 members,
                 order: order.map(Into::into),
             })
@@ -273,7 +287,7 @@ proptest! {
     #[test]
     fn places_survive_to_the_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
         let at = Ned::new(place[0], place[1], place[2]);
-        let land = Order::Land { at, changes: 0 };
+        let land = Order::Land { at, changes: 0, apart: false };
         let Ok(Order::Land { at: read, .. }) = decode_order(&encode_order(&land)) else {
             panic!("a landing is read back as one");
         };

@@ -13,7 +13,11 @@ fn config_with_a_change(id: u32) -> Config {
 }
 
 fn step_of_change(step: Step) -> Order {
-    Order::Reform { change: 0, step }
+    Order::Reform {
+        change: 0,
+        step,
+        apart: false,
+    }
 }
 
 fn slave_in_its_slot() -> Mission {
@@ -21,7 +25,14 @@ fn slave_in_its_slot() -> Mission {
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff);
     arrives(&mut slave, 20.0);
-    ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    ordered(
+        &mut slave,
+        3,
+        &Order::Move {
+            waypoint: 0,
+            apart: false,
+        },
+    );
     slave
 }
 
@@ -56,7 +67,14 @@ fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
         assert!(said.contains(&acknowledges(sequence)));
     }
     assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
-    let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });
+    let said = ordered(
+        &mut slave,
+        7,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     let slot = slave.config.changes[0]
         .layout()
         .slot(NodeId(0), waypoints()[1]);
@@ -73,7 +91,14 @@ fn a_slave_that_missed_a_step_lands_instead_of_flying_into_the_others() {
     let said = ordered(&mut slave, 5, &step_of_change(Step::Cross));
     assert_eq!(goal(&said), Some(Goal::Land), "it is still climbing");
     let mut slave = slave_in_its_slot();
-    let said = ordered(&mut slave, 7, &Order::Move { waypoint: 1 });
+    let said = ordered(
+        &mut slave,
+        7,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     assert_eq!(goal(&said), Some(Goal::Land), "the others have changed");
 }
 
@@ -82,12 +107,34 @@ fn a_change_that_is_none_is_refused() {
     for change in [1, u16::MAX] {
         let mut slave = slave_in_its_slot();
         let step = Step::Climb;
-        assert_eq!(ordered(&mut slave, 4, &Order::Reform { change, step }), []);
+        assert_eq!(
+            ordered(
+                &mut slave,
+                4,
+                &Order::Reform {
+                    change,
+                    step,
+                    apart: false
+                }
+            ),
+            []
+        );
     }
     let mut slave = slave_in_its_slot();
     let at = waypoints()[0];
     let changes = 2;
-    assert_eq!(ordered(&mut slave, 4, &Order::Land { at, changes }), []);
+    assert_eq!(
+        ordered(
+            &mut slave,
+            4,
+            &Order::Land {
+                at,
+                changes,
+                apart: false
+            }
+        ),
+        []
+    );
 }
 
 #[test]
@@ -100,7 +147,13 @@ fn a_master_orders_each_step_once_all_have_taken_the_one_before() {
     hears(&mut master, 20.0, progress(0, 2));
     hears(&mut master, 20.0, progress(2, 2));
     let said = hears(&mut master, 30.0, RoutingNotice::RoutesReady);
-    assert_eq!(orders(&said), [Order::Move { waypoint: 0 }]);
+    assert_eq!(
+        orders(&said),
+        [Order::Move {
+            waypoint: 0,
+            apart: false
+        }]
+    );
     hears(&mut master, 31.0, progress(0, 3));
     let mut said = hears(&mut master, 31.0, progress(2, 3));
     for (sequence, step) in (4..).zip([Step::Climb, Step::Cross, Step::Descend]) {
@@ -109,7 +162,13 @@ fn a_master_orders_each_step_once_all_have_taken_the_one_before() {
         hears(&mut master, 41.0, progress(0, sequence));
         said = hears(&mut master, 41.0, progress(2, sequence));
     }
-    assert_eq!(orders(&said), [Order::Move { waypoint: 1 }]);
+    assert_eq!(
+        orders(&said),
+        [Order::Move {
+            waypoint: 1,
+            apart: false
+        }]
+    );
 }
 
 #[test]
@@ -127,6 +186,13 @@ fn a_master_goes_on_without_a_member_that_never_takes_the_step() {
     arrives(&mut master, 40.0);
     hears(&mut master, 41.0, progress(0, 4));
     let (said, events) = stimulate(&mut master, 140.0, Stimulus::Timeout);
-    assert_eq!(orders(&said), [step_of_change(Step::Cross)]);
+    // The one that is left out may be in the way of the others: they keep apart.
+    let (change, step, apart) = (0, Step::Cross, true);
+    let cross = Order::Reform {
+        change,
+        step,
+        apart,
+    };
+    assert_eq!(orders(&said), [cross]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
 }

@@ -22,7 +22,14 @@ fn elects(id: u32) -> Mission {
         Input::Navigation(NavigationNotice::Arrived),
     );
     hears(&mut slave, 30.0, RoutingNotice::RoutesReady);
-    ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    ordered(
+        &mut slave,
+        3,
+        &Order::Move {
+            waypoint: 0,
+            apart: false,
+        },
+    );
     slave
 }
 
@@ -45,11 +52,24 @@ fn acknowledged(transmits: &[Transmit]) -> Vec<u32> {
 #[test]
 fn whoever_misses_the_master_leads_under_a_better_ballot_and_gives_its_own_order_again() {
     let mut slave = elects(0);
-    ordered(&mut slave, 4, &Order::Move { waypoint: 1 });
+    ordered(
+        &mut slave,
+        4,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     let said = hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
     // Next to the centre, with the smaller number: the first in succession.
     assert_eq!(said[0], Transmit::Lead(ballot(2, 1, 0)));
-    assert_eq!(orders(&said), [Order::Move { waypoint: 1 }]);
+    assert_eq!(
+        orders(&said),
+        [Order::Move {
+            waypoint: 1,
+            apart: false
+        }]
+    );
     assert!(ballot(2, 1, 0).beats(&ballot(1, 0, 1)));
     // On its way it acknowledges nothing; once there it waits for the others.
     assert_eq!(acknowledged(&said), []);
@@ -62,19 +82,34 @@ fn whoever_misses_the_master_leads_under_a_better_ballot_and_gives_its_own_order
     assert_eq!(orders(&said), []);
     hears(&mut slave, 61.0, RoutingNotice::Silent(NodeId(1)));
     let said = hears(&mut slave, 62.0, progress(2, 1));
-    assert_eq!(orders(&said), [Order::Move { waypoint: 2 }]);
+    let (waypoint, apart) = (2, true);
+    assert_eq!(orders(&said), [Order::Move { waypoint, apart }]);
 }
 
 #[test]
 fn a_member_ahead_of_the_new_master_acknowledges_at_once_and_holds() {
     let mut slave = elects(0);
-    ordered(&mut slave, 4, &Order::Move { waypoint: 1 });
+    ordered(
+        &mut slave,
+        4,
+        &Order::Move {
+            waypoint: 1,
+            apart: false,
+        },
+    );
     // It is on its way to waypoint 1 when another leads that has not heard of that yet.
     let new = ballot(2, 2, 2);
     let said = hears(
         &mut slave,
         41.0,
-        order_of(new, 1, &Order::Move { waypoint: 0 }),
+        order_of(
+            new,
+            1,
+            &Order::Move {
+                waypoint: 0,
+                apart: false,
+            },
+        ),
     );
     assert_eq!(acknowledged(&said), [1]);
     let said = told(
@@ -82,11 +117,26 @@ fn a_member_ahead_of_the_new_master_acknowledges_at_once_and_holds() {
         60.0,
         Input::Navigation(NavigationNotice::Arrived),
     );
-    assert_eq!(said, [], "it holds there");
+    let [Transmit::Goal(Goal::TransitTo { to })] = said[..] else {
+        panic!("{said:?}");
+    };
+    let slot = slave.config.layout.slot(NodeId(0), waypoints()[1]);
+    assert!(
+        to.horizontal_distance_m(slot) < 0.01,
+        "it holds there, in its layer"
+    );
+    assert!(to.altitude_m() > slot.altitude_m() + 5.0);
     let said = hears(
         &mut slave,
         70.0,
-        order_of(new, 2, &Order::Move { waypoint: 1 }),
+        order_of(
+            new,
+            2,
+            &Order::Move {
+                waypoint: 1,
+                apart: false,
+            },
+        ),
     );
     assert_eq!(acknowledged(&said), [2]);
 }
@@ -98,7 +148,14 @@ fn a_member_behind_flies_the_opened_waypoints_in_order() {
     hears(
         &mut slave,
         41.0,
-        order_of(new, 1, &Order::Move { waypoint: 2 }),
+        order_of(
+            new,
+            1,
+            &Order::Move {
+                waypoint: 2,
+                apart: false,
+            },
+        ),
     );
     assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
     told(
@@ -125,14 +182,24 @@ fn a_master_that_hears_of_a_better_ballot_steps_down_and_one_of_a_worse_does_not
     hears(
         &mut master,
         42.0,
-        order_of(ballot(1, 0, 1), 9, &Order::Move { waypoint: 2 }),
+        order_of(
+            ballot(1, 0, 1),
+            9,
+            &Order::Move {
+                waypoint: 2,
+                apart: false,
+            },
+        ),
     );
     assert_eq!(master.durable.obeyed.ballot(), Some(ballot(2, 1, 0)));
     hears(&mut master, 43.0, RoutingNotice::Reign(ballot(3, 2, 2)));
     assert!(master.durable.lead.is_none());
     assert_eq!(master.durable.obeyed.ballot(), Some(ballot(3, 2, 2)));
     // Whose orders it obeys from then on.
-    let order = Order::Move { waypoint: 1 };
+    let order = Order::Move {
+        waypoint: 1,
+        apart: false,
+    };
     hears(&mut master, 44.0, order_of(ballot(3, 2, 2), 1, &order));
     assert_eq!(
         master.durable.state,
@@ -153,7 +220,10 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
         _ => None,
     });
     let mut again = Mission::new(slave.config.clone(), checkpoint);
-    let order = Order::Move { waypoint: 1 };
+    let order = Order::Move {
+        waypoint: 1,
+        apart: false,
+    };
     hears(&mut again, 42.0, order_of(ballot(1, 0, 1), 9, &order));
     assert_eq!(again.durable.obeyed.ballot(), Some(ballot(4, 2, 2)));
     assert_eq!(again.durable.state, State::WaypointReached { waypoint: 0 });
@@ -164,7 +234,13 @@ fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
     let mut forgetful = elects(0);
     let said = hears(&mut forgetful, 41.0, RoutingNotice::Reign(ballot(4, 1, 0)));
     assert_eq!(said[0], Transmit::Lead(ballot(5, 1, 0)));
-    assert_eq!(orders(&said), [Order::Move { waypoint: 0 }]);
+    assert_eq!(
+        orders(&said),
+        [Order::Move {
+            waypoint: 0,
+            apart: false
+        }]
+    );
     let mut obedient = mission(0, Liveness::Pulse);
     ordered(&mut obedient, 1, &whole_plan());
     let said = hears(&mut obedient, 2.0, RoutingNotice::Reign(ballot(4, 1, 0)));
@@ -202,7 +278,14 @@ fn after_an_election_legs_are_flown_in_the_drones_own_layer() {
     let said = hears(
         &mut slave,
         41.0,
-        order_of(ballot(2, 2, 2), 1, &Order::Move { waypoint: 1 }),
+        order_of(
+            ballot(2, 2, 2),
+            1,
+            &Order::Move {
+                waypoint: 1,
+                apart: false,
+            },
+        ),
     );
     let transit = said
         .iter()

@@ -12,9 +12,23 @@ fn elects(id: u32, moves: bool) -> Mission {
     ordered(&mut slave, 2, &Order::TakeOff);
     arrives(&mut slave, 20.0);
     hears(&mut slave, 30.0, RoutingNotice::RoutesReady);
-    ordered(&mut slave, 3, &Order::Move { waypoint: 0 });
+    ordered(
+        &mut slave,
+        3,
+        &Order::Move {
+            waypoint: 0,
+            apart: false,
+        },
+    );
     if moves {
-        ordered(&mut slave, 4, &Order::Move { waypoint: 1 });
+        ordered(
+            &mut slave,
+            4,
+            &Order::Move {
+                waypoint: 1,
+                apart: false,
+            },
+        );
     }
     slave
 }
@@ -61,7 +75,14 @@ fn a_drone_whose_battery_is_low_flies_its_leg_to_the_end_and_lands_from_there() 
         "the others wait until it is below them"
     );
     // It never rejoins.
-    ordered(&mut slave, 5, &Order::Move { waypoint: 2 });
+    ordered(
+        &mut slave,
+        5,
+        &Order::Move {
+            waypoint: 2,
+            apart: false,
+        },
+    );
     assert_eq!(slave.durable.state, State::MovingToLand);
     let said = arrives(&mut slave, 80.0);
     assert!(

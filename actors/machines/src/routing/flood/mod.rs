@@ -7,7 +7,7 @@ mod members;
 mod neighbours;
 mod speak;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::convert::Infallible;
 use std::time::Duration;
 
@@ -61,6 +61,10 @@ pub struct FloodRouting {
     members: Members,
     /// Stable neighbours heard again since hop update began.
     heard_again: BTreeSet<NodeId>,
+    /// When each neighbour was heard last.
+    heard_at: BTreeMap<NodeId, Timestamp>,
+    /// When the parent was last heard to hear this drone.
+    parent_heard_at: Timestamp,
     pulse_rose_at: Timestamp,
     master_silent: bool,
     /// Whether the master says that it is going to land.
@@ -80,6 +84,8 @@ impl FloodRouting {
             neighbours: Neighbours::new(config.stable_after, config.hello_gap),
             members: Members::default(),
             heard_again: BTreeSet::new(),
+            heard_at: BTreeMap::new(),
+            parent_heard_at: now,
             pulse_rose_at: now,
             master_silent: false,
             master_lands: false,
@@ -98,7 +104,10 @@ impl FloodRouting {
     /// Entries in the larger of its tables, and the most either takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        (self.members.len(), self.config.drones as usize)
+        (
+            self.members.len().max(self.heard_at.len()),
+            self.config.drones as usize,
+        )
     }
 
     fn resume(&mut self, now: Timestamp, checkpoint: Checkpoint) {
@@ -158,7 +167,19 @@ impl FloodRouting {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
-        if !self.is_member(sender) || !self.follow(now, ballot) {
+        if !self.is_member(sender) {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        }
+        self.heard_at.insert(sender, now);
+        let way = match &packet {
+            Packet::Flood(flood) if flood.hears.contains(self.config.id) => Way::Mutual,
+            _ => Way::OneWay,
+        };
+        if way == Way::Mutual && self.durable.routes.parent == Some(sender) {
+            self.parent_heard_at = now;
+        }
+        if !self.follow(now, ballot, way) {
             self.outbox.event(Event::Ignored(sender));
             return;
         }
@@ -172,9 +193,10 @@ impl FloodRouting {
         }
     }
 
-    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
-    fn follow(&mut self, now: Timestamp, ballot: Ballot) -> bool {
-        match self.durable.reign.hear(ballot, Way::Mutual) {
+    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far, unless the
+    /// sender does not say that it hears this drone.
+    fn follow(&mut self, now: Timestamp, ballot: Ballot, way: Way) -> bool {
+        match self.durable.reign.hear(ballot, way) {
             Verdict::Ignored => return false,
             Verdict::Same => {}
             Verdict::Turned => {
@@ -265,6 +287,10 @@ impl FloodRouting {
         }
         self.pulse_rose_at = now;
         self.members.forgive(now);
+        self.heard_at
+            .values_mut()
+            .for_each(|heard_at| *heard_at = now);
+        self.parent_heard_at = now;
         self.next_send = self.next_send.map(|due| due.max(now));
         if let Phase::HopUpdate { since } = &mut self.durable.phase {
             *since = now;

@@ -57,7 +57,7 @@ impl FloodRouting {
             }
             Phase::Gossip | Phase::Following | Phase::Scattered => {
                 self.watch(now);
-                self.send_flood();
+                self.send_flood(now);
                 match self.durable.landing {
                     Some(since) if now.since(since) > self.config.time_to_live => {
                         self.config.keep_alive
@@ -74,7 +74,7 @@ impl FloodRouting {
         if self.durable.phase != Phase::Stopped {
             self.durable.landing.get_or_insert(now);
             if self.durable.reign.ballot().is_some() {
-                self.send_flood();
+                self.send_flood(now);
             }
             self.durable.phase = Phase::Stopped;
             self.next_send = None;
@@ -94,7 +94,7 @@ impl FloodRouting {
         }
     }
 
-    fn send_flood(&mut self) {
+    fn send_flood(&mut self, now: Timestamp) {
         let is_master = self.is_master();
         if self.durable.beats.advance(is_master) {
             self.checkpoint();
@@ -106,6 +106,9 @@ impl FloodRouting {
             out_of_range: self.durable.routes.out_of_range,
             landing: self.durable.landing.is_some(),
         };
+        let time_to_live = self.config.time_to_live;
+        self.heard_at
+            .retain(|_, heard_at| now.since(*heard_at) <= time_to_live);
         // A master is no member, but that it is going to land is to be known.
         let members = match (is_master, own.landing) {
             (false, _) => std::iter::once(own).chain(self.members.iter()).collect(),
@@ -125,6 +128,7 @@ impl FloodRouting {
             parent: self.durable.routes.parent,
             pulse: self.durable.beats.pulse,
             sequence: self.durable.reign.sequence(),
+            hears: self.heard_at.keys().copied().collect(),
             members,
             order,
         }));
@@ -134,6 +138,11 @@ impl FloodRouting {
     fn watch(&mut self, now: Timestamp) {
         let time_to_live = self.config.time_to_live;
         if !self.is_master() {
+            if self.durable.routes.parent.is_some()
+                && now.since(self.parent_heard_at) > time_to_live
+            {
+                self.scatter(now);
+            }
             self.members.forget_silent(now, time_to_live);
             if !self.master_silent && now.since(self.pulse_rose_at) > time_to_live {
                 self.master_silent = true;
@@ -202,15 +211,16 @@ impl FloodRouting {
             return;
         }
         if self.durable.routes.hops.is_none() {
-            self.take_parent(sender, hops, routing_list);
+            self.take_parent(now, sender, hops, routing_list);
         }
         self.heard_again.insert(sender);
         self.finish_once_all_heard(now);
     }
 
     /// Takes the first stable neighbour that is heard as parent (thesis, section 4.2, step 3).
-    fn take_parent(&mut self, parent: NodeId, hops: u16, routing_list: &[NodeId]) {
+    fn take_parent(&mut self, now: Timestamp, parent: NodeId, hops: u16, routing_list: &[NodeId]) {
         let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+        self.parent_heard_at = now;
         let routes = &mut self.durable.routes;
         routes.hops = Some(hops.saturating_add(1));
         routes.parent = Some(parent);
@@ -264,7 +274,9 @@ impl FloodRouting {
     }
 
     pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {
-        if flood.pulse > self.durable.beats.pulse && !self.is_master() {
+        // Of a drone that does not hear this one, it is no sign that there is a way to the master.
+        let is_mutual = flood.hears.contains(self.config.id);
+        if flood.pulse > self.durable.beats.pulse && !self.is_master() && is_mutual {
             self.durable.beats.pulse = flood.pulse;
             self.pulse_rose_at = now;
             if self.master_silent {
@@ -291,14 +303,15 @@ impl FloodRouting {
                 if flood.parent == Some(self.config.id) {
                     self.become_relay();
                     self.hear_members(now, sender, &flood.members);
-                } else if self.is_master() && flood.parent.is_none() {
+                } else if flood.parent.is_none() {
+                    // It has no way: whoever hears it passes on what it says.
                     self.hear_members(now, sender, &flood.members);
                 }
-                self.adopt_parent_late(sender, flood.hops);
+                self.adopt_parent_late(now, sender, flood.hops);
             }
             Phase::HopUpdate { .. } if self.neighbours.is_stable(sender) => {
                 // A neighbour that follows the mission already counts as heard again (thesis, table 7).
-                self.adopt_parent_late(sender, flood.hops);
+                self.adopt_parent_late(now, sender, flood.hops);
                 self.heard_again.insert(sender);
                 self.finish_once_all_heard(now);
             }
@@ -373,11 +386,11 @@ impl FloodRouting {
     }
 
     /// A drone that missed the hop update takes its parent from a neighbour that has routes.
-    fn adopt_parent_late(&mut self, sender: NodeId, hops: Option<u16>) {
+    fn adopt_parent_late(&mut self, now: Timestamp, sender: NodeId, hops: Option<u16>) {
         if let (Some(hops), None) = (hops, self.durable.routes.hops)
             && self.neighbours.is_stable(sender)
         {
-            self.take_parent(sender, hops, &[]);
+            self.take_parent(now, sender, hops, &[]);
             self.outbox
                 .event(Event::Routes(self.durable.routes.clone()));
         }

@@ -79,6 +79,7 @@ fn flood(pulse: u32, sequence: u32) -> Flood {
         parent: None,
         pulse,
         sequence,
+        hears: (0..8).map(NodeId).collect(),
         members: Vec::new(),
         order: (sequence > 0).then(|| Bytes::from_static(b"order")),
     }

@@ -318,9 +318,19 @@ impl Links {
             .filter(move |(_, link)| link.said.parent == Some(own) && link.is_reachable())
     }
 
-    /// All that are heard.
-    pub(super) fn ids(&self) -> NodeSet {
-        self.0.keys().copied().collect()
+    /// Whom this drone hears. One that has been silent for as long as no living neighbour is, is not heard any more; nor,
+    /// until it has been heard under the present reign, one that has been silent for so long that it would be asked: a
+    /// drone that has gone deaf, and claims to lead, shall be believed by nobody.
+    pub(super) fn heard_lately(&self, now: Timestamp, beacon: Duration) -> NodeSet {
+        let is_heard = |link: &Link| {
+            let patience = match link.told_of_reign {
+                Some(_) => link.patience(beacon, STALE, STALE_BEACONS_MAX),
+                None => link.patience(beacon, LOST, LOST_BEACONS_MAX),
+            };
+            now.since(link.heard_at) <= patience
+        };
+        let heard = self.iter().filter(|(_, link)| is_heard(link));
+        heard.map(|(id, _)| id).collect()
     }
 
     pub(super) fn len(&self) -> usize {

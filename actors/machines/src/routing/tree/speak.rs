@@ -130,7 +130,7 @@ impl TreeRouting {
         self.said_sequence = state.sequence;
         match occasion {
             Occasion::KeepAlive => {
-                state.hears = Some(self.links.ids());
+                state.hears = Some(self.links.heard_lately(now, self.config.beacon));
                 if self.master_lands {
                     // Whoever does not hear it itself is to know, too.
                     let master = self.durable.reign.ballot().map(|ballot| ballot.master);

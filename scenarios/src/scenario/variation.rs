@@ -1,7 +1,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::scenario::Override;
+use super::Override;
 
 /// A field of a scenario and the values that it takes in turn: at least one, each once.
 #[derive(Debug, Clone, PartialEq, Eq)]

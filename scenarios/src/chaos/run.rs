@@ -1,0 +1,284 @@
+//! Making a search: threads that take plans in the order of their seeds, and one that adds up what they bring.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::Instant;
+
+use muster_runtime::diagnostic::read_text;
+
+use super::coverage::Coverage;
+use super::search::{Plan, Search};
+use super::shrink::{Broken, shrink};
+use super::state::{self, Tally};
+use crate::campaign::CampaignError;
+use crate::engine;
+use crate::report::{self, Complete, Engine, Report, Violation, is_completed, make_folder};
+use crate::scenario::{self, Scenario};
+
+/// How many plans a thread takes at once, and so how many are flown again after an interruption.
+const CHUNK: u64 = 50;
+/// The scenario that breaks a rule, and the folder of its report.
+const FOUND_TOML: &str = "found.toml";
+const FOUND: &str = "found";
+
+/// How far a search is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress {
+    /// Plans are flown.
+    Searching {
+        /// How many broke no rule so far.
+        plans: u64,
+        /// How many of them were flown by an earlier process.
+        kept: u64,
+        /// How many there are to be.
+        total: u64,
+        /// For how long they flew, in simulated seconds.
+        simulated_s: f64,
+    },
+    /// One broke a rule, and is made smaller.
+    Shrinking {
+        /// Its seed.
+        seed: u64,
+        /// How many faults it has left.
+        faults: usize,
+        /// How many smaller ones were tried.
+        tried: u64,
+    },
+}
+
+/// What a search came to.
+#[derive(Debug)]
+pub struct Searched {
+    /// Plans that broke no rule, from the first seed on.
+    pub plans: u64,
+    /// How many of them flew their mission to its end, for whoever was left.
+    pub completed: u64,
+    /// For how long they flew, in simulated seconds.
+    pub simulated_s: f64,
+    /// All their drones together.
+    pub drone_s: f64,
+    /// How long cores were at it, in seconds.
+    pub core_s: f64,
+    /// Which faults befell, and what they met.
+    pub coverage: Coverage,
+    /// The first plan that broke a rule.
+    pub finding: Option<Finding>,
+}
+
+/// A plan that breaks a rule, made as small as it gets.
+#[derive(Debug)]
+pub struct Finding {
+    /// The seed that it was drawn from.
+    pub seed: u64,
+    /// The command that finds it again.
+    pub command: String,
+    /// How many faults it had, and how many are left.
+    pub faults: (usize, usize),
+    /// How many smaller plans were tried.
+    pub tried: u64,
+    /// The rule that the small one breaks.
+    pub violation: Violation,
+    /// The scenario file that breaks it by itself.
+    pub scenario: PathBuf,
+    /// What came of it.
+    pub report: Box<Report>,
+    /// The files of its report.
+    pub written: report::Written,
+}
+
+/// What a thread brings.
+struct Brought {
+    chunk: u64,
+    tally: Tally,
+    broken: Option<Plan>,
+}
+
+/// Flies the plans of a search, `jobs` at a time, until one breaks a rule, and makes that one small. How far the search
+/// is, is kept in the folder `dir`: whatever stops the process, the same call goes on from there.
+///
+/// Whatever flies is called within `around`, on each thread by itself.
+///
+/// # Errors
+/// When the folder is another search's, drawn values don't fit each other, a run can't be made, or a file can't be
+/// written.
+pub fn run(
+    search: &Search,
+    dir: &Path,
+    jobs: NonZeroUsize,
+    around: &(dyn Fn(&mut dyn FnMut()) + Sync),
+    mut watcher: impl FnMut(Progress),
+) -> Result<Searched, CampaignError> {
+    let mut tally = state::begin(search, dir)?;
+    let broken = fly(search, dir, jobs, around, &mut tally, &mut watcher)?;
+    let mut finding = None;
+    if let Some(plan) = broken {
+        let mut found = Ok(None);
+        around(&mut || found = find(search, dir, &plan, &mut watcher).map(Some));
+        finding = found?;
+    }
+    Ok(Searched {
+        plans: tally.plans,
+        completed: tally.completed,
+        simulated_s: tally.simulated_s,
+        drone_s: tally.drone_s,
+        core_s: tally.core_s,
+        coverage: tally.coverage,
+        finding,
+    })
+}
+
+/// Adds what is flown to the tally; the first plan that breaks a rule.
+fn fly(
+    search: &Search,
+    dir: &Path,
+    jobs: NonZeroUsize,
+    around: &(dyn Fn(&mut dyn FnMut()) + Sync),
+    tally: &mut Tally,
+    watcher: &mut impl FnMut(Progress),
+) -> Result<Option<Plan>, CampaignError> {
+    let (kept, total) = (tally.plans, search.seeds().number());
+    let mut told = |tally: &Tally| {
+        watcher(Progress::Searching {
+            plans: tally.plans,
+            kept,
+            total,
+            simulated_s: tally.simulated_s,
+        });
+    };
+    told(tally);
+    // Chunks from the first that is not kept on, in order.
+    let next = AtomicU64::new(0);
+    let chunks = (total - kept).div_ceil(CHUNK);
+    std::thread::scope(|scope| {
+        let (sender, receiver) = sync_channel(jobs.get());
+        for _ in 0..jobs.get() {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                around(&mut || work(search, (kept, total), (next, chunks), &sender));
+            });
+        }
+        drop(sender);
+        let (mut early, mut due) = (BTreeMap::new(), 0);
+        // Returning drops the receiver: every thread ends after the chunk that it is at.
+        for brought in receiver {
+            let brought = brought?;
+            if brought.broken.is_some() {
+                // Those before this one are still looked at: they are taken in order, so all of them are under way.
+                next.store(chunks, Ordering::Relaxed);
+            }
+            early.insert(brought.chunk, brought);
+            while let Some(brought) = early.remove(&due) {
+                tally.add(&brought.tally);
+                state::keep(search, dir, tally)?;
+                told(tally);
+                if brought.broken.is_some() {
+                    return Ok(brought.broken);
+                }
+                due += 1;
+            }
+        }
+        Ok(None)
+    })
+}
+
+/// Takes chunks of plans until there are none left or nobody wants them.
+fn work(
+    search: &Search,
+    (kept, total): (u64, u64),
+    (next, chunks): (&AtomicU64, u64),
+    brings: &SyncSender<Result<Brought, CampaignError>>,
+) {
+    loop {
+        let chunk = next.fetch_add(1, Ordering::Relaxed);
+        if chunk >= chunks {
+            return;
+        }
+        let first = kept + chunk * CHUNK;
+        let brought = fly_chunk(search, first..(first + CHUNK).min(total));
+        let brought = brought.map(|(tally, broken)| Brought {
+            chunk,
+            tally,
+            broken,
+        });
+        if brings.send(brought).is_err() {
+            return;
+        }
+    }
+}
+
+/// Flies some plans, up to the first that breaks a rule.
+fn fly_chunk(
+    search: &Search,
+    places: std::ops::Range<u64>,
+) -> Result<(Tally, Option<Plan>), CampaignError> {
+    let started = Instant::now();
+    let mut tally = Tally::default();
+    let mut broken = None;
+    for place in places {
+        let (plan, scenario) = search.draw(search.seeds().at(place))?;
+        let outcome = engine::fly(&scenario, Engine::Events, None)?;
+        if !outcome.violations.is_empty() {
+            broken = Some(plan);
+            break;
+        }
+        let simulated_s = outcome.ended.as_secs_f64();
+        tally.plans += 1;
+        tally.simulated_s += simulated_s;
+        tally.drone_s += simulated_s * f64::from(scenario.nodes());
+        tally.completed += u64::from(is_completed(&scenario, &outcome.swarms[0].recorder));
+        tally
+            .coverage
+            .count(search.own_faults(), &scenario.faults, &outcome.struck);
+    }
+    tally.core_s = started.elapsed().as_secs_f64();
+    Ok((tally, broken))
+}
+
+/// The first rule that a scenario breaks.
+pub(super) fn broken(scenario: &Scenario) -> Result<Option<Broken>, CampaignError> {
+    let outcome = engine::fly(scenario, Engine::Events, None)?;
+    Ok(outcome.violations.first().map(|violation| Broken {
+        rule: violation.rule,
+    }))
+}
+
+/// Makes a plan that breaks a rule small, and writes it down as a scenario.
+fn find(
+    search: &Search,
+    dir: &Path,
+    plan: &Plan,
+    watcher: &mut impl FnMut(Progress),
+) -> Result<Finding, CampaignError> {
+    let (small, tried) = shrink(search, plan, watcher)?;
+    let mission = search.mission(&small)?;
+    let mission_name = mission
+        .file_name()
+        .map_or_else(|| "mission.waypoints".into(), |name| name.to_string_lossy());
+    let seed = format!("{}..={}", plan.seed, plan.seed);
+    let command = search.command(seed.parse().expect("one seed is a range"));
+    let text = search.written(&small, &mission_name)?;
+    let text = format!("# Breaks a rule, as found by: {command}\n\n{text}");
+    make_folder(dir)?;
+    Complete::new(dir, &mission_name, read_text(&mission)?.as_bytes())?.publish()?;
+    let path = Complete::new(dir, FOUND_TOML, text.as_bytes())?.publish()?;
+    // What was written, and nothing else, is what breaks the rule.
+    let (report, flight) = engine::run(&scenario::load(&path, &[])?, Engine::Events, None)?;
+    let folder = dir.join(FOUND);
+    let _ = fs::remove_dir_all(&folder);
+    let written = report::write(&folder, &report, &flight)?;
+    let violation = (report.violations.first().cloned()).expect("the file says what was flown");
+    Ok(Finding {
+        seed: plan.seed,
+        command,
+        faults: (plan.faults.len(), small.faults.len()),
+        tried,
+        violation,
+        scenario: path,
+        report: Box::new(report),
+        written,
+    })
+}

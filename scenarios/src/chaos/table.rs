@@ -1,0 +1,100 @@
+//! What a search ends with on a terminal.
+
+use comfy_table::{Attribute, Cell, CellAlignment, Table};
+
+use super::coverage::Row;
+use super::run::{Finding, Searched};
+use crate::report::Colour;
+use crate::report::figures::{count, drones, figure, plural};
+use crate::report::table::{GREEN, RED, STYLE, painted};
+
+/// What a search came to, as text; it ends with a line feed.
+#[must_use]
+pub fn table(searched: &Searched, colour: Colour) -> String {
+    let mut text = coverage(searched, colour);
+    text.push_str(&never(searched));
+    let Searched {
+        plans,
+        completed,
+        simulated_s,
+        drone_s,
+        core_s,
+        ..
+    } = *searched;
+    let hours = figure(simulated_s / 3_600.0, 1);
+    let a_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
+    text.push_str(&format!(
+        "\n plans  {plans} without a violation, {completed} of them flown to the end of the mission\n time   {hours} simulated \
+         hours in {} core-seconds: {} plans and {} drone-seconds a core-second\n",
+        figure(core_s, 0),
+        figure(count(plans) / core_s.max(f64::EPSILON), 1),
+        a_second(drone_s),
+    ));
+    match &searched.finding {
+        None => text.push_str(&format!(
+            " rules  {}\n",
+            painted("none broken", GREEN, colour)
+        )),
+        Some(finding) => text.push_str(&found(finding, colour)),
+    }
+    text
+}
+
+fn coverage(searched: &Searched, colour: Colour) -> String {
+    let mut table = Table::new();
+    table.force_no_tty().load_style(STYLE);
+    if colour == Colour::Always {
+        table.enforce_styling();
+    }
+    let head = |name: &str| Cell::new(name).add_attribute(Attribute::Bold);
+    let columns = Row::COLUMNS.iter().map(|name| head(name));
+    table.set_header(std::iter::once(head("befell")).chain(columns));
+    for (name, row) in searched.coverage.rows() {
+        let cells = row
+            .cells()
+            .map(|number| Cell::new(number).set_alignment(CellAlignment::Right));
+        table.add_row(std::iter::once(Cell::new(name)).chain(cells));
+    }
+    format!("{table}\n")
+}
+
+/// Which states no fault of a kind has met.
+fn never(searched: &Searched) -> String {
+    let rows: Vec<_> = searched.coverage.rows().collect();
+    let mut lines = String::new();
+    for (place, column) in Row::COLUMNS.iter().enumerate() {
+        let missed: Vec<_> = rows
+            .iter()
+            .filter(|(_, row)| row.cells()[place] == 0)
+            .map(|(name, _)| *name)
+            .collect();
+        let line = match missed.len() {
+            0 => continue,
+            all if all == rows.len() => format!("no fault has met: {column}"),
+            _ => format!("never met {column}: {}", missed.join(", ")),
+        };
+        lines.push_str(&format!(" {line}\n"));
+    }
+    lines
+}
+
+fn found(finding: &Finding, colour: Colour) -> String {
+    let violation = &finding.violation;
+    let (before, after) = finding.faults;
+    let broken = format!(
+        "rule {} broken at {} s by {}: {}",
+        violation.rule,
+        figure(violation.at_s, 3),
+        drones(&violation.drones),
+        violation.what
+    );
+    format!(
+        " rules  {}\n   seed {}: {} of {before} left after {} smaller plans\n     {}\n     muster sim {}\n",
+        painted(&broken, RED, colour),
+        finding.seed,
+        plural(after, "fault"),
+        finding.tried,
+        finding.command,
+        finding.scenario.display(),
+    )
+}

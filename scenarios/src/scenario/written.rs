@@ -1,0 +1,207 @@
+//! Scenarios as text: what a search has found, written as a file that fails by itself.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::identity::NodeId;
+use muster_runtime::diagnostic::BadInput;
+use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value, value};
+
+use super::file::{Override, Source};
+use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
+
+/// A scenario file's text with fields set, faults added to its own, another name for its mission's file, and without
+/// what a search may choose.
+///
+/// # Errors
+/// When the text is not TOML.
+pub(crate) fn written(
+    (path, text): (&Path, &str),
+    set: &[Override],
+    faults: &[Fault],
+    mission: &str,
+) -> Result<String, BadInput> {
+    let source = Source::new(path, text.to_owned(), set)?;
+    let mut document: DocumentMut =
+        (source.text.parse()).map_err(|_| source.error(0..0, "can't be written once more"))?;
+    document.remove("chaos");
+    document["mission"]["file"] = value(mission);
+    let own = document.remove("faults").unwrap_or_default();
+    let mut all = own
+        .into_array_of_tables()
+        .unwrap_or_else(|_| ArrayOfTables::new());
+    for fault in faults {
+        all.push(table(fault));
+    }
+    if !all.is_empty() {
+        document.insert("faults", Item::ArrayOfTables(all));
+    }
+    Ok(document.to_string())
+}
+
+/// A fault as a scenario file has it.
+pub(crate) fn table(fault: &Fault) -> Table {
+    let mut table = Table::new();
+    match fault.when {
+        When::At(at) => {
+            table.insert("at_s", value(at.as_secs_f64()));
+        }
+        When::After(occasion, after) => {
+            match occasion {
+                Occasion::Waypoint(waypoint) => {
+                    table.insert("at_waypoint", value(i64::from(waypoint)));
+                }
+                Occasion::TakingOff => drop(table.insert("when", value("taking-off"))),
+                Occasion::Elected => drop(table.insert("when", value("elected"))),
+                Occasion::Settled => drop(table.insert("when", value("settled"))),
+                Occasion::Landing => drop(table.insert("when", value("landing"))),
+            }
+            if after > Duration::ZERO {
+                table.insert("after_s", value(after.as_secs_f64()));
+            }
+        }
+    }
+    kind(&fault.kind, &mut table);
+    if let Some(lasts) = fault.lasts {
+        table.insert("for_s", value(lasts.as_secs_f64()));
+    }
+    if fault.times > 1 {
+        table.insert("times", value(i64::from(fault.times)));
+        table.insert("every_s", value(fault.every.as_secs_f64()));
+    }
+    table
+}
+
+fn kind(kind: &FaultKind, table: &mut Table) {
+    match kind {
+        FaultKind::Drone(target, mishap) => {
+            table.insert(mishap.verb(), value(victim(*target)));
+            match *mishap {
+                Mishap::CrashActor(actor) | Mishap::Hang(Some(actor)) => {
+                    table.insert("actor", value(actor_name(actor)));
+                }
+                Mishap::Drain(to) => drop(table.insert("to", value(to))),
+                Mishap::Skew(ppm) => drop(table.insert("ppm", value(i64::from(ppm)))),
+                Mishap::Kill
+                | Mishap::CrashAircraft
+                | Mishap::Restart
+                | Mishap::Hang(None)
+                | Mishap::LoseGps
+                | Mishap::Replay
+                | Mishap::Forge => {}
+            }
+        }
+        FaultKind::Links(links, link) => {
+            table.insert(link.verb(), value(pair(links)));
+            if let Link::Degraded(loss) = link {
+                table.insert("loss", value(*loss));
+            }
+        }
+        FaultKind::Jam { centre, radius_m } => {
+            let disc = [
+                ("north_m", centre.0.x),
+                ("east_m", centre.0.y),
+                ("radius_m", *radius_m),
+            ];
+            let disc: InlineTable = disc.into_iter().collect();
+            table.insert("jam", value(disc));
+        }
+        FaultKind::Tamper(Tampered { from, share, how }) => {
+            let from = from.map_or_else(|| Value::from("all"), number);
+            table.insert(how.verb(), value(from));
+            if let Distortion::Delay(by) | Distortion::Reorder(by) = how {
+                let ms = i64::try_from(by.as_millis()).unwrap_or(i64::MAX);
+                table.insert("by_ms", value(ms));
+            }
+            table.insert("share", value(*share));
+        }
+    }
+}
+
+fn victim(target: Target) -> Value {
+    match target {
+        Target::Master => Value::from("master"),
+        Target::Drone(drone) => number(drone),
+    }
+}
+
+fn number(drone: NodeId) -> Value {
+    Value::from(i64::from(drone.0))
+}
+
+fn pair(links: &Links) -> Array {
+    let group = |ids: &Arc<[NodeId]>| ids.iter().copied().map(number).collect::<Array>();
+    if let ([from], [to]) = (&*links.from, &*links.to) {
+        return [number(*from), number(*to)].into_iter().collect();
+    }
+    [group(&links.from), group(&links.to)].into_iter().collect()
+}
+
+/// An actor as a scenario file names it.
+const fn actor_name(actor: Address) -> &'static str {
+    match actor {
+        Address::Radio => "radio",
+        Address::Routing => "routing",
+        Address::Mission => "mission",
+        Address::Navigation => "navigation",
+        Address::Msp => "msp",
+    }
+}
+
+impl FaultKind {
+    /// What a scenario file calls it, with the actor that it is about.
+    pub(crate) fn name(&self) -> String {
+        match self {
+            Self::Drone(_, mishap) => match mishap {
+                Mishap::CrashActor(actor) | Mishap::Hang(Some(actor)) => {
+                    format!("{} {}", mishap.verb(), actor_name(*actor))
+                }
+                _ => mishap.verb().to_owned(),
+            },
+            Self::Links(_, link) => link.verb().to_owned(),
+            Self::Jam { .. } => "jam".to_owned(),
+            Self::Tamper(tampered) => tampered.how.verb().to_owned(),
+        }
+    }
+}
+
+impl Mishap {
+    const fn verb(&self) -> &'static str {
+        match self {
+            Self::CrashActor(_) => "crash",
+            Self::Kill => "kill",
+            Self::CrashAircraft => "crash_aircraft",
+            Self::Restart => "restart",
+            Self::Hang(_) => "hang",
+            Self::Drain(_) => "drain",
+            Self::LoseGps => "lose_gps",
+            Self::Replay => "replay",
+            Self::Forge => "forge",
+            Self::Skew(_) => "skew",
+        }
+    }
+}
+
+impl Link {
+    const fn verb(&self) -> &'static str {
+        match self {
+            Self::Cut => "cut",
+            Self::OneWay => "one_way",
+            Self::Degraded(_) => "degrade",
+            Self::Healed => "heal",
+        }
+    }
+}
+
+impl Distortion {
+    const fn verb(&self) -> &'static str {
+        match self {
+            Self::Corrupt => "corrupt",
+            Self::Duplicate => "duplicate",
+            Self::Delay(_) => "delay",
+            Self::Reorder(_) => "reorder",
+        }
+    }
+}
