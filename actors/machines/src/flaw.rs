@@ -32,6 +32,28 @@ pub enum Flaw {
     StretchesDiagonals,
     /// Who stands where on the ground goes by numbers, and not by the way to the slot.
     TakesSlotsByNumber,
+    /// Whoever repeats the master's number proves that the master lives.
+    CountsEchoes,
+    /// A master does not wait for the member with the highest number.
+    ForgetsOneMember,
+    /// What is kept of a mission is not, once its master was elected.
+    LosesCheckpoints,
+    /// Nobody takes to a layer of its own.
+    ForgetsLayers,
+    /// A neighbour that does not hear a drone leads it all the same.
+    ObeysOneWayNeighbours,
+    /// Frames of a sender's earlier lives are let in.
+    AcceptsEarlierLives,
+    /// Of two ballots of masters that were elected the worse one wins.
+    TurnsToWorseBallots,
+    /// A master that was elected opens again the waypoint that the swarm is at.
+    ReopensWaypoints,
+    /// A drone that goes to land alone follows orders again.
+    RejoinsWhileLanding,
+    /// A drone that has lost its master never leads.
+    NeverClaims,
+    /// A drone that started anew on the ground takes off by itself.
+    TakesOffByItself,
 }
 
 #[cfg(feature = "flaws")]

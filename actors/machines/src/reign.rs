@@ -49,9 +49,7 @@ impl Obeyed {
         match self.0 {
             Some(own) if own == ballot => Verdict::Same,
             Some(_) if way == Way::OneWay => Verdict::Ignored,
-            Some(own) if !ballot.beats(&own) && !flaw::has(Flaw::ObeysAnyMaster) => {
-                Verdict::Ignored
-            }
+            Some(own) if !wins(&ballot, &own) => Verdict::Ignored,
             _ => {
                 self.0 = Some(ballot);
                 Verdict::Turned
@@ -64,6 +62,15 @@ impl Obeyed {
     pub fn next_term(self) -> Option<u32> {
         self.0?.term.checked_add(1)
     }
+}
+
+/// Whether a drone turns to a ballot that it hears of.
+fn wins(heard: &Ballot, own: &Ballot) -> bool {
+    let both_elected = heard.is_elected() && own.is_elected();
+    if both_elected && flaw::has(Flaw::TurnsToWorseBallots) {
+        return own.beats(heard);
+    }
+    heard.beats(own) || flaw::has(Flaw::ObeysAnyMaster)
 }
 
 impl From<Ballot> for Obeyed {

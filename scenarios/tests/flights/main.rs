@@ -11,6 +11,7 @@ mod failsafe;
 mod faults;
 mod follow;
 mod formations;
+mod planted;
 mod relay;
 mod settling;
 mod shipped;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::order::Step;
 use super::{Barrier, LandingReason};
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{NodeId, NodeSet};
 use crate::reign::Obeyed;
@@ -255,6 +256,10 @@ impl Lead {
             .iter()
             .filter(|(_, awaited)| awaited.holds_up(self.sequence))
             .map(|(id, _)| *id)
+            .filter(|id| {
+                let last = self.members.keys().last();
+                Some(id) != last || !flaw::has(Flaw::ForgetsOneMember)
+            })
             .filter(move |id| waits_for(*id))
     }
 }

@@ -86,6 +86,7 @@ impl Mission {
         };
         let since = self
             .master_silent
+            .filter(|_| !flaw::has(Flaw::NeverClaims))
             .filter(|_| looks && self.durable.lead.is_none())?;
         Some(if self.durable.state.is_spreading() && !self.master_lands {
             since + self.config.spreading_patience

@@ -5,6 +5,7 @@
 //! that column while they wait for it; it holds them up until it is below all that they may fly.
 
 use super::{Alone, Event, LandingReason, Mission, State, Succession, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::navigation::{Failure, Goal};
@@ -149,6 +150,9 @@ impl Mission {
 
     /// How far above its slot a drone holds while others fly on: above all that fly in lockstep.
     pub(super) fn layer_alone_m(&self, id: NodeId) -> f64 {
+        if flaw::has(Flaw::ForgetsLayers) {
+            return 0.0;
+        }
         self.layout().layer_alone_m(id, &self.durable.plan)
     }
 }

@@ -160,7 +160,8 @@ impl Mission {
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
-        let next = waypoint + 1;
+        let reopens = self.is_elected_reign() && flaw::has(Flaw::ReopensWaypoints);
+        let next = if reopens { waypoint } else { waypoint + 1 };
         if self.changes_before(next) > self.durable.changes {
             self.order_step(now, self.durable.changes, Step::Climb);
         } else if self.config.following.is_some() {

@@ -1,6 +1,7 @@
 //! What a drone does that is led.
 
 use super::{Event, LandingReason, Mission, Order, State, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::time::Timestamp;
 use crate::wire::PLAN_PART_MAX;
@@ -82,6 +83,11 @@ impl Mission {
     }
 
     fn open(&mut self, sequence: u32, waypoint: u16) {
+        if self.durable.state == State::MovingToLand && flaw::has(Flaw::RejoinsWhileLanding) {
+            self.durable.leaving = None;
+            self.enter(State::MovingToWaypoint { waypoint });
+            self.pursue_goal();
+        }
         if !self.durable.state.is_following() || usize::from(waypoint) >= self.durable.plan.len() {
             self.outbox.event(Event::Refused);
             return;

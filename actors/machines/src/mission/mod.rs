@@ -244,6 +244,7 @@ impl Mission {
     /// The process started anew: on the ground the drone stays there, in the air it has to catch up.
     fn begin_life(&mut self) {
         match self.durable.state {
+            State::SetUp if flaw::has(Flaw::TakesOffByItself) => self.enter(State::TakingOff),
             State::SetUp => self.stay_down(LandingReason::Restarted),
             state => self.durable.in_layer |= state.is_following(),
         }
@@ -263,6 +264,9 @@ impl Mission {
     }
 
     fn checkpoint(&mut self) {
+        if self.is_elected_reign() && flaw::has(Flaw::LosesCheckpoints) {
+            return;
+        }
         let checkpoint = Box::new(self.durable.clone());
         self.outbox.event(Event::Checkpoint(checkpoint));
     }

@@ -3,6 +3,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::flaw::{self, Flaw};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
@@ -146,7 +147,7 @@ impl Admission {
 impl Newest {
     fn has_seen(&self, header: &Header) -> bool {
         if header.boot != self.boot {
-            return header.boot < self.boot;
+            return header.boot < self.boot && !flaw::has(Flaw::AcceptsEarlierLives);
         }
         match self.counter.checked_sub(header.counter) {
             None => false,

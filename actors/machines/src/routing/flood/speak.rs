@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::{Config, Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::wire;
@@ -139,7 +140,7 @@ impl FloodRouting {
         let time_to_live = self.config.time_to_live;
         if !self.is_master() {
             if self.durable.routes.parent.is_some()
-                && now.since(self.parent_heard_at) > time_to_live
+                && now.since(self.parent_heard_at) > time_to_live / 2
             {
                 self.scatter(now);
             }
@@ -276,7 +277,9 @@ impl FloodRouting {
     pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {
         // Of a drone that does not hear this one, it is no sign that there is a way to the master.
         let is_mutual = flood.hears.contains(self.config.id);
-        if flood.pulse > self.durable.beats.pulse && !self.is_master() && is_mutual {
+        let is_echo = flood.pulse == self.durable.beats.pulse && flaw::has(Flaw::CountsEchoes);
+        let is_rise = flood.pulse > self.durable.beats.pulse || is_echo;
+        if is_rise && !self.is_master() && is_mutual {
             self.durable.beats.pulse = flood.pulse;
             self.pulse_rose_at = now;
             if self.master_silent {

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::packet::Tree;
 use crate::time::Timestamp;
@@ -209,7 +210,10 @@ impl Links {
     pub(super) fn is_symmetric(&self, own: NodeId, id: NodeId, said: &Tree) -> bool {
         let was = self.0.get(&id).is_some_and(|link| link.symmetric);
         let hears_us = said.hears.as_ref().map(|hears| hears.contains(own));
-        said.parent == Some(own) || said.to == Some(own) || hears_us.unwrap_or(was)
+        said.parent == Some(own)
+            || said.to == Some(own)
+            || hears_us.unwrap_or(was)
+            || flaw::has(Flaw::ObeysOneWayNeighbours)
     }
 
     /// Forgets what neighbours said under a master that is not obeyed any more.

@@ -359,7 +359,10 @@ impl TreeRouting {
                 link.is_some_and(|link| link.is_stale(now, self.config.beacon))
             });
             let own_pulse = self.durable.beats.pulse;
-            let has_newer_pulse = |link: &Link, pulse: u32| link.said.pulse > pulse;
+            let has_newer_pulse = |link: &Link, pulse: u32| {
+                link.said.pulse > pulse
+                    || link.said.pulse == pulse && flaw::has(Flaw::CountsEchoes)
+            };
             // Whoever has heard as much of the master and is nearer to it: its way can't be through this drone.
             let is_nearer =
                 |link: &Link| link.said.pulse == own_pulse && link.said.hops < self.routes.hops;
