@@ -12,6 +12,8 @@
 //! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
 //! in the tests hold them to it.
 
+use std::borrow::Cow;
+use std::ops::Range;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -172,13 +174,15 @@ enum WirePacket<'a> {
         parent: Option<u32>,
         pulse: u32,
         sequence: u32,
-        acknowledged: &'a [u8],
-        alive: &'a [u8],
-        landing: &'a [u8],
-        #[serde(borrow)]
-        hears: Option<&'a [u8]>,
+        span: Option<Range<u32>>,
+        /// Which of the sets after `alive` are written as what differs from it.
+        differences: u8,
+        alive: Cow<'a, NodeSet>,
+        acknowledged: Cow<'a, NodeSet>,
+        landing: Cow<'a, NodeSet>,
+        hears: Option<Cow<'a, NodeSet>>,
         to: Option<u32>,
-        pending: &'a [u8],
+        pending: Cow<'a, NodeSet>,
         #[serde(borrow)]
         order: Option<&'a [u8]>,
     },
@@ -194,6 +198,21 @@ struct WireMember {
 
 const OUT_OF_RANGE: u8 = 1;
 const LANDING: u8 = 2;
+
+const ACKNOWLEDGED_DIFFERS: u8 = 1;
+const LANDING_DIFFERS: u8 = 2;
+
+/// A set as it is written beside `alive`: as what differs from that, if that has fewer runs, which is then told by `flag`.
+fn beside<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
+    let runs = set.runs().len();
+    if runs > 0 && !alive.is_empty() {
+        let differs = alive.symmetric_difference(set);
+        if differs.runs().len() < runs {
+            return (Cow::Owned(differs), flag);
+        }
+    }
+    (Cow::Borrowed(set), 0)
+}
 
 /// Writes a packet of the routing.
 #[must_use]
@@ -214,20 +233,27 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             members: flood.members.iter().map(WireMember::from).collect(),
             order: flood.order.as_deref(),
         },
-        Packet::Tree(tree) => WirePacket::Tree {
-            beat: tree.beat,
-            hops: tree.hops,
-            parent: tree.parent.map(|id| id.0),
-            pulse: tree.pulse,
-            sequence: tree.sequence,
-            acknowledged: tree.acknowledged.as_bytes(),
-            alive: tree.alive.as_bytes(),
-            landing: tree.landing.as_bytes(),
-            hears: tree.hears.as_ref().map(NodeSet::as_bytes),
-            to: tree.to.map(|id| id.0),
-            pending: tree.pending.as_bytes(),
-            order: tree.order.as_deref(),
-        },
+        Packet::Tree(tree) => {
+            let alive = &tree.alive;
+            let (acknowledged, first) = beside(alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
+            let (landing, second) = beside(alive, &tree.landing, LANDING_DIFFERS);
+            WirePacket::Tree {
+                beat: tree.beat,
+                hops: tree.hops,
+                parent: tree.parent.map(|id| id.0),
+                pulse: tree.pulse,
+                sequence: tree.sequence,
+                span: tree.span.clone(),
+                differences: first | second,
+                alive: Cow::Borrowed(alive),
+                acknowledged,
+                landing,
+                hears: tree.hears.as_ref().map(Cow::Borrowed),
+                to: tree.to.map(|id| id.0),
+                pending: Cow::Borrowed(&tree.pending),
+                order: tree.order.as_deref(),
+            }
+        }
     };
     write(&wire, Vec::with_capacity(64))
 }
@@ -266,27 +292,37 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             parent,
             pulse,
             sequence,
-            acknowledged,
+            span,
+            differences,
             alive,
+            acknowledged,
             landing,
             hears,
             to,
             pending,
             order,
-        } => Packet::Tree(Tree {
-            beat,
-            hops,
-            parent: parent.map(NodeId),
-            pulse,
-            sequence,
-            acknowledged: NodeSet::from_bytes(acknowledged),
-            alive: NodeSet::from_bytes(alive),
-            landing: NodeSet::from_bytes(landing),
-            hears: hears.map(NodeSet::from_bytes),
-            to: to.map(NodeId),
-            pending: NodeSet::from_bytes(pending),
-            order: order.map(bytes::Bytes::copy_from_slice),
-        }),
+        } => {
+            let alive = alive.into_owned();
+            let read = |set: Cow<'_, NodeSet>, flag| match differences & flag {
+                0 => set.into_owned(),
+                _ => alive.symmetric_difference(&set),
+            };
+            Packet::Tree(Tree {
+                beat,
+                hops,
+                parent: parent.map(NodeId),
+                pulse,
+                sequence,
+                span,
+                acknowledged: read(acknowledged, ACKNOWLEDGED_DIFFERS),
+                landing: read(landing, LANDING_DIFFERS),
+                alive,
+                hears: hears.map(Cow::into_owned),
+                to: to.map(NodeId),
+                pending: pending.into_owned(),
+                order: order.map(bytes::Bytes::copy_from_slice),
+            })
+        }
     })
 }
 

@@ -14,7 +14,6 @@ mod members;
 mod seek;
 mod speak;
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::time::Duration;
 
@@ -23,8 +22,8 @@ use rand_chacha::ChaCha8Rng;
 
 pub use durable::Checkpoint;
 
-use self::links::{Link, Links};
-use self::members::Missed;
+use self::links::{Heard, Link, Links};
+use self::members::Members;
 use self::seek::Seek;
 use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
@@ -76,13 +75,15 @@ pub struct TreeRouting {
     master_silent: bool,
     /// Whether the master says that it is going to land.
     master_lands: bool,
-    /// As master: who was alive when last looked, and since when each that is not has been missed.
-    missed: BTreeMap<NodeId, Missed>,
+    /// As master: who is alive, and who is missed.
+    members: Members,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
     told: (u32, NodeSet),
     told_landing: NodeSet,
     /// What was last heard to be pending, and of which order.
     pending: (u32, NodeSet),
+    /// From which id on the next frame tells of others, where not all fit one.
+    next_span: u32,
     /// The order that this drone's last frame told that it knows of.
     said_sequence: u32,
     next_beacon: Option<Timestamp>,
@@ -119,15 +120,16 @@ impl TreeRouting {
         let mut routing = Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
             durable: Checkpoint::default(),
-            links: Links::default(),
+            links: Links::new(config.id),
             routes: Routes::default(),
             orphaned: None,
             master_silent: false,
             master_lands: false,
-            missed: BTreeMap::new(),
+            members: Members::default(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
             pending: (0, NodeSet::default()),
+            next_span: 0,
             said_sequence: 0,
             next_beacon: None,
             repair: None,
@@ -189,13 +191,8 @@ impl TreeRouting {
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
-                self.links.hear_of_another_reign(
-                    self.config.id,
-                    sender,
-                    &said,
-                    now,
-                    self.config.beacon,
-                );
+                let beacon = self.config.beacon;
+                self.links.hear_of_another_reign(sender, said, now, beacon);
             }
             self.outbox.event(Event::Ignored(sender));
             return;
@@ -214,7 +211,7 @@ impl TreeRouting {
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     /// What comes over a link that carries one way only makes nobody turn.
     fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
-        let is_symmetric = self.links.is_symmetric(self.config.id, sender, said);
+        let is_symmetric = self.links.is_symmetric(sender, said);
         let stays = self.is_master() && flaw::has(Flaw::NeverStepsDown);
         let way = if is_symmetric && !stays {
             Way::Mutual
@@ -241,7 +238,7 @@ impl TreeRouting {
         self.orphaned = None;
         self.master_silent = false;
         self.master_lands = false;
-        self.missed.clear();
+        self.members = Members::default();
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.pending = (0, NodeSet::default());
@@ -267,27 +264,42 @@ impl TreeRouting {
         self.next_beacon = Some(now);
     }
 
-    fn hear(&mut self, now: Timestamp, sender: NodeId, said: Tree) {
-        let own = self.config.id;
-        let known = self.links.get(sender).map(|link| link.said.clone());
-        let (pulse, pending) = (said.pulse, (said.sequence, said.pending.clone()));
-        let order = said.order.clone().map(|order| (said.sequence, order));
-        let landing = (said.sequence, said.landing.clone());
-        if !self.links.hear(own, sender, said, now, self.config.beacon) {
+    fn hear(&mut self, now: Timestamp, sender: NodeId, mut said: Tree) {
+        let (pulse, sequence) = (said.pulse, said.sequence);
+        let pending = self.pending_as_said(&mut said);
+        let order = said.order.take().map(|order| (sequence, order));
+        let is_to_land = |master| said.landing.contains(master);
+        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+        let master_lands = master.is_some_and(is_to_land);
+        let Some(heard) = self.links.hear(sender, said, now, self.config.beacon) else {
             return;
-        }
+        };
         if self.links.get(sender).is_some_and(Link::needs_to_hear) {
             self.beacon_soon(now);
         }
         let news = self.take_order(order);
-        self.hear_of_landing(&landing);
+        if master_lands {
+            self.hear_of_landing(sequence);
+        }
         self.update_routes(now);
         self.take_pulse(now, sender, pulse);
         self.report_members(now);
         if self.routes.parent == Some(sender) && pending.0 == self.durable.reign.sequence() {
             self.pending = pending;
         }
-        self.answer(now, sender, known.as_ref(), news);
+        self.answer(now, sender, heard, news);
+    }
+
+    /// Who is pending as a neighbour says it: whoever it does not tell of is as far as is known.
+    fn pending_as_said(&self, said: &mut Tree) -> (u32, NodeSet) {
+        let pending = std::mem::take(&mut said.pending);
+        let all = NodeSet::from(0..self.config.drones);
+        let known = if self.pending.0 == said.sequence {
+            &self.pending.1
+        } else {
+            &all
+        };
+        (said.sequence, said.and_before(pending, known))
     }
 
     /// Takes in an order; whether it is news.
@@ -300,6 +312,7 @@ impl TreeRouting {
             if let Some(notice) = self.durable.reign.newest_order() {
                 self.inform(notice);
             }
+            self.links.begin_order();
             self.checkpoint();
         }
         is_news
@@ -307,12 +320,9 @@ impl TreeRouting {
 
     /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
     /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, (sequence, landing): &(u32, NodeSet)) {
-        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
-            return;
-        };
-        let is_known = *sequence <= self.durable.reign.sequence();
-        if is_known && landing.contains(ballot.master) && !self.master_lands {
+    fn hear_of_landing(&mut self, sequence: u32) {
+        let is_known = sequence <= self.durable.reign.sequence();
+        if is_known && !self.is_master() && !self.master_lands {
             self.master_lands = true;
             self.inform(Notice::MasterLands);
         }
@@ -343,7 +353,7 @@ impl TreeRouting {
         let own = self.config.id;
         let is_master = self.is_master();
         let mut routes = Routes {
-            relay: self.links.children(own).next().is_some(),
+            relay: self.links.children().next().is_some(),
             ..Routes::default()
         };
         if is_master {
@@ -371,30 +381,30 @@ impl TreeRouting {
                 }
             };
             let left = suspected.or(stale);
-            let usable = |id: NodeId, link: &Link| {
+            let usable = |link: &&Link| {
                 link.symmetric
                     && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
-                    && Some(id) != left
-                    && is_elsewhere(id, link)
+                    && Some(link.id) != left
+                    && is_elsewhere(link.id, link)
             };
-            let kept = left.and_then(|parent| Some((parent, self.links.get(parent)?)));
+            let kept = left.and_then(|parent| self.links.get(parent));
+            let is_another = |link: &Link| Some(link.id) != self.routes.parent;
             let best = self
                 .links
                 .iter()
-                .filter(|(id, link)| usable(*id, link))
-                .min_by(|(a_id, a), (b_id, b)| {
+                .filter(usable)
+                .min_by(|a, b| {
                     let hops = a.said.hops.cmp(&b.said.hops);
-                    let kept = |id: &NodeId| Some(*id) != self.routes.parent;
-                    hops.then(kept(a_id).cmp(&kept(b_id)))
+                    hops.then(is_another(a).cmp(&is_another(b)))
                         .then(a.loss.total_cmp(&b.loss))
-                        .then(a_id.cmp(b_id))
+                        .then(a.id.cmp(&b.id))
                 })
                 .or(kept);
-            routes.parent = best.map(|(id, _)| id);
+            routes.parent = best.map(|link| link.id);
             routes.hops = best
-                .and_then(|(_, link)| link.said.hops)
+                .and_then(|link| link.said.hops)
                 .map(|hops| hops.saturating_add(1));
             let master = self.durable.reign.ballot().map(|ballot| ballot.master);
             routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
@@ -427,10 +437,8 @@ impl TreeRouting {
 
     /// Notices who has fallen silent.
     fn watch(&mut self, now: Timestamp) {
-        let lost = self
-            .links
-            .forget_silent(now, self.config.link_time_to_live, self.config.beacon);
-        if !lost.is_empty() {
+        let (time_to_live, beacon) = (self.config.link_time_to_live, self.config.beacon);
+        if self.links.forget_silent(now, time_to_live, beacon) {
             self.update_routes(now);
         }
         self.report_members(now);
@@ -441,28 +449,6 @@ impl TreeRouting {
             self.master_silent = true;
             self.inform(Notice::MasterSilent);
         }
-    }
-
-    /// What all children say of the drones below them, in one set.
-    fn below(&self, what: impl Fn(&Tree) -> &NodeSet) -> NodeSet {
-        let mut all = NodeSet::default();
-        for (_, link) in self.links.children(self.config.id) {
-            all.extend_from(what(&link.said));
-        }
-        all
-    }
-
-    /// Who below has carried the newest order out.
-    fn acknowledged_below(&self) -> NodeSet {
-        let mut all = NodeSet::default();
-        for (_, link) in self.links.iter() {
-            // What is done stays done, even of a child that is out of reach by now.
-            let is_child = link.said.parent == Some(self.config.id);
-            if is_child && link.said.sequence == self.durable.reign.sequence() {
-                all.extend_from(&link.said.acknowledged);
-            }
-        }
-        all
     }
 
     fn jitter(&mut self, up_to: Duration) -> Duration {
@@ -480,14 +466,9 @@ impl TreeRouting {
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.report_members(now);
-        let silent: Vec<_> = self
-            .missed
-            .iter()
-            .filter(|(_, missed)| missed.told)
-            .map(|(id, _)| *id)
-            .collect();
-        for id in silent {
-            self.inform(Notice::Silent(id));
+        let silent = self.members.silent();
+        if !silent.is_empty() {
+            self.inform(Notice::Silent(silent));
         }
         if self.master_silent {
             self.inform(Notice::MasterSilent);
@@ -507,9 +488,7 @@ impl TreeRouting {
         if let Some((since, _)) = &mut self.orphaned {
             *since = now;
         }
-        for missed in self.missed.values_mut() {
-            missed.since = now;
-        }
+        self.members.forgive(now);
     }
 
     fn deadline(&self) -> Option<Timestamp> {
@@ -550,6 +529,7 @@ impl Machine for TreeRouting {
             } => {
                 let own = self.config.id;
                 if self.durable.reign.publish(own, ballot, sequence, order) {
+                    self.links.begin_order();
                     self.checkpoint();
                     self.say(now, speak::Occasion::News);
                 }
