@@ -67,6 +67,13 @@ pub struct NodeSet(
 );
 
 impl NodeSet {
+    /// Of bounds that rise and come in pairs.
+    pub(crate) fn of_bounds(bounds: impl Iterator<Item = u32>) -> Self {
+        let bounds: SmallVec<_> = bounds.collect();
+        debug_assert!(bounds.is_sorted_by(|a, b| a < b) && bounds.len().is_multiple_of(2));
+        Self(bounds)
+    }
+
     /// Leaves out whoever is not below `end`.
     pub fn truncate(&mut self, end: u32) {
         if self.0.last().is_some_and(|last| *last > end) {

@@ -12,17 +12,19 @@
 //! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
 //! in the tests hold them to it.
 
-use std::borrow::Cow;
-use std::ops::Range;
+mod tree;
+
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use self::tree::WireTree;
+pub use self::tree::{Runs, TreeFrame};
 use crate::geometry::{Ned, Velocity};
-use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
+use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::mission::{Order, Step};
-use crate::routing::{Flood, Member, Packet, Tree};
+use crate::routing::{Flood, Member, Packet};
 
 /// The version of the frame that this program speaks.
 pub const VERSION: u8 = 1;
@@ -168,25 +170,13 @@ enum WirePacket<'a> {
         #[serde(borrow)]
         order: Option<&'a [u8]>,
     },
-    Tree {
-        beat: u32,
-        hops: Option<u16>,
-        parent: Option<u32>,
-        pulse: u32,
-        sequence: u32,
-        span: Option<Range<u32>>,
-        /// Which of the sets after `alive` are written as what differs from it.
-        differences: u8,
-        alive: Cow<'a, NodeSet>,
-        acknowledged: Cow<'a, NodeSet>,
-        landing: Cow<'a, NodeSet>,
-        hears: Option<Cow<'a, NodeSet>>,
-        to: Option<u32>,
-        pending: Cow<'a, NodeSet>,
-        #[serde(borrow)]
-        order: Option<&'a [u8]>,
-    },
+    /// Not read by serde, see [`TreeFrame::read`].
+    #[serde(skip_deserializing)]
+    Tree(WireTree<'a>),
 }
+
+/// Where [`WirePacket::Tree`] stands among the packets.
+const TREE: u8 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct WireMember {
@@ -198,21 +188,6 @@ struct WireMember {
 
 const OUT_OF_RANGE: u8 = 1;
 const LANDING: u8 = 2;
-
-const ACKNOWLEDGED_DIFFERS: u8 = 1;
-const LANDING_DIFFERS: u8 = 2;
-
-/// A set as it is written beside `alive`: as what differs from that, if that has fewer runs, which is then told by `flag`.
-fn beside<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
-    let runs = set.runs().len();
-    if runs > 0 && !alive.is_empty() {
-        let differs = alive.symmetric_difference(set);
-        if differs.runs().len() < runs {
-            return (Cow::Owned(differs), flag);
-        }
-    }
-    (Cow::Borrowed(set), 0)
-}
 
 /// Writes a packet of the routing.
 #[must_use]
@@ -234,25 +209,9 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             order: flood.order.as_deref(),
         },
         Packet::Tree(tree) => {
-            let alive = &tree.alive;
-            let (acknowledged, first) = beside(alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
-            let (landing, second) = beside(alive, &tree.landing, LANDING_DIFFERS);
-            WirePacket::Tree {
-                beat: tree.beat,
-                hops: tree.hops,
-                parent: tree.parent.map(|id| id.0),
-                pulse: tree.pulse,
-                sequence: tree.sequence,
-                span: tree.span.clone(),
-                differences: first | second,
-                alive: Cow::Borrowed(alive),
-                acknowledged,
-                landing,
-                hears: tree.hears.as_ref().map(Cow::Borrowed),
-                to: tree.to.map(|id| id.0),
-                pending: Cow::Borrowed(&tree.pending),
-                order: tree.order.as_deref(),
-            }
+            return tree::written(tree, |tree| {
+                write(&WirePacket::Tree(tree), Vec::with_capacity(64))
+            });
         }
     };
     write(&wire, Vec::with_capacity(64))
@@ -263,6 +222,9 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
 /// # Errors
 /// When it is not one, or holds more than a packet.
 pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
+    if payload.first() == Some(&TREE) {
+        return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree()));
+    }
     Ok(match read(payload)? {
         WirePacket::Hello { remaining_ms } => Packet::Hello {
             remaining: Duration::from_millis(remaining_ms.into()),
@@ -286,44 +248,17 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             members: members.iter().map(Member::from).collect(),
             order: order.map(bytes::Bytes::copy_from_slice),
         }),
-        WirePacket::Tree {
-            beat,
-            hops,
-            parent,
-            pulse,
-            sequence,
-            span,
-            differences,
-            alive,
-            acknowledged,
-            landing,
-            hears,
-            to,
-            pending,
-            order,
-        } => {
-            let alive = alive.into_owned();
-            let read = |set: Cow<'_, NodeSet>, flag| match differences & flag {
-                0 => set.into_owned(),
-                _ => alive.symmetric_difference(&set),
-            };
-            Packet::Tree(Tree {
-                beat,
-                hops,
-                parent: parent.map(NodeId),
-                pulse,
-                sequence,
-                span,
-                acknowledged: read(acknowledged, ACKNOWLEDGED_DIFFERS),
-                landing: read(landing, LANDING_DIFFERS),
-                alive,
-                hears: hears.map(Cow::into_owned),
-                to: to.map(NodeId),
-                pending: pending.into_owned(),
-                order: order.map(bytes::Bytes::copy_from_slice),
-            })
-        }
+        WirePacket::Tree(_) => return Err(PayloadError),
     })
+}
+
+/// Reads a packet of policy `tree`, where it lies.
+///
+/// # Errors
+/// When it is not one, or holds more than a packet.
+pub fn decode_tree(payload: &[u8]) -> Result<TreeFrame<'_>, PayloadError> {
+    let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
+    TreeFrame::read(packet).ok_or(PayloadError)
 }
 
 impl From<&Member> for WireMember {

@@ -1,28 +1,40 @@
+mod nearby;
+
 use muster_machines::formation::Separation;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
 
+use self::nearby::Nearby;
 use super::Violation;
 use crate::vehicle::{Piece, Vehicle};
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
 /// their paths; nobody lands on one that is down already. An aircraft that fell is left out from then on.
 ///
-/// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did.
+/// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did; pairs that
+/// come neither too near nor nearer than any before, by the boxes that their paths fit into, are left out.
 #[derive(Debug)]
 pub(crate) struct SeparationChecker {
     separation: Separation,
     /// Until when each drone's path has been looked at.
     checked: Vec<Timestamp>,
+    nearby: Nearby,
+    others: Vec<u32>,
     closest_m: Option<f64>,
 }
 
 impl SeparationChecker {
-    pub(crate) fn new(separation: Separation, drones: usize) -> Self {
+    pub(crate) fn new(separation: Separation, vehicles: &[Vehicle]) -> Self {
+        let mut nearby = Nearby::new(vehicles.len());
+        for (drone, vehicle) in vehicles.iter().enumerate() {
+            nearby.place(drone, vehicle.motion(), Timestamp::ZERO);
+        }
         Self {
             separation,
-            checked: vec![Timestamp::ZERO; drones],
+            checked: vec![Timestamp::ZERO; vehicles.len()],
+            nearby,
+            others: Vec::new(),
             closest_m: None,
         }
     }
@@ -30,6 +42,11 @@ impl SeparationChecker {
     /// The closest that two flying drones came so far, in metres.
     pub(crate) const fn closest_m(&self) -> Option<f64> {
         self.closest_m
+    }
+
+    /// A drone's path is from now on as its vehicle has it.
+    pub(crate) fn path_begins(&mut self, now: Timestamp, drone: NodeId, vehicle: &Vehicle) {
+        self.nearby.place(drone.0 as usize, vehicle.motion(), now);
     }
 
     /// Looks at all pairs with `drone`, whose path is about to change or end, up to `now`.
@@ -40,8 +57,15 @@ impl SeparationChecker {
         vehicles: &[Vehicle],
     ) -> Option<Violation> {
         let index = drone.0 as usize;
+        if self.checked[index] >= now {
+            return None;
+        }
         let mut violation = None;
-        for other in (0..vehicles.len()).filter(|other| *other != index) {
+        let too_near_m = self.separation.horizontal_m.max(self.separation.vertical_m);
+        let near_m = self.closest_m.unwrap_or(f64::INFINITY).max(too_near_m);
+        let mut others = std::mem::take(&mut self.others);
+        self.nearby.of(index, near_m, &mut others);
+        for other in others.iter().map(|other| *other as usize) {
             let since = self.checked[index].max(self.checked[other]);
             let pair = (&vehicles[index], &vehicles[other]);
             let flies = pair.0.is_armed() || pair.1.is_armed();
@@ -58,6 +82,7 @@ impl SeparationChecker {
                 }));
             }
         }
+        self.others = others;
         self.checked[index] = now;
         violation
     }

@@ -174,6 +174,7 @@ fn alone(
         limits,
         notes,
         faults,
+        unchecked: false,
         others: Vec::new(),
     })
 }

@@ -82,6 +82,8 @@ pub struct Scenario {
     pub notes: Vec<String>,
     /// What goes wrong, and when.
     pub faults: Vec<Fault>,
+    /// Whether no rule is checked, to measure what flying alone costs: such a run proves nothing.
+    pub unchecked: bool,
     /// Who else flies in the same air and over the same medium, and how each comes into it.
     pub others: Vec<(Self, Joins)>,
 }

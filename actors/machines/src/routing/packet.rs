@@ -91,27 +91,6 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Whether its sender hears a drone, as far as this tells.
-    pub(super) fn hears(&self, id: NodeId) -> Option<bool> {
-        let hears = self.hears.as_ref().filter(|_| self.tells_of(id));
-        hears.map(|hears| hears.contains(id))
-    }
-
-    fn tells_of(&self, id: NodeId) -> bool {
-        self.span.as_ref().is_none_or(|span| span.contains(&id.0))
-    }
-
-    /// What its sender says of everybody, where `said` is one of the sets of this packet and `before` what the sender
-    /// said before.
-    pub(super) fn and_before(&self, said: NodeSet, before: &NodeSet) -> NodeSet {
-        let Some(span) = &self.span else {
-            return said;
-        };
-        let mut all = before.difference(&span.clone().into());
-        all.extend_from(&said);
-        all
-    }
-
     /// The same, telling of some ids only.
     pub(super) fn cut_to(&self, span: Range<u32>) -> Self {
         let ids = NodeSet::from(span.clone());

@@ -1,6 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::identity::NodeSet;
+use crate::routing::Tree;
 
 const HEADER: Header = Header {
     swarm: SwarmId(7),
@@ -103,6 +105,18 @@ fn sets_are_written_as_what_differs_from_who_is_alive_where_that_is_shorter() {
 
 #[test]
 fn bounds_that_do_not_rise_or_are_not_in_pairs_make_no_set() {
+    let tree = Packet::Tree(Tree {
+        pending: [NodeId(5)].into_iter().collect(),
+        ..Tree::default()
+    });
+    let bytes = encode_packet(&tree);
+    let (pending, rest) = (bytes.len() - 3, [2, 5, 1, 0]);
+    assert_eq!(bytes[pending - 1..], rest);
+    for spoilt in [[2, 5, 0, 0], [2, 0x85, 1, 0], [2, 0xff, 0xff, 0]] {
+        let mut bytes = bytes.clone();
+        bytes.splice(pending - 1.., spoilt);
+        assert_eq!(decode_packet(&bytes), Err(PayloadError), "{spoilt:?}");
+    }
     assert!(postcard::from_bytes::<NodeSet>(&[2, 0, 1]).is_ok());
     for bytes in [&[2, 5, 0][..], &[1, 5], &[3, 5, 1, 1]] {
         assert!(postcard::from_bytes::<NodeSet>(bytes).is_err(), "{bytes:?}");

@@ -2,8 +2,8 @@ use std::cell::OnceCell;
 use std::time::Duration;
 
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::packet::Tree;
 use crate::time::Timestamp;
+use crate::wire::TreeFrame;
 
 /// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
 const LOSS_MEMORY: u32 = 50;
@@ -31,6 +31,8 @@ const TOLD_OF_REIGN_MAX: u32 = 8;
 #[derive(Debug, Clone)]
 pub(super) struct Links {
     own: NodeId,
+    /// How many drones there are; nothing that is said of others is kept.
+    drones: u32,
     /// By rising ids.
     links: Vec<Link>,
     /// What all children say together, until one of them says something else.
@@ -98,6 +100,10 @@ pub(super) struct Below {
 pub(super) struct Heard {
     /// Whether it knows of another order, or of others who have carried it out.
     pub(super) has_progressed: bool,
+    /// Whether its own way to the master, or to this drone, is another one.
+    pub(super) has_moved: bool,
+    /// Whether it was not known.
+    pub(super) is_new: bool,
 }
 
 impl Link {
@@ -191,9 +197,10 @@ impl Link {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) const fn new(own: NodeId) -> Self {
+    pub(super) const fn new(own: NodeId, drones: u32) -> Self {
         Self {
             own,
+            drones,
             links: Vec::new(),
             below: OnceCell::new(),
         }
@@ -208,25 +215,22 @@ impl Links {
         Some(&mut self.links[at])
     }
 
-    /// Takes in what a neighbour says; nothing for a number that is not newer than the last. One that has left this drone
-    /// out for a beacon does not hear it.
+    /// Takes in what a neighbour says, whether it is the parent or not; nothing for a number that is not newer than the
+    /// last. One that has left this drone out for a beacon does not hear it.
     pub(super) fn hear(
         &mut self,
-        id: NodeId,
-        said: Tree,
+        (id, is_parent): (NodeId, bool),
+        said: &TreeFrame<'_>,
         now: Timestamp,
         beacon: Duration,
     ) -> Option<Heard> {
-        let symmetric = self.is_symmetric(id, &said);
         let at = match self.find(id) {
             Ok(at) if said.beat <= self.links[at].said.beat => return None,
             Ok(at) => at,
-            Err(at) => {
-                let heard = self.begin(at, id, said, symmetric, now);
-                return Some(heard);
-            }
+            Err(at) => return Some(self.begin(at, id, said, now)),
         };
         let link = &mut self.links[at];
+        let symmetric = says_to_hear(self.own, said).unwrap_or(link.symmetric);
         let missed = said.beat - link.said.beat - 1;
         for _ in 0..missed.min(LOSS_MEMORY) {
             link.learn(1.0);
@@ -240,41 +244,33 @@ impl Links {
         link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
         // At first it may have restarted: it hears this drone again when that speaks.
         let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
+        let was_symmetric = link.symmetric;
         link.symmetric = symmetric || (link.symmetric && is_new);
         let was_child = link.is_child_of(self.own);
-        let before = std::mem::take(&mut link.said);
-        link.said = Said::after(&before, said, self.own);
+        let is_child = said.parent == Some(self.own);
+        let changed = link.said.hear(said, (is_child, is_parent), self.drones);
         if !link.shows_what_it_was_told() {
             // It restarted, or spoke before it knew.
             link.told = (0, NodeSet::default());
         }
-        let said = &link.said;
-        let has_progressed =
-            said.sequence != before.sequence || said.acknowledged != before.acknowledged;
-        let is_child = link.is_child_of(self.own);
-        let says_the_same = was_reachable
-            && !has_progressed
-            && said.alive == before.alive
-            && said.landing == before.landing;
-        if was_child != is_child || is_child && !says_the_same {
+        let has_moved = changed.way || !was_reachable || link.symmetric != was_symmetric;
+        if was_child != is_child || is_child && (changed.any || !was_reachable) {
             self.below.take();
         }
-        Some(Heard { has_progressed })
+        Some(Heard {
+            has_progressed: changed.progress,
+            has_moved,
+            is_new: false,
+        })
     }
 
     /// Takes in what a neighbour says that was not known.
-    fn begin(
-        &mut self,
-        at: usize,
-        id: NodeId,
-        said: Tree,
-        symmetric: bool,
-        now: Timestamp,
-    ) -> Heard {
-        let link = Link {
+    fn begin(&mut self, at: usize, id: NodeId, said: &TreeFrame<'_>, now: Timestamp) -> Heard {
+        let is_child = said.parent == Some(self.own);
+        let mut link = Link {
             id,
             heard_at: now,
-            symmetric,
+            symmetric: says_to_hear(self.own, said).unwrap_or(false),
             left_out: None,
             loss: 0.0,
             frames: 0,
@@ -282,14 +278,17 @@ impl Links {
             given_up: 0,
             asks: false,
             told_of_reign: None,
-            said: Said::after(&Said::default(), said, self.own),
+            said: Said::default(),
         };
-        if link.is_child_of(self.own) {
+        link.said.hear(said, (is_child, false), self.drones);
+        if is_child {
             self.below.take();
         }
         self.links.insert(at, link);
         Heard {
             has_progressed: true,
+            has_moved: true,
+            is_new: true,
         }
     }
 
@@ -298,29 +297,20 @@ impl Links {
     pub(super) fn hear_of_another_reign(
         &mut self,
         id: NodeId,
-        said: Tree,
+        said: &TreeFrame<'_>,
         now: Timestamp,
         beacon: Duration,
     ) {
-        let said = Tree {
-            beat: said.beat,
-            span: said.span,
-            hears: said.hears,
-            ..Tree::default()
-        };
-        self.hear(id, said, now, beacon);
+        self.hear((id, false), &said.only_of_its_link(), now, beacon);
         if let Some(link) = self.get_mut(id) {
             link.told_of_reign = Some(0);
         }
     }
 
     /// Whether a neighbour that says this hears this drone, as far as is known.
-    pub(super) fn is_symmetric(&self, id: NodeId, said: &Tree) -> bool {
-        said.parent == Some(self.own)
-            || said.to == Some(self.own)
-            || said
-                .hears(self.own)
-                .unwrap_or_else(|| self.get(id).is_some_and(|link| link.symmetric))
+    pub(super) fn is_symmetric(&self, id: NodeId, said: &TreeFrame<'_>) -> bool {
+        says_to_hear(self.own, said)
+            .unwrap_or_else(|| self.get(id).is_some_and(|link| link.symmetric))
     }
 
     /// Forgets what neighbours said under a master that is not obeyed any more.
@@ -353,13 +343,13 @@ impl Links {
     }
 
     /// A neighbour has been told something, as the medium says.
-    pub(super) fn told(&mut self, id: NodeId, told: &Tree) {
+    pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
         if let Some(link) = self.get_mut(id) {
             if told.sequence > link.told.0 {
                 link.told = (told.sequence, NodeSet::default());
             }
             if told.sequence == link.told.0 {
-                link.told.1.extend_from(&told.acknowledged);
+                link.told.1.extend_from(&told.acknowledged());
             }
             link.given_up = 0;
         }
@@ -476,32 +466,69 @@ impl Links {
     }
 }
 
+/// Whether a neighbour says that it hears `own`, or shows it, if it says anything of that.
+fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
+    if said.parent == Some(own) || said.to == Some(own) {
+        Some(true)
+    } else {
+        said.hears(own)
+    }
+}
+
+/// How a child's words differ from those before, or a parent's.
+struct Changed {
+    /// It knows of another order, or of others who have carried it out.
+    progress: bool,
+    /// That, or others are below it or going to land.
+    any: bool,
+    /// It is farther from the master or nearer, or has another parent.
+    way: bool,
+}
+
 impl Said {
-    /// What is kept of words that a neighbour says to whom `own` listens and that said something else `before`.
-    fn after(before: &Self, said: Tree, own: NodeId) -> Self {
-        let is_child = said.parent == Some(own);
-        let of_children = |set: NodeSet, before: &NodeSet| {
-            if is_child {
-                said.and_before(set, before)
-            } else {
-                NodeSet::default()
-            }
+    /// Keeps what matters of a neighbour's words; how they differ from those before.
+    fn hear(
+        &mut self,
+        said: &TreeFrame<'_>,
+        (is_child, is_parent): (bool, bool),
+        drones: u32,
+    ) -> Changed {
+        let keep = |kept: &mut NodeSet, set: NodeSet| {
+            let mut set = said.and_before(set, kept);
+            set.truncate(drones);
+            let differs = set != *kept;
+            *kept = set;
+            differs
         };
-        let acknowledged = match said.sequence == before.sequence {
-            true => said.and_before(said.acknowledged.clone(), &before.acknowledged),
-            false => said.acknowledged.clone(),
-        };
-        Self {
-            beat: said.beat,
-            hops: said.hops,
-            parent: said.parent,
-            pulse: said.pulse,
-            sequence: said.sequence,
-            to: said.to,
-            is_beacon: said.hears.is_some(),
-            acknowledged,
-            alive: of_children(said.alive.clone(), &before.alive),
-            landing: of_children(said.landing.clone(), &before.landing),
+        let is_another_order = said.sequence != self.sequence;
+        if is_another_order {
+            self.acknowledged = NodeSet::default();
+        }
+        let (mut progress, mut any) = (is_another_order, false);
+        if is_child || is_parent {
+            progress |= keep(&mut self.acknowledged, said.acknowledged());
+        } else {
+            self.acknowledged = NodeSet::default();
+        }
+        if is_child {
+            any |= keep(&mut self.alive, said.alive.to_set());
+            any |= keep(&mut self.landing, said.landing());
+        } else {
+            self.alive = NodeSet::default();
+            self.landing = NodeSet::default();
+        }
+        let way = (self.hops, self.parent) != (said.hops, said.parent);
+        self.beat = said.beat;
+        self.hops = said.hops;
+        self.parent = said.parent;
+        self.pulse = said.pulse;
+        self.sequence = said.sequence;
+        self.to = said.to;
+        self.is_beacon = said.hears.is_some();
+        Changed {
+            progress,
+            any: any || progress,
+            way,
         }
     }
 }

@@ -33,7 +33,7 @@ use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
 use crate::stall::Punctuality;
 use crate::time::Timestamp;
-use crate::wire;
+use crate::wire::{self, TreeFrame};
 
 /// What it is built with.
 #[derive(Debug, Clone)]
@@ -70,6 +70,8 @@ pub struct TreeRouting {
     durable: Checkpoint,
     links: Links,
     routes: Routes,
+    /// Whether the parent was neither lost nor stale when it was chosen.
+    has_good_parent: bool,
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
@@ -87,11 +89,15 @@ pub struct TreeRouting {
     /// The order that this drone's last frame told that it knows of.
     said_sequence: u32,
     next_beacon: Option<Timestamp>,
+    /// When this drone last acknowledged anything by itself.
+    acknowledged_at: Option<Timestamp>,
     repair: Option<Repair>,
     /// Whether the parent lives is being found out.
     seek: Option<Seek>,
     /// Until when acknowledgements wait for those still missing below, and of which order.
     hold: Option<Hold>,
+    /// When it wants to act next, as of the end of its last step.
+    wakes: Option<Timestamp>,
     punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
@@ -120,8 +126,9 @@ impl TreeRouting {
         let mut routing = Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
             durable: Checkpoint::default(),
-            links: Links::new(config.id),
+            links: Links::new(config.id, config.drones),
             routes: Routes::default(),
+            has_good_parent: false,
             orphaned: None,
             master_silent: false,
             master_lands: false,
@@ -132,9 +139,11 @@ impl TreeRouting {
             next_span: 0,
             said_sequence: 0,
             next_beacon: None,
+            acknowledged_at: None,
             repair: None,
             seek: None,
             hold: None,
+            wakes: None,
             punctuality: Punctuality::default(),
             outbox: Outbox::new(),
             config,
@@ -185,32 +194,30 @@ impl TreeRouting {
 
     fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
         let is_member = sender.0 < self.config.drones + self.config.relays;
-        let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
+        let Ok(said) = wire::decode_tree(payload) else {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
                 let beacon = self.config.beacon;
-                self.links.hear_of_another_reign(sender, said, now, beacon);
+                self.links.hear_of_another_reign(sender, &said, now, beacon);
             }
             self.outbox.event(Event::Ignored(sender));
             return;
         }
-        for set in [
-            &mut said.acknowledged,
-            &mut said.alive,
-            &mut said.landing,
-            &mut said.pending,
-        ] {
-            set.truncate(self.config.drones);
-        }
-        self.hear(now, sender, said);
+        self.hear(now, sender, &said);
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     /// What comes over a link that carries one way only makes nobody turn.
-    fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
+    fn obeys(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        ballot: Ballot,
+        said: &TreeFrame<'_>,
+    ) -> bool {
         let is_symmetric = self.links.is_symmetric(sender, said);
         let stays = self.is_master() && flaw::has(Flaw::NeverStepsDown);
         let way = if is_symmetric && !stays {
@@ -235,6 +242,7 @@ impl TreeRouting {
         self.durable.beats = self.durable.beats.under_another_master();
         self.links.forget_reign();
         self.routes = Routes::default();
+        self.has_good_parent = false;
         self.orphaned = None;
         self.master_silent = false;
         self.master_lands = false;
@@ -264,49 +272,47 @@ impl TreeRouting {
         self.next_beacon = Some(now);
     }
 
-    fn hear(&mut self, now: Timestamp, sender: NodeId, mut said: Tree) {
-        let (pulse, sequence) = (said.pulse, said.sequence);
-        let pending = self.pending_as_said(&mut said);
-        let order = said.order.take().map(|order| (sequence, order));
-        let is_to_land = |master| said.landing.contains(master);
-        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
-        let master_lands = master.is_some_and(is_to_land);
-        let Some(heard) = self.links.hear(sender, said, now, self.config.beacon) else {
+    fn hear(&mut self, now: Timestamp, sender: NodeId, said: &TreeFrame<'_>) {
+        let is_parent = self.routes.parent == Some(sender);
+        let beacon = self.config.beacon;
+        let Some(heard) = self.links.hear((sender, is_parent), said, now, beacon) else {
             return;
         };
-        if self.links.get(sender).is_some_and(Link::needs_to_hear) {
+        if heard.is_new || self.links.get(sender).is_some_and(Link::needs_to_hear) {
+            // It learns that it is heard.
             self.beacon_soon(now);
         }
-        let news = self.take_order(order);
-        if master_lands {
-            self.hear_of_landing(sequence);
+        let news = self.take_order(said.sequence, said.order);
+        self.hear_of_landing(said);
+        if heard.has_moved || !self.keeps_its_way(now, sender) {
+            self.update_routes(now);
         }
-        self.update_routes(now);
-        self.take_pulse(now, sender, pulse);
+        self.take_pulse(now, sender, said.pulse);
         self.report_members(now);
-        if self.routes.parent == Some(sender) && pending.0 == self.durable.reign.sequence() {
-            self.pending = pending;
+        if self.routes.parent == Some(sender) && said.sequence == self.durable.reign.sequence() {
+            self.pending = (said.sequence, self.pending_as_said(said));
         }
         self.answer(now, sender, heard, news);
     }
 
-    /// Who is pending as a neighbour says it: whoever it does not tell of is as far as is known.
-    fn pending_as_said(&self, said: &mut Tree) -> (u32, NodeSet) {
-        let pending = std::mem::take(&mut said.pending);
-        let all = NodeSet::from(0..self.config.drones);
-        let known = if self.pending.0 == said.sequence {
-            &self.pending.1
+    /// Who is pending as the parent says it: whoever it does not tell of is as far as is known.
+    fn pending_as_said(&self, said: &TreeFrame<'_>) -> NodeSet {
+        let mut pending = said.pending.to_set();
+        pending.truncate(self.config.drones);
+        if self.pending.0 == said.sequence {
+            said.and_before(pending, &self.pending.1)
         } else {
-            &all
-        };
-        (said.sequence, said.and_before(pending, known))
+            said.and_before(pending, &NodeSet::from(0..self.config.drones))
+        }
     }
 
     /// Takes in an order; whether it is news.
-    fn take_order(&mut self, order: Option<(u32, bytes::Bytes)>) -> bool {
+    fn take_order(&mut self, sequence: u32, order: Option<&[u8]>) -> bool {
+        let order = order.filter(|_| sequence > self.durable.reign.sequence());
+        let order = order.map(bytes::Bytes::copy_from_slice);
         let own = self.config.id;
-        let is_news = order
-            .is_some_and(|(sequence, order)| self.durable.reign.hear_order(own, sequence, order));
+        let is_news =
+            order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order));
         if is_news {
             self.repair = None;
             if let Some(notice) = self.durable.reign.newest_order() {
@@ -320,9 +326,12 @@ impl TreeRouting {
 
     /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
     /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, sequence: u32) {
-        let is_known = sequence <= self.durable.reign.sequence();
-        if is_known && !self.is_master() && !self.master_lands {
+    fn hear_of_landing(&mut self, said: &TreeFrame<'_>) {
+        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
+            return;
+        };
+        let is_known = said.sequence <= self.durable.reign.sequence();
+        if is_known && !self.master_lands && said.is_landing(ballot.master) {
             self.master_lands = true;
             self.inform(Notice::MasterLands);
         }
@@ -350,6 +359,45 @@ impl TreeRouting {
     /// parent that it has is lost or stale, one that has heard as much and is nearer to the master than itself: the way of
     /// neither can be through this one, so that no ring of drones follows itself.
     fn update_routes(&mut self, now: Timestamp) {
+        let routes = self.best_routes(now);
+        let parent = routes.parent.and_then(|parent| self.links.get(parent));
+        self.has_good_parent = parent
+            .is_some_and(|link| link.is_reachable() && !link.is_stale(now, self.config.beacon));
+        if !self.is_master() {
+            match routes.parent {
+                Some(_) => self.found_master(),
+                None => {
+                    let pulse = self.durable.beats.pulse;
+                    self.orphaned.get_or_insert((now, pulse));
+                }
+            }
+        }
+        if routes != self.routes {
+            let way_changed =
+                routes.hops != self.routes.hops || routes.parent != self.routes.parent;
+            self.routes = routes;
+            self.outbox.event(Event::Routes(self.routes.clone()));
+            if way_changed && !self.is_settled_to_land(now) {
+                self.beacon_soon(now);
+            }
+        }
+    }
+
+    /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
+    /// parent or no nearer to the master than that, and the parent is as good as when it was chosen.
+    fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
+        let parent = self.routes.parent.filter(|_| self.has_good_parent);
+        let Some(parent) = parent.and_then(|parent| self.links.get(parent)) else {
+            return false;
+        };
+        let hops = self.links.get(sender).and_then(|link| link.said.hops);
+        let keeps = !parent.is_stale(now, self.config.beacon)
+            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops);
+        debug_assert!(!keeps || self.best_routes(now) == self.routes);
+        keeps
+    }
+
+    fn best_routes(&self, now: Timestamp) -> Routes {
         let own = self.config.id;
         let is_master = self.is_master();
         let mut routes = Routes {
@@ -408,23 +456,8 @@ impl TreeRouting {
                 .map(|hops| hops.saturating_add(1));
             let master = self.durable.reign.ballot().map(|ballot| ballot.master);
             routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
-            match routes.parent {
-                Some(_) => self.found_master(),
-                None => {
-                    let pulse = self.durable.beats.pulse;
-                    self.orphaned.get_or_insert((now, pulse));
-                }
-            }
         }
-        if routes != self.routes {
-            let way_changed =
-                routes.hops != self.routes.hops || routes.parent != self.routes.parent;
-            self.routes = routes;
-            self.outbox.event(Event::Routes(self.routes.clone()));
-            if way_changed && !self.is_settled_to_land(now) {
-                self.beacon_soon(now);
-            }
-        }
+        routes
     }
 
     fn found_master(&mut self) {
@@ -558,7 +591,8 @@ impl Machine for TreeRouting {
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
         }
-        self.punctuality.ask(now, self.deadline());
+        self.wakes = self.deadline();
+        self.punctuality.ask(now, self.wakes);
         Ok(())
     }
 
@@ -568,11 +602,12 @@ impl Machine for TreeRouting {
         self.seek_if_due(now);
         self.repair_if_due(now);
         self.beacon_if_due(now);
-        self.punctuality.ask(now, self.deadline());
+        self.wakes = self.deadline();
+        self.punctuality.ask(now, self.wakes);
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.deadline())
+        self.outbox.poll(self.wakes)
     }
 }
 

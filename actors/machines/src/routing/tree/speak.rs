@@ -20,6 +20,10 @@ const LANDING_BEACONS: u32 = 4;
 /// out of hearing is missed here until its link is given up.
 const HOLD_REPAIRS: u32 = 20;
 
+/// How long, in repairs, acknowledgements that come in after one was said wait to be said in one frame: a drone with many
+/// below it would otherwise speak more often than others listen to it.
+const MERGED_REPAIRS: u32 = 2;
+
 /// After how many repairs that nothing was heard of a parent it is suspected to be out of reach.
 const TRIES_MAX: u32 = 4;
 
@@ -271,7 +275,7 @@ impl TreeRouting {
         }
         if self.may_acknowledge() {
             if self.is_parent_behind() {
-                self.say(now, Occasion::News);
+                self.acknowledge_or_merge(now);
             }
         } else if self.hold.is_none_or(|hold| hold.sequence != sequence) {
             self.hold = Some(Hold {
@@ -279,6 +283,30 @@ impl TreeRouting {
                 until: now + self.config.repair * HOLD_REPAIRS,
                 is_over: false,
             });
+        }
+    }
+
+    /// Says who has carried the order out, unless it has just done so: then what comes in meanwhile is said with it.
+    fn acknowledge_or_merge(&mut self, now: Timestamp) {
+        let pause = self.config.repair * MERGED_REPAIRS;
+        let next = self
+            .acknowledged_at
+            .map(|at| at + pause)
+            .filter(|next| now < *next);
+        match (next, &mut self.repair) {
+            (None, _) => {
+                self.acknowledged_at = Some(now);
+                self.say(now, Occasion::News);
+            }
+            (Some(next), Some(repair)) => repair.due = repair.due.min(next),
+            (Some(next), none) => {
+                *none = Some(Repair {
+                    since: now,
+                    due: next,
+                    pause: self.config.repair,
+                    tries: 0,
+                });
+            }
         }
     }
 
@@ -338,7 +366,7 @@ impl TreeRouting {
 
     /// What became of something that was said to one neighbour.
     pub(super) fn outcome(&mut self, now: Timestamp, to: NodeId, payload: &[u8], delivered: bool) {
-        let Ok(Packet::Tree(told)) = wire::decode_packet(payload) else {
+        let Ok(told) = wire::decode_tree(payload) else {
             return;
         };
         if delivered {

@@ -492,14 +492,16 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
 
 #[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
-    let mut links = Links::new(NodeId(1));
+    let mut links = Links::new(NodeId(1), 4);
     // One in five is lost.
     for beat in (1..250).filter(|beat| beat % 5 != 0) {
-        let said = Tree {
+        let said = wire::encode_packet(&Packet::Tree(Tree {
             beat,
             ..Tree::default()
-        };
-        links.hear(NodeId(0), said, Timestamp::ZERO, Duration::from_secs(1));
+        }));
+        let said = wire::decode_tree(&said).unwrap();
+        let beacon = Duration::from_secs(1);
+        links.hear((NodeId(0), false), &said, Timestamp::ZERO, beacon);
     }
     let questions = links.get(NodeId(0)).unwrap().questions();
     assert!((18..25).contains(&questions), "{questions}");
