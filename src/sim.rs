@@ -31,6 +31,9 @@ pub(crate) struct Arguments {
     /// Set a field of the scenario, as in radio.range_m=250; may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
+    /// Check no rule, to measure what flying alone costs; such a run proves nothing.
+    #[arg(long)]
+    unchecked: bool,
     /// Print one JSON object on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
@@ -59,7 +62,8 @@ impl From<EngineName> for Engine {
 pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let mut overrides = arguments.overrides.clone();
     overrides.extend(arguments.seed.as_deref().map(Override::seed));
-    let scenario = scenario::load(&arguments.scenario, &overrides)?;
+    let mut scenario = scenario::load(&arguments.scenario, &overrides)?;
+    scenario.unchecked = arguments.unchecked;
     let out = arguments
         .out
         .clone()

@@ -145,16 +145,21 @@ impl Parts {
         members.iter().copied().chain([id]).collect()
     }
 
-    /// Whom links that are up or grey connect with a node, likewise.
-    pub(crate) fn reach_of(&self, id: NodeId) -> BTreeSet<NodeId> {
-        let first = self.reach.get(id.0 as usize);
-        let others = (0..).map(NodeId).zip(&self.reach);
-        let reached = others.filter(|(other, it)| Some(*it) == first && self.is_live(*other));
-        reached.map(|(other, _)| other).chain([id]).collect()
+    /// The first node that links which are up or grey connect with a node, over others too; perhaps itself.
+    pub(crate) fn first_connected_with(&self, id: NodeId) -> NodeId {
+        self.reach.get(id.0 as usize).copied().unwrap_or(id)
+    }
+
+    /// Whether such links connect two nodes; each is with itself.
+    pub(crate) fn are_connected(&self, a: NodeId, b: NodeId) -> bool {
+        a == b
+            || self.first_connected_with(a) == self.first_connected_with(b)
+                && self.is_live(a)
+                && self.is_live(b)
     }
 
     fn is_live(&self, id: NodeId) -> bool {
-        self.live[id.0 as usize].is_some()
+        self.live.get(id.0 as usize).is_some_and(Option::is_some)
     }
 
     /// The most hops between any two members of a part, over links that are up; of a large part at most twice as many
@@ -280,7 +285,7 @@ pub(crate) mod tests {
         let decided: Vec<_> = parts.iter().map(|part| part.is_decided).collect();
         assert_eq!(members(&parts), [vec![0, 1, 2], vec![3], vec![4, 5]]);
         assert_eq!(decided, [false, false, true]);
-        assert_eq!(parts.reach_of(NodeId(3)), set(&[0, 1, 2, 3]));
+        assert!((0..3).all(|id| parts.are_connected(NodeId(id), NodeId(3))));
     }
 
     #[test]
@@ -291,7 +296,7 @@ pub(crate) mod tests {
         parts.look(at(1.0), live, line(3));
         assert_eq!(members(&parts), [[0], [2]]);
         assert_eq!(parts.part_of(NodeId(1)), set(&[1]));
-        assert_eq!(parts.reach_of(NodeId(0)), set(&[0]));
+        assert!(!parts.are_connected(NodeId(0), NodeId(2)));
     }
 
     #[test]

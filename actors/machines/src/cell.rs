@@ -59,10 +59,10 @@ pub enum Envelope {
     Routing(routing::Input),
     /// For the mission.
     Mission(mission::Input),
-    /// For the navigation.
-    Navigation(navigation::Input),
+    /// For the navigation; boxed, for most of what is posted are frames, which are smaller.
+    Navigation(Box<navigation::Input>),
     /// For the flight controller's link.
-    Msp(msp::Input),
+    Msp(Box<msp::Input>),
 }
 
 impl Envelope {
@@ -106,7 +106,7 @@ pub enum Effect {
 /// others do not count on it. No actor is restarted after that.
 pub fn last_resort(is_up: impl Fn(Address) -> bool) -> Vec<Effect> {
     let vehicle = if is_up(Address::Msp) {
-        Effect::Post(Envelope::Msp(msp::Input::GiveUp))
+        Effect::Post(Envelope::Msp(Box::new(msp::Input::GiveUp)))
     } else {
         Effect::Command(msp::Demand::Land)
     };
@@ -287,39 +287,35 @@ impl Blueprint {
                 checkpoints.boot,
                 checkpoints.radio,
             )),
-            Address::Routing => Cell::Routing(routing::Routing::new(
+            Address::Routing => Cell::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),
                 seed,
                 now,
                 checkpoints.routing.as_deref().cloned(),
-            )),
-            Address::Mission => Cell::Mission(mission::Mission::new(
+            ))),
+            Address::Mission => Cell::Mission(Box::new(mission::Mission::new(
                 self.mission.clone(),
                 checkpoints.mission.as_deref().cloned(),
-            )),
-            Address::Navigation => Cell::Navigation(navigation::Navigation::new(
+            ))),
+            Address::Navigation => Cell::Navigation(Box::new(navigation::Navigation::new(
                 self.navigation,
                 checkpoints.navigation.as_deref().cloned(),
-            )),
+            ))),
             Address::Msp => Cell::Msp((self.link)(checkpoints.msp)),
         }
     }
 }
 
 /// One of the five machines, in the seat of an actor.
-#[expect(
-    clippy::large_enum_variant,
-    reason = "a cell stays in the seat that it was built in"
-)]
 pub enum Cell {
     /// The radio.
     Radio(Radio<IdealAuthenticator>),
     /// The routing.
-    Routing(routing::Routing),
+    Routing(Box<routing::Routing>),
     /// The mission.
-    Mission(mission::Mission),
+    Mission(Box<mission::Mission>),
     /// The navigation.
-    Navigation(navigation::Navigation),
+    Navigation(Box<navigation::Navigation>),
     /// The link to the flight controller.
     Msp(Box<dyn msp::Link>),
 }
@@ -375,13 +371,13 @@ impl Cell {
                 run(machine, now, Stimulus::Timeout, effects)
             }
             (Self::Routing(machine), Stimulus::Timeout) => {
-                run(machine, now, Stimulus::Timeout, effects)
+                run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
             (Self::Mission(machine), Stimulus::Timeout) => {
-                run(machine, now, Stimulus::Timeout, effects)
+                run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
             (Self::Navigation(machine), Stimulus::Timeout) => {
-                run(machine, now, Stimulus::Timeout, effects)
+                run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
             (Self::Msp(machine), Stimulus::Timeout) => {
                 run(machine.as_mut(), now, Stimulus::Timeout, effects)
@@ -390,16 +386,16 @@ impl Cell {
                 run(machine, now, Stimulus::Input(input), effects)
             }
             (Self::Routing(machine), Stimulus::Input(Envelope::Routing(input))) => {
-                run(machine, now, Stimulus::Input(input), effects)
+                run(machine.as_mut(), now, Stimulus::Input(input), effects)
             }
             (Self::Mission(machine), Stimulus::Input(Envelope::Mission(input))) => {
-                run(machine, now, Stimulus::Input(input), effects)
+                run(machine.as_mut(), now, Stimulus::Input(input), effects)
             }
             (Self::Navigation(machine), Stimulus::Input(Envelope::Navigation(input))) => {
-                run(machine, now, Stimulus::Input(input), effects)
+                run(machine.as_mut(), now, Stimulus::Input(*input), effects)
             }
             (Self::Msp(machine), Stimulus::Input(Envelope::Msp(input))) => {
-                run(machine.as_mut(), now, Stimulus::Input(input), effects)
+                run(machine.as_mut(), now, Stimulus::Input(*input), effects)
             }
             (cell, Stimulus::Input(envelope)) => {
                 unreachable!("{envelope:?} was delivered to {}", cell.address())
@@ -515,10 +511,12 @@ impl From<mission::Transmit> for Effect {
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,
             Transmit::Goal(goal) => {
-                return Self::Post(Envelope::Navigation(navigation::Input::Goal(goal)));
+                return Self::Post(Envelope::Navigation(Box::new(navigation::Input::Goal(
+                    goal,
+                ))));
             }
             Transmit::Locate => {
-                return Self::Post(Envelope::Navigation(navigation::Input::Locate));
+                return Self::Post(Envelope::Navigation(Box::new(navigation::Input::Locate)));
             }
         };
         Self::Post(Envelope::Routing(input))
@@ -528,7 +526,9 @@ impl From<mission::Transmit> for Effect {
 impl From<navigation::Transmit> for Effect {
     fn from(transmit: navigation::Transmit) -> Self {
         Self::Post(match transmit {
-            navigation::Transmit::Demand(demand) => Envelope::Msp(msp::Input::Demand(demand)),
+            navigation::Transmit::Demand(demand) => {
+                Envelope::Msp(Box::new(msp::Input::Demand(demand)))
+            }
             navigation::Transmit::Inform(notice) => {
                 Envelope::Mission(mission::Input::Navigation(notice))
             }
@@ -543,7 +543,7 @@ impl From<msp::Transmit> for Effect {
             msp::Transmit::Telemetry(telemetry) => navigation::Input::Telemetry(telemetry),
             msp::Transmit::Resync => navigation::Input::Resync,
         };
-        Self::Post(Envelope::Navigation(input))
+        Self::Post(Envelope::Navigation(Box::new(input)))
     }
 }
 

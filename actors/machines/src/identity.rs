@@ -1,8 +1,11 @@
 //! Who is who in a swarm.
 
 use std::fmt;
+use std::ops::Range;
 
-use serde::{Deserialize, Serialize};
+use serde::de::{Error as _, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use smallvec::SmallVec;
 
 /// A drone, unique within its swarm; also the index of its slot in the formation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -55,80 +58,119 @@ impl fmt::Display for Ballot {
     }
 }
 
-/// A set of drones, a bit each; as small as its highest member asks for.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub struct NodeSet(Vec<u8>);
+/// A set of drones, kept as the bounds of its runs of consecutive ids: a set costs what it has runs, not members, and few
+/// runs cost no memory of their own. `u32::MAX` is nobody's id and never in a set.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+pub struct NodeSet(
+    /// In rising order: the first id of a run, the first one behind it, the first id of the next run, and so on.
+    SmallVec<[u32; 4]>,
+);
 
 impl NodeSet {
-    /// From bits, lowest first.
-    #[must_use]
-    pub fn from_bytes(bytes: &[u8]) -> Self {
-        let end = bytes
-            .iter()
-            .rposition(|byte| *byte != 0)
-            .map_or(0, |last| last + 1);
-        Self(bytes[..end].to_vec())
+    /// Of bounds that rise and come in pairs.
+    pub(crate) fn of_bounds(bounds: impl Iterator<Item = u32>) -> Self {
+        let bounds: SmallVec<_> = bounds.collect();
+        debug_assert!(bounds.is_sorted_by(|a, b| a < b) && bounds.len().is_multiple_of(2));
+        Self(bounds)
     }
 
     /// Leaves out whoever is not below `end`.
     pub fn truncate(&mut self, end: u32) {
-        self.0.truncate(end.div_ceil(8) as usize);
-        if !end.is_multiple_of(8)
-            && let Some(last) = self.0.get_mut((end / 8) as usize)
-        {
-            *last &= (1 << (end % 8)) - 1;
+        if self.0.last().is_some_and(|last| *last > end) {
+            let kept = self.0.partition_point(|bound| *bound < end);
+            self.0.truncate(kept);
+            if kept % 2 == 1 {
+                self.0.push(end);
+            }
         }
-        let end = self
-            .0
-            .iter()
-            .rposition(|byte| *byte != 0)
-            .map_or(0, |last| last + 1);
-        self.0.truncate(end);
-    }
-
-    /// Its bits, lowest first, without trailing zeros.
-    #[must_use]
-    pub fn as_bytes(&self) -> &[u8] {
-        &self.0
     }
 
     /// Adds a drone.
     pub fn insert(&mut self, id: NodeId) {
-        let byte = (id.0 / 8) as usize;
-        if self.0.len() <= byte {
-            self.0.resize(byte + 1, 0);
+        let Some(behind) = id.0.checked_add(1) else {
+            return;
+        };
+        let at = self.bounds_up_to(id);
+        if at % 2 == 1 {
+            return;
         }
-        self.0[byte] |= 1 << (id.0 % 8);
+        let joins_run_before = at > 0 && self.0[at - 1] == id.0;
+        let joins_run_behind = self.0.get(at) == Some(&behind);
+        match (joins_run_before, joins_run_behind) {
+            (true, true) => drop(self.0.drain(at - 1..=at)),
+            (true, false) => self.0[at - 1] = behind,
+            (false, true) => self.0[at] = id.0,
+            (false, false) => self.0.insert_many(at, [id.0, behind]),
+        }
     }
 
     /// Adds all of another set.
     pub fn extend_from(&mut self, other: &Self) {
-        if self.0.len() < other.0.len() {
-            self.0.resize(other.0.len(), 0);
-        }
-        for (own, others) in self.0.iter_mut().zip(&other.0) {
-            *own |= others;
+        if !self.is_superset(other) {
+            *self = self.combined(other, |own, others| own || others);
         }
     }
 
     /// Whether it has this drone.
     #[must_use]
     pub fn contains(&self, id: NodeId) -> bool {
-        self.0
-            .get((id.0 / 8) as usize)
-            .is_some_and(|byte| byte >> (id.0 % 8) & 1 == 1)
+        self.bounds_up_to(id) % 2 == 1
+    }
+
+    /// How many bounds are at `id` or below.
+    fn bounds_up_to(&self, id: NodeId) -> usize {
+        self.0.partition_point(|bound| *bound <= id.0)
     }
 
     /// Whether it has all of another set.
     #[must_use]
     pub fn is_superset(&self, other: &Self) -> bool {
-        other.iter().all(|id| self.contains(id))
+        let mut own = self.runs().peekable();
+        other.runs().all(|run| {
+            while own.next_if(|it| it.end <= run.start).is_some() {}
+            own.peek()
+                .is_some_and(|it| it.start <= run.start && run.end <= it.end)
+        })
     }
 
     /// The members that another set has not.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Self {
-        self.iter().filter(|id| !other.contains(*id)).collect()
+        if self.is_empty() || other.is_empty() {
+            return self.clone();
+        }
+        self.combined(other, |own, others| own && !others)
+    }
+
+    /// The members that another set has, too.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        self.combined(other, |own, others| own && others)
+    }
+
+    /// Whoever one of the two sets has, and the other has not.
+    #[must_use]
+    pub fn symmetric_difference(&self, other: &Self) -> Self {
+        self.combined(other, |own, others| own != others)
+    }
+
+    /// Whoever is to be kept, given whether they are in this set and in the other; nobody may be kept who is in neither.
+    fn combined(&self, other: &Self, keep: impl Fn(bool, bool) -> bool) -> Self {
+        let mut bounds = SmallVec::new();
+        let (mut own_at, mut other_at) = (0, 0);
+        let mut is_kept = false;
+        loop {
+            let (own, others) = (self.0.get(own_at), other.0.get(other_at));
+            let Some(bound) = own.into_iter().chain(others).min().copied() else {
+                return Self(bounds);
+            };
+            own_at += usize::from(own == Some(&bound));
+            other_at += usize::from(others == Some(&bound));
+            if keep(own_at % 2 == 1, other_at % 2 == 1) != is_kept {
+                is_kept = !is_kept;
+                bounds.push(bound);
+            }
+        }
     }
 
     /// Whether it has nobody.
@@ -140,19 +182,32 @@ impl NodeSet {
     /// How many it has.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.0.iter().map(|byte| byte.count_ones() as usize).sum()
+        self.runs().map(|run| run.len()).sum()
+    }
+
+    /// Its runs of consecutive ids, lowest first.
+    pub fn runs(&self) -> impl ExactSizeIterator<Item = Range<u32>> + '_ {
+        self.0.chunks_exact(2).map(|run| run[0]..run[1])
     }
 
     /// Its members, lowest first.
     pub fn iter(&self) -> impl Iterator<Item = NodeId> + '_ {
-        self.0
-            .iter()
-            .zip((0_u32..).step_by(8))
-            .flat_map(|(byte, first)| {
-                (0..8)
-                    .filter(move |bit| byte >> bit & 1 == 1)
-                    .map(move |bit| NodeId(first + bit))
-            })
+        self.runs().flatten().map(NodeId)
+    }
+}
+
+impl From<Range<u32>> for NodeSet {
+    fn from(ids: Range<u32>) -> Self {
+        if ids.is_empty() {
+            return Self::default();
+        }
+        Self(SmallVec::from_slice(&[ids.start, ids.end]))
+    }
+}
+
+impl From<NodeId> for NodeSet {
+    fn from(id: NodeId) -> Self {
+        Self::from_iter([id])
     }
 }
 
@@ -169,5 +224,50 @@ impl FromIterator<NodeId> for NodeSet {
         let mut set = Self::default();
         set.extend(ids);
         set
+    }
+}
+
+/// As the distances from each bound to the next, the first one from 0.
+impl Serialize for NodeSet {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let before = std::iter::once(0).chain(self.0.iter().copied());
+        serializer.collect_seq(
+            self.0
+                .iter()
+                .zip(before)
+                .map(|(bound, before)| bound - before),
+        )
+    }
+}
+
+impl<'de> Deserialize<'de> for NodeSet {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(Bounds)
+    }
+}
+
+/// Reads a set, and refuses what is none: bounds that do not rise or are not in pairs.
+struct Bounds;
+
+impl<'de> Visitor<'de> for Bounds {
+    type Value = NodeSet;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the distances between the bounds of runs of ids")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut distances: A) -> Result<NodeSet, A::Error> {
+        let mut bounds = SmallVec::<[u32; 4]>::new();
+        while let Some(distance) = distances.next_element::<u32>()? {
+            let next = match bounds.last() {
+                Some(_) if distance == 0 => None,
+                last => last.copied().unwrap_or(0).checked_add(distance),
+            };
+            bounds.push(next.ok_or_else(|| A::Error::custom("bounds that do not rise"))?);
+        }
+        if bounds.len() % 2 == 1 {
+            return Err(A::Error::custom("a run without an end"));
+        }
+        Ok(NodeSet(bounds))
     }
 }

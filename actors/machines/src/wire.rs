@@ -12,15 +12,20 @@
 //! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
 //! in the tests hold them to it.
 
+mod tree;
+
+use std::borrow::Cow;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use self::tree::WireTree;
+pub use self::tree::{Runs, TreeFrame};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::mission::{Order, Step};
-use crate::routing::{Flood, Member, Packet, Tree};
+use crate::routing::{Flood, Member, Packet};
 
 /// The version of the frame that this program speaks.
 pub const VERSION: u8 = 1;
@@ -162,29 +167,18 @@ enum WirePacket<'a> {
         parent: Option<u32>,
         pulse: u32,
         sequence: u32,
-        #[serde(borrow)]
-        hears: &'a [u8],
+        hears: Cow<'a, NodeSet>,
         members: Vec<WireMember>,
         #[serde(borrow)]
         order: Option<&'a [u8]>,
     },
-    Tree {
-        beat: u32,
-        hops: Option<u16>,
-        parent: Option<u32>,
-        pulse: u32,
-        sequence: u32,
-        acknowledged: &'a [u8],
-        alive: &'a [u8],
-        landing: &'a [u8],
-        #[serde(borrow)]
-        hears: Option<&'a [u8]>,
-        to: Option<u32>,
-        pending: &'a [u8],
-        #[serde(borrow)]
-        order: Option<&'a [u8]>,
-    },
+    /// Not read by serde, see [`TreeFrame::read`].
+    #[serde(skip_deserializing)]
+    Tree(WireTree<'a>),
 }
+
+/// Where [`WirePacket::Tree`] stands among the packets.
+const TREE: u8 = 3;
 
 #[derive(Serialize, Deserialize)]
 struct WireMember {
@@ -213,24 +207,15 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             parent: flood.parent.map(|id| id.0),
             pulse: flood.pulse,
             sequence: flood.sequence,
-            hears: flood.hears.as_bytes(),
+            hears: Cow::Borrowed(&flood.hears),
             members: flood.members.iter().map(WireMember::from).collect(),
             order: flood.order.as_deref(),
         },
-        Packet::Tree(tree) => WirePacket::Tree {
-            beat: tree.beat,
-            hops: tree.hops,
-            parent: tree.parent.map(|id| id.0),
-            pulse: tree.pulse,
-            sequence: tree.sequence,
-            acknowledged: tree.acknowledged.as_bytes(),
-            alive: tree.alive.as_bytes(),
-            landing: tree.landing.as_bytes(),
-            hears: tree.hears.as_ref().map(NodeSet::as_bytes),
-            to: tree.to.map(|id| id.0),
-            pending: tree.pending.as_bytes(),
-            order: tree.order.as_deref(),
-        },
+        Packet::Tree(tree) => {
+            return tree::written(tree, |tree| {
+                write(&WirePacket::Tree(tree), Vec::with_capacity(64))
+            });
+        }
     };
     write(&wire, Vec::with_capacity(64))
 }
@@ -240,6 +225,9 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
 /// # Errors
 /// When it is not one, or holds more than a packet.
 pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
+    if payload.first() == Some(&TREE) {
+        return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree()));
+    }
     Ok(match read(payload)? {
         WirePacket::Hello { remaining_ms } => Packet::Hello {
             remaining: Duration::from_millis(remaining_ms.into()),
@@ -261,38 +249,21 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             parent: parent.map(NodeId),
             pulse,
             sequence,
-            hears: NodeSet::from_bytes(hears),
+            hears: hears.into_owned(),
             members: members.iter().map(Member::from).collect(),
             order: order.map(bytes::Bytes::copy_from_slice),
         }),
-        WirePacket::Tree {
-            beat,
-            hops,
-            parent,
-            pulse,
-            sequence,
-            acknowledged,
-            alive,
-            landing,
-            hears,
-            to,
-            pending,
-            order,
-        } => Packet::Tree(Tree {
-            beat,
-            hops,
-            parent: parent.map(NodeId),
-            pulse,
-            sequence,
-            acknowledged: NodeSet::from_bytes(acknowledged),
-            alive: NodeSet::from_bytes(alive),
-            landing: NodeSet::from_bytes(landing),
-            hears: hears.map(NodeSet::from_bytes),
-            to: to.map(NodeId),
-            pending: NodeSet::from_bytes(pending),
-            order: order.map(bytes::Bytes::copy_from_slice),
-        }),
+        WirePacket::Tree(_) => return Err(PayloadError),
     })
+}
+
+/// Reads a packet of policy `tree`, where it lies.
+///
+/// # Errors
+/// When it is not one, or holds more than a packet.
+pub fn decode_tree(payload: &[u8]) -> Result<TreeFrame<'_>, PayloadError> {
+    let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
+    TreeFrame::read(packet).ok_or(PayloadError)
 }
 
 impl From<&Member> for WireMember {

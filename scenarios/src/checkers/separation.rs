@@ -1,8 +1,11 @@
+mod nearby;
+
 use muster_machines::formation::Separation;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
 
+use self::nearby::Nearby;
 use super::Violation;
 use crate::vehicle::{Piece, Vehicle};
 
@@ -10,7 +13,8 @@ use crate::vehicle::{Piece, Vehicle};
 /// their paths; nobody lands on one that is in its landing place already. An aircraft that fell is left out from then on,
 /// and one that came down anywhere else as soon as it is on the ground: nobody knows where it lies.
 ///
-/// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did.
+/// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did; pairs that
+/// come neither too near nor nearer than any before, by the boxes that their paths fit into, are left out.
 #[derive(Debug)]
 pub(crate) struct SeparationChecker {
     separation: Separation,
@@ -18,15 +22,23 @@ pub(crate) struct SeparationChecker {
     checked: Vec<Timestamp>,
     /// Who lies on the ground, nobody knows where.
     strayed: Vec<bool>,
+    nearby: Nearby,
+    others: Vec<u32>,
     closest_m: Option<f64>,
 }
 
 impl SeparationChecker {
-    pub(crate) fn new(separation: Separation, drones: usize) -> Self {
+    pub(crate) fn new(separation: Separation, vehicles: &[Vehicle]) -> Self {
+        let mut nearby = Nearby::new(vehicles.len());
+        for (drone, vehicle) in vehicles.iter().enumerate() {
+            nearby.place(drone, vehicle.motion(), Timestamp::ZERO);
+        }
         Self {
             separation,
-            checked: vec![Timestamp::ZERO; drones],
-            strayed: vec![false; drones],
+            checked: vec![Timestamp::ZERO; vehicles.len()],
+            strayed: vec![false; vehicles.len()],
+            nearby,
+            others: Vec::new(),
             closest_m: None,
         }
     }
@@ -41,6 +53,11 @@ impl SeparationChecker {
         self.strayed[drone.0 as usize] = true;
     }
 
+    /// A drone's path is from now on as its vehicle has it.
+    pub(crate) fn path_begins(&mut self, now: Timestamp, drone: NodeId, vehicle: &Vehicle) {
+        self.nearby.place(drone.0 as usize, vehicle.motion(), now);
+    }
+
     /// Looks at all pairs with `drone`, whose path is about to change or end, up to `now`.
     pub(crate) fn path_ends(
         &mut self,
@@ -49,8 +66,15 @@ impl SeparationChecker {
         vehicles: &[Vehicle],
     ) -> Option<Violation> {
         let index = drone.0 as usize;
+        if self.checked[index] >= now {
+            return None;
+        }
         let mut violation = None;
-        for other in (0..vehicles.len()).filter(|other| *other != index) {
+        let too_near_m = self.separation.horizontal_m.max(self.separation.vertical_m);
+        let near_m = self.closest_m.unwrap_or(f64::INFINITY).max(too_near_m);
+        let mut others = std::mem::take(&mut self.others);
+        self.nearby.of(index, near_m, &mut others);
+        for other in others.iter().map(|other| *other as usize) {
             let since = self.checked[index].max(self.checked[other]);
             let pair = (&vehicles[index], &vehicles[other]);
             let flies = pair.0.is_armed() || pair.1.is_armed();
@@ -68,6 +92,7 @@ impl SeparationChecker {
                 }));
             }
         }
+        self.others = others;
         self.checked[index] = now;
         violation
     }

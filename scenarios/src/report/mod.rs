@@ -76,6 +76,9 @@ pub struct Report {
     pub mission_completed: bool,
     /// Rules that were broken.
     pub violations: Vec<Violation>,
+    /// Whether no rule was checked: the run measures what flying costs and proves nothing. Not there otherwise.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub unchecked: bool,
     /// Every other swarm of the scenario: the same of it, of the same run. Drones and relays are numbered on.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Self>,

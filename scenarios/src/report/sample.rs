@@ -58,6 +58,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         .collect(),
         dropped: BTreeMap::new(),
         medium: None,
+        unchecked: false,
         relays: Vec::new(),
         mission_completed: true,
         means: Means {

@@ -21,7 +21,10 @@ pub(crate) fn summary(
     wall: Duration,
 ) -> (Report, Flight) {
     let overrides: Vec<_> = scenario.overrides.iter().map(ToString::to_string).collect();
-    let command = command(&scenario.name, scenario.seed, engine, &overrides);
+    let mut command = command(&scenario.name, scenario.seed, engine, &overrides);
+    if scenario.unchecked {
+        command.push_str(" --unchecked");
+    }
     let of_swarm = |(swarm, joins): (&Scenario, Joins), flown: &Flown| {
         let distances_m = distances_m(swarm, flown, outcome.ended);
         let drones: Vec<_> = (flown.recorder.drones())
@@ -56,6 +59,7 @@ pub(crate) fn summary(
             min_separation_m: outcome.closest_m,
             mission_completed: is_completed(swarm, &flown.recorder),
             violations: outcome.violations.iter().map(Violation::from).collect(),
+            unchecked: scenario.unchecked,
             others: Vec::new(),
         };
         let drawn = flown.recorder.drones().zip(&flown.vehicles);

@@ -320,6 +320,7 @@ fn remark(drone: &DroneReport) -> Option<String> {
 
 fn rules(report: &Report, colour: Colour, text: &mut String) {
     let (paint, verdict) = match report.violations.len() {
+        0 if report.unchecked => (RED, UNCHECKED.to_owned()),
         0 => (GREEN, "none broken".to_owned()),
         1 => (RED, "broken once".to_owned()),
         times => (RED, format!("broken {times} times")),
@@ -354,6 +355,8 @@ fn in_words(violation: &Violation) -> String {
     )
 }
 
+/// What stands where a run without checkers would have passed.
+pub(crate) const UNCHECKED: &str = "none checked: this run proves nothing";
 pub(crate) const GREEN: &str = "\x1b[32m";
 pub(crate) const RED: &str = "\x1b[31m";
 const PLAIN: &str = "\x1b[0m";

@@ -193,6 +193,7 @@ fn alone(
         notes,
         faults,
         chaos: chaos(source, raw)?,
+        unchecked: false,
         others: Vec::new(),
     })
 }

@@ -88,6 +88,8 @@ pub struct Scenario {
     pub faults: Vec<Fault>,
     /// What a search for a fault plan that breaks a rule may choose.
     pub chaos: Chaos,
+    /// Whether no rule is checked, to measure what flying alone costs: such a run proves nothing.
+    pub unchecked: bool,
     /// Who else flies in the same air and over the same medium, and how each comes into it.
     pub others: Vec<(Self, Joins)>,
 }

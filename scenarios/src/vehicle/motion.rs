@@ -32,6 +32,13 @@ impl Piece {
         self.from + self.velocity * t + self.acceleration * (t * t / 2.0)
     }
 
+    /// Three places, in metres, between which it stays: as a parabola does between the control points of its curve.
+    pub(crate) fn corners(&self) -> [Vector3<f64>; 3] {
+        let t = self.seconds(self.end);
+        let middle = self.from + self.velocity * (t / 2.0);
+        [self.from, middle, self.position(self.end)]
+    }
+
     /// In m/s, at `at` within the piece.
     pub(crate) fn velocity(&self, at: Timestamp) -> Vector3<f64> {
         self.velocity + self.acceleration * self.seconds(at)

@@ -1,6 +1,6 @@
 //! Who is connected with whom, and so who is to have the same master.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use muster_machines::cell::Address;
@@ -19,7 +19,7 @@ const LOOK_AT_LINKS_EVERY: Duration = Duration::from_secs(1);
 impl World {
     /// Looks at the links if it is time to.
     pub(super) fn watch_links(&mut self) {
-        if self.now >= self.next_look {
+        if self.checks && self.now >= self.next_look {
             self.look_at_links();
             self.check_masters();
         }
@@ -28,6 +28,11 @@ impl World {
     /// Takes in how the links are now.
     pub(super) fn look_at_links(&mut self) {
         self.next_look = self.now + LOOK_AT_LINKS_EVERY;
+        let seen = Some((self.standings, self.medium.changes()));
+        if self.looked_at == seen {
+            return;
+        }
+        self.looked_at = seen;
         let ids = (0..).map(NodeId).take(self.drones.len());
         // Any number that is another one once it has failed, or does something else.
         let changes = |id: NodeId| {
@@ -76,6 +81,9 @@ impl World {
 
     /// Each part has its master, once it has had the time to settle.
     pub(super) fn check_masters(&mut self) {
+        if !self.checks {
+            return;
+        }
         let standing = |id| Standing {
             flies: self.flies(id),
             leads: self.may_lead(id),
@@ -126,6 +134,8 @@ impl World {
                 continue;
             }
             let masters = self.masters_if_settled(&self.swarms[index]);
+            self.swarms[index].at_odds = masters.as_ref().err().copied();
+            let masters = masters.ok();
             let recorder = &mut self.swarms[index].recorder;
             if recorder.election(self.now, masters) {
                 let centre = recorder.centre();
@@ -134,26 +144,33 @@ impl World {
         }
     }
 
-    /// A swarm's masters, if those that fly the mission obey, among all that some link connects, one drone of these.
-    fn masters_if_settled(&self, swarm: &Swarm) -> Option<BTreeSet<NodeId>> {
-        let mut masters = BTreeSet::new();
-        let mut seen = BTreeSet::new();
-        for id in swarm.ids().filter(|id| self.flies(*id)) {
-            if seen.contains(&id) {
-                continue;
-            }
-            let connected = swarm.parts.reach_of(id);
-            let obeyed = self.election.obeyed(id)?;
-            let is_one = connected
-                .iter()
-                .filter(|id| self.flies(**id))
-                .all(|id| self.election.obeyed(*id) == Some(obeyed));
-            if !is_one || !connected.contains(&obeyed.master) || !self.may_lead(obeyed.master) {
-                return None;
-            }
-            masters.insert(obeyed.master);
-            seen.extend(connected);
+    /// A swarm's masters, if those that fly the mission obey, among all that some link connects, one drone of these; two
+    /// that are connected and don't otherwise, or one whose master is none.
+    fn masters_if_settled(&self, swarm: &Swarm) -> Result<BTreeSet<NodeId>, (NodeId, NodeId)> {
+        let is_at_odds = |(a, b): (NodeId, NodeId)| {
+            swarm.parts.are_connected(a, b)
+                && self.flies(a)
+                && self.flies(b)
+                && self.election.obeyed(a) != self.election.obeyed(b)
+        };
+        if let Some(pair) = swarm.at_odds.filter(|pair| is_at_odds(*pair)) {
+            return Err(pair);
         }
-        Some(masters)
+        // Of each connected group, by its first node, the first that flies and whom that obeys.
+        let mut groups = BTreeMap::new();
+        for id in swarm.ids().filter(|id| self.flies(*id)) {
+            let obeyed = self.election.obeyed(id).ok_or((id, id))?;
+            let group = swarm.parts.first_connected_with(id);
+            match groups.entry(group).or_insert((id, obeyed)) {
+                (_, other) if *other == obeyed => {}
+                (other, _) => return Err((*other, id)),
+            }
+        }
+        let masters = groups.into_values().map(|(id, obeyed)| {
+            let master = obeyed.master;
+            let leads = swarm.parts.are_connected(id, master) && self.may_lead(master);
+            leads.then_some(master).ok_or((id, id))
+        });
+        masters.collect()
     }
 }

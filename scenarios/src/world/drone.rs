@@ -30,6 +30,8 @@ pub(super) struct Drone {
     /// Which of its actors hang, by which hang, and what waits for them.
     hung: [Option<u32>; 5],
     pub(super) backlog: VecDeque<Message>,
+    /// How many messages wait for each of its actors to be handed to them.
+    pub(super) waiting: [usize; 5],
     /// How often a hang has begun or ended.
     pub(crate) hangs: u32,
     pub(super) clock: Clock,
@@ -59,6 +61,7 @@ impl Drone {
             given_up: false,
             hung: [None; 5],
             backlog: VecDeque::new(),
+            waiting: [0; 5],
             hangs: 0,
             clock: Clock::default(),
             timers: [Timer::default(); 5],

@@ -1,59 +1,49 @@
-use std::cmp::Ordering;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use muster_machines::time::Timestamp;
 
 /// What will happen, in the order of time; at one instant, in the order in which it was planned.
+///
+/// What is planned stays where it was put until it happens: only its time and place are kept in order.
 #[derive(Debug)]
 pub(crate) struct Heap<T> {
-    entries: BinaryHeap<Entry<T>>,
+    order: BinaryHeap<Reverse<(Timestamp, u64, u32)>>,
     planned: u64,
-}
-
-#[derive(Debug)]
-struct Entry<T> {
-    at: Timestamp,
-    sequence: u64,
-    what: T,
+    places: Vec<Option<T>>,
+    free: Vec<u32>,
 }
 
 impl<T> Heap<T> {
     pub(crate) const fn new() -> Self {
         Self {
-            entries: BinaryHeap::new(),
+            order: BinaryHeap::new(),
             planned: 0,
+            places: Vec::new(),
+            free: Vec::new(),
         }
     }
 
     pub(crate) fn plan(&mut self, at: Timestamp, what: T) {
-        let sequence = self.planned;
+        let place = match self.free.pop() {
+            Some(place) => {
+                self.places[place as usize] = Some(what);
+                place
+            }
+            None => {
+                self.places.push(Some(what));
+                u32::try_from(self.places.len() - 1).expect("less is planned than memory holds")
+            }
+        };
+        self.order.push(Reverse((at, self.planned, place)));
         self.planned += 1;
-        self.entries.push(Entry { at, sequence, what });
     }
 
     pub(crate) fn pop(&mut self) -> Option<(Timestamp, T)> {
-        self.entries.pop().map(|entry| (entry.at, entry.what))
-    }
-}
-
-impl<T> PartialEq for Entry<T> {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl<T> Eq for Entry<T> {}
-
-impl<T> PartialOrd for Entry<T> {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl<T> Ord for Entry<T> {
-    /// The earliest is the greatest, because the heap pops the greatest.
-    fn cmp(&self, other: &Self) -> Ordering {
-        (other.at, other.sequence).cmp(&(self.at, self.sequence))
+        let Reverse((at, _, place)) = self.order.pop()?;
+        self.free.push(place);
+        let what = self.places[place as usize].take();
+        Some((at, what.expect("each place is in the order once")))
     }
 }
 

@@ -203,6 +203,12 @@ pub(crate) struct World {
     trace: Trace,
     /// When the links are looked at next.
     next_look: Timestamp,
+    /// Rises with whatever changes who passes frames on, or what anybody does.
+    standings: u64,
+    /// What the standings and the medium were when the links were last looked at.
+    looked_at: Option<(u64, u64)>,
+    /// Whether rules are checked.
+    checks: bool,
     election: ElectionChecker,
     admission: AdmissionChecker,
     obedience: ObedienceChecker,
@@ -264,6 +270,7 @@ impl World {
             drones: (0..u64::from(nodes))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
+            separation: SeparationChecker::new(scenario.limits.separation, &vehicles),
             vehicles,
             swarms,
             hang_max: scenario.limits.hang,
@@ -272,11 +279,13 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             next_look: Timestamp::ZERO,
+            standings: 0,
+            looked_at: None,
+            checks: !scenario.unchecked,
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
             obedience: ObedienceChecker::default(),
             arming: ArmingChecker::new(nodes as usize),
-            separation: SeparationChecker::new(scenario.limits.separation, nodes as usize),
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
             },
@@ -311,18 +320,16 @@ impl World {
         loop {
             while let Some((drone, message)) = self.inbox.pop_front() {
                 let address = message.envelope.address();
+                self.drone(drone).waiting[address as usize] -= 1;
                 if self.drone(drone).is_hung(address) {
                     self.wait_for(drone, message);
                     continue;
                 }
                 if self.drone(drone).is_up(address) {
                     let envelope = message.envelope;
-                    self.admit(drone, message.origin, &envelope);
-                    self.arming.told(drone, &envelope);
-                    let obeyed = self.election.obeyed(drone);
-                    let swarm = &self.swarms[self.index_of_swarm(drone)];
-                    let number = |member| swarm.number(member);
-                    self.obedience.told(drone, &envelope, obeyed, number);
+                    if self.checks {
+                        self.is_told(drone, &envelope, message.origin);
+                    }
                     let what = What::Step(Stimulus::Input(envelope));
                     return Some(Task {
                         drone,
@@ -348,6 +355,16 @@ impl World {
                 return Some(task);
             }
         }
+    }
+
+    /// An actor is about to be told something.
+    fn is_told(&mut self, drone: NodeId, envelope: &Envelope, origin: Origin) {
+        self.admit(drone, origin, envelope);
+        self.arming.told(drone, envelope);
+        let obeyed = self.election.obeyed(drone);
+        let swarm = &self.swarms[self.index_of_swarm(drone)];
+        let number = |member| swarm.number(member);
+        self.obedience.told(drone, envelope, obeyed, number);
     }
 
     /// A radio is about to be told of a frame, or somebody else of something.
@@ -515,13 +532,12 @@ impl World {
     }
 
     fn enqueue(&mut self, drone: NodeId, message: Message) {
-        let address = message.envelope.address();
-        self.inbox.push_back((drone, message));
-        let is_like =
-            |(to, it): &&(NodeId, Message)| *to == drone && it.envelope.address() == address;
-        let waiting = self.inbox.iter().filter(is_like);
-        let found = self.bounds.queue(self.now, drone, waiting.count());
+        let waiting =
+            &mut self.drones[drone.0 as usize].waiting[message.envelope.address() as usize];
+        *waiting += 1;
+        let found = self.bounds.queue(self.now, drone, *waiting);
         self.find(found);
+        self.inbox.push_back((drone, message));
     }
 
     fn send(&mut self, drone: NodeId, to: Option<NodeId>, frame: &Bytes) {
@@ -598,13 +614,16 @@ impl World {
         self.find(found);
         let index = drone.0 as usize;
         if !matches!(demand, Demand::Report) {
-            let found = self.separation.path_ends(self.now, drone, &self.vehicles);
-            self.find(found);
+            self.path_ends(drone);
         }
         let vehicle = &mut self.vehicles[index];
         let was_armed = vehicle.is_armed();
         let moves = vehicle.obey(self.now, demand);
-        if vehicle.is_armed() && !was_armed {
+        let is_armed = vehicle.is_armed();
+        if !matches!(demand, Demand::Report) {
+            self.path_begins(drone);
+        }
+        if is_armed && !was_armed {
             self.armed(drone);
         }
         if moves {
@@ -659,27 +678,47 @@ impl World {
         let acceleration_mps2 = follow.map_or(0.0, |follow| follow.master.acceleration_mps2);
         self.trace
             .value(self.now, master, Kind::Steered, &velocity.0);
-        let found = self.separation.path_ends(self.now, master, &self.vehicles);
-        self.find(found);
+        self.path_ends(master);
         let vehicle = &mut self.vehicles[master.0 as usize];
-        if vehicle.steer(self.now, velocity, acceleration_mps2) {
+        let moves = vehicle.steer(self.now, velocity, acceleration_mps2);
+        self.path_begins(master);
+        if moves {
             self.plan_rest(master);
+        }
+    }
+
+    /// A drone's path is about to change, or to end.
+    fn path_ends(&mut self, drone: NodeId) {
+        if self.checks {
+            let found = self.separation.path_ends(self.now, drone, &self.vehicles);
+            self.find(found);
+        }
+    }
+
+    /// It has changed.
+    fn path_begins(&mut self, drone: NodeId) {
+        if self.checks {
+            let vehicle = &self.vehicles[drone.0 as usize];
+            self.separation.path_begins(self.now, drone, vehicle);
         }
     }
 
     fn report_telemetry(&mut self, drone: NodeId) {
         let telemetry = self.vehicles[drone.0 as usize].telemetry(self.now);
-        self.post(drone, Envelope::Msp(msp::Input::Telemetry(telemetry)));
+        self.post(
+            drone,
+            Envelope::Msp(Box::new(msp::Input::Telemetry(telemetry))),
+        );
     }
 
     fn come_to_rest(&mut self, drone: NodeId, generation: u32) {
         if !self.drone(drone).is_current_motion(generation) {
             return;
         }
-        let found = self.separation.path_ends(self.now, drone, &self.vehicles);
-        self.find(found);
-        let vehicle = &mut self.vehicles[drone.0 as usize];
-        let lands = vehicle.come_to_rest();
+        self.path_ends(drone);
+        let lands = self.vehicles[drone.0 as usize].come_to_rest();
+        self.path_begins(drone);
+        let vehicle = &self.vehicles[drone.0 as usize];
         let position = vehicle.motion().position(self.now);
         if lands {
             self.airborne -= 1;
@@ -720,8 +759,11 @@ impl World {
                 let obeyed = self.election.obeyed(drone);
                 let found = self.arming.observe(now, drone, event, obeyed);
                 self.find(found);
+                if matches!(event, mission::Event::State(_)) {
+                    self.standings += 1;
+                }
                 let mut awaited = BTreeSet::new();
-                if matches!(event, mission::Event::Opened { .. }) {
+                if self.checks && matches!(event, mission::Event::Opened { .. }) {
                     self.look_at_links();
                     awaited = self.awaited_by(drone);
                 }
@@ -763,9 +805,11 @@ impl World {
         if self.crashing.take() != Some((drone, address)) {
             self.find(Some(unplanned_failure(self.now, drone, address)));
         }
+        self.standings += 1;
         self.drone(drone).take_down(address);
         self.inbox
             .retain(|(to, it)| *to != drone || it.envelope.address() != address);
+        self.drone(drone).waiting[address as usize] = 0;
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder(drone).restarts(drone);
@@ -808,16 +852,16 @@ impl World {
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
         self.arming.starting(drone, address);
+        self.standings += 1;
         self.drone(drone).bring_up(address);
     }
 
     /// The end of the run: last checks, and what came of it.
     pub(crate) fn finish(mut self) -> Outcome {
         for id in (0..).map(NodeId).take(self.vehicles.len()) {
-            let found = self.separation.path_ends(self.now, id, &self.vehicles);
-            self.find(found);
+            self.path_ends(id);
         }
-        if self.violation.is_none() {
+        if self.violation.is_none() && self.checks {
             let armed = (0..)
                 .map(NodeId)
                 .zip(&self.vehicles)
@@ -843,7 +887,7 @@ impl World {
     }
 
     fn find(&mut self, found: Option<Violation>) {
-        if self.violation.is_none() {
+        if self.violation.is_none() && self.checks {
             self.violation = found;
         }
     }

@@ -37,13 +37,13 @@ impl World {
         self.end_process(drone);
         let now = self.now;
         self.recorder(drone).fell(drone, now);
-        let found = self.separation.path_ends(self.now, drone, &self.vehicles);
-        self.find(found);
+        self.path_ends(drone);
         if self.vehicles[drone.0 as usize].is_armed() {
             self.airborne -= 1;
             self.recorder(drone).disarmed(drone, now);
         }
         self.vehicles[drone.0 as usize].fall(now);
+        self.path_begins(drone);
         self.plan_rest(drone);
         self.look_at_elections();
     }
@@ -83,6 +83,7 @@ impl World {
         if self.drone(drone).lives != life || self.drone(drone).runs {
             return None;
         }
+        self.standings += 1;
         self.drone(drone).begin();
         self.recorder(drone).rebooted(drone);
         self.arming.boots(drone);
@@ -100,6 +101,7 @@ impl World {
             return;
         }
         self.trace.value(self.now, drone, Kind::Hung, &actor);
+        self.standings += 1;
         let (hang, watchdog) = match actor {
             Some(actor) => (self.drone(drone).hang(&[actor]), self.hang_max),
             None => {
@@ -148,6 +150,7 @@ impl World {
             return;
         }
         self.trace.value(self.now, drone, Kind::WentOn, &());
+        self.standings += 1;
         let now = self.now;
         let state = self.drone(drone);
         state.go_on(hang);
@@ -172,6 +175,9 @@ impl World {
     pub(super) fn hand_over_backlog(&mut self, drone: NodeId, life: u32) {
         if self.drone(drone).lives == life {
             let backlog = std::mem::take(&mut self.drone(drone).backlog);
+            for message in &backlog {
+                self.drone(drone).waiting[message.envelope.address() as usize] += 1;
+            }
             self.inbox
                 .extend(backlog.into_iter().map(|message| (drone, message)));
         }
@@ -196,6 +202,8 @@ impl World {
     /// Nothing of a drone runs any more.
     fn end_process(&mut self, drone: NodeId) {
         self.inbox.retain(|(to, _)| *to != drone);
+        self.drone(drone).waiting = [0; 5];
+        self.standings += 1;
         self.drone(drone).end();
         self.swarm_mut(drone).barrier.given_up(drone);
     }

@@ -28,6 +28,7 @@ pub(crate) struct Recorder {
     elections: Vec<Election>,
     dropped: BTreeMap<DropReason, u64>,
     steps_done: u64,
+    has_flown: bool,
 }
 
 /// What has been sent, by anyone.
@@ -150,6 +151,7 @@ impl Recorder {
             elections: Vec::new(),
             dropped: BTreeMap::new(),
             steps_done: 0,
+            has_flown: false,
         }
     }
 
@@ -218,6 +220,12 @@ impl Recorder {
 
     pub(crate) fn armed(&mut self, id: NodeId, now: Timestamp) {
         self.record(id).armed = Some(now);
+        self.has_flown = true;
+    }
+
+    /// Whether any of the swarm has been in the air.
+    pub(crate) const fn has_flown(&self) -> bool {
+        self.has_flown
     }
 
     pub(crate) fn disarmed(&mut self, id: NodeId, now: Timestamp) {

@@ -27,6 +27,8 @@ pub(crate) struct Swarm {
     pub(super) parts: Parts,
     pub(super) settled: SettledChecker,
     pub(super) barrier: BarrierChecker,
+    /// Two of it that were connected when last looked at and obeyed different masters.
+    pub(super) at_odds: Option<(NodeId, NodeId)>,
 }
 
 impl Swarm {
@@ -44,6 +46,7 @@ impl Swarm {
             parts: Parts::default(),
             settled: SettledChecker::new(scenario.settling()),
             barrier: BarrierChecker::new(scenario.protocol.barrier, (first + nodes) as usize),
+            at_odds: None,
         }
     }
 
@@ -99,9 +102,7 @@ impl Swarm {
 
     /// Whether it has flown, or never will: its master is out of it.
     fn is_done(&self) -> bool {
-        let mut own = self.ids();
-        own.any(|id| self.recorder.of(id).armed.is_some())
-            || self.recorder.is_out_of_it(self.recorder.centre())
+        self.recorder.has_flown() || self.recorder.is_out_of_it(self.recorder.centre())
     }
 }
 

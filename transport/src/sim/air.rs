@@ -31,8 +31,9 @@ impl Air {
         }
     }
 
-    pub(super) fn place(&mut self, id: NodeId, place: Ned) {
-        self.grid.place(id, place);
+    /// Puts a radio elsewhere; whether it was not there already.
+    pub(super) fn place(&mut self, id: NodeId, place: Ned) -> bool {
+        self.grid.place(id, place)
     }
 
     pub(super) fn knows(&self, id: NodeId) -> bool {

@@ -27,9 +27,13 @@ impl Grid {
         grid
     }
 
-    pub(super) fn place(&mut self, id: NodeId, place: Ned) {
+    /// Puts a radio elsewhere; whether it was not there already.
+    pub(super) fn place(&mut self, id: NodeId, place: Ned) -> bool {
         let known = &mut self.places[id.0 as usize];
         let before = std::mem::replace(known, place);
+        if before == place {
+            return false;
+        }
         let (from, to) = (self.cell(before), self.cell(place));
         if from != to {
             if let Some(cell) = self.cells.get_mut(&from) {
@@ -37,6 +41,7 @@ impl Grid {
             }
             self.cells.entry(to).or_default().push(id);
         }
+        true
     }
 
     pub(super) fn place_of(&self, id: NodeId) -> Option<Ned> {

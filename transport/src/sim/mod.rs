@@ -88,6 +88,7 @@ pub struct Medium {
     air: Air,
     sharing: Sharing,
     events: VecDeque<Event>,
+    changes: u64,
 }
 
 #[derive(Debug)]
@@ -110,6 +111,7 @@ impl Medium {
                 }
             },
             events: VecDeque::new(),
+            changes: 0,
         }
     }
 
@@ -118,23 +120,26 @@ impl Medium {
     /// # Panics
     /// When the medium was built without that drone.
     pub fn place(&mut self, id: NodeId, place: Ned) {
-        self.air.place(id, place);
+        self.changes += u64::from(self.air.place(id, place));
     }
 
     /// Lets a share of the frames from one radio to another be lost besides what is lost anyway, from now on; with
     /// nothing the link is as it was. Where all are lost the receiver does not even sense them.
     pub fn set_loss(&mut self, from: NodeId, to: NodeId, loss: Option<f64>) {
+        self.changes += 1;
         self.air.disturbance.set_loss(from, to, loss);
     }
 
     /// Starts a jammer: radios within `radius_m` metres of `centre` over ground make nothing out, until that jammer
     /// is stopped. They sense frames as before, and what they send is heard where no jammer is.
     pub fn jam(&mut self, jammer: u32, centre: Ned, radius_m: f64) {
+        self.changes += 1;
         self.air.disturbance.jam(jammer, centre, radius_m);
     }
 
     /// Stops a jammer, if there is such a one.
     pub fn stop_jamming(&mut self, jammer: u32) {
+        self.changes += 1;
         self.air.disturbance.stop_jamming(jammer);
     }
 
@@ -151,6 +156,12 @@ impl Medium {
     /// have been.
     pub fn each_link(&self, visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
         self.air.each_link(visit);
+    }
+
+    /// A number that rises whenever those chances may be others than before.
+    #[must_use]
+    pub const fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// What the radios have done so far; an ideal medium does not count.

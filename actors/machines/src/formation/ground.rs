@@ -39,7 +39,14 @@ impl Places {
     /// needed, where ways nearer than `near_m` cross.
     pub(super) fn new(ground: Ground, formation: &Formation, gap_m: f64, near_m: f64) -> Self {
         let mut best: Option<Self> = None;
-        for turn_rad in TURNS_RAD {
+        // Drones that stand as far apart as they fly climb straight up.
+        let is_drawn_together = ground != Ground::Gathered || gap_m < formation.nearest_m();
+        let turns_rad = if is_drawn_together {
+            &TURNS_RAD[..]
+        } else {
+            &[0.0]
+        };
+        for turn_rad in turns_rad.iter().copied() {
             let places = ground.places(formation, gap_m, turn_rad);
             let crossings = crossings(&ways(&places, formation.slots()), near_m);
             let stack = Stack::of(places.len(), &crossings, 0);

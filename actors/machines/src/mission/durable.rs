@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::fmt;
 
 use bytes::Bytes;
@@ -205,7 +204,15 @@ pub struct Lead {
     /// That order, encoded.
     pub order: Bytes,
     /// The other drones of the swarm.
-    pub members: BTreeMap<NodeId, Awaited>,
+    pub members: NodeSet,
+    /// Who has carried the newest order out.
+    pub acknowledged: NodeSet,
+    /// Who has not been heard of for its time to live.
+    pub silent: NodeSet,
+    /// Who is on its way to the ground, or there already.
+    pub landing: NodeSet,
+    /// Who did not get ready in time: the swarm flies without them.
+    pub left_out: NodeSet,
     /// Whom it hears itself.
     pub neighbours: NodeSet,
     /// What only a master has that is followed.
@@ -225,41 +232,42 @@ pub struct Followed {
     pub is_ending: bool,
 }
 
-/// Whether a master waits for a member.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Awaited {
-    /// The newest order that the member has carried out.
-    pub acknowledged: u32,
-    /// It has not been heard of for its time to live.
-    pub silent: bool,
-    /// It is on its way to the ground, or there already.
-    pub landing: bool,
-    /// It did not get ready in time: the swarm flies without it.
-    pub left_out: bool,
-}
-
-impl Awaited {
-    /// Whether the swarm waits for this member to carry out order `sequence`, if it waits for it at all.
-    const fn holds_up(&self, sequence: u32) -> bool {
-        !self.silent && !self.landing && !self.left_out && self.acknowledged < sequence
-    }
-}
-
 impl Lead {
+    /// A reign of `own` over a swarm of so many drones that begins.
+    pub(super) fn over(drones: u32, own: NodeId) -> Self {
+        Self {
+            members: NodeSet::from(0..drones).difference(&own.into()),
+            ..Self::default()
+        }
+    }
+
     /// The members that hold up the newest order: any, or only those that the master hears itself.
-    pub(super) fn awaited(&self, barrier: Barrier) -> impl Iterator<Item = NodeId> + '_ {
-        let waits_for = move |id: NodeId| match barrier {
-            Barrier::Strict => true,
-            Barrier::Neighbours => self.neighbours.contains(id),
+    pub(super) fn awaited(&self, barrier: Barrier) -> NodeSet {
+        let out_of_it = [
+            &self.acknowledged,
+            &self.silent,
+            &self.landing,
+            &self.left_out,
+        ];
+        let awaited = match barrier {
+            Barrier::Strict => self.members.clone(),
+            Barrier::Neighbours => self.members.intersection(&self.neighbours),
         };
-        self.members
-            .iter()
-            .filter(|(_, awaited)| awaited.holds_up(self.sequence))
-            .map(|(id, _)| *id)
-            .filter(|id| {
-                let last = self.members.keys().last();
-                Some(id) != last || !flaw::has(Flaw::ForgetsOneMember)
-            })
-            .filter(move |id| waits_for(*id))
+        let forgotten = if flaw::has(Flaw::ForgetsOneMember) {
+            self.members.iter().last().into_iter().collect()
+        } else {
+            NodeSet::default()
+        };
+        out_of_it
+            .into_iter()
+            .chain([&forgotten])
+            .fold(awaited, |left, out| left.difference(out))
+    }
+
+    /// Whether there is nobody left who flies along, though somebody who did has fallen silent.
+    pub(super) fn is_alone(&self) -> bool {
+        let there = self.members.difference(&self.silent);
+        let flying = there.difference(&self.landing);
+        !self.silent.is_empty() && flying.difference(&self.left_out).is_empty()
     }
 }

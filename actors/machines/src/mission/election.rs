@@ -5,12 +5,12 @@
 //! it is at itself, and whoever is there already, or farther, acknowledges at once.
 
 use super::{
-    Awaited, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State,
-    Succession, Transmit,
+    Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State, Succession,
+    Transmit,
 };
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId};
+use crate::identity::Ballot;
 use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 
@@ -112,11 +112,7 @@ impl Mission {
         let ballot = self.own_ballot(term);
         self.hear_reign(ballot);
         let drones = self.config.layout.formation().drones();
-        let others = (0..drones).map(NodeId).filter(|id| *id != self.config.id);
-        self.durable.lead = Some(Lead {
-            members: others.map(|id| (id, Awaited::default())).collect(),
-            ..Lead::default()
-        });
+        self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.outbox.transmit(Transmit::Lead(ballot));
         self.order_again(now);
         self.lead(now);

@@ -4,7 +4,7 @@
 //! A drone goes to land below its slot at the waypoint that it is at or makes for. No way of the others leads through
 //! that column while they wait for it; it holds them up until it is below all that they may fly.
 
-use super::{Alone, Event, LandingReason, Mission, State, Succession, Transmit};
+use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
@@ -107,14 +107,8 @@ impl Mission {
 
     /// Whether it leads nobody that it still hears of, though there were others.
     fn is_alone(&self) -> bool {
-        let Some(lead) = &self.durable.lead else {
-            return false;
-        };
-        let mut others = lead.members.values();
-        let is_out = others
-            .clone()
-            .all(|it| it.silent || it.landing || it.left_out);
-        self.durable.state.is_following() && is_out && others.any(|it| it.silent)
+        let is_alone = self.durable.lead.as_ref().is_some_and(Lead::is_alone);
+        self.durable.state.is_following() && is_alone
     }
 
     /// Goes to land below its slot around `centre`.

@@ -1,10 +1,10 @@
 //! What a drone does that leads: one order after the other, each once all that it waits for have carried out the
 //! one before.
 
-use super::{Awaited, Barrier, Event, Lead, Mission, Order, State, Step, Transmit};
+use super::{Barrier, Event, Lead, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeSet};
 use crate::time::Timestamp;
 use crate::wire::{self, PLAN_PART_MAX};
 
@@ -21,15 +21,7 @@ impl Mission {
         let drones = formation.drones();
         let ballot = self.own_ballot(Ballot::FIRST_TERM);
         self.hear_reign(ballot);
-        let members = (0..drones)
-            .map(NodeId)
-            .filter(|id| *id != self.config.id)
-            .map(|id| (id, Awaited::default()))
-            .collect();
-        self.durable.lead = Some(Lead {
-            members,
-            ..Lead::default()
-        });
+        self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.durable.plan = self.config.mission.to_vec();
         self.durable.plan_complete = true;
         self.durable.limit = Some(now + self.config.set_up_limit);
@@ -49,6 +41,7 @@ impl Mission {
     pub(super) fn announce(&mut self, order: &Order) {
         if let (Some(lead), Some(ballot)) = (&mut self.durable.lead, self.durable.obeyed.ballot()) {
             lead.sequence += 1;
+            lead.acknowledged = NodeSet::default();
             lead.order = wire::encode_order(order).into();
             self.outbox.transmit(Transmit::Publish {
                 ballot,
@@ -84,11 +77,29 @@ impl Mission {
         }
     }
 
-    pub(super) fn hear_member(&mut self, member: NodeId, change: impl FnOnce(&mut Awaited)) {
+    /// Takes in how far members have got.
+    pub(super) fn hear_progress(
+        &mut self,
+        sequence: u32,
+        acknowledged: &NodeSet,
+        landing: &NodeSet,
+    ) {
+        if let Some(lead) = &mut self.durable.lead {
+            if sequence >= lead.sequence {
+                lead.acknowledged.extend_from(acknowledged);
+            }
+            lead.landing.extend_from(landing);
+        }
+        self.hear_of(acknowledged);
+        self.hear_of(landing);
+    }
+
+    /// Takes in that members are there.
+    pub(super) fn hear_of(&mut self, members: &NodeSet) {
         if let Some(lead) = &mut self.durable.lead
-            && let Some(awaited) = lead.members.get_mut(&member)
+            && !flaw::has(Flaw::OverlooksWhoReturns)
         {
-            change(awaited);
+            lead.silent = lead.silent.difference(members);
         }
     }
 
@@ -99,7 +110,7 @@ impl Mission {
                 .durable
                 .lead
                 .as_ref()
-                .is_some_and(|lead| lead.awaited(self.barrier()).next().is_none())
+                .is_some_and(|lead| lead.awaited(self.barrier()).is_empty())
     }
 
     /// For whom it waits where it is now.
@@ -193,10 +204,12 @@ impl Mission {
     /// As master: whether some of the swarm may be elsewhere, since nobody hears of them and they have not said that they
     /// land. From then on all are to fly in their layers, this drone, too.
     pub(super) fn is_apart(&mut self) -> bool {
-        let lead = self.durable.lead.as_ref();
-        let mut members = lead.into_iter().flat_map(|lead| lead.members.values());
-        let strays = members.any(|it| (it.silent || it.left_out) && !it.landing);
-        if strays {
+        let strays = |lead: &Lead| {
+            let mut missed = lead.silent.clone();
+            missed.extend_from(&lead.left_out);
+            !missed.difference(&lead.landing).is_empty()
+        };
+        if self.durable.lead.as_ref().is_some_and(strays) {
             self.keep_apart();
         }
         self.durable.in_layer
@@ -208,11 +221,9 @@ impl Mission {
         if let Some(lead) = &mut self.durable.lead
             && !flaw::has(Flaw::WaitsForEver)
         {
-            let late: Vec<_> = lead.awaited(barrier).collect();
-            for id in late {
-                if let Some(awaited) = lead.members.get_mut(&id) {
-                    awaited.left_out = true;
-                }
+            let late = lead.awaited(barrier);
+            lead.left_out.extend_from(&late);
+            for id in late.iter() {
                 self.outbox.event(Event::LeftOut(id));
             }
         }

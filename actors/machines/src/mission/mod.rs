@@ -16,14 +16,14 @@ use std::time::Duration;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-pub use durable::{Awaited, Checkpoint, Followed, Lead, RoutesPhase, State};
+pub use durable::{Checkpoint, Followed, Lead, RoutesPhase, State};
 pub use follow::Following;
 pub use order::{Order, Step};
 
 use crate::flaw::{self, Flaw};
 use crate::formation::{Change, Layout};
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::Notice as RoutingNotice;
@@ -453,27 +453,22 @@ impl Mission {
                 }
             }
             RoutingNotice::Progress {
-                member,
+                sequence,
                 acknowledged,
                 landing,
-            } => self.hear_member(member, |awaited| {
-                awaited.acknowledged = awaited.acknowledged.max(acknowledged);
-                awaited.landing |= landing;
-                awaited.silent &= flaw::has(Flaw::OverlooksWhoReturns);
-            }),
+            } => self.hear_progress(sequence, &acknowledged, &landing),
             RoutingNotice::Hears(neighbours) => {
                 if let Some(lead) = &mut self.durable.lead {
                     lead.neighbours = neighbours;
                 }
             }
-            RoutingNotice::Silent(member) => {
-                self.hear_member(member, |awaited| awaited.silent = true);
+            RoutingNotice::Silent(members) => {
+                if let Some(lead) = &mut self.durable.lead {
+                    lead.silent
+                        .extend_from(&members.intersection(&lead.members));
+                }
             }
-            RoutingNotice::Returned(member) => {
-                self.hear_member(member, |awaited| {
-                    awaited.silent &= flaw::has(Flaw::OverlooksWhoReturns);
-                });
-            }
+            RoutingNotice::Returned(members) => self.hear_of(&members),
             RoutingNotice::MasterSilent => {
                 self.master_silent.get_or_insert(now);
             }
@@ -602,9 +597,7 @@ impl Mission {
         self.repeat_lead();
         if let Some(lead) = &mut self.durable.lead {
             // It gives every member its time to live anew.
-            for awaited in lead.members.values_mut() {
-                awaited.silent = false;
-            }
+            lead.silent = NodeSet::default();
         }
         self.say_acknowledged();
         match self.durable.state {

@@ -104,9 +104,9 @@ fn hears(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transmi
 
 fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
     RoutingNotice::Progress {
-        member: NodeId(member),
-        acknowledged,
-        landing: false,
+        sequence: acknowledged,
+        acknowledged: NodeId(member).into(),
+        landing: NodeSet::default(),
     }
 }
 
@@ -327,9 +327,9 @@ fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again()
     for (returns, goes_on) in [(false, true), (true, false)] {
         let mut master = master_taking_off();
         hears(&mut master, 19.0, progress(0, 2));
-        hears(&mut master, 19.1, RoutingNotice::Silent(NodeId(2)));
+        hears(&mut master, 19.1, RoutingNotice::Silent(NodeId(2).into()));
         if returns {
-            hears(&mut master, 19.2, RoutingNotice::Returned(NodeId(2)));
+            hears(&mut master, 19.2, RoutingNotice::Returned(NodeId(2).into()));
         }
         let transmits = told(
             &mut master,
@@ -587,7 +587,7 @@ fn a_drone_given_up_on_the_ground_stays_there_and_so_does_a_swarm_without_its_ma
 #[test]
 fn a_member_that_makes_progress_is_not_silent() {
     let mut master = master_taking_off();
-    hears(&mut master, 5.0, RoutingNotice::Silent(NodeId(2)));
+    hears(&mut master, 5.0, RoutingNotice::Silent(NodeId(2).into()));
     hears(&mut master, 6.0, progress(2, 1));
     hears(&mut master, 19.0, progress(0, 2));
     let arrived = Input::Navigation(NavigationNotice::Arrived);

@@ -1,4 +1,3 @@
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -67,11 +66,13 @@ impl From<FrameError> for DropReason {
 pub struct Admission {
     budget: Budget,
     members: u32,
-    senders: BTreeMap<NodeId, Sender>,
+    /// By rising ids.
+    senders: Vec<Sender>,
 }
 
 #[derive(Debug)]
 struct Sender {
+    id: NodeId,
     /// When the whole burst will have been earned back.
     full_at: Timestamp,
     /// Nothing yet, or the newest life and counter with a bit for each counter below.
@@ -93,7 +94,7 @@ impl Admission {
         Self {
             budget,
             members,
-            senders: BTreeMap::new(),
+            senders: Vec::new(),
         }
     }
 
@@ -101,6 +102,10 @@ impl Admission {
     #[must_use]
     pub fn senders(&self) -> usize {
         self.senders.len()
+    }
+
+    fn find(&self, id: NodeId) -> Result<usize, usize> {
+        self.senders.binary_search_by_key(&id, |sender| sender.id)
     }
 
     /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.
@@ -111,10 +116,16 @@ impl Admission {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
         }
-        let sender = self.senders.entry(header.sender).or_insert(Sender {
-            full_at: now,
-            newest: None,
+        let at = self.find(header.sender).unwrap_or_else(|at| {
+            let sender = Sender {
+                id: header.sender,
+                full_at: now,
+                newest: None,
+            };
+            self.senders.insert(at, sender);
+            at
         });
+        let sender = &mut self.senders[at];
         let full_at = sender.full_at.max(now) + self.budget.interval;
         if full_at.since(now) > self.budget.interval * self.budget.burst {
             return Err(DropReason::OverBudget);
@@ -128,9 +139,10 @@ impl Admission {
 
     /// Marks a frame, whose signature was right, as seen.
     pub fn admit(&mut self, header: &Header) {
-        let Some(sender) = self.senders.get_mut(&header.sender) else {
+        let Ok(at) = self.find(header.sender) else {
             return;
         };
+        let sender = &mut self.senders[at];
         match &mut sender.newest {
             Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
             newest => {

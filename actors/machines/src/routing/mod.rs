@@ -145,21 +145,21 @@ pub enum Notice {
         /// The order.
         order: Bytes,
     },
-    /// To a master: how far a member has got.
+    /// To a master: how far members have got, as far as that is news.
     Progress {
-        /// The member.
-        member: NodeId,
-        /// The newest order that it has carried out.
-        acknowledged: u32,
-        /// Whether it is going to land.
-        landing: bool,
+        /// The newest order.
+        sequence: u32,
+        /// Who has carried it out.
+        acknowledged: NodeSet,
+        /// Who is going to land.
+        landing: NodeSet,
     },
     /// To a master, before routes are up: whom it hears itself.
     Hears(NodeSet),
-    /// To a master: a member has not been heard of for its time to live.
-    Silent(NodeId),
-    /// To a master: a member that was silent is back.
-    Returned(NodeId),
+    /// To a master: these members have not been heard of for their time to live.
+    Silent(NodeSet),
+    /// To a master: these members were silent and are back.
+    Returned(NodeSet),
     /// The master's own number has not risen for its time to live.
     MasterSilent,
     /// The master is back.

@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -59,14 +60,6 @@ pub struct Member {
     pub landing: bool,
 }
 
-impl Tree {
-    /// Whether it shows that its sender knows of an order, and of those who have carried it out.
-    pub(super) fn tells(&self, (sequence, acknowledged): &(u32, NodeSet)) -> bool {
-        self.sequence > *sequence
-            || self.sequence == *sequence && self.acknowledged.is_superset(acknowledged)
-    }
-}
-
 /// A drone's state and that of the drones below it, as policy `tree` spreads it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tree {
@@ -80,6 +73,9 @@ pub struct Tree {
     pub pulse: u32,
     /// The newest order that the sender has heard of; 0 before the first.
     pub sequence: u32,
+    /// Which ids the sets below tell of, where not all of them fit a datagram: what was said of others before still
+    /// holds, and the next packet goes on where this one ends. Of all otherwise.
+    pub span: Option<Range<u32>>,
     /// Who of the sender and the drones below it has carried that order out.
     pub acknowledged: NodeSet,
     /// The sender, unless it is a pure relay, and the drones below it.
@@ -94,4 +90,20 @@ pub struct Tree {
     pub pending: NodeSet,
     /// The newest order, from the master and from whoever has drones below it.
     pub order: Option<Bytes>,
+}
+
+impl Tree {
+    /// The same, telling of some ids only.
+    pub(super) fn cut_to(&self, span: Range<u32>) -> Self {
+        let ids = NodeSet::from(span.clone());
+        Self {
+            span: Some(span),
+            acknowledged: self.acknowledged.intersection(&ids),
+            alive: self.alive.intersection(&ids),
+            landing: self.landing.intersection(&ids),
+            hears: self.hears.as_ref().map(|hears| hears.intersection(&ids)),
+            pending: self.pending.intersection(&ids),
+            ..self.clone()
+        }
+    }
 }

@@ -1,6 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::identity::NodeSet;
+use crate::routing::Tree;
 
 const HEADER: Header = Header {
     swarm: SwarmId(7),
@@ -70,6 +72,7 @@ fn a_packet_of_policy_tree_has_these_bytes() {
         parent: Some(NodeId(7)),
         pulse: 2,
         sequence: 3,
+        span: None,
         acknowledged: [NodeId(0), NodeId(9)].into_iter().collect(),
         alive: [NodeId(1)].into_iter().collect(),
         landing: NodeSet::default(),
@@ -80,8 +83,45 @@ fn a_packet_of_policy_tree_has_these_bytes() {
     });
     assert_eq!(
         hex(&encode_packet(&tree)),
-        "03ac02010101070203020102010200010104010500010101"
+        "03ac02010101070203000002010104000108010001020201010500010101"
     );
+}
+
+#[test]
+fn sets_are_written_as_what_differs_from_who_is_alive_where_that_is_shorter() {
+    let alive: NodeSet = (0..1_000).step_by(3).map(NodeId).collect();
+    let tree = |acknowledged: NodeSet| {
+        Packet::Tree(Tree {
+            alive: alive.clone(),
+            acknowledged,
+            ..Tree::default()
+        })
+    };
+    let nobody = encode_packet(&tree(NodeSet::default()));
+    let all_but_one = tree(alive.difference(&NodeId(30).into()));
+    let bytes = encode_packet(&all_but_one);
+    assert!(bytes.len() <= nobody.len() + 2, "{}", bytes.len());
+    assert_eq!(decode_packet(&bytes), Ok(all_but_one));
+}
+
+#[test]
+fn bounds_that_do_not_rise_or_are_not_in_pairs_make_no_set() {
+    let tree = Packet::Tree(Tree {
+        pending: [NodeId(5)].into_iter().collect(),
+        ..Tree::default()
+    });
+    let bytes = encode_packet(&tree);
+    let (pending, rest) = (bytes.len() - 3, [2, 5, 1, 0]);
+    assert_eq!(bytes[pending - 1..], rest);
+    for spoilt in [[2, 5, 0, 0], [2, 0x85, 1, 0], [2, 0xff, 0xff, 0]] {
+        let mut bytes = bytes.clone();
+        bytes.splice(pending - 1.., spoilt);
+        assert_eq!(decode_packet(&bytes), Err(PayloadError), "{spoilt:?}");
+    }
+    assert!(postcard::from_bytes::<NodeSet>(&[2, 0, 1]).is_ok());
+    for bytes in [&[2, 5, 0][..], &[1, 5], &[3, 5, 1, 1]] {
+        assert!(postcard::from_bytes::<NodeSet>(bytes).is_err(), "{bytes:?}");
+    }
 }
 
 #[test]
@@ -224,9 +264,10 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         any::<[u32; 3]>(),
         any::<(Option<u16>, [Option<u32>; 2], Option<Vec<u8>>)>(),
         (set(), set(), set(), prop::option::of(set()), set()),
+        any::<Option<[u32; 2]>>(),
     )
         .prop_map(
-            |([beat, pulse, sequence], (hops, [parent, to], order), sets)| {
+            |([beat, pulse, sequence], (hops, [parent, to], order), sets, span)| {
                 let (acknowledged, alive, landing, hears, pending) = sets;
                 Packet::Tree(Tree {
                     beat,
@@ -234,6 +275,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                     parent: parent.map(NodeId),
                     pulse,
                     sequence,
+                    span: span.map(|[start, end]| start..end),
                     acknowledged,
                     alive,
                     landing,
@@ -263,9 +305,14 @@ proptest! {
         prop_assert_eq!(bits.is_superset(&others), set_a.is_superset(&set_b));
         let difference: BTreeSet<_> = bits.difference(&others).iter().collect();
         prop_assert_eq!(difference, &set_a - &set_b);
+        let both: BTreeSet<_> = bits.intersection(&others).iter().collect();
+        prop_assert_eq!(both, &set_a & &set_b);
+        let either: BTreeSet<_> = bits.symmetric_difference(&others).iter().collect();
+        prop_assert_eq!(either, &set_a ^ &set_b);
         bits.extend_from(&others);
         prop_assert_eq!(bits.iter().collect::<BTreeSet<_>>(), &set_a | &set_b);
-        prop_assert_eq!(&NodeSet::from_bytes(bits.as_bytes()), &bits);
+        let bytes = postcard::to_stdvec(&bits).unwrap();
+        prop_assert_eq!(&postcard::from_bytes::<NodeSet>(&bytes).unwrap(), &bits);
         bits.truncate(end);
         let below: BTreeSet<_> = (&set_a | &set_b).into_iter().filter(|id| id.0 < end).collect();
         prop_assert_eq!(&bits.iter().collect::<BTreeSet<_>>(), &below);

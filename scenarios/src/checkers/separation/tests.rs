@@ -36,7 +36,7 @@ fn flying(from: Ned, start_s: f64, to: Ned, speed_mps: f64) -> Vehicle {
 }
 
 fn checked(vehicles: &[Vehicle], until_s: f64) -> (Option<Violation>, Option<f64>) {
-    let mut checker = SeparationChecker::new(SEPARATION, vehicles.len());
+    let mut checker = SeparationChecker::new(SEPARATION, vehicles);
     let violation = checker.path_ends(at(until_s), NodeId(0), vehicles);
     (violation, checker.closest_m())
 }

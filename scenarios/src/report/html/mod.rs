@@ -12,6 +12,7 @@ mod timeline;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::figures::{figure, figure_or_nothing, pace, plural};
+use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
 use super::{Flight, Report};
 
@@ -98,10 +99,11 @@ pub(crate) fn card(name: &str, value: Option<f64>, decimals: usize, unit: &str) 
 fn verdict(report: &Report) -> Markup {
     let broken = report.violations.len();
     html! {
-        div.card.{ @if broken == 0 { "good" } @else { "bad" } } {
+        div.card.{ @if broken == 0 && !report.unchecked { "good" } @else { "bad" } } {
             p { "Rules broken" }
             p.value {
-                @if broken == 0 { span.sign { "✓" } " none" }
+                @if report.unchecked { (UNCHECKED) }
+                @else if broken == 0 { span.sign { "✓" } " none" }
                 @else { span.sign { "✕" } " " (plural(broken, "time")) }
             }
         }

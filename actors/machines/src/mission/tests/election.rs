@@ -72,7 +72,7 @@ fn whoever_misses_the_master_leads_under_a_better_ballot_and_gives_its_own_order
     );
     assert!(ballot(2, 1, 0).beats(&ballot(1, 0, 1)));
     // On its way it acknowledges nothing; once there it waits for the others.
-    assert_eq!(acknowledged(&said), []);
+    assert!(acknowledged(&said).is_empty());
     let said = told(
         &mut slave,
         60.0,
@@ -80,7 +80,7 @@ fn whoever_misses_the_master_leads_under_a_better_ballot_and_gives_its_own_order
     );
     assert_eq!(acknowledged(&said), [1]);
     assert_eq!(orders(&said), []);
-    hears(&mut slave, 61.0, RoutingNotice::Silent(NodeId(1)));
+    hears(&mut slave, 61.0, RoutingNotice::Silent(NodeId(1).into()));
     let said = hears(&mut slave, 62.0, progress(2, 1));
     let (waypoint, apart) = (2, true);
     assert_eq!(orders(&said), [Order::Move { waypoint, apart }]);

@@ -214,8 +214,8 @@ fn a_drone_alone_flies_on_or_goes_to_land_as_it_was_told() {
     ] {
         let mut master = master();
         master.config.alone = alone;
-        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
-        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2)));
+        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0).into()));
+        hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2).into()));
         assert_eq!(
             master.durable.state,
             State::MovingToWaypoint { waypoint: 1 }
@@ -229,7 +229,7 @@ fn a_drone_alone_flies_on_or_goes_to_land_as_it_was_told() {
 fn a_drone_is_not_alone_while_it_hears_one_other_nor_if_there_never_was_any() {
     let mut master = master();
     master.config.alone = Alone::Land;
-    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0).into()));
     arrives(&mut master, 60.0);
     assert_eq!(
         master.durable.state,
@@ -239,9 +239,9 @@ fn a_drone_is_not_alone_while_it_hears_one_other_nor_if_there_never_was_any() {
     // On the way alone, but no longer when it arrives.
     let mut master = self::master();
     master.config.alone = Alone::Land;
-    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0)));
-    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2)));
-    hears(&mut master, 55.0, RoutingNotice::Returned(NodeId(2)));
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(0).into()));
+    hears(&mut master, 50.0, RoutingNotice::Silent(NodeId(2).into()));
+    hears(&mut master, 55.0, RoutingNotice::Returned(NodeId(2).into()));
     arrives(&mut master, 60.0);
     assert_eq!(master.durable.state, State::WaypointReached { waypoint: 1 });
 }

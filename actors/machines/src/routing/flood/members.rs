@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::Member;
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 
 /// What is known of the members below this drone, gathered from the acknowledgements that it passes on.
@@ -106,12 +106,12 @@ impl Members {
     }
 
     /// Marks and returns the members whose beat has not risen for `time_to_live`, each once.
-    pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> Vec<NodeId> {
-        let mut silent = Vec::new();
+    pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
+        let mut silent = NodeSet::default();
         for (id, known) in &mut self.0 {
             if !known.silent && now.since(known.rose_at) > time_to_live {
                 known.silent = true;
-                silent.push(*id);
+                silent.insert(*id);
             }
         }
         silent

@@ -20,7 +20,7 @@ use self::members::Members;
 use self::neighbours::Neighbours;
 use super::packet::{Flood, Member, Packet};
 use super::{Event, Input, Notice, Routes, Transmit};
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
 use crate::stall::Punctuality;
@@ -259,17 +259,16 @@ impl FloodRouting {
             Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
             Phase::Following => self.inform_of_routes(),
         }
-        let members: Vec<_> = self.members.iter().collect();
-        let silent: Vec<_> = self.members.silent().collect();
-        for member in members {
-            self.inform(Notice::Progress {
-                member: member.id,
-                acknowledged: member.acknowledged,
-                landing: member.landing,
-            });
-        }
-        for id in silent {
-            self.inform(Notice::Silent(id));
+        let sequence = self.durable.reign.sequence();
+        let has_acknowledged = |it: &Member| it.acknowledged >= sequence;
+        let silent: NodeSet = self.members.silent().collect();
+        self.inform(Notice::Progress {
+            sequence,
+            acknowledged: ids(self.members.iter().filter(has_acknowledged)),
+            landing: ids(self.members.iter().filter(|it| it.landing)),
+        });
+        if !silent.is_empty() {
+            self.inform(Notice::Silent(silent));
         }
         if self.master_silent {
             self.inform(Notice::MasterSilent);
@@ -296,6 +295,10 @@ impl FloodRouting {
             *since = now;
         }
     }
+}
+
+fn ids(members: impl Iterator<Item = Member>) -> NodeSet {
+    members.map(|member| member.id).collect()
 }
 
 impl Machine for FloodRouting {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::{Config, Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
 use crate::flaw::{self, Flaw};
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -156,8 +156,9 @@ impl FloodRouting {
                 .ballot()
                 .is_some_and(|it| it.is_elected())
         {
-            for id in self.members.fall_silent(now, time_to_live) {
-                self.inform(Notice::Silent(id));
+            let silent = self.members.fall_silent(now, time_to_live);
+            if !silent.is_empty() {
+                self.inform(Notice::Silent(silent));
             }
         }
     }
@@ -349,6 +350,9 @@ impl FloodRouting {
     fn hear_members(&mut self, now: Timestamp, sender: NodeId, members: &[Member]) {
         let is_master = self.is_master();
         let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+        let sequence = self.durable.reign.sequence();
+        let mut returned = NodeSet::default();
+        let (mut acknowledged, mut landing) = (NodeSet::default(), NodeSet::default());
         for member in members {
             let is_another = self.is_member(member.id) && Some(member.id) != master;
             if !is_another || member.id == self.config.id {
@@ -359,14 +363,13 @@ impl FloodRouting {
                 continue;
             }
             if change.returned {
-                self.inform(Notice::Returned(member.id));
+                returned.insert(member.id);
             }
-            if change.progress {
-                self.inform(Notice::Progress {
-                    member: member.id,
-                    acknowledged: member.acknowledged,
-                    landing: member.landing,
-                });
+            if change.progress && member.acknowledged >= sequence {
+                acknowledged.insert(member.id);
+            }
+            if change.progress && member.landing {
+                landing.insert(member.id);
             }
             if change.moved && self.durable.phase == Phase::Following {
                 self.outbox.event(Event::Reached {
@@ -375,6 +378,16 @@ impl FloodRouting {
                     out_of_range: member.out_of_range,
                 });
             }
+        }
+        if !returned.is_empty() {
+            self.inform(Notice::Returned(returned));
+        }
+        if !acknowledged.is_empty() || !landing.is_empty() {
+            self.inform(Notice::Progress {
+                sequence,
+                acknowledged,
+                landing,
+            });
         }
     }
 

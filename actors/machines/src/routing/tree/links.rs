@@ -1,10 +1,10 @@
-use std::collections::BTreeMap;
+use std::cell::OnceCell;
 use std::time::Duration;
 
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::packet::Tree;
 use crate::time::Timestamp;
+use crate::wire::TreeFrame;
 
 /// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
 const LOSS_MEMORY: u32 = 50;
@@ -17,9 +17,9 @@ const UNANSWERED: f64 = 1e-9;
 /// However lossy a link is, no more questions are asked.
 pub(super) const QUESTIONS_MAX: f64 = 40.0;
 /// However lossy a link is, it is given up after this many beacons.
-const LOST_BEACONS_MAX: f64 = 30.0;
+const LOST_BEACONS_MAX: u32 = 30;
 /// And asked after this many: to ask costs a frame.
-pub(super) const STALE_BEACONS_MAX: f64 = 5.0;
+pub(super) const STALE_BEACONS_MAX: u32 = 5;
 
 /// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
 /// out of reach.
@@ -29,12 +29,21 @@ const GIVEN_UP_MAX: u32 = 2;
 const TOLD_OF_REIGN_MAX: u32 = 8;
 
 /// What is known of each neighbour, from the frames of its own that were heard.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Links(BTreeMap<NodeId, Link>);
+#[derive(Debug, Clone)]
+pub(super) struct Links {
+    own: NodeId,
+    /// How many drones there are; nothing that is said of others is kept.
+    drones: u32,
+    /// By rising ids.
+    links: Vec<Link>,
+    /// What all children say together, until one of them says something else.
+    below: OnceCell<Below>,
+}
 
 /// What is known of one neighbour.
 #[derive(Debug, Clone)]
 pub(super) struct Link {
+    pub(super) id: NodeId,
     pub(super) heard_at: Timestamp,
     /// Whether the neighbour has heard this drone too: only then the link counts.
     pub(super) symmetric: bool,
@@ -52,8 +61,50 @@ pub(super) struct Link {
     pub(super) asks: bool,
     /// How often it has been told of the reign that it was not heard under yet; nothing once it was.
     told_of_reign: Option<u32>,
-    /// What it said last; of the neighbours that it hears, only [`Self::symmetric`] is kept.
-    pub(super) said: Tree,
+    /// What it said last.
+    pub(super) said: Said,
+}
+
+/// What is kept of a neighbour's words.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Said {
+    beat: u32,
+    pub(super) hops: Option<u16>,
+    pub(super) parent: Option<NodeId>,
+    pub(super) pulse: u32,
+    pub(super) sequence: u32,
+    pub(super) to: Option<NodeId>,
+    /// Whether it was said only because its time had come.
+    pub(super) is_beacon: bool,
+    acknowledged: NodeSet,
+    /// Of children only.
+    pub(super) alive: NodeSet,
+    /// Of children only.
+    landing: NodeSet,
+}
+
+/// What all children say together.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Below {
+    /// The order that `acknowledged` is about.
+    sequence: u32,
+    /// Who below has carried it out: what is done stays done, even of a child that is out of reach by now.
+    pub(super) acknowledged: NodeSet,
+    pub(super) alive: NodeSet,
+    pub(super) landing: NodeSet,
+    /// Whether somebody below has neither carried it out nor is going to land.
+    pub(super) is_awaited: bool,
+}
+
+/// How a neighbour's words differ from those before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Heard {
+    /// Whether it knows of another order, or of others who have carried it out.
+    pub(super) has_progressed: bool,
+    /// Whether its own way to the master, or to this drone, is another one.
+    pub(super) has_moved: bool,
+    /// Whether it was not known.
+    pub(super) is_new: bool,
 }
 
 impl Link {
@@ -78,16 +129,25 @@ impl Link {
         self.said.sequence.max(self.told.0) >= sequence
     }
 
-    /// Who has carried an order out, as far as it is known to know.
-    pub(super) fn knows_acknowledged(&self, sequence: u32) -> NodeSet {
-        let mut all = NodeSet::default();
-        if self.said.sequence == sequence {
-            all.extend_from(&self.said.acknowledged);
-        }
-        if self.told.0 == sequence {
-            all.extend_from(&self.told.1);
-        }
-        all
+    /// Those of `acknowledged` of whom it is not known to know that they have carried an order out.
+    pub(super) fn lacks(&self, sequence: u32, acknowledged: &NodeSet) -> NodeSet {
+        let said = (self.said.sequence, &self.said.acknowledged);
+        let told = (self.told.0, &self.told.1);
+        let known = [said, told].into_iter().filter(|it| it.0 == sequence);
+        known.fold(acknowledged.clone(), |lacks, (_, known)| {
+            lacks.difference(known)
+        })
+    }
+
+    /// Whether what it said shows that it knows what it was told.
+    fn shows_what_it_was_told(&self) -> bool {
+        let (sequence, acknowledged) = &self.told;
+        self.said.sequence > *sequence
+            || self.said.sequence == *sequence && self.said.acknowledged.is_superset(acknowledged)
+    }
+
+    const fn is_child_of(&self, id: NodeId) -> bool {
+        matches!(self.said.parent, Some(parent) if parent.0 == id.0)
     }
 
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
@@ -107,9 +167,14 @@ impl Link {
     }
 
     /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`.
-    fn patience(&self, beacon: Duration, odds: f64, beacons_max: f64) -> Duration {
-        let beacons = libm::log(odds) / libm::log(self.cautious_loss());
-        beacon.mul_f64(beacons.ceil().min(beacons_max))
+    fn patience(&self, beacon: Duration, odds: f64, beacons_max: u32) -> Duration {
+        let loss = self.cautious_loss();
+        let (mut beacons, mut chance) = (1, loss);
+        while chance > odds && beacons < beacons_max {
+            chance *= loss;
+            beacons += 1;
+        }
+        beacon * beacons
     }
 
     /// How often it is asked before it is taken to be gone: a question or its answer may be lost, each like any frame.
@@ -132,56 +197,99 @@ impl Link {
 }
 
 impl Links {
-    /// Takes in what a neighbour says; false for a number that is not newer than the last. One that has left this drone
-    /// out for a beacon does not hear it.
+    /// Of `own`, which has heard nobody yet.
+    pub(super) const fn new(own: NodeId, drones: u32) -> Self {
+        Self {
+            own,
+            drones,
+            links: Vec::new(),
+            below: OnceCell::new(),
+        }
+    }
+
+    fn find(&self, id: NodeId) -> Result<usize, usize> {
+        self.links.binary_search_by_key(&id, |link| link.id)
+    }
+
+    fn get_mut(&mut self, id: NodeId) -> Option<&mut Link> {
+        let at = self.find(id).ok()?;
+        Some(&mut self.links[at])
+    }
+
+    /// Takes in what a neighbour says, whether it is the parent or not; nothing for a number that is not newer than the
+    /// last. One that has left this drone out for a beacon does not hear it.
     pub(super) fn hear(
         &mut self,
-        own: NodeId,
-        id: NodeId,
-        said: Tree,
+        (id, is_parent): (NodeId, bool),
+        said: &TreeFrame<'_>,
         now: Timestamp,
         beacon: Duration,
-    ) -> bool {
-        let symmetric = self.is_symmetric(own, id, &said);
-        match self.0.get_mut(&id) {
-            None => {
-                let link = Link {
-                    heard_at: now,
-                    symmetric,
-                    left_out: None,
-                    loss: 0.0,
-                    frames: 0,
-                    told: (0, NodeSet::default()),
-                    given_up: 0,
-                    asks: false,
-                    told_of_reign: None,
-                    said,
-                };
-                self.0.insert(id, link);
-                true
-            }
-            Some(link) if said.beat <= link.said.beat => false,
-            Some(link) => {
-                let missed = said.beat - link.said.beat - 1;
-                for _ in 0..missed.min(LOSS_MEMORY) {
-                    link.learn(1.0);
-                }
-                link.learn(0.0);
-                link.heard_at = now;
-                link.given_up = 0;
-                link.told_of_reign = None;
-                if !said.tells(&link.told) {
-                    // It restarted, or spoke before it knew.
-                    link.told = (0, NodeSet::default());
-                }
-                let leaves_out = !symmetric && said.hears.is_some();
-                link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
-                // At first it may have restarted: it hears this drone again when that speaks.
-                let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
-                link.symmetric = symmetric || (link.symmetric && is_new);
-                link.said = said;
-                true
-            }
+    ) -> Option<Heard> {
+        let at = match self.find(id) {
+            Ok(at) if said.beat <= self.links[at].said.beat => return None,
+            Ok(at) => at,
+            Err(at) => return Some(self.begin(at, id, said, now)),
+        };
+        let link = &mut self.links[at];
+        let symmetric = says_to_hear(self.own, said).unwrap_or(link.symmetric);
+        let missed = said.beat - link.said.beat - 1;
+        for _ in 0..missed.min(LOSS_MEMORY) {
+            link.learn(1.0);
+        }
+        link.learn(0.0);
+        link.heard_at = now;
+        let was_reachable = link.is_reachable();
+        link.given_up = 0;
+        link.told_of_reign = None;
+        let leaves_out = !symmetric && said.hears(self.own).is_some();
+        link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
+        // At first it may have restarted: it hears this drone again when that speaks.
+        let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
+        let was_symmetric = link.symmetric;
+        link.symmetric = symmetric || (link.symmetric && is_new);
+        let was_child = link.is_child_of(self.own);
+        let is_child = said.parent == Some(self.own);
+        let changed = link.said.hear(said, (is_child, is_parent), self.drones);
+        if !link.shows_what_it_was_told() {
+            // It restarted, or spoke before it knew.
+            link.told = (0, NodeSet::default());
+        }
+        let has_moved = changed.way || !was_reachable || link.symmetric != was_symmetric;
+        if was_child != is_child || is_child && (changed.any || !was_reachable) {
+            self.below.take();
+        }
+        Some(Heard {
+            has_progressed: changed.progress,
+            has_moved,
+            is_new: false,
+        })
+    }
+
+    /// Takes in what a neighbour says that was not known.
+    fn begin(&mut self, at: usize, id: NodeId, said: &TreeFrame<'_>, now: Timestamp) -> Heard {
+        let is_child = said.parent == Some(self.own);
+        let mut link = Link {
+            id,
+            heard_at: now,
+            symmetric: says_to_hear(self.own, said).unwrap_or(false),
+            left_out: None,
+            loss: 0.0,
+            frames: 0,
+            told: (0, NodeSet::default()),
+            given_up: 0,
+            asks: false,
+            told_of_reign: None,
+            said: Said::default(),
+        };
+        link.said.hear(said, (is_child, false), self.drones);
+        if is_child {
+            self.below.take();
+        }
+        self.links.insert(at, link);
+        Heard {
+            has_progressed: true,
+            has_moved: true,
+            is_new: true,
         }
     }
 
@@ -189,39 +297,31 @@ impl Links {
     /// whether it hears this one.
     pub(super) fn hear_of_another_reign(
         &mut self,
-        own: NodeId,
         id: NodeId,
-        said: &Tree,
+        said: &TreeFrame<'_>,
         now: Timestamp,
         beacon: Duration,
     ) {
-        let said = Tree {
-            beat: said.beat,
-            hears: said.hears.clone(),
-            ..Tree::default()
-        };
-        self.hear(own, id, said, now, beacon);
-        if let Some(link) = self.0.get_mut(&id) {
+        self.hear((id, false), &said.only_of_its_link(), now, beacon);
+        if let Some(link) = self.get_mut(id) {
             link.told_of_reign = Some(0);
         }
     }
 
-    /// Whether a neighbour that says this hears `own`, as far as is known.
-    pub(super) fn is_symmetric(&self, own: NodeId, id: NodeId, said: &Tree) -> bool {
-        let was = self.0.get(&id).is_some_and(|link| link.symmetric);
-        let hears_us = said.hears.as_ref().map(|hears| hears.contains(own));
-        said.parent == Some(own)
-            || said.to == Some(own)
-            || hears_us.unwrap_or(was)
+    /// Whether a neighbour that says this hears this drone, as far as is known.
+    pub(super) fn is_symmetric(&self, id: NodeId, said: &TreeFrame<'_>) -> bool {
+        says_to_hear(self.own, said)
+            .unwrap_or_else(|| self.get(id).is_some_and(|link| link.symmetric))
             || flaw::has(Flaw::ObeysOneWayNeighbours)
     }
 
     /// Forgets what neighbours said under a master that is not obeyed any more.
     pub(super) fn forget_reign(&mut self) {
-        for link in self.0.values_mut() {
-            link.said = Tree {
+        self.below.take();
+        for link in &mut self.links {
+            link.said = Said {
                 beat: link.said.beat,
-                ..Tree::default()
+                ..Said::default()
             };
             link.told = (0, NodeSet::default());
             link.given_up = 0;
@@ -232,53 +332,59 @@ impl Links {
 
     /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
     pub(super) fn forgive(&mut self, now: Timestamp) {
-        for link in self.0.values_mut() {
+        for link in &mut self.links {
             link.heard_at = now;
         }
     }
 
     pub(super) fn forget(&mut self, id: NodeId) {
-        self.0.remove(&id);
+        if let Ok(at) = self.find(id) {
+            self.links.remove(at);
+            self.below.take();
+        }
     }
 
     /// A neighbour has been told something, as the medium says.
-    pub(super) fn told(&mut self, id: NodeId, told: &Tree) {
-        if let Some(link) = self.0.get_mut(&id) {
+    pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
+        if let Some(link) = self.get_mut(id) {
             if told.sequence > link.told.0 {
                 link.told = (told.sequence, NodeSet::default());
             }
             if told.sequence == link.told.0 {
-                link.told.1.extend_from(&told.acknowledged);
+                link.told.1.extend_from(&told.acknowledged());
             }
             link.given_up = 0;
         }
+        self.below.take();
     }
 
     /// The medium gave up to reach a neighbour.
     pub(super) fn gave_up(&mut self, id: NodeId) {
-        if let Some(link) = self.0.get_mut(&id) {
+        if let Some(link) = self.get_mut(id) {
             link.given_up += 1;
         }
+        self.below.take();
     }
 
     /// A neighbour did not answer to anything: it is out of reach until it is heard again.
     pub(super) fn suspect(&mut self, id: NodeId) {
-        if let Some(link) = self.0.get_mut(&id) {
+        if let Some(link) = self.get_mut(id) {
             link.given_up = GIVEN_UP_MAX;
         }
+        self.below.take();
     }
 
     /// A neighbour waits for an answer.
     pub(super) fn asks(&mut self, id: NodeId) {
-        if let Some(link) = self.0.get_mut(&id) {
+        if let Some(link) = self.get_mut(id) {
             link.asks = true;
         }
     }
 
     /// A neighbour, or all, are answered.
     pub(super) fn answered(&mut self, to: Option<NodeId>) {
-        for (id, link) in &mut self.0 {
-            link.asks &= to.is_some_and(|to| to != *id);
+        for link in &mut self.links {
+            link.asks &= to.is_some_and(|to| to != link.id);
             if let Some(times) = &mut link.told_of_reign {
                 *times += 1;
             }
@@ -286,40 +392,70 @@ impl Links {
     }
 
     /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
-    /// who they were.
+    /// whether there were any.
     pub(super) fn forget_silent(
         &mut self,
         now: Timestamp,
         time_to_live: Duration,
         beacon: Duration,
-    ) -> Vec<NodeId> {
-        let silent: Vec<NodeId> = self
-            .0
-            .iter()
-            .filter(|(_, link)| {
-                now.since(link.heard_at)
-                    > time_to_live.max(link.patience(beacon, LOST, LOST_BEACONS_MAX))
-            })
-            .map(|(id, _)| *id)
-            .collect();
-        for id in &silent {
-            self.0.remove(id);
+    ) -> bool {
+        let before = self.links.len();
+        self.links.retain(|link| {
+            let silent_for = now.since(link.heard_at);
+            silent_for <= time_to_live
+                || silent_for <= link.patience(beacon, LOST, LOST_BEACONS_MAX)
+        });
+        let has_lost_any = self.links.len() < before;
+        if has_lost_any {
+            self.below.take();
         }
-        silent
+        has_lost_any
     }
 
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
-        self.0.get(&id)
+        self.find(id).ok().map(|at| &self.links[at])
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = (NodeId, &Link)> {
-        self.0.iter().map(|(id, link)| (*id, link))
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Link> {
+        self.links.iter()
     }
 
-    /// Neighbours that take `own` for their parent, those apart that are out of reach.
-    pub(super) fn children(&self, own: NodeId) -> impl Iterator<Item = (NodeId, &Link)> {
-        self.iter()
-            .filter(move |(_, link)| link.said.parent == Some(own) && link.is_reachable())
+    /// Neighbours that take this drone for their parent, those apart that are out of reach.
+    pub(super) fn children(&self) -> impl Iterator<Item = &Link> {
+        let is_child = |link: &&Link| link.is_child_of(self.own) && link.is_reachable();
+        self.iter().filter(is_child)
+    }
+
+    /// What all children say together of order `sequence`, the newest that this drone knows of.
+    pub(super) fn below(&self, sequence: u32) -> &Below {
+        let below = self.below.get_or_init(|| self.sum_up(sequence));
+        debug_assert_eq!(below.sequence, sequence, "a new order is told of");
+        below
+    }
+
+    /// There is a newer order than before.
+    pub(super) fn begin_order(&mut self) {
+        self.below.take();
+    }
+
+    fn sum_up(&self, sequence: u32) -> Below {
+        let mut below = Below {
+            sequence,
+            ..Below::default()
+        };
+        for link in self.iter().filter(|link| link.is_child_of(self.own)) {
+            if link.said.sequence == sequence {
+                below.acknowledged.extend_from(&link.said.acknowledged);
+            }
+            if link.is_reachable() {
+                below.alive.extend_from(&link.said.alive);
+                below.landing.extend_from(&link.said.landing);
+            }
+        }
+        let awaited = below.alive.difference(&below.landing);
+        let missing = awaited.difference(&below.acknowledged);
+        below.is_awaited = missing.iter().any(|id| id != self.own);
+        below
     }
 
     /// Whom this drone hears. One that has been silent for as long as no living neighbour is, is not heard any more; nor,
@@ -333,11 +469,78 @@ impl Links {
             };
             now.since(link.heard_at) <= patience
         };
-        let heard = self.iter().filter(|(_, link)| is_heard(link));
-        heard.map(|(id, _)| id).collect()
+        let heard = self.iter().filter(|link| is_heard(link));
+        heard.map(|link| link.id).collect()
     }
 
-    pub(super) fn len(&self) -> usize {
-        self.0.len()
+    pub(super) const fn len(&self) -> usize {
+        self.links.len()
+    }
+}
+
+/// Whether a neighbour says that it hears `own`, or shows it, if it says anything of that.
+fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
+    if said.parent == Some(own) || said.to == Some(own) {
+        Some(true)
+    } else {
+        said.hears(own)
+    }
+}
+
+/// How a child's words differ from those before, or a parent's.
+struct Changed {
+    /// It knows of another order, or of others who have carried it out.
+    progress: bool,
+    /// That, or others are below it or going to land.
+    any: bool,
+    /// It is farther from the master or nearer, or has another parent.
+    way: bool,
+}
+
+impl Said {
+    /// Keeps what matters of a neighbour's words; how they differ from those before.
+    fn hear(
+        &mut self,
+        said: &TreeFrame<'_>,
+        (is_child, is_parent): (bool, bool),
+        drones: u32,
+    ) -> Changed {
+        let keep = |kept: &mut NodeSet, set: NodeSet| {
+            let mut set = said.and_before(set, kept);
+            set.truncate(drones);
+            let differs = set != *kept;
+            *kept = set;
+            differs
+        };
+        let is_another_order = said.sequence != self.sequence;
+        if is_another_order {
+            self.acknowledged = NodeSet::default();
+        }
+        let (mut progress, mut any) = (is_another_order, false);
+        if is_child || is_parent {
+            progress |= keep(&mut self.acknowledged, said.acknowledged());
+        } else {
+            self.acknowledged = NodeSet::default();
+        }
+        if is_child {
+            any |= keep(&mut self.alive, said.alive.to_set());
+            any |= keep(&mut self.landing, said.landing());
+        } else {
+            self.alive = NodeSet::default();
+            self.landing = NodeSet::default();
+        }
+        let way = (self.hops, self.parent) != (said.hops, said.parent);
+        self.beat = said.beat;
+        self.hops = said.hops;
+        self.parent = said.parent;
+        self.pulse = said.pulse;
+        self.sequence = said.sequence;
+        self.to = said.to;
+        self.is_beacon = said.hears.is_some();
+        Changed {
+            progress,
+            any: any || progress,
+            way,
+        }
     }
 }

@@ -1,13 +1,84 @@
 //! What a master knows of its members: how far they have got, and who is missed.
 
+use std::collections::BTreeMap;
+use std::time::Duration;
+
 use super::{Event, NodeId, NodeSet, Notice, TreeRouting};
 use crate::time::Timestamp;
 
+/// Who is alive, and who is missed.
+#[derive(Debug, Default)]
+pub(super) struct Members {
+    /// Who was alive when last looked.
+    alive: NodeSet,
+    /// The others that are known of or expected.
+    missed: BTreeMap<NodeId, Missed>,
+}
+
 /// Since when a member has been missed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Missed {
-    pub(super) since: Timestamp,
-    pub(super) told: bool,
+struct Missed {
+    since: Timestamp,
+    told: bool,
+}
+
+impl Missed {
+    const fn from(now: Timestamp) -> Self {
+        Self {
+            since: now,
+            told: false,
+        }
+    }
+}
+
+impl Members {
+    /// Gives each of these its time to live, heard of or not.
+    fn expect(&mut self, ids: impl Iterator<Item = NodeId>, now: Timestamp) {
+        for id in ids.filter(|id| !self.alive.contains(*id)) {
+            self.missed.entry(id).or_insert(Missed::from(now));
+        }
+    }
+
+    /// Takes in who is alive now: who had been silent and is back, and who was neither known of nor expected.
+    fn look(&mut self, alive: &NodeSet, now: Timestamp) -> (NodeSet, NodeSet) {
+        let (mut back, mut new) = (NodeSet::default(), NodeSet::default());
+        if *alive != self.alive {
+            for id in alive.difference(&self.alive).iter() {
+                match self.missed.remove(&id) {
+                    Some(missed) if missed.told => back.insert(id),
+                    Some(_) => {}
+                    None => new.insert(id),
+                }
+            }
+            for id in self.alive.difference(alive).iter() {
+                self.missed.insert(id, Missed::from(now));
+            }
+            self.alive.clone_from(alive);
+        }
+        (back, new)
+    }
+
+    /// Marks and returns those that have been missed for `time_to_live`, each once.
+    fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
+        let silent = self.missed.iter_mut().filter_map(|(id, missed)| {
+            let falls_silent = !missed.told && now.since(missed.since) > time_to_live;
+            missed.told |= falls_silent;
+            falls_silent.then_some(*id)
+        });
+        silent.collect()
+    }
+
+    pub(super) fn silent(&self) -> NodeSet {
+        let silent = self.missed.iter().filter(|(_, missed)| missed.told);
+        silent.map(|(id, _)| *id).collect()
+    }
+
+    /// Nobody was heard, through no fault of theirs.
+    pub(super) fn forgive(&mut self, now: Timestamp) {
+        for missed in self.missed.values_mut() {
+            missed.since = now;
+        }
+    }
 }
 
 impl TreeRouting {
@@ -20,30 +91,25 @@ impl TreeRouting {
         if self.told.0 != sequence {
             self.told = (sequence, NodeSet::default());
         }
-        let acknowledged = self.acknowledged_below();
-        let landing = self.below(|said| &said.landing);
-        let news: Vec<NodeId> = acknowledged
-            .iter()
-            .filter(|id| !self.told.1.contains(*id))
-            .chain(landing.iter().filter(|id| !self.told_landing.contains(*id)))
-            .collect();
-        for member in news {
-            let carried_out = acknowledged.contains(member);
+        let below = self.links.below(sequence);
+        let acknowledged = below.acknowledged.difference(&self.told.1);
+        let landing = below.landing.difference(&self.told_landing);
+        if !acknowledged.is_empty() || !landing.is_empty() {
+            self.told.1.extend_from(&acknowledged);
+            self.told_landing.extend_from(&landing);
             self.inform(Notice::Progress {
-                member,
-                acknowledged: if carried_out { sequence } else { 0 },
-                landing: landing.contains(member),
+                sequence,
+                acknowledged,
+                landing,
             });
         }
-        self.told.1.extend_from(&acknowledged);
-        self.told_landing.extend_from(&landing);
         self.miss_members(now);
     }
 
     /// Says that routes are up; to a master also to whom they need not lead over others.
     pub(super) fn inform_of_routes(&mut self) {
         if self.is_master() {
-            let heard = self.links.iter().map(|(id, _)| id).collect();
+            let heard = self.links.iter().map(|link| link.id).collect();
             self.inform(Notice::Hears(heard));
         }
         self.inform(Notice::RoutesReady);
@@ -51,55 +117,31 @@ impl TreeRouting {
 
     /// As master: gives every member its time to live, heard of or not.
     pub(super) fn expect_members(&mut self, now: Timestamp) {
-        for id in (0..self.config.drones)
-            .map(NodeId)
-            .filter(|id| *id != self.config.id)
-        {
-            let missed = Missed {
-                since: now,
-                told: false,
-            };
-            self.missed.entry(id).or_insert(missed);
-        }
+        let own = self.config.id;
+        let others = (0..self.config.drones).map(NodeId).filter(|id| *id != own);
+        self.members.expect(others, now);
     }
 
     fn miss_members(&mut self, now: Timestamp) {
-        let alive = self.below(|said| &said.alive);
-        for id in alive.iter() {
-            match self.missed.insert(
-                id,
-                Missed {
-                    since: now,
-                    told: false,
-                },
-            ) {
-                Some(missed) if missed.told => self.inform(Notice::Returned(id)),
-                Some(_) => {}
-                None => self.reached(id),
-            }
+        let below = self.links.below(self.durable.reign.sequence());
+        let (back, new) = self.members.look(&below.alive, now);
+        if !back.is_empty() {
+            self.inform(Notice::Returned(back));
         }
-        let time_to_live = self.config.time_to_live;
-        let mut silent = Vec::new();
-        for (id, missed) in &mut self.missed {
-            if !missed.told && !alive.contains(*id) && now.since(missed.since) > time_to_live {
-                missed.told = true;
-                silent.push(*id);
-            }
+        for id in new.iter() {
+            self.reached(id);
         }
-        for id in silent {
-            self.inform(Notice::Silent(id));
+        let silent = self.members.fall_silent(now, self.config.time_to_live);
+        if !silent.is_empty() {
+            self.inform(Notice::Silent(silent));
         }
     }
 
     /// Lets it be seen through whom the master hears of a member.
     fn reached(&mut self, member: NodeId) {
-        let own = self.config.id;
-        let via = self
-            .links
-            .children(own)
-            .find(|(_, link)| link.said.alive.contains(member))
-            .map(|(id, _)| id);
-        if let Some(via) = via {
+        let mut children = self.links.children();
+        let via = children.find(|link| link.said.alive.contains(member));
+        if let Some(via) = via.map(|link| link.id) {
             self.outbox.event(Event::Reached {
                 member,
                 via,

@@ -14,7 +14,6 @@ mod members;
 mod seek;
 mod speak;
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::time::Duration;
 
@@ -23,8 +22,8 @@ use rand_chacha::ChaCha8Rng;
 
 pub use durable::Checkpoint;
 
-use self::links::{Link, Links};
-use self::members::Missed;
+use self::links::{Heard, Link, Links};
+use self::members::Members;
 use self::seek::Seek;
 use super::packet::{Packet, Tree};
 use super::{Event, Input, Notice, Routes, Transmit};
@@ -34,7 +33,7 @@ use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
 use crate::stall::Punctuality;
 use crate::time::Timestamp;
-use crate::wire;
+use crate::wire::{self, TreeFrame};
 
 /// What it is built with.
 #[derive(Debug, Clone)]
@@ -71,26 +70,34 @@ pub struct TreeRouting {
     durable: Checkpoint,
     links: Links,
     routes: Routes,
+    /// Whether the parent was neither lost nor stale when it was chosen.
+    has_good_parent: bool,
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
     /// Whether the master says that it is going to land.
     master_lands: bool,
-    /// As master: who was alive when last looked, and since when each that is not has been missed.
-    missed: BTreeMap<NodeId, Missed>,
+    /// As master: who is alive, and who is missed.
+    members: Members,
     /// What the protocol has been told of the members' acknowledgements: of which order, and who.
     told: (u32, NodeSet),
     told_landing: NodeSet,
     /// What was last heard to be pending, and of which order.
     pending: (u32, NodeSet),
+    /// From which id on the next frame tells of others, where not all fit one.
+    next_span: u32,
     /// The order that this drone's last frame told that it knows of.
     said_sequence: u32,
     next_beacon: Option<Timestamp>,
+    /// When this drone last acknowledged anything by itself.
+    acknowledged_at: Option<Timestamp>,
     repair: Option<Repair>,
     /// Whether the parent lives is being found out.
     seek: Option<Seek>,
     /// Until when acknowledgements wait for those still missing below, and of which order.
     hold: Option<Hold>,
+    /// When it wants to act next, as of the end of its last step.
+    wakes: Option<Timestamp>,
     punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
 }
@@ -119,20 +126,24 @@ impl TreeRouting {
         let mut routing = Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
             durable: Checkpoint::default(),
-            links: Links::default(),
+            links: Links::new(config.id, config.drones),
             routes: Routes::default(),
+            has_good_parent: false,
             orphaned: None,
             master_silent: false,
             master_lands: false,
-            missed: BTreeMap::new(),
+            members: Members::default(),
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
             pending: (0, NodeSet::default()),
+            next_span: 0,
             said_sequence: 0,
             next_beacon: None,
+            acknowledged_at: None,
             repair: None,
             seek: None,
             hold: None,
+            wakes: None,
             punctuality: Punctuality::default(),
             outbox: Outbox::new(),
             config,
@@ -183,38 +194,31 @@ impl TreeRouting {
 
     fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
         let is_member = sender.0 < self.config.drones + self.config.relays;
-        let Ok(Packet::Tree(mut said)) = wire::decode_packet(payload) else {
+        let Ok(said) = wire::decode_tree(payload) else {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
-                self.links.hear_of_another_reign(
-                    self.config.id,
-                    sender,
-                    &said,
-                    now,
-                    self.config.beacon,
-                );
+                let beacon = self.config.beacon;
+                self.links.hear_of_another_reign(sender, &said, now, beacon);
             }
             self.outbox.event(Event::Ignored(sender));
             return;
         }
-        for set in [
-            &mut said.acknowledged,
-            &mut said.alive,
-            &mut said.landing,
-            &mut said.pending,
-        ] {
-            set.truncate(self.config.drones);
-        }
-        self.hear(now, sender, said);
+        self.hear(now, sender, &said);
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     /// What comes over a link that carries one way only makes nobody turn.
-    fn obeys(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, said: &Tree) -> bool {
-        let is_symmetric = self.links.is_symmetric(self.config.id, sender, said);
+    fn obeys(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        ballot: Ballot,
+        said: &TreeFrame<'_>,
+    ) -> bool {
+        let is_symmetric = self.links.is_symmetric(sender, said);
         let stays = self.is_master() && flaw::has(Flaw::NeverStepsDown);
         let way = if is_symmetric && !stays {
             Way::Mutual
@@ -238,10 +242,11 @@ impl TreeRouting {
         self.durable.beats = self.durable.beats.under_another_master();
         self.links.forget_reign();
         self.routes = Routes::default();
+        self.has_good_parent = false;
         self.orphaned = None;
         self.master_silent = false;
         self.master_lands = false;
-        self.missed.clear();
+        self.members = Members::default();
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.pending = (0, NodeSet::default());
@@ -267,39 +272,53 @@ impl TreeRouting {
         self.next_beacon = Some(now);
     }
 
-    fn hear(&mut self, now: Timestamp, sender: NodeId, said: Tree) {
-        let own = self.config.id;
-        let known = self.links.get(sender).map(|link| link.said.clone());
-        let (pulse, pending) = (said.pulse, (said.sequence, said.pending.clone()));
-        let order = said.order.clone().map(|order| (said.sequence, order));
-        let landing = (said.sequence, said.landing.clone());
-        if !self.links.hear(own, sender, said, now, self.config.beacon) {
+    fn hear(&mut self, now: Timestamp, sender: NodeId, said: &TreeFrame<'_>) {
+        let is_parent = self.routes.parent == Some(sender);
+        let beacon = self.config.beacon;
+        let Some(heard) = self.links.hear((sender, is_parent), said, now, beacon) else {
             return;
-        }
-        if self.links.get(sender).is_some_and(Link::needs_to_hear) {
+        };
+        if heard.is_new || self.links.get(sender).is_some_and(Link::needs_to_hear) {
+            // It learns that it is heard.
             self.beacon_soon(now);
         }
-        let news = self.take_order(order);
-        self.hear_of_landing(&landing);
-        self.update_routes(now);
-        self.take_pulse(now, sender, pulse);
-        self.report_members(now);
-        if self.routes.parent == Some(sender) && pending.0 == self.durable.reign.sequence() {
-            self.pending = pending;
+        let news = self.take_order(said.sequence, said.order);
+        self.hear_of_landing(said);
+        if heard.has_moved || !self.keeps_its_way(now, sender) {
+            self.update_routes(now);
         }
-        self.answer(now, sender, known.as_ref(), news);
+        self.take_pulse(now, sender, said.pulse);
+        self.report_members(now);
+        if self.routes.parent == Some(sender) && said.sequence == self.durable.reign.sequence() {
+            self.pending = (said.sequence, self.pending_as_said(said));
+        }
+        self.answer(now, sender, heard, news);
+    }
+
+    /// Who is pending as the parent says it: whoever it does not tell of is as far as is known.
+    fn pending_as_said(&self, said: &TreeFrame<'_>) -> NodeSet {
+        let mut pending = said.pending.to_set();
+        pending.truncate(self.config.drones);
+        if self.pending.0 == said.sequence {
+            said.and_before(pending, &self.pending.1)
+        } else {
+            said.and_before(pending, &NodeSet::from(0..self.config.drones))
+        }
     }
 
     /// Takes in an order; whether it is news.
-    fn take_order(&mut self, order: Option<(u32, bytes::Bytes)>) -> bool {
+    fn take_order(&mut self, sequence: u32, order: Option<&[u8]>) -> bool {
+        let order = order.filter(|_| sequence > self.durable.reign.sequence());
+        let order = order.map(bytes::Bytes::copy_from_slice);
         let own = self.config.id;
-        let is_news = order
-            .is_some_and(|(sequence, order)| self.durable.reign.hear_order(own, sequence, order));
+        let is_news =
+            order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order));
         if is_news {
             self.repair = None;
             if let Some(notice) = self.durable.reign.newest_order() {
                 self.inform(notice);
             }
+            self.links.begin_order();
             self.checkpoint();
         }
         is_news
@@ -307,12 +326,12 @@ impl TreeRouting {
 
     /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
     /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, (sequence, landing): &(u32, NodeSet)) {
+    fn hear_of_landing(&mut self, said: &TreeFrame<'_>) {
         let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
             return;
         };
-        let is_known = *sequence <= self.durable.reign.sequence();
-        if is_known && landing.contains(ballot.master) && !self.master_lands {
+        let is_known = said.sequence <= self.durable.reign.sequence();
+        if is_known && !self.master_lands && said.is_landing(ballot.master) {
             self.master_lands = true;
             self.inform(Notice::MasterLands);
         }
@@ -340,67 +359,11 @@ impl TreeRouting {
     /// parent that it has is lost or stale, one that has heard as much and is nearer to the master than itself: the way of
     /// neither can be through this one, so that no ring of drones follows itself.
     fn update_routes(&mut self, now: Timestamp) {
-        let own = self.config.id;
-        let is_master = self.is_master();
-        let mut routes = Routes {
-            relay: self.links.children(own).next().is_some(),
-            ..Routes::default()
-        };
-        if is_master {
-            routes.hops = Some(0);
-        } else {
-            let parent = self.routes.parent;
-            let suspected = parent.filter(|parent| {
-                let link = self.links.get(*parent);
-                link.is_some_and(|link| !link.is_reachable())
-            });
-            let stale = parent.filter(|parent| {
-                let link = self.links.get(*parent);
-                link.is_some_and(|link| link.is_stale(now, self.config.beacon))
-            });
-            let own_pulse = self.durable.beats.pulse;
-            let has_newer_pulse = |link: &Link, pulse: u32| {
-                link.said.pulse > pulse
-                    || link.said.pulse == pulse && flaw::has(Flaw::CountsEchoes)
-            };
-            // Whoever has heard as much of the master and is nearer to it: its way can't be through this drone.
-            let is_nearer =
-                |link: &Link| link.said.pulse == own_pulse && link.said.hops < self.routes.hops;
-            let is_elsewhere = |id: NodeId, link: &Link| match (self.orphaned, stale) {
-                (Some((_, pulse)), _) => has_newer_pulse(link, pulse),
-                (None, Some(_)) => has_newer_pulse(link, own_pulse),
-                (None, None) => {
-                    parent == Some(id) || has_newer_pulse(link, own_pulse) || is_nearer(link)
-                }
-            };
-            let left = suspected.or(stale);
-            let usable = |id: NodeId, link: &Link| {
-                link.symmetric
-                    && link.is_reachable()
-                    && link.said.hops.is_some()
-                    && link.said.parent != Some(own)
-                    && Some(id) != left
-                    && is_elsewhere(id, link)
-            };
-            let kept = left.and_then(|parent| Some((parent, self.links.get(parent)?)));
-            let best = self
-                .links
-                .iter()
-                .filter(|(id, link)| usable(*id, link))
-                .min_by(|(a_id, a), (b_id, b)| {
-                    let hops = a.said.hops.cmp(&b.said.hops);
-                    let kept = |id: &NodeId| Some(*id) != self.routes.parent;
-                    hops.then(kept(a_id).cmp(&kept(b_id)))
-                        .then(a.loss.total_cmp(&b.loss))
-                        .then(a_id.cmp(b_id))
-                })
-                .or(kept);
-            routes.parent = best.map(|(id, _)| id);
-            routes.hops = best
-                .and_then(|(_, link)| link.said.hops)
-                .map(|hops| hops.saturating_add(1));
-            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
-            routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
+        let routes = self.best_routes(now);
+        let parent = routes.parent.and_then(|parent| self.links.get(parent));
+        self.has_good_parent = parent
+            .is_some_and(|link| link.is_reachable() && !link.is_stale(now, self.config.beacon));
+        if !self.is_master() {
             match routes.parent {
                 Some(_) => self.found_master(),
                 None => {
@@ -420,6 +383,85 @@ impl TreeRouting {
         }
     }
 
+    /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
+    /// parent or no nearer to the master than that, and the parent is as good as when it was chosen.
+    fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
+        let parent = self.routes.parent.filter(|_| self.has_good_parent);
+        let Some(parent) = parent.and_then(|parent| self.links.get(parent)) else {
+            return false;
+        };
+        let hops = self.links.get(sender).and_then(|link| link.said.hops);
+        let keeps = !parent.is_stale(now, self.config.beacon)
+            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops);
+        debug_assert!(!keeps || self.best_routes(now) == self.routes);
+        keeps
+    }
+
+    fn best_routes(&self, now: Timestamp) -> Routes {
+        let own = self.config.id;
+        let is_master = self.is_master();
+        let mut routes = Routes {
+            relay: self.links.children().next().is_some(),
+            ..Routes::default()
+        };
+        if is_master {
+            routes.hops = Some(0);
+        } else {
+            let parent = self.routes.parent;
+            let suspected = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| !link.is_reachable())
+            });
+            let stale = parent.filter(|parent| {
+                let link = self.links.get(*parent);
+                link.is_some_and(|link| link.is_stale(now, self.config.beacon))
+            });
+            let own_pulse = self.durable.beats.pulse;
+            let has_newer_pulse = |link: &Link, pulse: u32| {
+                link.said.pulse > pulse || link.said.pulse == pulse && flaw::has(Flaw::CountsEchoes)
+            };
+            // Whoever has heard as much of the master and is nearer to it: its way can't be through this drone.
+            let is_nearer =
+                |link: &Link| link.said.pulse == own_pulse && link.said.hops < self.routes.hops;
+            let is_elsewhere = |id: NodeId, link: &Link| match (self.orphaned, stale) {
+                (Some((_, pulse)), _) => has_newer_pulse(link, pulse),
+                (None, Some(_)) => has_newer_pulse(link, own_pulse),
+                (None, None) => {
+                    parent == Some(id) || has_newer_pulse(link, own_pulse) || is_nearer(link)
+                }
+            };
+            let left = suspected.or(stale);
+            let usable = |link: &&Link| {
+                link.symmetric
+                    && link.is_reachable()
+                    && link.said.hops.is_some()
+                    && link.said.parent != Some(own)
+                    && Some(link.id) != left
+                    && is_elsewhere(link.id, link)
+            };
+            let kept = left.and_then(|parent| self.links.get(parent));
+            let is_another = |link: &Link| Some(link.id) != self.routes.parent;
+            let best = self
+                .links
+                .iter()
+                .filter(usable)
+                .min_by(|a, b| {
+                    let hops = a.said.hops.cmp(&b.said.hops);
+                    hops.then(is_another(a).cmp(&is_another(b)))
+                        .then(a.loss.total_cmp(&b.loss))
+                        .then(a.id.cmp(&b.id))
+                })
+                .or(kept);
+            routes.parent = best.map(|link| link.id);
+            routes.hops = best
+                .and_then(|link| link.said.hops)
+                .map(|hops| hops.saturating_add(1));
+            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+            routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
+        }
+        routes
+    }
+
     fn found_master(&mut self) {
         self.orphaned = None;
         if self.master_silent {
@@ -430,10 +472,8 @@ impl TreeRouting {
 
     /// Notices who has fallen silent.
     fn watch(&mut self, now: Timestamp) {
-        let lost = self
-            .links
-            .forget_silent(now, self.config.link_time_to_live, self.config.beacon);
-        if !lost.is_empty() {
+        let (time_to_live, beacon) = (self.config.link_time_to_live, self.config.beacon);
+        if self.links.forget_silent(now, time_to_live, beacon) {
             self.update_routes(now);
         }
         self.report_members(now);
@@ -444,28 +484,6 @@ impl TreeRouting {
             self.master_silent = true;
             self.inform(Notice::MasterSilent);
         }
-    }
-
-    /// What all children say of the drones below them, in one set.
-    fn below(&self, what: impl Fn(&Tree) -> &NodeSet) -> NodeSet {
-        let mut all = NodeSet::default();
-        for (_, link) in self.links.children(self.config.id) {
-            all.extend_from(what(&link.said));
-        }
-        all
-    }
-
-    /// Who below has carried the newest order out.
-    fn acknowledged_below(&self) -> NodeSet {
-        let mut all = NodeSet::default();
-        for (_, link) in self.links.iter() {
-            // What is done stays done, even of a child that is out of reach by now.
-            let is_child = link.said.parent == Some(self.config.id);
-            if is_child && link.said.sequence == self.durable.reign.sequence() {
-                all.extend_from(&link.said.acknowledged);
-            }
-        }
-        all
     }
 
     fn jitter(&mut self, up_to: Duration) -> Duration {
@@ -483,14 +501,9 @@ impl TreeRouting {
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.report_members(now);
-        let silent: Vec<_> = self
-            .missed
-            .iter()
-            .filter(|(_, missed)| missed.told)
-            .map(|(id, _)| *id)
-            .collect();
-        for id in silent {
-            self.inform(Notice::Silent(id));
+        let silent = self.members.silent();
+        if !silent.is_empty() {
+            self.inform(Notice::Silent(silent));
         }
         if self.master_silent {
             self.inform(Notice::MasterSilent);
@@ -510,9 +523,7 @@ impl TreeRouting {
         if let Some((since, _)) = &mut self.orphaned {
             *since = now;
         }
-        for missed in self.missed.values_mut() {
-            missed.since = now;
-        }
+        self.members.forgive(now);
     }
 
     fn deadline(&self) -> Option<Timestamp> {
@@ -553,6 +564,7 @@ impl Machine for TreeRouting {
             } => {
                 let own = self.config.id;
                 if self.durable.reign.publish(own, ballot, sequence, order) {
+                    self.links.begin_order();
                     self.checkpoint();
                     self.say(now, speak::Occasion::News);
                 }
@@ -581,7 +593,8 @@ impl Machine for TreeRouting {
             Input::Stop => self.stop(now),
             Input::Resync => self.resync(now),
         }
-        self.punctuality.ask(now, self.deadline());
+        self.wakes = self.deadline();
+        self.punctuality.ask(now, self.wakes);
         Ok(())
     }
 
@@ -591,11 +604,12 @@ impl Machine for TreeRouting {
         self.seek_if_due(now);
         self.repair_if_due(now);
         self.beacon_if_due(now);
-        self.punctuality.ask(now, self.deadline());
+        self.wakes = self.deadline();
+        self.punctuality.ask(now, self.wakes);
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.deadline())
+        self.outbox.poll(self.wakes)
     }
 }
 

@@ -28,7 +28,7 @@ impl Config {
     #[must_use]
     pub fn detection(&self) -> Duration {
         let asked = (self.repair * 2).mul_f64(QUESTIONS_MAX);
-        self.beacon.mul_f64(STALE_BEACONS_MAX) + asked + self.patience
+        self.beacon * STALE_BEACONS_MAX + asked + self.patience
     }
 }
 

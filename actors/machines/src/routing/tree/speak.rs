@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use super::links::Link;
 use super::{
-    CONFIRM_ABOVE_LOSS, Config, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree, TreeRouting,
+    CONFIRM_ABOVE_LOSS, Config, Heard, Hold, NodeId, NodeSet, Packet, Repair, Transmit, Tree,
+    TreeRouting,
 };
 use crate::time::Timestamp;
 use crate::wire;
@@ -18,6 +19,10 @@ const LANDING_BEACONS: u32 = 4;
 /// How long acknowledgements wait for those still missing below, in repairs: a drone that has gone to another parent
 /// out of hearing is missed here until its link is given up.
 const HOLD_REPAIRS: u32 = 20;
+
+/// How long, in repairs, acknowledgements that come in after one was said wait to be said in one frame: a drone with many
+/// below it would otherwise speak more often than others listen to it.
+const MERGED_REPAIRS: u32 = 2;
 
 /// After how many repairs that nothing was heard of a parent it is suspected to be out of reach.
 const TRIES_MAX: u32 = 4;
@@ -53,12 +58,21 @@ impl Config {
 impl TreeRouting {
     /// What the drone knows, as a packet.
     fn state(&self) -> Tree {
-        let (acknowledged, landing) = (self.acknowledged(), self.landing());
+        let sequence = self.durable.reign.sequence();
+        let below = self.links.below(sequence);
+        let (acknowledged, mut landing) = (self.acknowledged(), below.landing.clone());
+        if self.durable.landing.is_some() {
+            landing.insert(self.config.id);
+        }
+        let mut alive = below.alive.clone();
+        if !self.is_relay() {
+            alive.insert(self.config.id);
+        }
         let pending = if self.is_master() {
             // All that there are, heard of or not, from the first order on the ground on.
-            let all: NodeSet = (0..self.config.drones).map(NodeId).collect();
+            let all = NodeSet::from(0..self.config.drones);
             all.difference(&acknowledged).difference(&landing)
-        } else if self.pending.0 == self.durable.reign.sequence() {
+        } else if self.pending.0 == sequence {
             self.pending.1.clone()
         } else {
             NodeSet::default()
@@ -68,9 +82,10 @@ impl TreeRouting {
             hops: self.routes.hops,
             parent: self.routes.parent,
             pulse: self.durable.beats.pulse,
-            sequence: self.durable.reign.sequence(),
+            sequence,
+            span: None,
             acknowledged,
-            alive: self.alive(),
+            alive,
             landing,
             hears: None,
             to: None,
@@ -84,28 +99,35 @@ impl TreeRouting {
         }
     }
 
+    /// A packet's bytes; where they outgrow a datagram, of as many drones as fit, from those on whom the packet before
+    /// left out.
+    fn encode(&mut self, state: Tree) -> Vec<u8> {
+        let packet = Packet::Tree(state);
+        let payload = wire::encode_packet(&packet);
+        let (false, Packet::Tree(state)) = (payload.len() <= wire::PAYLOAD_MAX, packet) else {
+            return payload;
+        };
+        let end = self.config.drones + self.config.relays;
+        let begin = self.next_span % end;
+        let cut = |end| wire::encode_packet(&Packet::Tree(state.cut_to(begin..end)));
+        let (mut fits, mut too_far) = (begin + 1, end + 1);
+        while fits + 1 < too_far {
+            let middle = u32::midpoint(fits, too_far);
+            if cut(middle).len() <= wire::PAYLOAD_MAX {
+                fits = middle;
+            } else {
+                too_far = middle;
+            }
+        }
+        self.next_span = fits;
+        cut(fits)
+    }
+
     /// Who of this drone and those below it has carried the newest order out.
     fn acknowledged(&self) -> NodeSet {
-        let mut all = self.acknowledged_below();
+        let below = self.links.below(self.durable.reign.sequence());
+        let mut all = below.acknowledged.clone();
         if self.durable.reign.is_carried_out() {
-            all.insert(self.config.id);
-        }
-        all
-    }
-
-    /// This drone and those below it; no pure relays.
-    fn alive(&self) -> NodeSet {
-        let mut all = self.below(|said| &said.alive);
-        if !self.is_relay() {
-            all.insert(self.config.id);
-        }
-        all
-    }
-
-    /// Who of them is going to land.
-    fn landing(&self) -> NodeSet {
-        let mut all = self.below(|said| &said.landing);
-        if self.durable.landing.is_some() {
             all.insert(self.config.id);
         }
         all
@@ -142,10 +164,11 @@ impl TreeRouting {
         }
         let to = state.to;
         self.links.answered(to);
+        let payload = self.encode(state);
         self.outbox.transmit(Transmit::Send {
             to,
             ballot,
-            payload: wire::encode_packet(&Packet::Tree(state)),
+            payload,
             keep_alive: occasion == Occasion::KeepAlive,
         });
         self.set_repair(now, occasion);
@@ -181,14 +204,14 @@ impl TreeRouting {
             move |link: &Link| link.said.parent == Some(own) && !link.knows(sequence);
         self.links
             .iter()
-            .filter(move |(id, link)| {
+            .filter(move |link| {
                 let lacks = link.asks
-                    || parent == Some(*id)
+                    || parent == Some(link.id)
                     || is_child_behind(link)
                     || link.obeys_another();
                 link.is_reachable() && lacks
             })
-            .map(|(id, _)| id)
+            .map(|link| link.id)
     }
 
     /// The only one to whom what this drone says is news: it is said to that one, and the medium sees to it that it
@@ -211,8 +234,7 @@ impl TreeRouting {
         if parent.said.sequence > sequence || !self.may_acknowledge() {
             return false;
         }
-        let acknowledged = self.acknowledged();
-        let missing = acknowledged.difference(&parent.knows_acknowledged(sequence));
+        let missing = parent.lacks(sequence, &self.acknowledged());
         // Once the master has named who is pending, only they answer.
         let is_pending = |id| self.pending.0 != sequence || self.pending.1.contains(id);
         !parent.knows(sequence) || missing.iter().any(is_pending)
@@ -222,14 +244,17 @@ impl TreeRouting {
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
             && self.links.get(id).is_some_and(|child| {
-                child.said.alive.iter().all(|below| below == id) && child.loss < CONFIRM_ABOVE_LOSS
+                NodeSet::from(id).is_superset(&child.said.alive) && child.loss < CONFIRM_ABOVE_LOSS
             })
     }
 
     /// Whether this drone and all below it have carried the newest order out, those apart that are landing.
     fn is_complete(&self) -> bool {
-        let awaited = self.alive().difference(&self.landing());
-        self.durable.reign.sequence() > 0 && self.acknowledged().is_superset(&awaited)
+        let sequence = self.durable.reign.sequence();
+        let is_awaited = !self.is_relay()
+            && self.durable.landing.is_none()
+            && !self.durable.reign.is_carried_out();
+        sequence > 0 && !is_awaited && !self.links.below(sequence).is_awaited
     }
 
     /// Whether what has come in so far may be passed on: all of it has, or what is missing was waited for long enough.
@@ -242,22 +267,46 @@ impl TreeRouting {
 
     /// Acknowledges, or begins to wait for what is still missing below.
     pub(super) fn acknowledge(&mut self, now: Timestamp) {
-        if self.is_master() || self.acknowledged().is_empty() {
+        let sequence = self.durable.reign.sequence();
+        let has_any = self.durable.reign.is_carried_out()
+            || !self.links.below(sequence).acknowledged.is_empty();
+        if self.is_master() || !has_any {
             return;
         }
         if self.may_acknowledge() {
             if self.is_parent_behind() {
-                self.say(now, Occasion::News);
+                self.acknowledge_or_merge(now);
             }
-        } else if self
-            .hold
-            .is_none_or(|hold| hold.sequence != self.durable.reign.sequence())
-        {
+        } else if self.hold.is_none_or(|hold| hold.sequence != sequence) {
             self.hold = Some(Hold {
-                sequence: self.durable.reign.sequence(),
+                sequence,
                 until: now + self.config.repair * HOLD_REPAIRS,
                 is_over: false,
             });
+        }
+    }
+
+    /// Says who has carried the order out, unless it has just done so: then what comes in meanwhile is said with it.
+    fn acknowledge_or_merge(&mut self, now: Timestamp) {
+        let pause = self.config.repair * MERGED_REPAIRS;
+        let next = self
+            .acknowledged_at
+            .map(|at| at + pause)
+            .filter(|next| now < *next);
+        match (next, &mut self.repair) {
+            (None, _) => {
+                self.acknowledged_at = Some(now);
+                self.say(now, Occasion::News);
+            }
+            (Some(next), Some(repair)) => repair.due = repair.due.min(next),
+            (Some(next), none) => {
+                *none = Some(Repair {
+                    since: now,
+                    due: next,
+                    pause: self.config.repair,
+                    tries: 0,
+                });
+            }
         }
     }
 
@@ -271,17 +320,11 @@ impl TreeRouting {
         }
     }
 
-    /// What a neighbour's words, and those that it had said before, call for.
-    pub(super) fn answer(
-        &mut self,
-        now: Timestamp,
-        sender: NodeId,
-        before: Option<&Tree>,
-        news: bool,
-    ) {
+    /// What a neighbour's words call for.
+    pub(super) fn answer(&mut self, now: Timestamp, sender: NodeId, heard: Heard, news: bool) {
         if news {
             // A leaf is silent: whoever told it knows from the medium, trusts it, or asks.
-            if self.links.children(self.config.id).next().is_some() {
+            if self.links.children().next().is_some() {
                 self.say(now, Occasion::News);
             }
             return;
@@ -292,11 +335,8 @@ impl TreeRouting {
         let is_child = link.said.parent == Some(self.config.id);
         let is_parent = self.routes.parent == Some(sender);
         let is_behind = link.said.sequence < self.durable.reign.sequence();
-        let has_progressed = before.is_none_or(|before| {
-            before.acknowledged != link.said.acknowledged || before.sequence != link.said.sequence
-        });
-        let is_asked =
-            link.said.hears.is_none() && link.said.to.is_none_or(|to| to == self.config.id);
+        let has_progressed = heard.has_progressed;
+        let is_asked = !link.said.is_beacon && link.said.to.is_none_or(|to| to == self.config.id);
         // A child that repeats itself has not heard that it was understood.
         let repeats_itself = is_child && is_asked && !has_progressed;
         // A parent that speaks again, while this drone has not yet said that it knows the order, waits for that.
@@ -314,7 +354,7 @@ impl TreeRouting {
         if is_child && has_progressed {
             self.acknowledge(now);
         }
-        if !self.is_anyone_behind() {
+        if self.repair.is_some() && !self.is_anyone_behind() {
             self.repair = None;
         }
     }
@@ -326,7 +366,7 @@ impl TreeRouting {
 
     /// What became of something that was said to one neighbour.
     pub(super) fn outcome(&mut self, now: Timestamp, to: NodeId, payload: &[u8], delivered: bool) {
-        let Ok(Packet::Tree(told)) = wire::decode_packet(payload) else {
+        let Ok(told) = wire::decode_tree(payload) else {
             return;
         };
         if delivered {
@@ -344,7 +384,7 @@ impl TreeRouting {
                 self.acknowledge(now);
             }
         }
-        if !self.is_anyone_behind() {
+        if self.repair.is_some() && !self.is_anyone_behind() {
             self.repair = None;
         }
     }

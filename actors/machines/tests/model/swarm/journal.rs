@@ -103,10 +103,8 @@ impl Hash for Mission {
         }
         let Some(lead) = lead else { return };
         (lead.sequence, &lead.order, &lead.neighbours).hash(hasher);
-        for (id, awaited) in &lead.members {
-            let flags = (awaited.silent, awaited.landing, awaited.left_out);
-            (id, awaited.acknowledged, flags).hash(hasher);
-        }
+        (&lead.members, &lead.acknowledged).hash(hasher);
+        (&lead.silent, &lead.landing, &lead.left_out).hash(hasher);
         assert!(lead.followed.is_none(), "nobody is followed in the model");
     }
 }

@@ -92,9 +92,9 @@ impl Routing {
         is_news.then(|| {
             self.told.1.insert(frame.sender);
             Notice::Progress {
-                member: frame.sender,
-                acknowledged: sequence,
-                landing: false,
+                sequence,
+                acknowledged: frame.sender.into(),
+                landing: NodeSet::default(),
             }
         })
     }

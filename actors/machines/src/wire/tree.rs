@@ -1,0 +1,329 @@
+//! The packet of policy `tree`, read where it lies: most of what a neighbour says is of no use to whoever hears it.
+
+use std::ops::Range;
+
+use serde::Serialize;
+
+use crate::identity::{NodeId, NodeSet};
+use crate::routing::Tree;
+
+/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct TreeFrame<'a> {
+    /// As in [`Tree`], as all that follow.
+    pub beat: u32,
+    /// See there.
+    pub hops: Option<u16>,
+    /// See there.
+    pub parent: Option<NodeId>,
+    /// See there.
+    pub pulse: u32,
+    /// See there.
+    pub sequence: u32,
+    /// See there.
+    pub span: Option<Range<u32>>,
+    /// See there.
+    pub hears: Option<Runs<'a>>,
+    /// See there.
+    pub to: Option<NodeId>,
+    /// See there.
+    pub pending: Runs<'a>,
+    /// See there.
+    pub order: Option<&'a [u8]>,
+    /// See there.
+    pub alive: Runs<'a>,
+    acknowledged: Runs<'a>,
+    landing: Runs<'a>,
+    differences: u8,
+}
+
+/// A set of drones as it is written: the distances from each bound of its runs to the next, the first one from 0, as
+/// varints. Whoever has one knows that the bounds rise and come in pairs.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Runs<'a>(&'a [u8]);
+
+impl<'a> Runs<'a> {
+    fn read(bytes: &'a [u8]) -> Option<Self> {
+        let mut rest = bytes;
+        let (mut bound, mut is_in, mut is_first) = (0_u32, false, true);
+        while !rest.is_empty() {
+            let distance = take_varint(&mut rest)?;
+            let rises = distance > 0 || is_first;
+            bound = bound.checked_add(distance).filter(|_| rises)?;
+            is_in = !is_in;
+            is_first = false;
+        }
+        (!is_in).then_some(Self(bytes))
+    }
+
+    fn bounds(self) -> impl Iterator<Item = u32> + 'a {
+        let (mut rest, mut bound) = (self.0, 0);
+        std::iter::from_fn(move || {
+            bound += take_varint(&mut rest)?;
+            Some(bound)
+        })
+    }
+
+    /// Whether it has this drone.
+    #[must_use]
+    pub fn contains(self, id: NodeId) -> bool {
+        self.bounds().take_while(|bound| *bound <= id.0).count() % 2 == 1
+    }
+
+    /// The set.
+    #[must_use]
+    pub fn to_set(self) -> NodeSet {
+        NodeSet::of_bounds(self.bounds())
+    }
+}
+
+/// A varint as postcard has it; what is too long for 32 bits is none.
+#[inline]
+fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
+    if let Some((byte, rest)) = bytes.split_first()
+        && *byte < 0x80
+    {
+        *bytes = rest;
+        return Some(u32::from(*byte));
+    }
+    take_long_varint(bytes)
+}
+
+fn take_long_varint(bytes: &mut &[u8]) -> Option<u32> {
+    let mut value = 0_u32;
+    for shift in [0, 7, 14, 21, 28] {
+        let (byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        let bits = u32::from(byte & 0x7f);
+        value |= bits << shift;
+        if *byte < 0x80 {
+            return (bits << shift >> shift == bits).then_some(value);
+        }
+    }
+    None
+}
+
+fn write_set(set: &NodeSet) -> Vec<u8> {
+    let mut out = Vec::with_capacity(8);
+    let mut before = 0;
+    for bound in set.runs().flat_map(|run| [run.start, run.end]) {
+        let mut distance = bound - before;
+        before = bound;
+        while distance >= 0x80 {
+            out.push((distance & 0x7f) as u8 | 0x80);
+            distance >>= 7;
+        }
+        out.push(distance as u8);
+    }
+    out
+}
+
+#[derive(Serialize)]
+pub(super) struct WireTree<'a> {
+    beat: u32,
+    hops: Option<u16>,
+    parent: Option<u32>,
+    pulse: u32,
+    sequence: u32,
+    span: Option<Range<u32>>,
+    /// Which of the two sets after `alive` are written as what differs from it.
+    differences: u8,
+    alive: &'a [u8],
+    acknowledged: &'a [u8],
+    landing: &'a [u8],
+    hears: Option<&'a [u8]>,
+    to: Option<u32>,
+    pending: &'a [u8],
+    order: Option<&'a [u8]>,
+}
+
+const ACKNOWLEDGED_DIFFERS: u8 = 1;
+const LANDING_DIFFERS: u8 = 2;
+
+/// A set as it is written beside `alive`: as what differs from that, if that has fewer runs, which is then told by `flag`.
+fn write_beside(alive: &NodeSet, set: &NodeSet, flag: u8) -> (Vec<u8>, u8) {
+    if !set.is_empty() && !alive.is_empty() {
+        let differs = alive.symmetric_difference(set);
+        if differs.runs().len() < set.runs().len() {
+            return (write_set(&differs), flag);
+        }
+    }
+    (write_set(set), 0)
+}
+
+/// Hands the packet, as it is written, to `write`.
+pub(super) fn written<T>(tree: &Tree, write: impl FnOnce(WireTree<'_>) -> T) -> T {
+    let (acknowledged, first) = write_beside(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
+    let (landing, second) = write_beside(&tree.alive, &tree.landing, LANDING_DIFFERS);
+    let (alive, pending) = (write_set(&tree.alive), write_set(&tree.pending));
+    let hears = tree.hears.as_ref().map(write_set);
+    write(WireTree {
+        beat: tree.beat,
+        hops: tree.hops,
+        parent: tree.parent.map(|id| id.0),
+        pulse: tree.pulse,
+        sequence: tree.sequence,
+        span: tree.span.clone(),
+        differences: first | second,
+        alive: &alive,
+        acknowledged: &acknowledged,
+        landing: &landing,
+        hears: hears.as_deref(),
+        to: tree.to.map(|id| id.0),
+        pending: &pending,
+        order: tree.order.as_deref(),
+    })
+}
+
+impl<'a> TreeFrame<'a> {
+    /// What [`written`] has written, field by field: this is what a drone does most.
+    pub(super) fn read(bytes: &'a [u8]) -> Option<Self> {
+        let mut from = Reader(bytes);
+        let mut frame = Self {
+            beat: from.number()?,
+            ..Self::default()
+        };
+        if from.is_there()? {
+            frame.hops = Some(u16::try_from(from.number()?).ok()?);
+        }
+        frame.parent = from.id()?;
+        frame.pulse = from.number()?;
+        frame.sequence = from.number()?;
+        if from.is_there()? {
+            frame.span = Some(from.number()?..from.number()?);
+        }
+        frame.differences = from.byte()?;
+        frame.alive = from.runs()?;
+        frame.acknowledged = from.runs()?;
+        frame.landing = from.runs()?;
+        if from.is_there()? {
+            frame.hears = Some(from.runs()?);
+        }
+        frame.to = from.id()?;
+        frame.pending = from.runs()?;
+        if from.is_there()? {
+            frame.order = Some(from.bytes()?);
+        }
+        from.0.is_empty().then_some(frame)
+    }
+}
+
+/// Takes from the front what postcard has written; nothing where it is something else.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn byte(&mut self) -> Option<u8> {
+        let (byte, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(*byte)
+    }
+
+    fn number(&mut self) -> Option<u32> {
+        take_varint(&mut self.0)
+    }
+
+    fn is_there(&mut self) -> Option<bool> {
+        match self.byte()? {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+
+    fn id(&mut self) -> Option<Option<NodeId>> {
+        Some(match self.is_there()? {
+            true => Some(NodeId(self.number()?)),
+            false => None,
+        })
+    }
+
+    fn bytes(&mut self) -> Option<&'a [u8]> {
+        let length = self.number()? as usize;
+        let (bytes, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    fn runs(&mut self) -> Option<Runs<'a>> {
+        Runs::read(self.bytes()?)
+    }
+}
+
+impl TreeFrame<'_> {
+    /// See [`Tree::acknowledged`].
+    #[must_use]
+    pub fn acknowledged(&self) -> NodeSet {
+        self.beside_alive(self.acknowledged, ACKNOWLEDGED_DIFFERS)
+    }
+
+    /// See [`Tree::landing`].
+    #[must_use]
+    pub fn landing(&self) -> NodeSet {
+        self.beside_alive(self.landing, LANDING_DIFFERS)
+    }
+
+    fn beside_alive(&self, runs: Runs<'_>, flag: u8) -> NodeSet {
+        let set = runs.to_set();
+        if self.differences & flag == 0 {
+            set
+        } else {
+            self.alive.to_set().symmetric_difference(&set)
+        }
+    }
+
+    /// Whether a drone is on its way to the ground, as far as this tells.
+    #[must_use]
+    pub fn is_landing(&self, id: NodeId) -> bool {
+        let differs = self.differences & LANDING_DIFFERS != 0;
+        self.landing.contains(id) != (differs && self.alive.contains(id))
+    }
+
+    /// The same, with nothing but that its sender is there and whom it hears.
+    #[must_use]
+    pub fn only_of_its_link(&self) -> Self {
+        Self {
+            beat: self.beat,
+            span: self.span.clone(),
+            hears: self.hears,
+            ..Self::default()
+        }
+    }
+
+    /// Whether its sender hears a drone, as far as this tells.
+    #[must_use]
+    pub fn hears(&self, id: NodeId) -> Option<bool> {
+        let tells_of = self.span.as_ref().is_none_or(|span| span.contains(&id.0));
+        let hears = self.hears.filter(|_| tells_of);
+        hears.map(|hears| hears.contains(id))
+    }
+
+    /// What its sender says of everybody, where `said` is one of the sets of this packet and `before` what the sender
+    /// said before.
+    #[must_use]
+    pub fn and_before(&self, mut said: NodeSet, before: &NodeSet) -> NodeSet {
+        if let Some(span) = &self.span {
+            said.extend_from(&before.difference(&span.clone().into()));
+        }
+        said
+    }
+
+    /// All of it, made.
+    #[must_use]
+    pub fn to_tree(&self) -> Tree {
+        Tree {
+            beat: self.beat,
+            hops: self.hops,
+            parent: self.parent,
+            pulse: self.pulse,
+            sequence: self.sequence,
+            span: self.span.clone(),
+            acknowledged: self.acknowledged(),
+            alive: self.alive.to_set(),
+            landing: self.landing(),
+            hears: self.hears.map(Runs::to_set),
+            to: self.to,
+            pending: self.pending.to_set(),
+            order: self.order.map(bytes::Bytes::copy_from_slice),
+        }
+    }
+}
