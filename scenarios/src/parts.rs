@@ -100,6 +100,16 @@ impl Parts {
         self.divide();
     }
 
+    /// Something about the links of these nodes is another than before, though none came or went.
+    pub(crate) fn stir(&mut self, now: Timestamp, ids: impl Iterator<Item = NodeId>) {
+        for id in ids {
+            if let Some(changed) = self.changed.get_mut(id.0 as usize) {
+                *changed = now;
+            }
+        }
+        self.divide();
+    }
+
     fn divide(&mut self) {
         let up = first_connected(self.live.len(), self.links.iter().filter(|link| link.is_up));
         self.reach = first_connected(self.live.len(), self.links.iter());

@@ -52,8 +52,6 @@ pub enum Flaw {
     RejoinsWhileLanding,
     /// A drone that has lost its master never leads.
     NeverClaims,
-    /// A drone that started anew on the ground takes off by itself.
-    TakesOffByItself,
 }
 
 #[cfg(feature = "flaws")]

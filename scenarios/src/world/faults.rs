@@ -225,6 +225,11 @@ impl World {
                 self.medium.set_loss(to, from, back);
             }
         }
+        let now = self.now;
+        for swarm in &mut self.swarms {
+            let ids = links.from.iter().chain(&*links.to).copied();
+            swarm.parts.stir(now, ids);
+        }
     }
 
     /// Whom a fault befalls, if there is such a drone.

@@ -26,7 +26,7 @@ impl Mission {
         let change = self.config.changes.get(usize::from(change))?;
         let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
         let [above_old, above_new, new] = change.way(self.config.id, *waypoint);
-        Some(match (self.changes_in_layer(), step) {
+        Some(match (self.flies_in_own_layer(), step) {
             (false, Step::Climb) => above_old,
             (false, Step::Cross) => above_new,
             (false, Step::Descend) => new,
@@ -42,8 +42,8 @@ impl Mission {
         })
     }
 
-    /// Whether it changes formation in its own layer: nobody is in its way there, whatever the others do.
-    pub(super) fn changes_in_layer(&self) -> bool {
+    /// Whether it flies in a layer of its own: nobody is in its way there, whatever the others do.
+    pub(super) fn flies_in_own_layer(&self) -> bool {
         self.durable.in_layer && self.layout().layering() == Layering::Each
     }
 
@@ -102,6 +102,10 @@ impl Mission {
             } => current == change && last.next() == Some(step) && self.durable.pending.is_none(),
             _ => false,
         };
+        // In a layer of its own it is in nobody's way, whichever step it takes.
+        let is_there = self.bound_for() == Some(waypoint)
+            && !matches!(self.durable.state, State::MovingToWaypoint { .. });
+        let is_ready = is_ready || is_there && self.flies_in_own_layer();
         if !is_ready {
             self.land(LandingReason::Late);
             return;

@@ -58,7 +58,7 @@ impl Mission {
     }
 
     /// Which waypoint the drone is at or makes for.
-    fn bound_for(&self) -> Option<u16> {
+    pub(super) fn bound_for(&self) -> Option<u16> {
         match self.durable.state {
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
                 Some(waypoint)

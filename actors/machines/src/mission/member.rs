@@ -92,11 +92,14 @@ impl Mission {
             self.outbox.event(Event::Refused);
             return;
         }
+        if self.is_taking_off() {
+            // It lands below its slot once it is there: on its way to it others may be below it.
+            self.durable.leaving.get_or_insert(LandingReason::Late);
+            return;
+        }
+        self.make_missed_changes(waypoint);
         let is_changing = matches!(self.durable.state, State::ChangingFormation { .. });
-        if self.is_taking_off()
-            || is_changing
-            || self.durable.changes < self.changes_before(waypoint)
-        {
+        if is_changing || self.durable.changes < self.changes_before(waypoint) {
             self.land(LandingReason::Late);
             return;
         }
@@ -111,6 +114,18 @@ impl Mission {
         } else {
             self.durable.pending = Some(sequence);
         }
+    }
+
+    /// In a layer of its own a drone needs no steps to take the shape that the others have: its next leg leads into it.
+    fn make_missed_changes(&mut self, waypoint: u16) {
+        if !self.flies_in_own_layer() {
+            return;
+        }
+        if let State::ChangingFormation { change, .. } = self.durable.state {
+            let waypoint = self.waypoint_of(change);
+            self.enter(State::WaypointReached { waypoint });
+        }
+        self.durable.changes = self.durable.changes.max(self.changes_before(waypoint));
     }
 
     /// What was being carried out for an earlier master is now for this order; if it is done, that is said at once.
@@ -140,6 +155,12 @@ impl Mission {
     pub(super) fn begin_to_land(&mut self, now: Timestamp, at: Ned) {
         self.durable.leaving = None;
         self.durable.land_at = at;
+        if self.flies_in_own_layer() {
+            // Below its slot where it is, or is bound for: others may be coming down, or fly on, it does not know where.
+            let waypoint = self.bound_for().map(usize::from);
+            let bound_for = waypoint.and_then(|waypoint| self.durable.plan.get(waypoint));
+            self.durable.land_at = bound_for.copied().unwrap_or(at);
+        }
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);
         self.outbox

@@ -244,7 +244,6 @@ impl Mission {
     /// The process started anew: on the ground the drone stays there, in the air it has to catch up.
     fn begin_life(&mut self) {
         match self.durable.state {
-            State::SetUp if flaw::has(Flaw::TakesOffByItself) => self.enter(State::TakingOff),
             State::SetUp => self.stay_down(LandingReason::Restarted),
             state => self.durable.in_layer |= state.is_following(),
         }
@@ -323,7 +322,7 @@ impl Mission {
             }
             State::ChangingFormation { change, step } => {
                 let to = self.corner(change, step)?;
-                if self.changes_in_layer() {
+                if self.flies_in_own_layer() {
                     return Some(Goal::TransitTo { to });
                 }
                 // In a column of its own, or in its sector.
@@ -347,7 +346,12 @@ impl Mission {
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = at.altitude_m() + self.landing_layer_m();
-                let to = layout.place(id, at).at_altitude(altitude_m);
+                let place = if self.flies_in_own_layer() {
+                    layout.slot(id, at)
+                } else {
+                    layout.place(id, at)
+                };
+                let to = place.at_altitude(altitude_m);
                 Some(Goal::TransitTo { to })
             }
             State::Landing | State::Finished => Some(Goal::Land),

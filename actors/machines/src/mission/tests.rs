@@ -380,6 +380,12 @@ fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
             apart: false,
         },
     );
+    assert_eq!(transmits, [], "on its way there may be others below it");
+    assert_eq!(slave.durable.state, State::TakingOff);
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut slave, 20.0, arrived.clone());
+    assert_eq!(slave.durable.state, State::MovingToLand);
+    let transmits = told(&mut slave, 30.0, arrived);
     assert!(transmits.contains(&Transmit::Goal(Goal::Land)));
     assert_eq!(slave.durable.state, State::Landing);
 }

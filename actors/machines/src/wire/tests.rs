@@ -60,7 +60,7 @@ fn packets_have_these_bytes() {
     });
     assert_eq!(
         hex(&encode_packet(&flood)),
-        "020102010684070501420101ac020403010101"
+        "020102010684070504010104010101ac020403010101"
     );
 }
 

@@ -299,6 +299,11 @@ impl FloodRouting {
             // Discovery has passed it by: whoever is heard often enough now is as good a neighbour.
             self.neighbours.hear(sender, now);
         }
+        let is_parent = self.durable.routes.parent == Some(sender);
+        if is_parent && flood.hops.is_none() && self.durable.phase == Phase::Following {
+            // It has lost its own way.
+            self.scatter(now);
+        }
         match self.durable.phase {
             Phase::Gossip | Phase::Scattered => {
                 self.hear_members(now, sender, &flood.members);
