@@ -265,3 +265,34 @@ fn shipped_files_pass_their_check() {
         files.len()
     );
 }
+
+#[test]
+fn an_unchecked_run_says_so_wherever_a_checked_one_would_have_passed() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = json_of(folder.path(), &["--engine", "events", "--unchecked"]);
+    assert_eq!(report["unchecked"], true);
+    assert!(
+        report["command"]
+            .as_str()
+            .unwrap()
+            .ends_with(" --unchecked")
+    );
+    let checked = json_of(folder.path(), &["--engine", "events"]);
+    assert!(checked.get("unchecked").is_none());
+    assert_eq!(report["trace"], checked["trace"], "it is the same flight");
+    let run = muster(folder.path())
+        .args([
+            "sim",
+            &scenario("thesis-1.toml"),
+            "--engine",
+            "events",
+            "--unchecked",
+        ])
+        .assert()
+        .success();
+    let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("none checked: this run proves nothing"),
+        "{text}"
+    );
+}

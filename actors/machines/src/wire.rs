@@ -12,6 +12,7 @@
 //! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
 //! in the tests hold them to it.
 
+mod reader;
 mod tree;
 
 use std::borrow::Cow;
@@ -20,6 +21,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use self::reader::Reader;
 use self::tree::WireTree;
 pub use self::tree::{Runs, TreeFrame};
 use crate::geometry::{Ned, Velocity};
@@ -162,6 +164,8 @@ enum WirePacket<'a> {
         hops: u16,
         routing_list: Vec<u32>,
     },
+    // Not read by serde, see `read_flood`.
+    #[serde(skip_deserializing)]
     Flood {
         hops: Option<u16>,
         parent: Option<u32>,
@@ -169,18 +173,18 @@ enum WirePacket<'a> {
         sequence: u32,
         hears: Cow<'a, NodeSet>,
         members: Vec<WireMember>,
-        #[serde(borrow)]
         order: Option<&'a [u8]>,
     },
-    /// Not read by serde, see [`TreeFrame::read`].
+    // Nor is this, see `TreeFrame::read`.
     #[serde(skip_deserializing)]
     Tree(WireTree<'a>),
 }
 
-/// Where [`WirePacket::Tree`] stands among the packets.
+/// Where [`WirePacket::Flood`] and [`WirePacket::Tree`] stand among the packets.
+const FLOOD: u8 = 2;
 const TREE: u8 = 3;
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize)]
 struct WireMember {
     id: u32,
     beat: u32,
@@ -225,8 +229,12 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
 /// # Errors
 /// When it is not one, or holds more than a packet.
 pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
-    if payload.first() == Some(&TREE) {
-        return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree()));
+    match payload {
+        [FLOOD, flood @ ..] => {
+            return read_flood(flood).map(Packet::Flood).ok_or(PayloadError);
+        }
+        [TREE, ..] => return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree())),
+        _ => {}
     }
     Ok(match read(payload)? {
         WirePacket::Hello { remaining_ms } => Packet::Hello {
@@ -236,24 +244,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             hops,
             routing_list: routing_list.into_iter().map(NodeId).collect(),
         },
-        WirePacket::Flood {
-            hops,
-            parent,
-            pulse,
-            sequence,
-            hears,
-            members,
-            order,
-        } => Packet::Flood(Flood {
-            hops,
-            parent: parent.map(NodeId),
-            pulse,
-            sequence,
-            hears: hears.into_owned(),
-            members: members.iter().map(Member::from).collect(),
-            order: order.map(bytes::Bytes::copy_from_slice),
-        }),
-        WirePacket::Tree(_) => return Err(PayloadError),
+        WirePacket::Flood { .. } | WirePacket::Tree(_) => return Err(PayloadError),
     })
 }
 
@@ -279,16 +270,36 @@ impl From<&Member> for WireMember {
     }
 }
 
-impl From<&WireMember> for Member {
-    fn from(wire: &WireMember) -> Self {
-        Self {
-            id: NodeId(wire.id),
-            beat: wire.beat,
-            acknowledged: wire.acknowledged,
-            out_of_range: wire.flags & OUT_OF_RANGE != 0,
-            landing: wire.flags & LANDING != 0,
-        }
+/// What [`WirePacket::Flood`] is written as, but for its number.
+fn read_flood(bytes: &[u8]) -> Option<Flood> {
+    let mut from = Reader(bytes);
+    let mut flood = Flood {
+        hops: from.hops()?,
+        parent: from.id()?,
+        pulse: from.number()?,
+        sequence: from.number()?,
+        hears: from.set()?,
+        members: Vec::new(),
+        order: None,
+    };
+    let members = from.number()? as usize;
+    // Each takes four bytes at least, whatever is claimed.
+    flood.members.reserve_exact(members.min(bytes.len() / 4));
+    for _ in 0..members {
+        let (id, beat, acknowledged) = (from.number()?, from.number()?, from.number()?);
+        let flags = from.byte()?;
+        flood.members.push(Member {
+            id: NodeId(id),
+            beat,
+            acknowledged,
+            out_of_range: flags & OUT_OF_RANGE != 0,
+            landing: flags & LANDING != 0,
+        });
     }
+    if from.is_there()? {
+        flood.order = Some(bytes::Bytes::copy_from_slice(from.bytes()?));
+    }
+    from.0.is_empty().then_some(flood)
 }
 
 #[derive(Serialize, Deserialize)]

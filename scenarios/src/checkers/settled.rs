@@ -213,6 +213,7 @@ mod tests {
     fn whoever_is_on_the_ground_or_landing_needs_no_master() {
         let down = Standing {
             flies: false,
+            leads: false,
             spreads: false,
             obeys: None,
         };

@@ -17,10 +17,10 @@ const NEVER_FAILS: &str = "a simulated disk never fails";
 /// What the world keeps for one drone: its random source, its journal, its timers, which of its actors run.
 #[derive(Debug)]
 pub(super) struct Drone {
-    pub(crate) rng: ChaCha8Rng,
+    pub(crate) rng: Box<ChaCha8Rng>,
     pub(crate) checkpoints: Checkpoints,
     /// What outlives its process, in a world in which processes start anew.
-    journal: Option<Journal<Disk>>,
+    journal: Option<Box<Journal<Disk>>>,
     /// Whether its process runs.
     pub(crate) runs: bool,
     /// How often its process has ended; what was planned for an earlier life does not happen.
@@ -53,9 +53,9 @@ impl Drone {
         let opened = has_journal.then(|| Journal::open(Disk::default()).expect(NEVER_FAILS));
         let (journal, checkpoints) = opened.unzip();
         Self {
-            rng,
+            rng: Box::new(rng),
             checkpoints: checkpoints.unwrap_or_default(),
-            journal,
+            journal: journal.map(Box::new),
             runs: true,
             lives: 0,
             given_up: false,
@@ -112,9 +112,9 @@ impl Drone {
         self.backlog.clear();
         if let Some(journal) = self.journal.take() {
             let mut disk = journal.into_storage();
-            disk.lose_power(&mut self.rng);
+            disk.lose_power(&mut *self.rng);
             let (journal, checkpoints) = Journal::open(disk).expect(NEVER_FAILS);
-            self.journal = Some(journal);
+            self.journal = Some(Box::new(journal));
             self.checkpoints = checkpoints;
         }
     }
@@ -234,6 +234,6 @@ mod tests {
         let rng = ChaCha8Rng::seed_from_u64(1);
         let mut drone = Drone::new(rng.clone(), false);
         assert_eq!(drone.draw_settling(Duration::ZERO), None);
-        assert_eq!(drone.rng, rng);
+        assert_eq!(*drone.rng, rng);
     }
 }

@@ -109,6 +109,7 @@ impl World {
     /// A fault befalls; whom to step for it, if that is not told by message.
     pub(super) fn befall(&mut self, index: usize, nth: u32) -> Option<Task> {
         self.strikes(index);
+        self.standings += 1;
         let fault = self.plan.faults[index].clone();
         if nth + 1 < fault.times {
             let again = Planned::Fault {
@@ -179,6 +180,7 @@ impl World {
 
     /// A fault that lasted is over; what befell a drone is over by itself.
     pub(super) fn is_over_now(&mut self, index: usize) {
+        self.standings += 1;
         match self.plan.faults[index].kind.clone() {
             FaultKind::Drone(..) => {}
             FaultKind::Links(links, _) => self.set_links(&links, Link::Healed),

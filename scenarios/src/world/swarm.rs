@@ -123,6 +123,9 @@ impl World {
     }
 
     pub(super) fn index_of_swarm(&self, of: NodeId) -> usize {
+        if self.swarms.len() == 1 {
+            return 0;
+        }
         self.swarms.partition_point(|swarm| swarm.first <= of.0) - 1
     }
 

@@ -130,3 +130,16 @@ fn a_swarm_that_changes_formation_or_follows_its_master_elects_another_too() {
         assert_eq!(drone.landed_because, None, "{drone:?}");
     }
 }
+
+#[test]
+fn ten_masters_killed_one_after_another_in_a_grid_are_each_replaced_and_the_others_fly_on() {
+    let scenario = scenario("scale/grid-10000.toml", &["formation.drones=64"]);
+    let report = fly(&scenario, Engine::Events);
+    assert_eq!(report.violations, []);
+    assert!(report.mission_completed, "for whoever is left");
+    assert_eq!(report.elections.len(), 10);
+    for election in &report.elections {
+        assert!(election.settled_after_s.is_some(), "{election:?}");
+        assert_eq!(election.masters.len(), 1, "{election:?}");
+    }
+}

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use serde::Serialize;
 
+use super::reader::{Reader, take_varint};
+
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::Tree;
 
@@ -75,32 +77,6 @@ impl<'a> Runs<'a> {
     pub fn to_set(self) -> NodeSet {
         NodeSet::of_bounds(self.bounds())
     }
-}
-
-/// A varint as postcard has it; what is too long for 32 bits is none.
-#[inline]
-fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
-    if let Some((byte, rest)) = bytes.split_first()
-        && *byte < 0x80
-    {
-        *bytes = rest;
-        return Some(u32::from(*byte));
-    }
-    take_long_varint(bytes)
-}
-
-fn take_long_varint(bytes: &mut &[u8]) -> Option<u32> {
-    let mut value = 0_u32;
-    for shift in [0, 7, 14, 21, 28] {
-        let (byte, rest) = bytes.split_first()?;
-        *bytes = rest;
-        let bits = u32::from(byte & 0x7f);
-        value |= bits << shift;
-        if *byte < 0x80 {
-            return (bits << shift >> shift == bits).then_some(value);
-        }
-    }
-    None
 }
 
 fn write_set(set: &NodeSet) -> Vec<u8> {
@@ -183,9 +159,7 @@ impl<'a> TreeFrame<'a> {
             beat: from.number()?,
             ..Self::default()
         };
-        if from.is_there()? {
-            frame.hops = Some(u16::try_from(from.number()?).ok()?);
-        }
+        frame.hops = from.hops()?;
         frame.parent = from.id()?;
         frame.pulse = from.number()?;
         frame.sequence = from.number()?;
@@ -193,59 +167,18 @@ impl<'a> TreeFrame<'a> {
             frame.span = Some(from.number()?..from.number()?);
         }
         frame.differences = from.byte()?;
-        frame.alive = from.runs()?;
-        frame.acknowledged = from.runs()?;
-        frame.landing = from.runs()?;
+        frame.alive = Runs::read(from.bytes()?)?;
+        frame.acknowledged = Runs::read(from.bytes()?)?;
+        frame.landing = Runs::read(from.bytes()?)?;
         if from.is_there()? {
-            frame.hears = Some(from.runs()?);
+            frame.hears = Some(Runs::read(from.bytes()?)?);
         }
         frame.to = from.id()?;
-        frame.pending = from.runs()?;
+        frame.pending = Runs::read(from.bytes()?)?;
         if from.is_there()? {
             frame.order = Some(from.bytes()?);
         }
         from.0.is_empty().then_some(frame)
-    }
-}
-
-/// Takes from the front what postcard has written; nothing where it is something else.
-struct Reader<'a>(&'a [u8]);
-
-impl<'a> Reader<'a> {
-    fn byte(&mut self) -> Option<u8> {
-        let (byte, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*byte)
-    }
-
-    fn number(&mut self) -> Option<u32> {
-        take_varint(&mut self.0)
-    }
-
-    fn is_there(&mut self) -> Option<bool> {
-        match self.byte()? {
-            0 => Some(false),
-            1 => Some(true),
-            _ => None,
-        }
-    }
-
-    fn id(&mut self) -> Option<Option<NodeId>> {
-        Some(match self.is_there()? {
-            true => Some(NodeId(self.number()?)),
-            false => None,
-        })
-    }
-
-    fn bytes(&mut self) -> Option<&'a [u8]> {
-        let length = self.number()? as usize;
-        let (bytes, rest) = self.0.split_at_checked(length)?;
-        self.0 = rest;
-        Some(bytes)
-    }
-
-    fn runs(&mut self) -> Option<Runs<'a>> {
-        Runs::read(self.bytes()?)
     }
 }
 

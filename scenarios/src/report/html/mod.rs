@@ -4,6 +4,7 @@ pub(crate) mod axis;
 pub(crate) mod bars;
 pub(crate) mod map;
 mod relays;
+pub(crate) mod scaling;
 mod tables;
 #[cfg(test)]
 mod tests;

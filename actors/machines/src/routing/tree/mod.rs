@@ -66,7 +66,7 @@ const CONFIRM_ABOVE_LOSS: f64 = 0.005;
 #[derive(Debug)]
 pub struct TreeRouting {
     config: Config,
-    rng: ChaCha8Rng,
+    rng: Box<ChaCha8Rng>,
     durable: Checkpoint,
     links: Links,
     routes: Routes,
@@ -124,7 +124,7 @@ impl TreeRouting {
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
         let mut routing = Self {
-            rng: ChaCha8Rng::seed_from_u64(seed),
+            rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             durable: Checkpoint::default(),
             links: Links::new(config.id, config.drones),
             routes: Routes::default(),

@@ -1,0 +1,90 @@
+//! Bytes that postcard has written, read without serde: for the packets that drones hear all the time.
+
+use crate::identity::{NodeId, NodeSet};
+
+/// Takes from the front what postcard has written; nothing where it is something else.
+pub(super) struct Reader<'a>(pub(super) &'a [u8]);
+
+impl<'a> Reader<'a> {
+    pub(super) fn byte(&mut self) -> Option<u8> {
+        let (byte, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(*byte)
+    }
+
+    pub(super) fn number(&mut self) -> Option<u32> {
+        take_varint(&mut self.0)
+    }
+
+    pub(super) fn is_there(&mut self) -> Option<bool> {
+        match self.byte()? {
+            0 => Some(false),
+            1 => Some(true),
+            _ => None,
+        }
+    }
+
+    pub(super) fn hops(&mut self) -> Option<Option<u16>> {
+        Some(match self.is_there()? {
+            true => Some(u16::try_from(self.number()?).ok()?),
+            false => None,
+        })
+    }
+
+    pub(super) fn id(&mut self) -> Option<Option<NodeId>> {
+        Some(match self.is_there()? {
+            true => Some(NodeId(self.number()?)),
+            false => None,
+        })
+    }
+
+    /// A set as serde writes it: how many bounds there are, and the distances between them.
+    pub(super) fn set(&mut self) -> Option<NodeSet> {
+        let bounds = self.number().filter(|bounds| bounds.is_multiple_of(2))?;
+        let mut again = Reader(self.0);
+        let mut bound = 0_u32;
+        for at in 0..bounds {
+            let distance = self.number()?;
+            let rises = distance > 0 || at == 0;
+            bound = bound.checked_add(distance).filter(|_| rises)?;
+        }
+        let mut bound = 0;
+        Some(NodeSet::of_bounds((0..bounds).map_while(|_| {
+            bound += again.number()?;
+            Some(bound)
+        })))
+    }
+
+    pub(super) fn bytes(&mut self) -> Option<&'a [u8]> {
+        let length = self.number()? as usize;
+        let (bytes, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+}
+
+/// A varint as postcard has it; what is too long for 32 bits is none.
+#[inline]
+pub(super) fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
+    if let Some((byte, rest)) = bytes.split_first()
+        && *byte < 0x80
+    {
+        *bytes = rest;
+        return Some(u32::from(*byte));
+    }
+    take_long_varint(bytes)
+}
+
+fn take_long_varint(bytes: &mut &[u8]) -> Option<u32> {
+    let mut value = 0_u32;
+    for shift in [0, 7, 14, 21, 28] {
+        let (byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        let bits = u32::from(byte & 0x7f);
+        value |= bits << shift;
+        if *byte < 0x80 {
+            return (bits << shift >> shift == bits).then_some(value);
+        }
+    }
+    None
+}

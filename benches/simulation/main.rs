@@ -1,0 +1,264 @@
+//! What flying in simulation costs: `cargo bench`. Ours and, where they are at hand, others that do the like, in one run
+//! on one machine; then how what a drone costs grows with its swarm.
+//!
+//! Each figure is taken in a process of its own: its processor time while a scenario is flown, read and reported apart,
+//! and the most memory that it held.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "this is a program that prints a table"
+)]
+
+mod peers;
+
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use muster_scenarios::engine::{self, Engine};
+use muster_scenarios::report::{Scaling, scaling};
+use muster_scenarios::scenario::{self, Override};
+
+/// What this program is told to measure one run in this process.
+const MEASURE: &str = "--measure";
+/// What such a process is told to fly with all rules checked.
+const CHECKED: &str = "checked";
+/// The sizes of the last table.
+const SIZES: [u32; 7] = [10, 30, 100, 300, 1_000, 3_000, 10_000];
+/// How often a run is measured that takes less than [`SHORT_S`]; the fastest counts.
+const TIMES: usize = 3;
+/// In seconds of processor time.
+const SHORT_S: f64 = 2.0;
+
+/// What one run cost.
+#[derive(Debug, Clone, Copy)]
+struct Cost {
+    /// Seconds of processor time.
+    cpu_s: f64,
+    /// Simulated seconds, all drones together.
+    drone_s: f64,
+    drones: u32,
+    /// KiB, at the most.
+    memory_kib: f64,
+}
+
+impl Cost {
+    /// Simulated seconds of a drone in a second of processor time.
+    fn pace(&self) -> f64 {
+        self.drone_s / self.cpu_s
+    }
+}
+
+/// What is flown: a file and what is set in it.
+struct Flown {
+    name: &'static str,
+    /// As the peers' programs call it: how many drones, and how they stand.
+    like: Option<(u32, &'static str)>,
+    file: &'static str,
+    set: &'static [&'static str],
+}
+
+const FLOWN: [Flown; 6] = [
+    Flown {
+        name: "15 in line, flood, 200 ms",
+        like: Some((15, "line")),
+        file: "line-15-flood.toml",
+        set: &[],
+    },
+    Flown {
+        name: "15 in line, tree",
+        like: None,
+        file: "line-15-tree.toml",
+        set: &[],
+    },
+    Flown {
+        name: "grid of 100, tree, 200 ms",
+        like: Some((100, "grid")),
+        file: "grid-1000.toml",
+        set: &["formation.drones=100", "protocol.beacon_ms=200"],
+    },
+    Flown {
+        name: "grid of 100, tree",
+        like: None,
+        file: "grid-1000.toml",
+        set: &["formation.drones=100"],
+    },
+    Flown {
+        name: "grid of 1,000, tree, 200 ms",
+        like: Some((1_000, "grid")),
+        file: "grid-1000.toml",
+        set: &["protocol.beacon_ms=200"],
+    },
+    Flown {
+        name: "grid of 1,000, tree",
+        like: None,
+        file: "grid-1000.toml",
+        set: &[],
+    },
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(at) = arguments.iter().position(|it| it == MEASURE) {
+        return measure(&arguments[at + 1..]);
+    }
+    compare()?;
+    grow()
+}
+
+/// Flies a scenario in this process and prints what it cost.
+fn measure(arguments: &[String]) -> Result<(), Box<dyn Error>> {
+    let [mode, file, set @ ..] = arguments else {
+        return Err("nothing to measure".into());
+    };
+    let set: Vec<Override> = set.iter().map(|it| it.parse()).collect::<Result<_, _>>()?;
+    let mut scenario = scenario::load(Path::new(file), &set)?;
+    scenario.unchecked = mode != CHECKED;
+    let drones = scenario.layout.formation().drones();
+    let before_s = cpu_s()?;
+    let (report, _) = engine::run(&scenario, Engine::Events, None)?;
+    let cpu_s = cpu_s()? - before_s;
+    if !report.violations.is_empty() || !report.mission_completed {
+        return Err(format!("{file} was not flown to its end").into());
+    }
+    println!("{cpu_s} {} {drones} {}", report.simulated_s, memory_kib()?);
+    Ok(())
+}
+
+/// The processor time of this process's only busy thread so far, in seconds.
+fn cpu_s() -> Result<f64, Box<dyn Error>> {
+    let schedstat = fs::read_to_string("/proc/self/schedstat")?;
+    let nanos: f64 = schedstat.split(' ').next().unwrap_or_default().parse()?;
+    Ok(nanos / 1e9)
+}
+
+/// The most memory that this process has held, in KiB.
+fn memory_kib() -> Result<f64, Box<dyn Error>> {
+    let status = fs::read_to_string("/proc/self/status")?;
+    let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let most = most.and_then(|line| line.split_whitespace().next());
+    Ok(most.ok_or("no VmHWM in /proc/self/status")?.parse()?)
+}
+
+/// What a run costs that is made by a process of its own.
+fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut best: Option<Cost> = None;
+    for _ in 0..TIMES {
+        let output = Command::new(std::env::current_exe()?)
+            .args([MEASURE, mode])
+            .arg(root.join("scenarios/scale").join(file))
+            .args(set)
+            .output()?;
+        if !output.status.success() {
+            return Err(String::from_utf8_lossy(&output.stderr).into());
+        }
+        let text = String::from_utf8(output.stdout)?;
+        let numbers: Vec<f64> = text
+            .split_whitespace()
+            .map(str::parse)
+            .collect::<Result<_, _>>()?;
+        let [cpu_s, simulated_s, drones, memory_kib] = numbers[..] else {
+            return Err(format!("not a measurement: {text}").into());
+        };
+        let cost = Cost {
+            cpu_s,
+            drone_s: simulated_s * drones,
+            drones: text.split_whitespace().nth(2).unwrap_or_default().parse()?,
+            memory_kib,
+        };
+        if best.is_none_or(|best| cost.cpu_s < best.cpu_s) {
+            best = Some(cost);
+        }
+        if cost.cpu_s > SHORT_S {
+            break;
+        }
+    }
+    best.ok_or_else(|| "nothing was measured".into())
+}
+
+fn compare() -> Result<(), Box<dyn Error>> {
+    let peers = peers::ready();
+    println!("\nSimulated seconds of a drone in a second of processor time, on one core\n");
+    println!(
+        "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}",
+        "", "unchecked", "checked", "KiB/drone", "gradysim", "simulacra"
+    );
+    for flown in &FLOWN {
+        eprint!("\r  measuring {} …\x1b[K", flown.name);
+        let unchecked = cost(flown.file, flown.set, "unchecked")?;
+        let checked = cost(flown.file, flown.set, CHECKED)?;
+        let of_peers = flown.like.map(|(drones, shape)| peers.paces(drones, shape));
+        let [gradysim, simulacra] = of_peers.unwrap_or_default().map(or_nothing);
+        eprint!("\r\x1b[K");
+        println!(
+            "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}",
+            flown.name,
+            whole(unchecked.pace()),
+            whole(checked.pace()),
+            whole(unchecked.memory_kib / f64::from(unchecked.drones)),
+            gradysim,
+            simulacra
+        );
+    }
+    println!(
+        "\nEvery drone of the peers' says 64 bytes each 200 ms, as ours do in the rows with 200 ms; simulacra is a bare\n\
+         kernel of events, without places, losses or anything that a swarm does."
+    );
+    Ok(())
+}
+
+/// How what a drone costs grows with its swarm.
+fn grow() -> Result<(), Box<dyn Error>> {
+    println!("\nPolicy tree in a grid, no rules checked\n");
+    println!(
+        "{:>8}{:>16}{:>18}{:>14}{:>12}",
+        "drones", "drone-s/CPU-s", "µs a drone-s", "KiB a drone", "MiB"
+    );
+    let mut points = Vec::new();
+    for drones in SIZES {
+        eprint!("\r  measuring {drones} drones …\x1b[K");
+        let cost = cost(
+            "grid-1000.toml",
+            &[&format!("formation.drones={drones}")],
+            "unchecked",
+        )?;
+        let point = Scaling {
+            drones,
+            cpu_us: cost.cpu_s / cost.drone_s * 1e6,
+            memory_kib: cost.memory_kib / f64::from(drones),
+        };
+        eprint!("\r\x1b[K");
+        println!(
+            "{drones:>8}{:>16}{:>18.1}{:>14.1}{:>12.1}",
+            whole(cost.pace()),
+            point.cpu_us,
+            point.memory_kib,
+            cost.memory_kib / 1_024.0
+        );
+        points.push(point);
+    }
+    let page = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scaling.html");
+    fs::write(&page, scaling(&points))?;
+    println!("\n wrote {}", page.display());
+    Ok(())
+}
+
+fn or_nothing(pace: Option<f64>) -> String {
+    pace.map_or_else(|| "–".to_owned(), whole)
+}
+
+/// A whole number with its thousands apart.
+fn whole(value: f64) -> String {
+    let digits = format!("{value:.0}");
+    let mut text = String::new();
+    for (at, digit) in digits.chars().enumerate() {
+        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}

@@ -1,0 +1,124 @@
+//! How what a drone costs to simulate grows with its swarm: the page of `cargo bench`.
+
+use maud::{Markup, html};
+
+use super::axis::{Axis, decimals, px, ticks};
+use super::document;
+use crate::report::figures::figure;
+
+const STYLE: &str = include_str!("../../campaign/html/campaign.css");
+
+const WIDTH_PX: f64 = 540.0;
+const HEIGHT_PX: f64 = 260.0;
+const LEFT_PX: f64 = 76.0;
+const RIGHT_PX: f64 = 30.0;
+const TOP_PX: f64 = 12.0;
+const BOTTOM_PX: f64 = 46.0;
+
+/// What a swarm of one size cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scaling {
+    /// How many drones it had.
+    pub drones: u32,
+    /// Processor time for each simulated second of a drone, in microseconds.
+    pub cpu_us: f64,
+    /// The most memory that was held, for each drone, in KiB.
+    pub memory_kib: f64,
+}
+
+/// Pictures and a table of what swarms of different sizes cost, as HTML.
+#[must_use]
+pub fn scaling(points: &[Scaling]) -> String {
+    let content = html! {
+        header {
+            p.kind { "muster · cargo bench" }
+            h1 { "What a drone costs" }
+        }
+        section {
+            p.about { "One core, the engine " code { "events" } ", no rules checked." }
+            div.plots {
+                (plot("Time", "µs of processor time a simulated second of a drone", points, |it| it.cpu_us))
+                (plot("Memory", "KiB a drone at the most", points, |it| it.memory_kib))
+            }
+        }
+        section {
+            div.scroll {
+                table {
+                    thead { tr { th.n { "Drones" } th.n { "µs a drone-second" } th.n { "KiB a drone" } } }
+                    tbody {
+                        @for point in points {
+                            tr {
+                                td.n { (point.drones) }
+                                td.n { (figure(point.cpu_us, 1)) }
+                                td.n { (figure(point.memory_kib, 1)) }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    };
+    document("What a drone costs", STYLE, &content)
+}
+
+/// One quantity over the size of the swarm, which has a logarithmic axis.
+fn plot(name: &str, about: &str, points: &[Scaling], of: impl Fn(&Scaling) -> f64) -> Markup {
+    let sizes = || points.iter().map(|point| f64::from(point.drones).log10());
+    let (low, high) = sizes().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), size| {
+        (low.min(size), high.max(size))
+    });
+    let base = HEIGHT_PX - BOTTOM_PX;
+    let x = Axis::new((low, high), (LEFT_PX + 20.0, WIDTH_PX - RIGHT_PX));
+    let most = points.iter().map(&of).fold(0.0, f64::max) * 1.05;
+    let y = Axis::new((0.0, most), (base, TOP_PX));
+    let heights = ticks(0.0, most, 5.0);
+    let digits = decimals(&heights);
+    let places: Vec<_> = sizes().map(|size| x.px(size)).zip(points).collect();
+    let line: Vec<_> = places
+        .iter()
+        .map(|(at, point)| format!("{},{}", px(*at), px(y.px(of(point)))))
+        .collect();
+    html! {
+        figure {
+            figcaption { (name) span { (about) } }
+            svg role="img" aria-label=(name) viewBox={ "0 0 " (WIDTH_PX) " " (HEIGHT_PX) } {
+                @for height in heights {
+                    @let at = px(y.px(height));
+                    line.grid x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(at) y2=(at) {}
+                    text.tick x=(LEFT_PX - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
+                }
+                line.baseline x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(base) y2=(base) {}
+                g.s0 {
+                    polyline.through points=(line.join(" ")) {}
+                    @for (at, point) in &places {
+                        circle.median cx=(px(*at)) cy=(px(y.px(of(point)))) r="4.6" {
+                            title { (point.drones) " drones: " (figure(of(point), 1)) }
+                        }
+                    }
+                }
+                @for (at, point) in &places {
+                    text.tick x=(px(*at)) y=(base + 17.0) text-anchor="middle" { (point.drones) }
+                }
+                text.axis-name x=(px(f64::midpoint(LEFT_PX, WIDTH_PX - RIGHT_PX))) y=(HEIGHT_PX - 6.0)
+                    text-anchor="middle" { "drones" }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_size_has_a_mark_in_both_plots_and_a_row() {
+        let points = [10, 1_000, 10_000].map(|drones| Scaling {
+            drones,
+            cpu_us: 7.5,
+            memory_kib: 20.0,
+        });
+        let page = scaling(&points);
+        assert_eq!(page.matches("<circle").count(), 2 * points.len());
+        assert!(page.contains("10000 drones: 7.5"), "{page}");
+    }
+}
