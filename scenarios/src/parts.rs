@@ -268,12 +268,12 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_link_that_loses_two_fifths_is_up_and_one_that_loses_nine_tenths_is_down() {
+    fn a_link_that_loses_two_fifths_is_up_and_one_that_carries_next_to_nothing_is_down() {
         let is_up = |loss| Link::between(NodeId(1), NodeId(0), loss).map(|link| link.is_up);
         assert_eq!(is_up(0.4), Some(true));
         assert_eq!(is_up(0.41), Some(false));
-        assert_eq!(is_up(0.89), Some(false));
-        assert_eq!(is_up(0.9), None);
+        assert_eq!(is_up(0.99), Some(false));
+        assert_eq!(is_up(0.999), None);
     }
 
     #[test]

@@ -319,7 +319,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for _ in 0..300 {
             let faults = draw(&scenario, 6, &mut rng);
-            let mission = "missions/chaos.waypoints";
+            let mission = "missions/yard.waypoints";
             let written = written((&path, &text), &[], &faults, mission).unwrap();
             let read = scenario::load_from(&path, &[], &|file| {
                 if file == path {

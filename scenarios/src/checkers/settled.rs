@@ -192,6 +192,7 @@ mod tests {
         assert!(found(100.0, &parts(), &drones).is_some());
         let lands = Standing {
             flies: false,
+            leads: false,
             ..under(2, 2)
         };
         let drones = [under(2, 2), under(2, 2), lands];

@@ -458,14 +458,22 @@ impl Links {
         below
     }
 
-    /// Whom this drone hears. One that has been silent for as long as no living neighbour is, is not heard any more; nor,
-    /// until it has been heard under the present reign, one that has been silent for so long that it would be asked: a
-    /// drone that has gone deaf, and claims to lead, shall be believed by nobody.
-    pub(super) fn heard_lately(&self, now: Timestamp, beacon: Duration) -> NodeSet {
+    /// Whom this drone hears. One that has been silent for as long as no living neighbour is, and for half its
+    /// `time_to_live`, is not heard any more; nor, until it has been heard under the present reign, one that has been
+    /// silent for so long that it would be asked: a drone that has gone deaf, and claims to lead, shall be believed by
+    /// nobody.
+    pub(super) fn heard_lately(
+        &self,
+        now: Timestamp,
+        time_to_live: Duration,
+        beacon: Duration,
+    ) -> NodeSet {
         let is_heard = |link: &Link| {
             let patience = match link.told_of_reign {
                 Some(_) => link.patience(beacon, STALE, STALE_BEACONS_MAX),
-                None => link.patience(beacon, LOST, LOST_BEACONS_MAX),
+                None => link
+                    .patience(beacon, LOST, LOST_BEACONS_MAX)
+                    .max(time_to_live / 2),
             };
             now.since(link.heard_at) <= patience
         };

@@ -391,7 +391,10 @@ impl TreeRouting {
             return false;
         };
         let hops = self.links.get(sender).and_then(|link| link.said.hops);
-        let keeps = !parent.is_stale(now, self.config.beacon)
+        let keeps = parent.symmetric
+            && parent.said.hops.is_some()
+            && parent.said.parent != Some(self.config.id)
+            && !parent.is_stale(now, self.config.beacon)
             && (parent.id == sender || hops.is_none() || hops >= parent.said.hops);
         debug_assert!(!keeps || self.best_routes(now) == self.routes);
         keeps

@@ -152,7 +152,11 @@ impl TreeRouting {
         self.said_sequence = state.sequence;
         match occasion {
             Occasion::KeepAlive => {
-                state.hears = Some(self.links.heard_lately(now, self.config.beacon));
+                state.hears = Some(self.links.heard_lately(
+                    now,
+                    self.config.link_time_to_live,
+                    self.config.beacon,
+                ));
                 if self.master_lands {
                     // Whoever does not hear it itself is to know, too.
                     let master = self.durable.reign.ballot().map(|ballot| ballot.master);
