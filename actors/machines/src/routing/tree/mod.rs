@@ -384,20 +384,19 @@ impl TreeRouting {
     }
 
     /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
-    /// parent or no nearer to the master than that, and the parent is as good as when it was chosen.
+    /// parent or no nearer to the master than that, and the parent is as good as when it was chosen. A neighbour that is
+    /// better by now without having spoken is taken when it speaks next.
     fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
         let parent = self.routes.parent.filter(|_| self.has_good_parent);
         let Some(parent) = parent.and_then(|parent| self.links.get(parent)) else {
             return false;
         };
         let hops = self.links.get(sender).and_then(|link| link.said.hops);
-        let keeps = parent.symmetric
+        parent.symmetric
             && parent.said.hops.is_some()
             && parent.said.parent != Some(self.config.id)
             && !parent.is_stale(now, self.config.beacon)
-            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops);
-        debug_assert!(!keeps || self.best_routes(now) == self.routes);
-        keeps
+            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops)
     }
 
     fn best_routes(&self, now: Timestamp) -> Routes {
