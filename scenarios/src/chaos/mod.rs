@@ -2,7 +2,7 @@
 //! that breaks a rule made as small as it gets.
 //!
 //! All of a plan follows from its seed: which of the values of `[chaos.vary]` the swarm has, and what befalls it, when
-//! and whom, by the [grammar](grammar). Plans are taken in the order of their seeds, and the one that is told of is the
+//! and whom, by the grammar (`grammar.rs`). Plans are taken in the order of their seeds, and the one that is told of is the
 //! first of them that breaks a rule, however many are flown at once.
 
 mod coverage;

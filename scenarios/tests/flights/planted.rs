@@ -65,10 +65,6 @@ fn assert_found(planted: &[Flaw]) {
             panic!("{flaw:?} is not found in {PLANS} plans");
         };
         let left = finding.faults.1;
-        println!(
-            "{flaw:?}: rule {} after {} plans, {left} faults left",
-            finding.violation.rule, searched.plans
-        );
         assert!(left <= FAULTS_MAX, "{flaw:?}: {left} faults are left");
         // It is what was planted that breaks the rule.
         let (report, _) = engine::run(
