@@ -282,3 +282,54 @@ fn find(
         written,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::search::Request;
+    use super::*;
+
+    fn search(seeds: &str) -> Search {
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
+        Search::load(&Request {
+            scenario,
+            set: Vec::new(),
+            seeds: seeds.parse().unwrap(),
+        })
+        .unwrap()
+    }
+
+    fn searched(seeds: &str, dir: &Path, jobs: usize) -> (u64, f64, Coverage) {
+        let jobs = NonZeroUsize::new(jobs).unwrap();
+        let searched = run(&search(seeds), dir, jobs, &|fly| fly(), |_| ()).unwrap();
+        assert!(searched.finding.is_none());
+        (searched.plans, searched.simulated_s, searched.coverage)
+    }
+
+    #[test]
+    fn a_search_that_is_gone_on_with_comes_to_what_it_would_have_come_to() {
+        let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let (plans, simulated_s, coverage) = searched("0..70", whole.path(), 2);
+        assert_eq!(plans, 70);
+        searched("0..20", parts.path(), 1);
+        let again = searched("0..70", parts.path(), 1);
+        assert!((again.1 - simulated_s).abs() < 1e-6);
+        assert_eq!((again.0, again.2), (plans, coverage));
+    }
+
+    #[test]
+    fn a_folder_of_another_search_is_refused_and_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        searched("0..2", dir.path(), 1);
+        let kept = fs::read(dir.path().join(state::CHAOS_JSON)).unwrap();
+        let refused = run(
+            &search("5..7"),
+            dir.path(),
+            NonZeroUsize::MIN,
+            &|fly| fly(),
+            |_| (),
+        );
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains("another search"), "{message}");
+        assert_eq!(fs::read(dir.path().join(state::CHAOS_JSON)).unwrap(), kept);
+    }
+}
