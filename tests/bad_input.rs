@@ -668,6 +668,34 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\nflight_time_s = 0",
+            &["0 is not", "`limits.flight_time_s` is seconds"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\ncontroller_s = -1",
+            &["-1 is not", "`limits.controller_s` is seconds"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[chaos]\nfaults_max = 0",
+            &["0 is not", "`chaos.faults_max` is a whole number from 1"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[chaos]\nfaults_min = 1",
+            &["unknown field `faults_min`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[chaos.vary]\n\"radio.loss\" = 0.1",
+            &[
+                "expected a sequence",
+                "`chaos.vary` is a table of fields and lists",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[limits]\naltitude_max_m = 20",
             &["over the limit of 20 m", "altitude_max_m"],
         ),

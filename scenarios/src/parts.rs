@@ -1,6 +1,7 @@
 //! Which drones are connected by radio, and since when nothing of that has changed.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
@@ -29,6 +30,8 @@ pub(crate) struct Parts {
     part_of: Vec<Option<usize>>,
     /// The first of those that each node is connected with by links that are not down.
     reach: Vec<NodeId>,
+    /// In which of the parts each node was lately, from when on; the newest last.
+    lately: VecDeque<(Timestamp, Vec<Option<usize>>)>,
 }
 
 /// A link that is not down.
@@ -98,6 +101,31 @@ impl Parts {
         self.live = live;
         self.links = links;
         self.divide();
+        self.lately.push_back((now, self.part_of.clone()));
+    }
+
+    /// Forgets what was longer ago than that, but for how things were just then.
+    pub(crate) fn forget_older(&mut self, now: Timestamp, ago: Duration) {
+        while self.lately.get(1).is_some_and(|it| now.since(it.0) >= ago) {
+            self.lately.pop_front();
+        }
+    }
+
+    /// Whether links that are up have connected two nodes, over others too, for as long as `ago`, or since it was looked
+    /// at first.
+    pub(crate) fn have_been_together(
+        &self,
+        (a, b): (NodeId, NodeId),
+        now: Timestamp,
+        ago: Duration,
+    ) -> bool {
+        let before = self.lately.partition_point(|it| now.since(it.0) >= ago);
+        let together = |(_, part_of): &(Timestamp, Vec<Option<usize>>)| {
+            let part = |id: NodeId| part_of.get(id.0 as usize).copied().flatten();
+            part(a).is_some() && part(a) == part(b)
+        };
+        let mut since = self.lately.iter().skip(before.saturating_sub(1));
+        since.all(together)
     }
 
     /// Something about the links of these nodes is another than before, though none came or went.
@@ -342,6 +370,25 @@ pub(crate) mod tests {
         parts.look(at(1.0), live(4), line(4));
         parts.look(at(2.0), live(4), vec![link(0, 1, 0.0), link(2, 3, 0.0)]);
         assert!(parts.iter().all(|part| part.still_since == at(2.0)));
+    }
+
+    #[test]
+    fn two_have_been_together_since_the_last_time_that_nothing_connected_them() {
+        let mut parts = Parts::default();
+        let (ends, second) = ((NodeId(0), NodeId(2)), Duration::from_secs(1));
+        parts.look(at(1.0), live(3), line(3));
+        assert!(parts.have_been_together(ends, at(1.5), 10 * second));
+        parts.look(at(2.0), live(3), vec![link(0, 1, 0.0)]);
+        assert!(!parts.have_been_together(ends, at(2.0), Duration::ZERO));
+        parts.look(at(3.0), live(3), line(3));
+        parts.look(at(4.0), live(3), vec![link(0, 2, 0.0)]);
+        assert!(parts.have_been_together(ends, at(5.0), 2 * second));
+        assert!(!parts.have_been_together(ends, at(5.0), 2 * second + second / 10));
+        parts.forget_older(at(5.0), second / 2);
+        assert!(
+            parts.have_been_together(ends, at(5.0), 3 * second),
+            "it knows no more"
+        );
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::vehicle::{Piece, Vehicle};
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
 /// their paths; nobody lands on one that is in its landing place already. An aircraft that fell is left out from then on,
-/// and one that came down anywhere else as soon as it is on the ground: nobody knows where it lies.
+/// and one on the ground anywhere else: one that has not taken off, and one that came down nobody knows where.
 ///
 /// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did; pairs that
 /// come neither too near nor nearer than any before, by the boxes that their paths fit into, are left out.
@@ -20,7 +20,7 @@ pub(crate) struct SeparationChecker {
     separation: Separation,
     /// Until when each drone's path has been looked at.
     checked: Vec<Timestamp>,
-    /// Who lies on the ground, nobody knows where.
+    /// Who is on the ground, and not in its landing place.
     strayed: Vec<bool>,
     nearby: Nearby,
     others: Vec<u32>,
@@ -36,7 +36,10 @@ impl SeparationChecker {
         Self {
             separation,
             checked: vec![Timestamp::ZERO; vehicles.len()],
-            strayed: vec![false; vehicles.len()],
+            // A relay may stand on a mast.
+            strayed: (vehicles.iter())
+                .map(|it| it.motion().position(Timestamp::ZERO).altitude_m() <= 0.0)
+                .collect(),
             nearby,
             others: Vec::new(),
             closest_m: None,
@@ -48,7 +51,12 @@ impl SeparationChecker {
         self.closest_m
     }
 
-    /// A drone is on the ground and not in its landing place.
+    /// A drone takes off.
+    pub(crate) fn takes_off(&mut self, drone: NodeId) {
+        self.strayed[drone.0 as usize] = false;
+    }
+
+    /// A drone has come down elsewhere than in its landing place.
     pub(crate) fn strays(&mut self, drone: NodeId) {
         self.strayed[drone.0 as usize] = true;
     }

@@ -166,6 +166,7 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::BatteryLow => Some("its battery was low"),
         LandingReason::PositionLost => Some("it did not know where it was"),
         LandingReason::BatteryCritical => Some("its battery was all but empty"),
+        LandingReason::FlightTime => Some("it had flown for as long as it may"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
         LandingReason::Controller => Some("its flight controller brought it down"),
     }

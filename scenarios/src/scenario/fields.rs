@@ -289,6 +289,10 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "seconds, a number above 0, at most 604800",
     ),
     ("limits.leg_s", "seconds, a number above 0, at most 604800"),
+    (
+        "limits.flight_time_s",
+        "seconds, a number above 0, at most 604800",
+    ),
     ("limits.waiting_max", "a whole number from 8 to 1000000"),
     ("limits.restarts_max", "a whole number from 0 to 1000000"),
     (

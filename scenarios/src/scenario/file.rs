@@ -137,9 +137,14 @@ impl Source {
         path_to(document.as_table(), span, &mut path);
         path.extend(missing.map(str::to_owned));
         let key = path.join(".");
-        let known = FIELDS.iter().find(|(known, _)| *known == key);
+        // Of what is within a field that is no table of fields the field itself tells.
+        let mut within = (1..=path.len()).rev().map(|depth| path[..depth].join("."));
+        let known = within.find_map(|within| {
+            let field = FIELDS.iter().find(|(known, _)| *known == within);
+            field.filter(|_| within == key || fields_of(&within).is_empty())
+        });
         match known {
-            Some((_, accepted)) => format!("`{key}` is {accepted}"),
+            Some((known, accepted)) => format!("`{known}` is {accepted}"),
             None => {
                 let tables = (0..=path.len()).rev().map(|depth| path[..depth].join("."));
                 let mut fields = tables.map(|table| fields_of(&table));

@@ -185,12 +185,17 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         .chain(course.changes_s())
         .fold(farthest_s, f64::max);
     let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
+    let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
+    let flight = seconds(None, course.flight_s());
+    let flight_time_s = (take_off + flight * 2).as_secs_f64();
     let mut limits = Limits {
         separation,
         duration: Duration::ZERO,
-        flight: seconds(None, course.flight_s()),
         set_up: seconds(raw.limits.set_up_s, 30.0),
-        take_off: seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0),
+        take_off,
+        flight,
+        flight_time: seconds(raw.limits.flight_time_s, flight_time_s),
+        landing: seconds(None, course.landing_s()),
         leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
         waypoints_max: mission_file::WAYPOINTS_MAX + 1,
         waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),

@@ -201,6 +201,8 @@ impl Scenario {
                 stable_after: protocol.stable_after,
                 hello_gap: protocol.hello_gap,
                 time_to_live: protocol.time_to_live,
+                // Where the others land, a member that is missed on the way up lands too.
+                misses_early: protocol.succession == Succession::Elect,
             }),
             Policy::Tree => routing::Config::Tree(tree::Config {
                 id,
@@ -265,6 +267,7 @@ impl Scenario {
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,
+                flight_time: self.limits.flight_time,
                 waypoints_max: self.limits.waypoints_max,
             },
             navigation: match &self.follow {
@@ -359,14 +362,18 @@ pub struct Limits {
     pub separation: Separation,
     /// How long the run may last: by then every drone is on the ground.
     pub duration: Duration,
-    /// How long all between take-off and the ground should take.
-    pub flight: Duration,
     /// How long the master waits for members on the ground.
     pub set_up: Duration,
     /// How long a take-off may take.
     pub take_off: Duration,
+    /// How long all between take-off and the ground should take.
+    pub flight: Duration,
     /// How long any leg may take.
     pub leg: Duration,
+    /// How long a drone may fly.
+    pub flight_time: Duration,
+    /// How long a descent from the highest that is flown takes.
+    pub landing: Duration,
     /// The most waypoints that a mission may have.
     pub waypoints_max: usize,
     /// The most messages that wait for one actor.
@@ -381,14 +388,11 @@ pub struct Limits {
     pub restarts: RestartLimits,
 }
 
-/// What the default bound on a run allows for besides: times to live that run out, and a master lost on the way.
-const MARGIN: Duration = Duration::from_secs(300);
-
 impl Limits {
-    /// How long a run may last unless it is told: as long as drones may wait on the ground and take off, twice what the
-    /// flight should take, and [`MARGIN`]; at most a week.
+    /// How long a run may last unless it is told: as long as drones may wait on the ground and fly, two legs more for
+    /// whoever is to reach its slot first and the place where it lands then, and the descent; at most a week.
     fn default_duration(&self) -> Duration {
-        let on_the_ground = self.set_up + self.take_off;
-        (on_the_ground + self.flight * 2 + MARGIN).min(limits::DURATION_MAX)
+        let after = self.leg * 2 + self.landing;
+        (self.set_up + self.flight_time + after).min(limits::DURATION_MAX)
     }
 }

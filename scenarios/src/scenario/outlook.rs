@@ -11,7 +11,7 @@ use muster_transport::sim::Medium;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::{MARGIN, Scenario};
+use super::Scenario;
 use crate::parts::{Link, Part, Parts};
 use crate::report::figures::{drones, figure, plural};
 
@@ -116,11 +116,11 @@ impl Scenario {
         let limits = &self.limits;
         let seconds = |time: Duration| figure(time.as_secs_f64(), 0);
         let formula = format!(
-            "set-up {} s + take-off {} s + twice the flight of {} s + {} s",
+            "set-up {} s + flight time {} s + two legs of {} s + landing {} s",
             seconds(limits.set_up),
-            seconds(limits.take_off),
-            seconds(limits.flight),
-            seconds(MARGIN),
+            seconds(limits.flight_time),
+            seconds(limits.leg),
+            seconds(limits.landing),
         );
         let default = limits.default_duration();
         if self.bound() != limits.duration {

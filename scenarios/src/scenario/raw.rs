@@ -352,6 +352,7 @@ pub(super) struct Limits {
     pub(super) set_up_s: Option<Seconds>,
     pub(super) take_off_s: Option<Seconds>,
     pub(super) leg_s: Option<Seconds>,
+    pub(super) flight_time_s: Option<Seconds>,
     pub(super) waiting_max: Option<Whole<8, 1_000_000>>,
     pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
     pub(super) hang_ms: Option<Milliseconds>,

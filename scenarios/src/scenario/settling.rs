@@ -56,7 +56,13 @@ impl Settling {
     /// For parts of at most so many hops across, which do not spread.
     #[must_use]
     pub fn time(&self, diameter: u32) -> Duration {
-        self.detection + self.hop * 2 * diameter + self.back_off
+        self.detection + self.news(diameter)
+    }
+
+    /// How long it may take until all of such a part know what one of them says, and that they do.
+    #[must_use]
+    pub fn news(&self, diameter: u32) -> Duration {
+        self.hop * 2 * diameter + self.back_off
     }
 }
 

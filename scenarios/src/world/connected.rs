@@ -58,11 +58,14 @@ impl World {
                 *live = live.filter(|_| swarm.has(id));
             }
             swarm.parts.look(self.now, own, links.clone());
+            let nodes = u32::try_from(self.drones.len()).unwrap_or(u32::MAX);
+            let news = swarm.settled.settling().news(nodes);
+            swarm.parts.forget_older(self.now, news);
         }
     }
 
-    /// For whom a master is to wait at a waypoint: those of its part that obey it, and of those that turned to it only
-    /// who did so long enough ago for it to know.
+    /// For whom a master is to wait at a waypoint: those that have been of its part for long enough that it knows, and
+    /// obey it; of those that turned to it only who did so long enough ago.
     pub(super) fn awaited_by(&self, master: NodeId) -> BTreeSet<NodeId> {
         let swarm = self.swarm(master);
         let mut part = swarm.parts.part_of(master);
@@ -71,9 +74,11 @@ impl World {
         };
         let settling = swarm.settled.settling();
         let hops = u32::try_from(part.len()).unwrap_or(u32::MAX);
+        let news = settling.news(hops);
         let is_known = |id: NodeId| {
             let obeyed_for = self.now.since(self.election.since(id));
-            !reign.is_elected() || obeyed_for > settling.time(hops)
+            let has_turned_lately = reign.is_elected() && obeyed_for <= settling.time(hops);
+            !has_turned_lately && swarm.parts.have_been_together((id, master), self.now, news)
         };
         part.retain(|id| self.election.obeyed(*id) == Some(reign) && is_known(*id));
         part

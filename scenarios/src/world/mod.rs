@@ -642,6 +642,7 @@ impl World {
     fn armed(&mut self, drone: NodeId) {
         let now = self.now;
         self.recorder(drone).armed(drone, now);
+        self.separation.takes_off(drone);
         if self.airborne == 0 {
             self.heap.plan(self.now, Planned::PlaceRadios);
         }
@@ -771,9 +772,6 @@ impl World {
                 let found = barrier.observe(now, drone, event, obeyed, || awaited);
                 self.find(found);
                 self.recorder(drone).mission(now, drone, event);
-                if matches!(event, mission::Event::Landing(_)) {
-                    self.stays_down(drone);
-                }
                 self.occurs_to(drone, event);
                 if let mission::Event::Obeys(ballot) = event
                     && ballot.is_elected()
@@ -788,13 +786,6 @@ impl World {
             }
             Observation::Routing(event) => self.recorder(drone).routing(drone, event),
             Observation::Radio(event) => self.recorder(drone).radio(event),
-        }
-    }
-
-    /// A drone will not take off: it lies where it stood.
-    fn stays_down(&mut self, drone: NodeId) {
-        if !self.vehicles[drone.0 as usize].is_armed() {
-            self.separation.strays(drone);
         }
     }
 

@@ -26,7 +26,6 @@ impl World {
         self.end_process(drone);
         let now = self.now;
         self.recorder(drone).killed(drone, now);
-        self.stays_down(drone);
         self.command(drone, Demand::Land);
         self.look_at_elections();
     }

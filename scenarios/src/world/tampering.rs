@@ -115,7 +115,9 @@ impl Tampering {
             }
             match tampered.how {
                 Distortion::Corrupt => {
-                    for passage in std::iter::once(&mut first).chain(&mut twin) {
+                    let passages = std::iter::once(&mut first).chain(&mut twin);
+                    // Altered twice it might be what it was.
+                    for passage in passages.filter(|it| it.origin != Origin::Spurious) {
                         passage.datagram = altered(&passage.datagram, &mut self.rng);
                         passage.origin = Origin::Spurious;
                     }
@@ -235,4 +237,30 @@ fn altered(datagram: &Bytes, rng: &mut ChaCha8Rng) -> Bytes {
 /// How long after the first the `index`th of many frames that are sent again, or made up, arrives.
 pub(super) fn paced(now: Timestamp, index: u32) -> Timestamp {
     now + Duration::from_millis(10) * index
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    #[test]
+    fn what_two_faults_alter_is_not_what_it_was() {
+        let corrupts = Tampered {
+            from: None,
+            how: Distortion::Corrupt,
+            share: 1.0,
+        };
+        let rng = ChaCha8Rng::seed_from_u64(1);
+        let mut tampering = Tampering::new(rng, std::iter::empty());
+        tampering.begin(0, corrupts);
+        tampering.begin(1, corrupts);
+        let sent = Bytes::from(vec![0; AUTHENTICATOR_LEN + 1]);
+        for _ in 0..10_000 {
+            let (passage, twin) = tampering.pass(Some(NodeId(0)), sent.clone());
+            assert_eq!((passage.origin, twin), (Origin::Spurious, None));
+            assert_ne!(passage.datagram, sent);
+        }
+    }
 }

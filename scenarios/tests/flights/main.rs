@@ -11,6 +11,7 @@ mod failsafe;
 mod faults;
 mod follow;
 mod formations;
+mod found;
 mod planted;
 mod relay;
 mod settling;

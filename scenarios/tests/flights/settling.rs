@@ -77,10 +77,11 @@ fn the_limits_leave_room_for_the_longest_settling() {
     let near = "formation.spacing_m=50";
     let at_once = settling(0, &[near]).limits;
     let longer = settling(60_000, &[near]).limits;
-    // Twice a leg; twice the three legs of a take-off; twice these and the seven of the mission.
-    assert!(longer.leg >= at_once.leg + 2 * settle);
+    // Twice a leg; twice the three legs of a take-off; twice these and the seven of the mission, and two limits of a leg,
+    // which the three to a slot may count as.
+    assert_eq!(longer.leg, at_once.leg + 6 * settle);
     assert_eq!(longer.take_off, at_once.take_off + 6 * settle);
-    assert_eq!(longer.duration, at_once.duration + (6 + 20) * settle);
+    assert_eq!(longer.duration, at_once.duration + (6 + 20 + 12) * settle);
     for seed in 1..=5 {
         let scenario = settling(60_000, &[near, &format!("seed={seed}")]);
         let report = fly(&scenario, Engine::Events);

@@ -66,7 +66,7 @@ impl Mission {
         self.pursue_goal();
     }
 
-    /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way.
+    /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way, and lands.
     pub(super) fn take_step(&mut self, now: Timestamp, sequence: u32, change: u16, step: Step) {
         if !self.durable.state.is_following() || usize::from(change) >= self.config.changes.len() {
             self.outbox.event(Event::Refused);
@@ -106,12 +106,27 @@ impl Mission {
         let is_there = self.bound_for() == Some(waypoint)
             && !matches!(self.durable.state, State::MovingToWaypoint { .. });
         let is_ready = is_ready || is_there && self.flies_in_own_layer();
+        if !is_ready && self.flies_in_own_layer() && !self.is_taking_off() {
+            return self.catch_up(waypoint);
+        }
         if !is_ready {
             self.land(LandingReason::Late);
             return;
         }
         self.durable.pending = Some(sequence);
         self.step(now, change, step);
+    }
+
+    /// In a layer of its own it is in nobody's way: it makes for the waypoint at which the others change formation, and
+    /// asks then what they are at.
+    fn catch_up(&mut self, waypoint: u16) {
+        if let State::TakingOff | State::NeighbourDiscovery | State::HopUpdate = self.durable.state
+        {
+            self.enter(State::WaypointReached { waypoint: 0 });
+        }
+        self.make_missed_changes(waypoint);
+        self.durable.opened = self.durable.opened.max(Some(waypoint));
+        self.durable.catches_up = true;
     }
 
     /// A step has been taken.

@@ -148,6 +148,8 @@ pub struct Checkpoint {
     pub acknowledged: u32,
     /// Whether the drone flies in its own altitude layer, because there may be some it is not in lockstep with.
     pub in_layer: bool,
+    /// Whether it is on its way to where it can do what the others were told.
+    pub catches_up: bool,
     /// Why the drone goes to land by itself: as soon as it is in its slot, or on its way already.
     pub leaving: Option<LandingReason>,
     /// Where the centre of the formation lands.
@@ -156,6 +158,8 @@ pub struct Checkpoint {
     pub assembled_at: Option<Ned>,
     /// By when what the drone waits for must have happened.
     pub limit: Option<Timestamp>,
+    /// Until when it may fly; nothing before it takes off.
+    pub flies_until: Option<Timestamp>,
     /// What only a master has.
     pub lead: Option<Lead>,
     /// Whether the drone's process started anew since it was first told something: the drone does not arm any more.
@@ -209,6 +213,8 @@ pub struct Lead {
     pub acknowledged: NodeSet,
     /// Who has not been heard of for its time to live.
     pub silent: NodeSet,
+    /// Until when it waits for these all the same.
+    pub bears_silence_until: Option<Timestamp>,
     /// Who is on its way to the ground, or there already.
     pub landing: NodeSet,
     /// Who did not get ready in time: the swarm flies without them.
@@ -243,12 +249,11 @@ impl Lead {
 
     /// The members that hold up the newest order: any, or only those that the master hears itself.
     pub(super) fn awaited(&self, barrier: Barrier) -> NodeSet {
-        let out_of_it = [
-            &self.acknowledged,
-            &self.silent,
-            &self.landing,
-            &self.left_out,
-        ];
+        let silent = match self.bears_silence_until {
+            Some(_) => &NodeSet::default(),
+            None => &self.silent,
+        };
+        let out_of_it = [&self.acknowledged, silent, &self.landing, &self.left_out];
         let awaited = match barrier {
             Barrier::Strict => self.members.clone(),
             Barrier::Neighbours => self.members.intersection(&self.neighbours),

@@ -53,6 +53,8 @@ impl Mission {
             self.durable.routes = RoutesPhase::None;
             if let State::NeighbourDiscovery | State::HopUpdate = self.durable.state {
                 self.enter(State::TakingOff);
+                // It is in its slot.
+                self.durable.pending = None;
             }
         }
     }

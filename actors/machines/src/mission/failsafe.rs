@@ -55,6 +55,30 @@ impl Mission {
         }
     }
 
+    /// Goes to land once it has flown for as long as it may, however little the mission has got on: soon in its slot, or
+    /// then wherever it is.
+    pub(super) fn end_flight_if_due(&mut self, now: Timestamp) {
+        if self.durable.flies_until.is_none_or(|until| until > now) {
+            return;
+        }
+        let reason = LandingReason::FlightTime;
+        let is_last_call = self.durable.leaving.is_some();
+        self.durable.flies_until = None;
+        if !self.durable.state.is_following() {
+            // It is on the ground, or on its way there within limits of its own.
+        } else if is_last_call {
+            self.come_down(reason);
+        } else {
+            self.durable.flies_until = Some(now + self.config.leg_limit);
+            if self.durable.state == State::Following {
+                self.end_following_for(reason);
+            }
+            self.durable.leaving.get_or_insert(reason);
+            self.leave_if_due(now);
+        }
+        self.checkpoint();
+    }
+
     /// Never takes off; nobody is to wait for it, and a swarm that it would have led stays down.
     pub(super) fn stay_down(&mut self, reason: LandingReason) {
         self.outbox.event(Event::Landing(reason));

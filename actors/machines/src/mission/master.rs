@@ -94,6 +94,41 @@ impl Mission {
         self.hear_of(landing);
     }
 
+    /// Takes in that members have not been heard of for their time to live. While the swarm takes off it gives them as
+    /// long again as they bear its own silence: by then they have a master of their own, and are out of the way.
+    pub(super) fn miss(&mut self, now: Timestamp, members: &NodeSet) {
+        let patience = self.config.spreading_patience;
+        let takes_off = matches!(
+            self.durable.state,
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
+        );
+        let bears = takes_off && !patience.is_zero();
+        if let Some(lead) = &mut self.durable.lead {
+            lead.silent
+                .extend_from(&members.intersection(&lead.members));
+            if bears {
+                lead.bears_silence_until = Some(now + patience);
+            }
+        }
+    }
+
+    /// As master: until when it waits for members that it does not hear of any more.
+    pub(super) fn bears_silence_until(&self) -> Option<Timestamp> {
+        self.durable.lead.as_ref()?.bears_silence_until
+    }
+
+    /// As master: goes on without those it does not hear of, if that was all that held it up.
+    pub(super) fn end_patience_if_due(&mut self, now: Timestamp) {
+        if self.bears_silence_until().is_none_or(|until| until > now) {
+            return;
+        }
+        if let Some(lead) = &mut self.durable.lead {
+            lead.bears_silence_until = None;
+        }
+        self.react(now);
+        self.checkpoint();
+    }
+
     /// Takes in that members are there.
     pub(super) fn hear_of(&mut self, members: &NodeSet) {
         if let Some(lead) = &mut self.durable.lead
@@ -165,9 +200,7 @@ impl Mission {
             return self.lead(now);
         }
         self.give_order(&Order::TakeOff);
-        self.durable.limit = Some(now + self.config.take_off_limit);
-        self.enter(State::TakingOff);
-        self.pursue_goal();
+        self.begin_to_fly(now);
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {

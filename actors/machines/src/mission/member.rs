@@ -69,12 +69,15 @@ impl Mission {
             .ballot()
             .is_some_and(|it| !it.is_elected());
         match self.durable.state {
-            // Without the whole mission a drone stays on the ground, and at the word of a master that was elected.
-            State::SetUp if self.durable.plan_complete && is_the_operators => {
+            // Without the whole mission a drone stays on the ground, at the word of a master that was elected, and at an
+            // old word of one that it does not hear any more: others may be flying over it by now.
+            State::SetUp
+                if self.durable.plan_complete
+                    && is_the_operators
+                    && self.master_silent.is_none() =>
+            {
                 self.durable.pending = Some(sequence);
-                self.durable.limit = Some(now + self.config.take_off_limit);
-                self.enter(State::TakingOff);
-                self.pursue_goal();
+                self.begin_to_fly(now);
             }
             State::TakingOff => self.carry_on(sequence),
             state if state.is_following() => self.acknowledge(sequence),
@@ -117,7 +120,7 @@ impl Mission {
     }
 
     /// In a layer of its own a drone needs no steps to take the shape that the others have: its next leg leads into it.
-    fn make_missed_changes(&mut self, waypoint: u16) {
+    pub(super) fn make_missed_changes(&mut self, waypoint: u16) {
         if !self.flies_in_own_layer() {
             return;
         }

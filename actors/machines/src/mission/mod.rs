@@ -52,7 +52,8 @@ pub struct Config {
     pub succession: Succession,
     /// What a drone in the air does that hears of nobody else.
     pub alone: Alone,
-    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again.
+    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again; and a
+    /// master silent members while it takes off.
     pub spreading_patience: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
@@ -60,6 +61,9 @@ pub struct Config {
     pub take_off_limit: Duration,
     /// The longest that a leg may take; a drone that takes longer lands.
     pub leg_limit: Duration,
+    /// How long a drone flies at most: then it goes to land as soon as it is in its slot and, if that takes longer than a
+    /// leg may, on the spot.
+    pub flight_time: Duration,
     /// The most waypoints that a mission may have.
     pub waypoints_max: usize,
 }
@@ -179,6 +183,8 @@ pub enum LandingReason {
     PositionLost,
     /// Its battery was all but empty.
     BatteryCritical,
+    /// It had flown for as long as it may.
+    FlightTime,
 }
 
 /// What can be seen of a mission.
@@ -245,7 +251,10 @@ impl Mission {
     fn begin_life(&mut self) {
         match self.durable.state {
             State::SetUp => self.stay_down(LandingReason::Restarted),
-            state => self.durable.in_layer |= state.is_following(),
+            // The others are in their sectors: it goes on in its own.
+            State::ChangingFormation { .. } => {}
+            state if state.is_following() => self.keep_apart(),
+            _ => {}
         }
         self.checkpoint();
     }
@@ -397,10 +406,20 @@ impl Mission {
         self.pursue_goal();
     }
 
+    fn begin_to_fly(&mut self, now: Timestamp) {
+        self.durable.limit = Some(now + self.config.take_off_limit);
+        self.durable.flies_until = Some(now + self.config.flight_time);
+        self.enter(State::TakingOff);
+        self.pursue_goal();
+    }
+
     fn leave_for(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
-        // Whoever has fallen behind does not fly in step with the others.
-        self.durable.in_layer |= self.is_elected_reign() || self.durable.opened > Some(waypoint);
+        // Not in step with all the others.
+        let has_fallen_behind = self.durable.opened > Some(waypoint);
+        if self.durable.in_layer || self.is_elected_reign() || has_fallen_behind {
+            self.keep_apart();
+        }
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();
     }
@@ -411,25 +430,28 @@ impl Mission {
         ballot.is_some_and(|it| it.is_elected())
     }
 
-    /// Takes to its layer with the others, on whose ways they may then not hear each other as they did.
+    /// Flies in its layer from now on, on whose ways it may not hear the others as it did.
     fn keep_apart(&mut self) {
-        if !self.durable.in_layer {
-            self.durable.in_layer = true;
-            self.outbox.transmit(Transmit::Scatter);
-        }
+        self.durable.in_layer = true;
+        self.outbox.transmit(Transmit::Scatter);
     }
 
     /// Waits in its layer, out of the way of parts of the swarm that go on sooner.
     fn wait_in_layer(&mut self) {
+        let has_arrived = self.durable.pending.is_none();
         let waits = match self.durable.state {
-            State::WaypointReached { .. } => true,
+            State::WaypointReached { .. } => self.is_elected_reign(),
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
-                self.durable.pending.is_none()
+                has_arrived && self.is_elected_reign()
             }
+            // The others may be about to cross over it.
+            State::ChangingFormation {
+                step: Step::Climb, ..
+            } => has_arrived && self.master_silent.is_some(),
             _ => false,
         };
-        if waits && self.is_elected_reign() && !self.durable.in_layer {
-            self.durable.in_layer = true;
+        if waits && !self.durable.in_layer {
+            self.keep_apart();
             self.pursue_goal();
         }
     }
@@ -466,17 +488,18 @@ impl Mission {
                     lead.neighbours = neighbours;
                 }
             }
-            RoutingNotice::Silent(members) => {
-                if let Some(lead) = &mut self.durable.lead {
-                    lead.silent
-                        .extend_from(&members.intersection(&lead.members));
-                }
-            }
+            RoutingNotice::Silent(members) => self.miss(now, &members),
             RoutingNotice::Returned(members) => self.hear_of(&members),
             RoutingNotice::MasterSilent => {
                 self.master_silent.get_or_insert(now);
             }
-            RoutingNotice::MasterReturned => self.master_silent = None,
+            RoutingNotice::MasterReturned => {
+                self.master_silent = None;
+                if self.durable.state == State::SetUp {
+                    // It may have been told to take off meanwhile.
+                    self.outbox.transmit(Transmit::Resync);
+                }
+            }
             // It leads no longer; one that takes the swarm down with it has ordered that.
             RoutingNotice::MasterLands if self.config.succession == Succession::Elect => {
                 self.master_lands = true;
@@ -527,6 +550,10 @@ impl Mission {
                 let waits = self.durable.lead.is_some();
                 self.durable.limit = waits.then(|| now + self.config.leg_limit);
                 self.enter(State::WaypointReached { waypoint });
+                if self.durable.opened <= Some(waypoint) && self.durable.catches_up {
+                    self.durable.catches_up = false;
+                    self.outbox.transmit(Transmit::Resync);
+                }
             }
             State::ChangingFormation { change, step } => self.stepped(now, change, step),
             State::Following => self.arrived_as_followed(now),
@@ -631,7 +658,13 @@ impl Mission {
     }
 
     fn deadline(&self) -> Option<Timestamp> {
-        let deadlines = [self.durable.limit, self.next_fix(), self.succeeds_at()];
+        let deadlines = [
+            self.durable.limit,
+            self.durable.flies_until,
+            self.next_fix(),
+            self.succeeds_at(),
+            self.bears_silence_until(),
+        ];
         deadlines.into_iter().flatten().min()
     }
 }
@@ -673,6 +706,8 @@ impl Machine for Mission {
     fn handle_timeout(&mut self, now: Timestamp) {
         self.allow_for_stall(now);
         self.locate_if_due(now);
+        self.end_flight_if_due(now);
+        self.end_patience_if_due(now);
         if self.succeeds_at().is_some_and(|at| at <= now) {
             self.succeed(now);
             self.checkpoint();

@@ -61,6 +61,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,
+        flight_time: 2_000 * SECOND,
         waypoints_max: 100,
     }
 }
@@ -230,6 +231,33 @@ fn a_member_that_does_not_get_to_its_slot_is_left_out_after_the_limit() {
     let (transmits, events) = stimulate(&mut master, 61.0, Stimulus::Timeout);
     assert_eq!(transmits, [Transmit::Discover]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
+}
+
+#[test]
+fn while_the_swarm_takes_off_a_master_waits_for_silent_members_as_long_as_they_bear_its_silence() {
+    let mut master = master_taking_off();
+    master.config.spreading_patience = 6 * SECOND;
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut master, 20.0, arrived);
+    hears(&mut master, 21.0, progress(0, 2));
+    let silent = RoutingNotice::Silent(NodeId(2).into());
+    assert_eq!(hears(&mut master, 30.0, silent), []);
+    assert_eq!(stimulate(&mut master, 35.9, Stimulus::Timeout).0, []);
+    let (said, _) = stimulate(&mut master, 36.0, Stimulus::Timeout);
+    assert_eq!(said, [Transmit::Discover]);
+}
+
+#[test]
+fn whoever_misses_its_master_does_not_take_off_at_an_old_word_and_asks_once_it_is_back() {
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    hears(&mut slave, 1.0, RoutingNotice::MasterSilent);
+    assert_eq!(ordered(&mut slave, 2, &Order::TakeOff), []);
+    assert_eq!(slave.durable.state, State::SetUp);
+    let said = hears(&mut slave, 2.0, RoutingNotice::MasterReturned);
+    assert_eq!(said, [Transmit::Resync]);
+    ordered(&mut slave, 2, &Order::TakeOff);
+    assert_eq!(slave.durable.state, State::TakingOff);
 }
 
 #[test]

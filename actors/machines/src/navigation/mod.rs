@@ -169,7 +169,7 @@ pub struct Navigation {
 }
 
 impl Navigation {
-    /// A navigation as `checkpoint` left it.
+    /// A navigation as `checkpoint` left it; one without has been told nothing.
     #[must_use]
     pub fn new(config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
@@ -179,10 +179,14 @@ impl Navigation {
             watch: Watch::default(),
             outbox: Outbox::new(),
         };
-        if let Some(checkpoint) = checkpoint {
-            navigation.durable = checkpoint;
-            navigation.inform(Notice::Resync);
-            navigation.demand(Demand::Report);
+        match checkpoint {
+            Some(checkpoint) => {
+                navigation.durable = checkpoint;
+                navigation.inform(Notice::Resync);
+                navigation.demand(Demand::Report);
+            }
+            // Should it fail before it is told anything, it is to ask for what it was being told.
+            None => navigation.progress(Progress::Planning),
         }
         navigation
     }
@@ -263,14 +267,16 @@ impl Navigation {
             speed_mps,
             ..
         } = self.config;
-        let verdict = self.watch.judge(now, telemetry, &failsafe, speed_mps);
+        let takes_off = matches!(self.durable.goal, Some(Goal::TakeOff { arm: true, .. }));
+        let fit_for = (takes_off, speed_mps);
+        let verdict = self.watch.judge(now, telemetry, &failsafe, fit_for);
         if verdict.is_found {
             if self.durable.goal == Some(Goal::Yield) {
                 self.demand(Demand::Yield);
             }
             self.progress(Progress::Planning);
         }
-        if verdict.is_lost && self.durable.goal != Some(Goal::Land) {
+        if verdict.is_lost && telemetry.armed && self.durable.goal != Some(Goal::Land) {
             self.hold(telemetry);
         }
         for failure in verdict.failures {

@@ -342,3 +342,14 @@ fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
     };
     assert_eq!(said, [Transmit::Inform(failing)]);
 }
+
+#[test]
+fn a_navigation_that_fails_before_it_is_told_anything_asks_once_it_is_rebuilt() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let Output::Event(Event::Checkpoint(checkpoint)) = navigation.poll_output() else {
+        panic!("nothing is kept");
+    };
+    let mut rebuilt = Navigation::new(CONFIG, Some(*checkpoint));
+    let asks = Output::Transmit(Transmit::Inform(Notice::Resync));
+    assert_eq!(rebuilt.poll_output(), asks);
+}

@@ -108,21 +108,23 @@ impl Watch {
         self.told.clear();
     }
 
-    /// Judges what the vehicle says of itself; `speed_mps` is the highest that it flies at.
+    /// Judges what the vehicle says of itself, which flies or `takes_off`; `speed_mps` is the highest that it flies at.
     pub(super) fn judge(
         &mut self,
         now: Timestamp,
         telemetry: &Telemetry,
         failsafe: &Failsafe,
-        speed_mps: f64,
+        (takes_off, speed_mps): (bool, f64),
     ) -> Verdict {
         let mut verdict = Verdict::default();
         self.next_look = None;
         verdict.failures.extend(self.battery(telemetry, failsafe));
+        if !telemetry.landing && (telemetry.armed || takes_off) {
+            self.position(now, telemetry, failsafe, &mut verdict);
+        }
         if !telemetry.armed || telemetry.landing {
             return verdict;
         }
-        self.position(now, telemetry, failsafe, &mut verdict);
         if let Some(fence) = failsafe.fence
             && !self.is_lost
             && self.breaches(now, telemetry, fence, speed_mps)

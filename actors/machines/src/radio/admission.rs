@@ -40,12 +40,12 @@ pub enum DropReason {
     /// Of a drone that is none of the swarm's.
     #[error("stranger")]
     Stranger,
-    /// More frames than the sender's budget.
-    #[error("over budget")]
-    OverBudget,
     /// Of an earlier life of the sender, seen before, or too old to tell.
     #[error("replayed")]
     Replayed,
+    /// More frames than the sender's budget.
+    #[error("over budget")]
+    OverBudget,
     /// Not signed by the sender that it names.
     #[error("forged")]
     Forged,
@@ -126,15 +126,16 @@ impl Admission {
             at
         });
         let sender = &mut self.senders[at];
+        // A replay is not to use up what its sender may say.
+        if sender.newest.is_some_and(|newest| newest.has_seen(header)) {
+            return Err(DropReason::Replayed);
+        }
         let full_at = sender.full_at.max(now) + self.budget.interval;
         if full_at.since(now) > self.budget.interval * self.budget.burst {
             return Err(DropReason::OverBudget);
         }
         sender.full_at = full_at;
-        match sender.newest {
-            Some(newest) if newest.has_seen(header) => Err(DropReason::Replayed),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Marks a frame, whose signature was right, as seen.

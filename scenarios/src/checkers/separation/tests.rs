@@ -37,6 +37,9 @@ fn flying(from: Ned, start_s: f64, to: Ned, speed_mps: f64) -> Vehicle {
 
 fn checked(vehicles: &[Vehicle], until_s: f64) -> (Option<Violation>, Option<f64>) {
     let mut checker = SeparationChecker::new(SEPARATION, vehicles);
+    for (drone, _) in (0..).map(NodeId).zip(vehicles) {
+        checker.takes_off(drone);
+    }
     let violation = checker.path_ends(at(until_s), NodeId(0), vehicles);
     (violation, checker.closest_m())
 }

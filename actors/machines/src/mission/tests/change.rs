@@ -1,6 +1,7 @@
 //! Changes of formation, step by step.
 
 use super::*;
+use crate::formation::Layering;
 use crate::mission::Step;
 
 /// Drone `id` of a line of three that becomes a matrix at waypoint 0.
@@ -21,7 +22,11 @@ fn step_of_change(step: Step) -> Order {
 }
 
 fn slave_in_its_slot() -> Mission {
-    let mut slave = Mission::new(config_with_a_change(0), None);
+    slave_of(config_with_a_change(0))
+}
+
+fn slave_of(config: Config) -> Mission {
+    let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff);
     arrives(&mut slave, 20.0);
@@ -195,4 +200,37 @@ fn a_master_goes_on_without_a_member_that_never_takes_the_step() {
     };
     assert_eq!(orders(&said), [cross]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
+}
+
+#[test]
+fn whoever_misses_its_master_below_where_others_may_cross_waits_in_its_layer() {
+    let mut slave = slave_in_its_slot();
+    slave.config.succession = Succession::Elect;
+    slave.config.spreading_patience = 6 * SECOND;
+    ordered(&mut slave, 4, &step_of_change(Step::Climb));
+    assert_eq!(hears(&mut slave, 10.0, RoutingNotice::MasterSilent), []);
+    let said = arrives(&mut slave, 11.0);
+    assert!(slave.durable.in_layer && said.contains(&Transmit::Scatter));
+}
+
+#[test]
+fn a_slave_in_its_own_layer_that_missed_a_step_catches_up() {
+    let mut config = config_with_a_change(0);
+    let matrix = config.changes[0].layout().formation().clone();
+    let layout = Arc::into_inner(config.layout).unwrap();
+    let layout = layout.with_layers(Layering::Each);
+    config.changes = Arc::new([Change::new(1, &layout, matrix)]);
+    config.layout = Arc::new(layout);
+    let mut slave = slave_of(config);
+    slave.durable.in_layer = true;
+    // It is at waypoint 0, and the others change formation at waypoint 1.
+    let said = ordered(&mut slave, 4, &step_of_change(Step::Cross));
+    assert!(!said.contains(&acknowledges(4)));
+    let moves = State::MovingToWaypoint { waypoint: 1 };
+    assert_eq!(slave.durable.state, moves);
+    let said = arrives(&mut slave, 30.0);
+    assert!(said.contains(&Transmit::Resync), "{said:?}");
+    let said = ordered(&mut slave, 4, &step_of_change(Step::Cross));
+    assert!(goal(&said).is_some());
+    assert!(arrives(&mut slave, 40.0).contains(&acknowledges(4)));
 }

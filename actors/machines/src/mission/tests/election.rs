@@ -117,7 +117,7 @@ fn a_member_ahead_of_the_new_master_acknowledges_at_once_and_holds() {
         60.0,
         Input::Navigation(NavigationNotice::Arrived),
     );
-    let [Transmit::Goal(Goal::TransitTo { to })] = said[..] else {
+    let [Transmit::Scatter, Transmit::Goal(Goal::TransitTo { to })] = said[..] else {
         panic!("{said:?}");
     };
     let slot = slave.config.layout.slot(NodeId(0), waypoints()[1]);

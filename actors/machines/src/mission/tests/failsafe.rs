@@ -263,3 +263,32 @@ fn the_way_to_a_landing_of_ones_own_has_its_limit() {
     stimulate(&mut slave, 142.0, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::Landing);
 }
+
+#[test]
+fn a_drone_that_has_flown_for_as_long_as_it_may_goes_to_land_from_its_slot() {
+    for moves in [false, true] {
+        let mut slave = elects(0, moves);
+        let until = slave.durable.flies_until.unwrap();
+        assert_eq!(until, Timestamp::from_secs_f64(1.0) + 2_000 * SECOND);
+        // The legs that it flew meanwhile were in time.
+        slave.durable.limit = None;
+        stimulate(&mut slave, 2_001.0, Stimulus::Timeout);
+        if moves {
+            let bound_for = State::MovingToWaypoint { waypoint: 1 };
+            assert_eq!(slave.durable.state, bound_for, "it flies its leg");
+            arrives(&mut slave, 2_010.0);
+        }
+        assert_eq!(slave.durable.state, State::MovingToLand);
+        assert_eq!(slave.durable.leaving, Some(LandingReason::FlightTime));
+    }
+}
+
+#[test]
+fn a_drone_that_does_not_get_to_its_slot_after_its_flight_time_lands_on_the_spot() {
+    let mut slave = elects(0, true);
+    slave.durable.limit = None;
+    stimulate(&mut slave, 2_001.0, Stimulus::Timeout);
+    let (said, events) = stimulate(&mut slave, 2_101.0, Stimulus::Timeout);
+    assert!(said.contains(&Transmit::Goal(Goal::Land)), "{said:?}");
+    assert!(events.contains(&Event::Landing(LandingReason::FlightTime)));
+}

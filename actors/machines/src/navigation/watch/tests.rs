@@ -30,7 +30,7 @@ fn at(seconds: f64) -> Timestamp {
 }
 
 fn judge(watch: &mut Watch, at_s: f64, telemetry: Telemetry) -> Verdict {
-    watch.judge(at(at_s), &telemetry, &FAILSAFE, SPEED_MPS)
+    watch.judge(at(at_s), &telemetry, &FAILSAFE, (false, SPEED_MPS))
 }
 
 fn charged(charge: f64) -> Telemetry {
@@ -142,5 +142,21 @@ fn on_the_ground_and_on_the_way_down_only_the_battery_counts() {
         assert_eq!(verdict.failures, [Failure::BatteryCritical]);
         assert!(!verdict.is_lost);
         assert_eq!(watch.next_look(), None);
+    }
+}
+
+#[test]
+fn whoever_waits_on_the_ground_to_take_off_fails_without_a_position_too() {
+    let on_the_ground = |seconds| Telemetry {
+        armed: false,
+        ..lost_for(seconds)
+    };
+    for takes_off in [false, true] {
+        let mut watch = Watch::default();
+        let fit_for = (takes_off, SPEED_MPS);
+        watch.judge(at(51.0), &on_the_ground(1.0), &FAILSAFE, fit_for);
+        assert_eq!(watch.next_look().is_some(), takes_off);
+        let verdict = watch.judge(at(61.0), &on_the_ground(11.0), &FAILSAFE, fit_for);
+        assert_eq!(verdict.failures.contains(&Failure::PositionLost), takes_off);
     }
 }

@@ -49,6 +49,8 @@ pub struct Config {
     pub hello_gap: Duration,
     /// How long a drone may be silent before it is taken for lost, and the longest a hop update waits.
     pub time_to_live: Duration,
+    /// Whether a master misses members before there are routes, too.
+    pub misses_early: bool,
 }
 
 /// The routing of one drone, by periodic repetition.
@@ -333,7 +335,7 @@ impl Machine for FloodRouting {
             }
             // What is not heard of is said again in any case, each period.
             Input::Outcome { .. } => {}
-            Input::Discover => self.start_discovery(now, self.config.discovery),
+            Input::Discover => self.discover(now),
             Input::Land => {
                 self.durable.landing.get_or_insert(now);
                 self.checkpoint();

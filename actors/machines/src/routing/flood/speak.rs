@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::{Config, Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
 use crate::flaw::{self, Flaw};
-use crate::identity::{NodeId, NodeSet};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -149,13 +149,7 @@ impl FloodRouting {
                 self.master_silent = true;
                 self.inform(Notice::MasterSilent);
             }
-        } else if matches!(self.durable.phase, Phase::Following | Phase::Scattered)
-            || self
-                .durable
-                .reign
-                .ballot()
-                .is_some_and(|it| it.is_elected())
-        {
+        } else if self.config.misses_early || self.durable.phase != Phase::Gossip {
             let silent = self.members.fall_silent(now, time_to_live);
             if !silent.is_empty() {
                 self.inform(Notice::Silent(silent));
@@ -165,11 +159,33 @@ impl FloodRouting {
 
     pub(super) fn start_discovery(&mut self, now: Timestamp, remaining: Duration) {
         if self.durable.phase == Phase::Gossip {
+            // The master has begun it, and nobody says its number until there are ways.
+            self.found_master();
             let until = now + remaining.min(self.config.discovery);
             self.durable.phase = Phase::Discovery { until };
             self.next_send = Some(now + self.phase_in(FIRST_HELLO_MAX));
             self.inform(Notice::DiscoveryStarted);
             self.checkpoint();
+        }
+    }
+
+    /// As master, by its protocol: starts discovery. Of those that obey one that was elected some may have ways already,
+    /// and some may be past the first waypoint; there everyone goes on repeating everything.
+    pub(super) fn discover(&mut self, now: Timestamp) {
+        let is_elected = |ballot: Ballot| ballot.is_elected();
+        if !self.durable.reign.ballot().is_some_and(is_elected) {
+            return self.start_discovery(now, self.config.discovery);
+        }
+        self.durable.phase = Phase::Scattered;
+        self.expect_members(now);
+        self.inform_of_routes();
+        self.checkpoint();
+    }
+
+    fn found_master(&mut self) {
+        if self.master_silent {
+            self.master_silent = false;
+            self.inform(Notice::MasterReturned);
         }
     }
 
@@ -256,7 +272,8 @@ impl FloodRouting {
     fn finish_hop_update(&mut self, now: Timestamp) {
         self.durable.phase = Phase::Following;
         if self.is_master() {
-            self.expect_members(now);
+            // Others may still wait as long to hear all their neighbours again.
+            self.expect_members(now + self.config.time_to_live);
         } else {
             self.members.forget_all();
         }
@@ -283,10 +300,7 @@ impl FloodRouting {
         if is_rise && !self.is_master() && is_mutual {
             self.durable.beats.pulse = flood.pulse;
             self.pulse_rose_at = now;
-            if self.master_silent {
-                self.master_silent = false;
-                self.inform(Notice::MasterReturned);
-            }
+            self.found_master();
         }
         self.heard_order(flood.sequence, flood.order);
         self.hear_of_landing(flood.sequence, &flood.members);
@@ -313,7 +327,10 @@ impl FloodRouting {
                     self.become_relay();
                     self.hear_members(now, sender, &flood.members);
                 } else if flood.parent.is_none() {
-                    // It has no way: whoever hears it passes on what it says.
+                    // It has no way: whoever hears it passes on what it says, and orders to it.
+                    if flood.hops.is_none() {
+                        self.become_relay();
+                    }
                     self.hear_members(now, sender, &flood.members);
                 }
                 self.adopt_parent_late(now, sender, flood.hops);

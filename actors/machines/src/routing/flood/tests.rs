@@ -21,6 +21,7 @@ fn config(id: u32) -> Config {
         stable_after: 3,
         hello_gap: Duration::from_millis(750),
         time_to_live: Duration::from_secs(5),
+        misses_early: false,
     }
 }
 
@@ -391,4 +392,48 @@ fn a_master_says_that_it_lands_and_whoever_knows_its_last_order_takes_it_in() {
     let told = hears(&mut slave, at(1.1), 0, &said);
     assert_eq!(told.notices, [Notice::MasterLands]);
     assert_eq!(hears(&mut slave, at(1.2), 0, &said).notices, []);
+}
+
+#[test]
+fn whoever_hears_a_neighbour_without_a_way_repeats_orders_to_it() {
+    let (mut slave, now) = in_hop_update();
+    let hop_update = Packet::HopUpdate {
+        hops: 0,
+        routing_list: Vec::new(),
+    };
+    hears(&mut slave, now, 0, &hop_update);
+    hears(&mut slave, now, 2, &Packet::Flood(flood(0, 0)));
+    hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
+    assert_eq!(slave.durable.phase, Phase::Following);
+    assert!(!slave.durable.routes.relay);
+    let lost = Flood {
+        hops: None,
+        ..flood(0, 0)
+    };
+    hears(&mut slave, at(8.1), 3, &Packet::Flood(lost));
+    let sent = wait(&mut slave, at(8.4)).sent;
+    let repeats = |packet: &Packet| matches!(packet, Packet::Flood(it) if it.order.is_some());
+    assert!(sent.last().is_some_and(repeats), "{sent:?}");
+}
+
+#[test]
+fn members_may_take_a_time_to_live_longer_than_the_master_until_their_routes_are_up() {
+    let mut master = routing(0);
+    let input = Input::Lead(MASTER);
+    stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
+    stimulate(&mut master, at(1.0), Stimulus::Input(Input::Discover));
+    let mut silent_at = None;
+    for second in 9..40_u32 {
+        let now = at(f64::from(second));
+        let said = wait(&mut master, now).notices;
+        if said
+            .iter()
+            .any(|notice| matches!(notice, Notice::Silent(_)))
+        {
+            silent_at = Some(second);
+            break;
+        }
+    }
+    // Its own are up at once, as it has heard nobody.
+    assert_eq!(silent_at, Some(9 + 5 + 5 + 1));
 }

@@ -24,11 +24,12 @@ pub(super) struct Seek {
 
 impl Config {
     /// How long a drone takes at most, from when it last heard a parent that is gone, until the master is missed: until
-    /// the parent is asked, until it has not answered, and until nobody else has heard more of the master.
+    /// the parent is asked, until it has not answered, both once more for another way that turns out to be gone too, and
+    /// until nobody else has heard more of the master.
     #[must_use]
     pub fn detection(&self) -> Duration {
         let asked = (self.repair * 2).mul_f64(QUESTIONS_MAX);
-        self.beacon * STALE_BEACONS_MAX + asked + self.patience
+        (self.beacon * STALE_BEACONS_MAX + asked) * 2 + self.patience
     }
 }
 

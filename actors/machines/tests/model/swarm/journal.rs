@@ -88,16 +88,19 @@ impl Hash for Mission {
             pending,
             acknowledged,
             in_layer,
+            catches_up,
             leaving,
             land_at,
             assembled_at,
             limit,
+            flies_until,
             lead,
             restarted,
         } = &*self.0;
         (obeyed, state, plan.len(), plan_complete).hash(hasher);
         (opened, changes, pending, acknowledged).hash(hasher);
-        (*routes as u8, in_layer, leaving, limit, restarted).hash(hasher);
+        (*routes as u8, in_layer, leaving, restarted).hash(hasher);
+        (limit, flies_until, catches_up).hash(hasher);
         for place in [Some(*land_at), *assembled_at] {
             place.map(bits).hash(hasher);
         }
@@ -105,6 +108,7 @@ impl Hash for Mission {
         (lead.sequence, &lead.order, &lead.neighbours).hash(hasher);
         (&lead.members, &lead.acknowledged).hash(hasher);
         (&lead.silent, &lead.landing, &lead.left_out).hash(hasher);
+        lead.bears_silence_until.hash(hasher);
         assert!(lead.followed.is_none(), "nobody is followed in the model");
     }
 }

@@ -1,0 +1,73 @@
+//! The search for a fault plan that breaks a rule, as a user meets it: nothing found, something found, refused.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+
+const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/chaos.toml");
+
+fn muster(folder: &Path, arguments: &[&str]) -> Output {
+    Command::cargo_bin("muster")
+        .unwrap()
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn searched(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let run = muster(folder, &[&["chaos", SCENARIO], more].concat());
+    let said = [run.stdout, run.stderr].concat();
+    (run.status.code(), String::from_utf8(said).unwrap())
+}
+
+#[test]
+fn a_search_that_finds_nothing_says_what_was_tried_and_goes_on_where_it_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, said) = searched(folder.path(), &["--seeds", "0..6", "--out", "out"]);
+    assert_eq!(code, Some(0), "{said}");
+    for words in [
+        "6 without a violation",
+        "simulated hours",
+        "plans and",
+        "no fault has met",
+        "rules  none broken",
+        "chaos.json",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let (code, said) = searched(folder.path(), &["--seeds", "0..10", "--out", "out"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("10 without a violation"), "{said}");
+    let (code, said) = searched(folder.path(), &["--seeds", "5..10", "--out", "out"]);
+    assert_eq!(code, Some(2), "that is another search: {said}");
+}
+
+#[test]
+fn what_is_found_is_a_scenario_that_breaks_the_rule_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    // Nobody is down by then.
+    let short = [
+        "--set",
+        "limits.duration_s=30",
+        "--seeds",
+        "0..10",
+        "--out",
+        "out",
+    ];
+    let (code, said) = searched(folder.path(), &short);
+    assert_eq!(code, Some(3), "{said}");
+    assert!(
+        said.contains("rule 5") && said.contains("found.toml"),
+        "{said}"
+    );
+    let found = fs::read_to_string(folder.path().join("out/found.toml")).unwrap();
+    assert!(!found.contains("[[faults]]"), "it takes none: {found}");
+    let run = muster(folder.path(), &["sim", "out/found.toml"]);
+    assert_eq!(run.status.code(), Some(3));
+    assert!(String::from_utf8(run.stdout).unwrap().contains("rule 5"));
+}
