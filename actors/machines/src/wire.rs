@@ -23,7 +23,7 @@ use thiserror::Error;
 
 use self::reader::Reader;
 use self::tree::WireTree;
-pub use self::tree::{Runs, TreeFrame};
+pub use self::tree::{Runs, TreeFrame, TreeFront};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::mission::{Order, Step};
@@ -85,7 +85,7 @@ pub enum FrameError {
     Version,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize)]
 struct WireHeader {
     swarm: u32,
     sender: u32,
@@ -128,25 +128,28 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
     if *version != VERSION {
         return Err(FrameError::Version);
     }
-    let (wire, payload) =
-        postcard::take_from_bytes::<WireHeader>(rest).map_err(|_| FrameError::TooShort)?;
-    let ballot = Ballot {
-        term: wire.term,
-        rank: wire.rank,
-        master: NodeId(wire.master),
-    };
-    let header = Header {
-        swarm: SwarmId(wire.swarm),
-        sender: NodeId(wire.sender),
-        boot: wire.boot,
-        counter: wire.counter,
-        ballot,
-    };
+    let mut from = Reader(rest);
+    let header = read_header(&mut from).ok_or(FrameError::TooShort)?;
     Ok(Frame {
         header,
-        payload,
+        payload: from.0,
         covered,
         authenticator,
+    })
+}
+
+/// What serde has written as [`WireHeader`], field by field: every frame that is heard has one.
+fn read_header(from: &mut Reader<'_>) -> Option<Header> {
+    Some(Header {
+        swarm: SwarmId(from.number()?),
+        sender: NodeId(from.number()?),
+        boot: from.number()?,
+        counter: from.long_number()?,
+        ballot: Ballot {
+            term: from.number()?,
+            rank: from.number()?,
+            master: NodeId(from.number()?),
+        },
     })
 }
 
@@ -253,8 +256,20 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
 /// # Errors
 /// When it is not one, or holds more than a packet.
 pub fn decode_tree(payload: &[u8]) -> Result<TreeFrame<'_>, PayloadError> {
+    let (front, words) = split_tree(payload)?;
+    TreeFrame::read(front, words).ok_or(PayloadError)
+}
+
+/// Reads the front of a packet of policy `tree`, which changes from one to the next; what stands behind it, which seldom
+/// does, is left as it is written.
+///
+/// # Errors
+/// When it does not begin as such a packet does.
+pub fn split_tree(payload: &[u8]) -> Result<(TreeFront, &[u8]), PayloadError> {
     let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
-    TreeFrame::read(packet).ok_or(PayloadError)
+    let mut from = Reader(packet);
+    let front = TreeFront::read(&mut from).ok_or(PayloadError)?;
+    Ok((front, from.0))
 }
 
 impl From<&Member> for WireMember {

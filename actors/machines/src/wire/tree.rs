@@ -9,9 +9,9 @@ use super::reader::{Reader, take_varint};
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::Tree;
 
-/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
-#[derive(Debug, Clone, Default)]
-pub struct TreeFrame<'a> {
+/// What a packet of policy `tree` begins with.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TreeFront {
     /// As in [`Tree`], as all that follow.
     pub beat: u32,
     /// See there.
@@ -20,7 +20,25 @@ pub struct TreeFrame<'a> {
     pub parent: Option<NodeId>,
     /// See there.
     pub pulse: u32,
-    /// See there.
+}
+
+impl TreeFront {
+    pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
+        Some(Self {
+            beat: from.number()?,
+            hops: from.hops()?,
+            parent: from.id()?,
+            pulse: from.number()?,
+        })
+    }
+}
+
+/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct TreeFrame<'a> {
+    /// What it begins with.
+    pub front: TreeFront,
+    /// As in [`Tree`], as all that follow.
     pub sequence: u32,
     /// See there.
     pub span: Option<Range<u32>>,
@@ -152,16 +170,14 @@ pub(super) fn written<T>(tree: &Tree, write: impl FnOnce(WireTree<'_>) -> T) -> 
 }
 
 impl<'a> TreeFrame<'a> {
-    /// What [`written`] has written, field by field: this is what a drone does most.
-    pub(super) fn read(bytes: &'a [u8]) -> Option<Self> {
-        let mut from = Reader(bytes);
+    /// Reads the packet that has these words behind its front, field by field; nothing if they are none.
+    #[must_use]
+    pub fn read(front: TreeFront, words: &'a [u8]) -> Option<Self> {
+        let mut from = Reader(words);
         let mut frame = Self {
-            beat: from.number()?,
+            front,
             ..Self::default()
         };
-        frame.hops = from.hops()?;
-        frame.parent = from.id()?;
-        frame.pulse = from.number()?;
         frame.sequence = from.number()?;
         if from.is_there()? {
             frame.span = Some(from.number()?..from.number()?);
@@ -215,7 +231,10 @@ impl TreeFrame<'_> {
     #[must_use]
     pub fn only_of_its_link(&self) -> Self {
         Self {
-            beat: self.beat,
+            front: TreeFront {
+                beat: self.front.beat,
+                ..TreeFront::default()
+            },
             span: self.span.clone(),
             hears: self.hears,
             ..Self::default()
@@ -244,10 +263,10 @@ impl TreeFrame<'_> {
     #[must_use]
     pub fn to_tree(&self) -> Tree {
         Tree {
-            beat: self.beat,
-            hops: self.hops,
-            parent: self.parent,
-            pulse: self.pulse,
+            beat: self.front.beat,
+            hops: self.front.hops,
+            parent: self.front.parent,
+            pulse: self.front.pulse,
             sequence: self.sequence,
             span: self.span.clone(),
             acknowledged: self.acknowledged(),

@@ -1,10 +1,13 @@
 use std::cell::OnceCell;
 use std::time::Duration;
 
+use bytes::Bytes;
+
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
+use crate::roster::Roster;
 use crate::time::Timestamp;
-use crate::wire::TreeFrame;
+use crate::wire::{TreeFrame, TreeFront};
 
 /// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
 const LOSS_MEMORY: u32 = 50;
@@ -34,8 +37,9 @@ pub(super) struct Links {
     own: NodeId,
     /// How many drones there are; nothing that is said of others is kept.
     drones: u32,
-    /// By rising ids.
-    links: Vec<Link>,
+    /// How often each neighbour speaks at least.
+    beacon: Duration,
+    links: Roster<Link>,
     /// What all children say together, until one of them says something else.
     below: OnceCell<Below>,
 }
@@ -49,10 +53,7 @@ pub(super) struct Link {
     pub(super) symmetric: bool,
     /// Since when it has left this drone out whenever it said whom it hears.
     left_out: Option<Timestamp>,
-    /// The share of the neighbour's frames that was missed lately, told from the gaps between their numbers.
-    pub(super) loss: f64,
-    /// How many frames that was told from, up to [`LOSS_MEMORY`].
-    frames: u32,
+    pub(super) quality: Quality,
     /// What the medium says has arrived there: of which order, and who has carried it out.
     told: (u32, NodeSet),
     /// How often the medium has given up to reach it since it was heard.
@@ -63,6 +64,30 @@ pub(super) struct Link {
     told_of_reign: Option<u32>,
     /// What it said last.
     pub(super) said: Said,
+    /// That as it was written, behind the front; nothing of what it said under another reign.
+    words: Bytes,
+}
+
+/// How well a neighbour is heard.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quality {
+    /// The share of its frames that was missed lately, told from the gaps between their numbers.
+    pub(super) loss: f64,
+    /// How many frames that was told from, up to [`LOSS_MEMORY`].
+    frames: u32,
+    /// After how many beacons of silence it is stale, and after how many it is lost.
+    stale_beacons: u32,
+    lost_beacons: u32,
+}
+
+/// Who says something, and what it is to this drone.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Speaker {
+    pub(super) id: NodeId,
+    /// Whether it is the parent.
+    pub(super) is_parent: bool,
+    /// Whom this drone obeys.
+    pub(super) master: Option<NodeId>,
 }
 
 /// What is kept of a neighbour's words.
@@ -76,6 +101,12 @@ pub(super) struct Said {
     pub(super) to: Option<NodeId>,
     /// Whether it was said only because its time had come.
     pub(super) is_beacon: bool,
+    /// Whether its sender hears this drone, as far as that tells.
+    hears_own: Option<bool>,
+    /// Whether the master is on its way to the ground.
+    pub(super) master_lands: bool,
+    /// Whether it was said by the parent, or by who was that then.
+    by_parent: bool,
     acknowledged: NodeSet,
     /// Of children only.
     pub(super) alive: NodeSet,
@@ -107,7 +138,59 @@ pub(super) struct Heard {
     pub(super) is_new: bool,
 }
 
+/// How a link has changed by a frame that was heard over it.
+struct LinkChanged {
+    /// It could not be reached before.
+    is_back: bool,
+    /// It carries both ways, which it did not, or one way only.
+    turns: bool,
+}
+
 impl Link {
+    /// To a neighbour that is heard for the first time, before that is taken in.
+    fn new(id: NodeId, now: Timestamp) -> Self {
+        Self {
+            id,
+            heard_at: now,
+            symmetric: false,
+            left_out: None,
+            quality: Quality::new(),
+            told: (0, NodeSet::default()),
+            given_up: 0,
+            asks: false,
+            told_of_reign: None,
+            said: Said::default(),
+            words: Bytes::new(),
+        }
+    }
+
+    /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
+    fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
+        for _ in 0..missed.min(LOSS_MEMORY) {
+            self.quality.learn(1.0);
+        }
+        self.quality.learn(0.0);
+        self.heard_at = now;
+        let was_reachable = self.is_reachable();
+        self.given_up = 0;
+        self.told_of_reign = None;
+        let symmetric = self.said.hears_own.unwrap_or(self.symmetric);
+        let leaves_out = self.said.hears_own == Some(false);
+        self.left_out = leaves_out.then(|| self.left_out.unwrap_or(now));
+        // At first it may have restarted: it hears this drone again when that speaks.
+        let is_new = self.left_out.is_none_or(|since| now.since(since) < beacon);
+        let was_symmetric = self.symmetric;
+        self.symmetric = symmetric || (self.symmetric && is_new);
+        if !self.shows_what_it_was_told() {
+            // It restarted, or spoke before it knew.
+            self.told = (0, NodeSet::default());
+        }
+        LinkChanged {
+            is_back: !was_reachable,
+            turns: self.symmetric != was_symmetric,
+        }
+    }
+
     /// Whether it can be reached, as far as is known.
     pub(super) const fn is_reachable(&self) -> bool {
         self.given_up < GIVEN_UP_MAX
@@ -150,12 +233,6 @@ impl Link {
         matches!(self.said.parent, Some(parent) if parent.0 == id.0)
     }
 
-    /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
-    fn learn(&mut self, missed: f64) {
-        self.frames = (self.frames + 1).min(LOSS_MEMORY);
-        self.loss += (missed - self.loss) / f64::from(self.frames);
-    }
-
     /// Whether it has been silent for so long that another way would be better.
     pub(super) fn is_stale(&self, now: Timestamp, beacon: Duration) -> bool {
         now > self.stale_at(beacon)
@@ -163,18 +240,48 @@ impl Link {
 
     /// From when on that is so, unless it is heard.
     pub(super) fn stale_at(&self, beacon: Duration) -> Timestamp {
-        self.heard_at + self.patience(beacon, STALE, STALE_BEACONS_MAX)
+        self.heard_at + beacon * self.quality.stale_beacons
+    }
+}
+
+impl Quality {
+    /// Of a neighbour that was heard once.
+    fn new() -> Self {
+        let mut quality = Self {
+            loss: 0.0,
+            frames: 0,
+            stale_beacons: 0,
+            lost_beacons: 0,
+        };
+        quality.judge();
+        quality
     }
 
-    /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`.
-    fn patience(&self, beacon: Duration, odds: f64, beacons_max: u32) -> Duration {
+    /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
+    fn learn(&mut self, missed: f64) {
+        let before = (self.loss, self.frames);
+        self.frames = (self.frames + 1).min(LOSS_MEMORY);
+        self.loss += (missed - self.loss) / f64::from(self.frames);
+        if before != (self.loss, self.frames) {
+            self.judge();
+        }
+    }
+
+    /// How long it may be silent by chance, as things are by now.
+    fn judge(&mut self) {
+        self.stale_beacons = self.patience(STALE, STALE_BEACONS_MAX);
+        self.lost_beacons = self.patience(LOST, LOST_BEACONS_MAX);
+    }
+
+    /// For how many beacons a neighbour that speaks once in each may be silent by a chance of `odds`.
+    fn patience(&self, odds: f64, beacons_max: u32) -> u32 {
         let loss = self.cautious_loss();
         let (mut beacons, mut chance) = (1, loss);
         while chance > odds && beacons < beacons_max {
             chance *= loss;
             beacons += 1;
         }
-        beacon * beacons
+        beacons
     }
 
     /// How often it is asked before it is taken to be gone: a question or its answer may be lost, each like any frame.
@@ -198,94 +305,98 @@ impl Link {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) const fn new(own: NodeId, drones: u32) -> Self {
+    pub(super) const fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
         Self {
             own,
             drones,
-            links: Vec::new(),
+            beacon,
+            links: Roster::new(),
             below: OnceCell::new(),
         }
     }
 
-    fn find(&self, id: NodeId) -> Result<usize, usize> {
-        self.links.binary_search_by_key(&id, |link| link.id)
+    /// Whether these very words were the last that a neighbour said under this reign, as what it is to this drone now.
+    pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
+        self.get(speaker.id).is_some_and(|link| {
+            let said = &link.said;
+            (said.hops, said.parent, said.by_parent)
+                == (front.hops, front.parent, speaker.is_parent)
+                && link.words == words
+        })
     }
 
-    fn get_mut(&mut self, id: NodeId) -> Option<&mut Link> {
-        let at = self.find(id).ok()?;
-        Some(&mut self.links[at])
+    /// Takes in what a neighbour says that has said the same before; nothing for a number that is not newer than the last.
+    pub(super) fn hear_again(
+        &mut self,
+        id: NodeId,
+        front: &TreeFront,
+        now: Timestamp,
+    ) -> Option<Heard> {
+        let link = self.links.get_mut(id)?;
+        let missed = front.beat.checked_sub(link.said.beat)?.checked_sub(1)?;
+        (link.said.beat, link.said.pulse) = (front.beat, front.pulse);
+        let is_child = link.is_child_of(self.own);
+        let link_changed = link.is_heard(now, missed, self.beacon);
+        if is_child && link_changed.is_back {
+            self.below.take();
+        }
+        Some(Heard {
+            has_progressed: false,
+            has_moved: link_changed.is_back || link_changed.turns,
+            is_new: false,
+        })
     }
 
-    /// Takes in what a neighbour says, whether it is the parent or not; nothing for a number that is not newer than the
+    /// Takes in what a neighbour says, in the words behind its front; nothing for a number that is not newer than the
     /// last. One that has left this drone out for a beacon does not hear it.
     pub(super) fn hear(
         &mut self,
-        (id, is_parent): (NodeId, bool),
+        speaker: Speaker,
         said: &TreeFrame<'_>,
+        words: Bytes,
         now: Timestamp,
-        beacon: Duration,
     ) -> Option<Heard> {
-        let at = match self.find(id) {
-            Ok(at) if said.beat <= self.links[at].said.beat => return None,
-            Ok(at) => at,
-            Err(at) => return Some(self.begin(at, id, said, now)),
+        let link = match self.links.find(speaker.id) {
+            Ok(at) => self.links.at(at),
+            Err(at) => return Some(self.begin(at, speaker, said, words, now)),
         };
-        let link = &mut self.links[at];
-        let symmetric = says_to_hear(self.own, said).unwrap_or(link.symmetric);
-        let missed = said.beat - link.said.beat - 1;
-        for _ in 0..missed.min(LOSS_MEMORY) {
-            link.learn(1.0);
-        }
-        link.learn(0.0);
-        link.heard_at = now;
-        let was_reachable = link.is_reachable();
-        link.given_up = 0;
-        link.told_of_reign = None;
-        let leaves_out = !symmetric && said.hears(self.own).is_some();
-        link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
-        // At first it may have restarted: it hears this drone again when that speaks.
-        let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
-        let was_symmetric = link.symmetric;
-        link.symmetric = symmetric || (link.symmetric && is_new);
+        let missed = said
+            .front
+            .beat
+            .checked_sub(link.said.beat)?
+            .checked_sub(1)?;
         let was_child = link.is_child_of(self.own);
-        let is_child = said.parent == Some(self.own);
-        let changed = link.said.hear(said, (is_child, is_parent), self.drones);
-        if !link.shows_what_it_was_told() {
-            // It restarted, or spoke before it knew.
-            link.told = (0, NodeSet::default());
-        }
-        let has_moved = changed.way || !was_reachable || link.symmetric != was_symmetric;
-        if was_child != is_child || is_child && (changed.any || !was_reachable) {
+        let changed = link.said.hear(said, self.own, speaker, self.drones);
+        link.words = words;
+        let is_child = link.is_child_of(self.own);
+        let link_changed = link.is_heard(now, missed, self.beacon);
+        if was_child != is_child || is_child && (changed.any || link_changed.is_back) {
             self.below.take();
         }
         Some(Heard {
             has_progressed: changed.progress,
-            has_moved,
+            has_moved: changed.way || link_changed.is_back || link_changed.turns,
             is_new: false,
         })
     }
 
     /// Takes in what a neighbour says that was not known.
-    fn begin(&mut self, at: usize, id: NodeId, said: &TreeFrame<'_>, now: Timestamp) -> Heard {
-        let is_child = said.parent == Some(self.own);
-        let mut link = Link {
-            id,
-            heard_at: now,
-            symmetric: says_to_hear(self.own, said).unwrap_or(false),
-            left_out: None,
-            loss: 0.0,
-            frames: 0,
-            told: (0, NodeSet::default()),
-            given_up: 0,
-            asks: false,
-            told_of_reign: None,
-            said: Said::default(),
-        };
-        link.said.hear(said, (is_child, false), self.drones);
-        if is_child {
+    fn begin(
+        &mut self,
+        at: usize,
+        speaker: Speaker,
+        said: &TreeFrame<'_>,
+        words: Bytes,
+        now: Timestamp,
+    ) -> Heard {
+        let mut link = Link::new(speaker.id, now);
+        link.said.hear(said, self.own, speaker, self.drones);
+        link.symmetric = link.said.hears_own.unwrap_or(false);
+        link.words = words;
+        if link.is_child_of(self.own) {
             self.below.take();
         }
-        self.links.insert(at, link);
+        self.links.insert(at, speaker.id, link);
         Heard {
             has_progressed: true,
             has_moved: true,
@@ -300,10 +411,14 @@ impl Links {
         id: NodeId,
         said: &TreeFrame<'_>,
         now: Timestamp,
-        beacon: Duration,
     ) {
-        self.hear((id, false), &said.only_of_its_link(), now, beacon);
-        if let Some(link) = self.get_mut(id) {
+        let speaker = Speaker {
+            id,
+            is_parent: false,
+            master: None,
+        };
+        self.hear(speaker, &said.only_of_its_link(), Bytes::new(), now);
+        if let Some(link) = self.links.get_mut(id) {
             link.told_of_reign = Some(0);
         }
     }
@@ -318,11 +433,12 @@ impl Links {
     /// Forgets what neighbours said under a master that is not obeyed any more.
     pub(super) fn forget_reign(&mut self) {
         self.below.take();
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.said = Said {
                 beat: link.said.beat,
                 ..Said::default()
             };
+            link.words = Bytes::new();
             link.told = (0, NodeSet::default());
             link.given_up = 0;
             link.asks = false;
@@ -332,21 +448,20 @@ impl Links {
 
     /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
     pub(super) fn forgive(&mut self, now: Timestamp) {
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.heard_at = now;
         }
     }
 
     pub(super) fn forget(&mut self, id: NodeId) {
-        if let Ok(at) = self.find(id) {
-            self.links.remove(at);
+        if self.links.remove(id) {
             self.below.take();
         }
     }
 
     /// A neighbour has been told something, as the medium says.
     pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             if told.sequence > link.told.0 {
                 link.told = (told.sequence, NodeSet::default());
             }
@@ -360,7 +475,7 @@ impl Links {
 
     /// The medium gave up to reach a neighbour.
     pub(super) fn gave_up(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.given_up += 1;
         }
         self.below.take();
@@ -368,7 +483,7 @@ impl Links {
 
     /// A neighbour did not answer to anything: it is out of reach until it is heard again.
     pub(super) fn suspect(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.given_up = GIVEN_UP_MAX;
         }
         self.below.take();
@@ -376,14 +491,14 @@ impl Links {
 
     /// A neighbour waits for an answer.
     pub(super) fn asks(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.asks = true;
         }
     }
 
     /// A neighbour, or all, are answered.
     pub(super) fn answered(&mut self, to: Option<NodeId>) {
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.asks &= to.is_some_and(|to| to != link.id);
             if let Some(times) = &mut link.told_of_reign {
                 *times += 1;
@@ -393,17 +508,11 @@ impl Links {
 
     /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
     /// whether there were any.
-    pub(super) fn forget_silent(
-        &mut self,
-        now: Timestamp,
-        time_to_live: Duration,
-        beacon: Duration,
-    ) -> bool {
-        let before = self.links.len();
+    pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
+        let (before, beacon) = (self.links.len(), self.beacon);
         self.links.retain(|link| {
             let silent_for = now.since(link.heard_at);
-            silent_for <= time_to_live
-                || silent_for <= link.patience(beacon, LOST, LOST_BEACONS_MAX)
+            silent_for <= time_to_live || silent_for <= beacon * link.quality.lost_beacons
         });
         let has_lost_any = self.links.len() < before;
         if has_lost_any {
@@ -413,7 +522,7 @@ impl Links {
     }
 
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
-        self.find(id).ok().map(|at| &self.links[at])
+        self.links.get(id)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &Link> {
@@ -462,23 +571,24 @@ impl Links {
     /// `time_to_live`, is not heard any more; nor, until it has been heard under the present reign, one that has been
     /// silent for so long that it would be asked: a drone that has gone deaf, and claims to lead, shall be believed by
     /// nobody.
-    pub(super) fn heard_lately(
-        &self,
-        now: Timestamp,
-        time_to_live: Duration,
-        beacon: Duration,
-    ) -> NodeSet {
+    pub(super) fn heard_lately(&self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let is_heard = |link: &Link| {
             let patience = match link.told_of_reign {
-                Some(_) => link.patience(beacon, STALE, STALE_BEACONS_MAX),
-                None => link
-                    .patience(beacon, LOST, LOST_BEACONS_MAX)
-                    .max(time_to_live / 2),
+                Some(_) => self.beacon * link.quality.stale_beacons,
+                None => (self.beacon * link.quality.lost_beacons).max(time_to_live / 2),
             };
             now.since(link.heard_at) <= patience
         };
         let heard = self.iter().filter(|link| is_heard(link));
         heard.map(|link| link.id).collect()
+    }
+
+    /// As if nobody had said anything before in the same words.
+    #[cfg(test)]
+    pub(super) fn forget_words(&mut self) {
+        for link in self.links.iter_mut() {
+            link.words = Bytes::new();
+        }
     }
 
     pub(super) const fn len(&self) -> usize {
@@ -488,7 +598,7 @@ impl Links {
 
 /// Whether a neighbour says that it hears `own`, or shows it, if it says anything of that.
 fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
-    if said.parent == Some(own) || said.to == Some(own) {
+    if said.front.parent == Some(own) || said.to == Some(own) {
         Some(true)
     } else {
         said.hears(own)
@@ -506,11 +616,12 @@ struct Changed {
 }
 
 impl Said {
-    /// Keeps what matters of a neighbour's words; how they differ from those before.
+    /// Keeps what matters to `own` of a neighbour's words; how they differ from those before.
     fn hear(
         &mut self,
         said: &TreeFrame<'_>,
-        (is_child, is_parent): (bool, bool),
+        own: NodeId,
+        speaker: Speaker,
         drones: u32,
     ) -> Changed {
         let keep = |kept: &mut NodeSet, set: NodeSet| {
@@ -525,7 +636,8 @@ impl Said {
             self.acknowledged = NodeSet::default();
         }
         let (mut progress, mut any) = (is_another_order, false);
-        if is_child || is_parent {
+        let is_child = said.front.parent == Some(own);
+        if is_child || speaker.is_parent {
             progress |= keep(&mut self.acknowledged, said.acknowledged());
         } else {
             self.acknowledged = NodeSet::default();
@@ -537,14 +649,23 @@ impl Said {
             self.alive = NodeSet::default();
             self.landing = NodeSet::default();
         }
-        let way = (self.hops, self.parent) != (said.hops, said.parent);
-        self.beat = said.beat;
-        self.hops = said.hops;
-        self.parent = said.parent;
-        self.pulse = said.pulse;
+        let TreeFront {
+            beat,
+            hops,
+            parent,
+            pulse,
+        } = said.front;
+        let way = (self.hops, self.parent) != (hops, parent);
+        self.beat = beat;
+        self.hops = hops;
+        self.parent = parent;
+        self.pulse = pulse;
         self.sequence = said.sequence;
         self.to = said.to;
         self.is_beacon = said.hears.is_some();
+        self.hears_own = says_to_hear(own, said);
+        self.master_lands = speaker.master.is_some_and(|master| said.is_landing(master));
+        self.by_parent = speaker.is_parent;
         Changed {
             progress,
             any: any || progress,

@@ -17,12 +17,13 @@ mod speak;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use bytes::Bytes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 pub use durable::Checkpoint;
 
-use self::links::{Heard, Link, Links};
+use self::links::{Heard, Link, Links, Speaker};
 use self::members::Members;
 use self::seek::Seek;
 use super::packet::{Packet, Tree};
@@ -84,6 +85,8 @@ pub struct TreeRouting {
     told_landing: NodeSet,
     /// What was last heard to be pending, and of which order.
     pending: (u32, NodeSet),
+    /// The neighbour that said so last, and has said nothing else since.
+    pending_from: Option<NodeId>,
     /// From which id on the next frame tells of others, where not all fit one.
     next_span: u32,
     /// The order that this drone's last frame told that it knows of.
@@ -126,7 +129,7 @@ impl TreeRouting {
         let mut routing = Self {
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             durable: Checkpoint::default(),
-            links: Links::new(config.id, config.drones),
+            links: Links::new(config.id, config.drones, config.beacon),
             routes: Routes::default(),
             has_good_parent: false,
             orphaned: None,
@@ -136,6 +139,7 @@ impl TreeRouting {
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
             pending: (0, NodeSet::default()),
+            pending_from: None,
             next_span: 0,
             said_sequence: 0,
             next_beacon: None,
@@ -192,21 +196,46 @@ impl TreeRouting {
         self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
     }
 
-    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
+    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &Bytes) {
+        let Ok((front, words)) = wire::split_tree(payload) else {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        };
+        let is_obeyed = self.durable.reign.ballot() == Some(ballot) && !self.durable.stopped;
+        if is_obeyed && self.links.has_said(self.speaker(sender), &front, words) {
+            // As is the rule: nothing is news but that the sender lives, and the master.
+            if let Some(heard) = self.links.hear_again(sender, &front, now) {
+                self.take_in(now, sender, heard, false, || TreeFrame::read(front, words));
+            }
+            return;
+        }
         let is_member = sender.0 < self.config.drones + self.config.relays;
-        let Ok(said) = wire::decode_tree(payload) else {
+        let Some(said) = TreeFrame::read(front, words) else {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
-                let beacon = self.config.beacon;
-                self.links.hear_of_another_reign(sender, &said, now, beacon);
+                self.links.hear_of_another_reign(sender, &said, now);
             }
             self.outbox.event(Event::Ignored(sender));
             return;
         }
-        self.hear(now, sender, &said);
+        let (speaker, words) = (self.speaker(sender), payload.slice_ref(words));
+        if let Some(heard) = self.links.hear(speaker, &said, words, now) {
+            self.pending_from = self.pending_from.filter(|from| *from != sender);
+            let news = self.take_order(said.sequence, said.order);
+            self.take_in(now, sender, heard, news, || Some(said));
+        }
+    }
+
+    /// A drone as this one knows it.
+    fn speaker(&self, id: NodeId) -> Speaker {
+        Speaker {
+            id,
+            is_parent: self.routes.parent == Some(id),
+            master: self.durable.reign.ballot().map(|ballot| ballot.master),
+        }
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
@@ -250,6 +279,7 @@ impl TreeRouting {
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.pending = (0, NodeSet::default());
+        self.pending_from = None;
         self.said_sequence = 0;
         self.repair = None;
         self.seek = None;
@@ -272,25 +302,39 @@ impl TreeRouting {
         self.next_beacon = Some(now);
     }
 
-    fn hear(&mut self, now: Timestamp, sender: NodeId, said: &TreeFrame<'_>) {
-        let is_parent = self.routes.parent == Some(sender);
-        let beacon = self.config.beacon;
-        let Some(heard) = self.links.hear((sender, is_parent), said, now, beacon) else {
+    /// Acts on what a neighbour said, which its link keeps by now, and on whether that brought a newer order; all of it can
+    /// be had once more.
+    fn take_in<'a>(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        heard: Heard,
+        news: bool,
+        all: impl FnOnce() -> Option<TreeFrame<'a>>,
+    ) {
+        let Some(link) = self.links.get(sender) else {
             return;
         };
-        if heard.is_new || self.links.get(sender).is_some_and(Link::needs_to_hear) {
+        let (sequence, pulse) = (link.said.sequence, link.said.pulse);
+        let master_lands = link.said.master_lands;
+        if heard.is_new || link.needs_to_hear() {
             // It learns that it is heard.
             self.beacon_soon(now);
         }
-        let news = self.take_order(said.sequence, said.order);
-        self.hear_of_landing(said);
+        self.hear_of_landing(sequence, master_lands);
         if heard.has_moved || !self.keeps_its_way(now, sender) {
             self.update_routes(now);
         }
-        self.take_pulse(now, sender, said.pulse);
+        self.take_pulse(now, sender, pulse);
         self.report_members(now);
-        if self.routes.parent == Some(sender) && said.sequence == self.durable.reign.sequence() {
-            self.pending = (said.sequence, self.pending_as_said(said));
+        let is_of_parents_order =
+            self.routes.parent == Some(sender) && sequence == self.durable.reign.sequence();
+        if is_of_parents_order
+            && self.pending_from != Some(sender)
+            && let Some(all) = all()
+        {
+            self.pending = (sequence, self.pending_as_said(&all));
+            self.pending_from = Some(sender);
         }
         self.answer(now, sender, heard, news);
     }
@@ -309,7 +353,7 @@ impl TreeRouting {
     /// Takes in an order; whether it is news.
     fn take_order(&mut self, sequence: u32, order: Option<&[u8]>) -> bool {
         let order = order.filter(|_| sequence > self.durable.reign.sequence());
-        let order = order.map(bytes::Bytes::copy_from_slice);
+        let order = order.map(Bytes::copy_from_slice);
         let own = self.config.id;
         let is_news =
             order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order));
@@ -326,12 +370,9 @@ impl TreeRouting {
 
     /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
     /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, said: &TreeFrame<'_>) {
-        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
-            return;
-        };
-        let is_known = said.sequence <= self.durable.reign.sequence();
-        if is_known && !self.master_lands && said.is_landing(ballot.master) {
+    fn hear_of_landing(&mut self, sequence: u32, master_lands: bool) {
+        let is_known = sequence <= self.durable.reign.sequence();
+        if master_lands && is_known && !self.master_lands && !self.is_master() {
             self.master_lands = true;
             self.inform(Notice::MasterLands);
         }
@@ -450,7 +491,7 @@ impl TreeRouting {
                 .min_by(|a, b| {
                     let hops = a.said.hops.cmp(&b.said.hops);
                     hops.then(is_another(a).cmp(&is_another(b)))
-                        .then(a.loss.total_cmp(&b.loss))
+                        .then(a.quality.loss.total_cmp(&b.quality.loss))
                         .then(a.id.cmp(&b.id))
                 })
                 .or(kept);
@@ -474,8 +515,8 @@ impl TreeRouting {
 
     /// Notices who has fallen silent.
     fn watch(&mut self, now: Timestamp) {
-        let (time_to_live, beacon) = (self.config.link_time_to_live, self.config.beacon);
-        if self.links.forget_silent(now, time_to_live, beacon) {
+        let time_to_live = self.config.link_time_to_live;
+        if self.links.forget_silent(now, time_to_live) {
             self.update_routes(now);
         }
         self.report_members(now);

@@ -65,7 +65,7 @@ impl TreeRouting {
         let Some(link) = self.links.get(parent) else {
             return;
         };
-        let (heard_at, questions) = (link.heard_at, link.questions());
+        let (heard_at, questions) = (link.heard_at, link.quality.questions());
         let asked = self.current_seek().map_or(0, |seek| seek.asked);
         if asked >= questions {
             self.seek = None;
