@@ -67,6 +67,12 @@ pub struct NodeSet(
 );
 
 impl NodeSet {
+    /// Of nobody.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(SmallVec::new_const())
+    }
+
     /// Of bounds that rise and come in pairs.
     pub(crate) fn of_bounds(bounds: impl Iterator<Item = u32>) -> Self {
         let bounds: SmallVec<_> = bounds.collect();

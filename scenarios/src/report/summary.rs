@@ -103,8 +103,8 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
             .discovery()
             .zip(record.disarmed)
             .map(|(from, to)| (to - from).as_secs_f64()),
-        messages_sent: record.sent,
-        messages_received: record.received,
+        messages_sent: record.traffic.sent,
+        messages_received: record.traffic.received,
         waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
         waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
@@ -127,8 +127,8 @@ fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> 
             altitude_m: place.altitude_m() + 0.0,
             hops: record.routes.hops,
             parent: record.routes.parent.map(|parent| parent.0),
-            messages_sent: record.sent,
-            messages_received: record.received,
+            messages_sent: record.traffic.sent,
+            messages_received: record.traffic.received,
             restarts: record.restarts,
         })
         .collect()

@@ -60,9 +60,15 @@ pub(crate) struct Record {
     pub(crate) reboots: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
-    /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
+    pub(crate) traffic: Traffic,
+}
+
+/// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Traffic {
     pub(crate) sent: u64,
     pub(crate) received: u64,
+    /// Whether it is that time.
     counts: bool,
 }
 
@@ -127,13 +133,14 @@ impl Recorder {
             reboots: 0,
             armed: None,
             disarmed: None,
-            sent: 0,
-            received: 0,
-            counts: false,
+            traffic: Traffic::default(),
         };
         let relay = Record {
             // It is at work from the start.
-            counts: true,
+            traffic: Traffic {
+                counts: true,
+                ..Traffic::default()
+            },
             ..record.clone()
         };
         let (drones, nodes) = (drones as usize, nodes as usize);
@@ -204,13 +211,13 @@ impl Recorder {
         } else {
             self.frames.news += 1;
         }
-        let record = self.record(id);
-        record.sent += u64::from(record.counts);
+        let traffic = &mut self.record(id).traffic;
+        traffic.sent += u64::from(traffic.counts);
     }
 
     pub(crate) fn received(&mut self, id: NodeId) {
-        let record = self.record(id);
-        record.received += u64::from(record.counts);
+        let traffic = &mut self.record(id).traffic;
+        traffic.received += u64::from(traffic.counts);
     }
 
     /// How often the medium has sent a frame again so far.
@@ -231,7 +238,7 @@ impl Recorder {
     pub(crate) fn disarmed(&mut self, id: NodeId, now: Timestamp) {
         let record = self.record(id);
         record.disarmed = Some(now);
-        record.counts = false;
+        record.traffic.counts = false;
         self.steps_done += 1;
     }
 
@@ -314,7 +321,7 @@ impl Recorder {
         let record = self.record(id);
         let before = record.states.last().map(|(_, state)| *state);
         record.states.push((now, state));
-        record.counts |= is_in_discovery_or_beyond(state);
+        record.traffic.counts |= is_in_discovery_or_beyond(state);
         if let Some(State::WaypointReached { waypoint }) = before {
             self.barriers.entry(waypoint).or_default().moving = Some((now, sent));
         }

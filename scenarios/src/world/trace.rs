@@ -3,8 +3,9 @@ use std::fmt::{Debug, Write};
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
-/// What is hashed at once, in bytes: enough for BLAKE3 to work on several blocks side by side.
-const BUFFER_MAX: usize = 64 * 1_024;
+/// What is hashed at once, in bytes: as many blocks as BLAKE3 works on side by side, and no more, for what a run touches
+/// next is to stay in the processor's caches.
+const BUFFER_MAX: usize = 16 * 1_024;
 
 /// A running BLAKE3 of everything that can be observed of a run: equal runs have equal traces.
 ///

@@ -10,7 +10,7 @@ use crate::time::Timestamp;
 use crate::wire::{TreeFrame, TreeFront};
 
 /// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
-const LOSS_MEMORY: u32 = 50;
+const LOSS_MEMORY: u16 = 50;
 /// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
 const LOST: f64 = 1e-6;
 /// How unlikely it must be that it is silent for as long as it takes to prefer another, and to ask whether it is there.
@@ -20,9 +20,9 @@ const UNANSWERED: f64 = 1e-9;
 /// However lossy a link is, no more questions are asked.
 pub(super) const QUESTIONS_MAX: f64 = 40.0;
 /// However lossy a link is, it is given up after this many beacons.
-const LOST_BEACONS_MAX: u32 = 30;
+const LOST_BEACONS_MAX: u16 = 30;
 /// And asked after this many: to ask costs a frame.
-pub(super) const STALE_BEACONS_MAX: u32 = 5;
+pub(super) const STALE_BEACONS_MAX: u16 = 5;
 
 /// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
 /// out of reach.
@@ -54,8 +54,6 @@ pub(super) struct Link {
     /// Since when it has left this drone out whenever it said whom it hears.
     left_out: Option<Timestamp>,
     pub(super) quality: Quality,
-    /// What the medium says has arrived there: of which order, and who has carried it out.
-    told: (u32, NodeSet),
     /// How often the medium has given up to reach it since it was heard.
     given_up: u32,
     /// Whether it repeated itself to this drone and has not been answered.
@@ -64,7 +62,9 @@ pub(super) struct Link {
     told_of_reign: Option<u32>,
     /// What it said last.
     pub(super) said: Said,
-    /// That as it was written, behind the front; nothing of what it said under another reign.
+    /// The sets that are kept of it, as long as there are any.
+    sets: Option<Box<Sets>>,
+    /// What it said as it was written, behind the front; nothing of what it said under another reign.
     words: Bytes,
 }
 
@@ -74,10 +74,10 @@ pub(super) struct Quality {
     /// The share of its frames that was missed lately, told from the gaps between their numbers.
     pub(super) loss: f64,
     /// How many frames that was told from, up to [`LOSS_MEMORY`].
-    frames: u32,
+    frames: u16,
     /// After how many beacons of silence it is stale, and after how many it is lost.
-    stale_beacons: u32,
-    lost_beacons: u32,
+    stale_beacons: u16,
+    lost_beacons: u16,
 }
 
 /// Who says something, and what it is to this drone.
@@ -107,12 +107,28 @@ pub(super) struct Said {
     pub(super) master_lands: bool,
     /// Whether it was said by the parent, or by who was that then.
     by_parent: bool,
+}
+
+/// The sets of drones that are kept of a neighbour; of most there are none.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Sets {
+    /// What the medium says has arrived there: of which order, and who has carried it out.
+    told: (u32, NodeSet),
+    /// As it said last, if it is a child or the parent.
     acknowledged: NodeSet,
-    /// Of children only.
-    pub(super) alive: NodeSet,
-    /// Of children only.
+    /// Likewise, of children only.
+    alive: NodeSet,
+    /// Likewise.
     landing: NodeSet,
 }
+
+/// Of a neighbour of whom no sets are kept.
+static NO_SETS: Sets = Sets {
+    told: (0, NodeSet::new()),
+    acknowledged: NodeSet::new(),
+    alive: NodeSet::new(),
+    landing: NodeSet::new(),
+};
 
 /// What all children say together.
 #[derive(Debug, Clone, Default)]
@@ -155,18 +171,18 @@ impl Link {
             symmetric: false,
             left_out: None,
             quality: Quality::new(),
-            told: (0, NodeSet::default()),
             given_up: 0,
             asks: false,
             told_of_reign: None,
             said: Said::default(),
+            sets: None,
             words: Bytes::new(),
         }
     }
 
     /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
     fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
-        for _ in 0..missed.min(LOSS_MEMORY) {
+        for _ in 0..missed.min(LOSS_MEMORY.into()) {
             self.quality.learn(1.0);
         }
         self.quality.learn(0.0);
@@ -183,7 +199,7 @@ impl Link {
         self.symmetric = symmetric || (self.symmetric && is_new);
         if !self.shows_what_it_was_told() {
             // It restarted, or spoke before it knew.
-            self.told = (0, NodeSet::default());
+            self.change_sets(|sets| sets.told = (0, NodeSet::new()));
         }
         LinkChanged {
             is_back: !was_reachable,
@@ -209,13 +225,14 @@ impl Link {
 
     /// Whether it knows of an order, as it said or the medium did.
     pub(super) fn knows(&self, sequence: u32) -> bool {
-        self.said.sequence.max(self.told.0) >= sequence
+        self.said.sequence.max(self.sets().told.0) >= sequence
     }
 
     /// Those of `acknowledged` of whom it is not known to know that they have carried an order out.
     pub(super) fn lacks(&self, sequence: u32, acknowledged: &NodeSet) -> NodeSet {
-        let said = (self.said.sequence, &self.said.acknowledged);
-        let told = (self.told.0, &self.told.1);
+        let sets = self.sets();
+        let said = (self.said.sequence, &sets.acknowledged);
+        let told = (sets.told.0, &sets.told.1);
         let known = [said, told].into_iter().filter(|it| it.0 == sequence);
         known.fold(acknowledged.clone(), |lacks, (_, known)| {
             lacks.difference(known)
@@ -224,9 +241,27 @@ impl Link {
 
     /// Whether what it said shows that it knows what it was told.
     fn shows_what_it_was_told(&self) -> bool {
-        let (sequence, acknowledged) = &self.told;
+        let sets = self.sets();
+        let (sequence, acknowledged) = &sets.told;
         self.said.sequence > *sequence
-            || self.said.sequence == *sequence && self.said.acknowledged.is_superset(acknowledged)
+            || self.said.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
+    }
+
+    fn sets(&self) -> &Sets {
+        self.sets.as_deref().unwrap_or(&NO_SETS)
+    }
+
+    /// Changes the sets that are kept; none are if they are as before anything was said.
+    fn change_sets<T>(&mut self, change: impl FnOnce(&mut Sets) -> T) -> T {
+        let mut sets = self.sets.take().unwrap_or_default();
+        let changed = change(&mut sets);
+        self.sets = Some(sets).filter(|sets| **sets != NO_SETS);
+        changed
+    }
+
+    /// Who is there of itself and those below it, if it is a child.
+    pub(super) fn alive(&self) -> &NodeSet {
+        &self.sets().alive
     }
 
     const fn is_child_of(&self, id: NodeId) -> bool {
@@ -240,7 +275,7 @@ impl Link {
 
     /// From when on that is so, unless it is heard.
     pub(super) fn stale_at(&self, beacon: Duration) -> Timestamp {
-        self.heard_at + beacon * self.quality.stale_beacons
+        self.heard_at + beacon * self.quality.stale_beacons.into()
     }
 }
 
@@ -274,7 +309,7 @@ impl Quality {
     }
 
     /// For how many beacons a neighbour that speaks once in each may be silent by a chance of `odds`.
-    fn patience(&self, odds: f64, beacons_max: u32) -> u32 {
+    fn patience(&self, odds: f64, beacons_max: u16) -> u16 {
         let loss = self.cautious_loss();
         let (mut beacons, mut chance) = (1, loss);
         while chance > odds && beacons < beacons_max {
@@ -366,7 +401,7 @@ impl Links {
             .checked_sub(link.said.beat)?
             .checked_sub(1)?;
         let was_child = link.is_child_of(self.own);
-        let changed = link.said.hear(said, self.own, speaker, self.drones);
+        let changed = link.keep(said, self.own, speaker, self.drones);
         link.words = words;
         let is_child = link.is_child_of(self.own);
         let link_changed = link.is_heard(now, missed, self.beacon);
@@ -390,7 +425,7 @@ impl Links {
         now: Timestamp,
     ) -> Heard {
         let mut link = Link::new(speaker.id, now);
-        link.said.hear(said, self.own, speaker, self.drones);
+        link.keep(said, self.own, speaker, self.drones);
         link.symmetric = link.said.hears_own.unwrap_or(false);
         link.words = words;
         if link.is_child_of(self.own) {
@@ -439,7 +474,7 @@ impl Links {
                 ..Said::default()
             };
             link.words = Bytes::new();
-            link.told = (0, NodeSet::default());
+            link.sets = None;
             link.given_up = 0;
             link.asks = false;
             link.told_of_reign = Some(0);
@@ -462,12 +497,14 @@ impl Links {
     /// A neighbour has been told something, as the medium says.
     pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
         if let Some(link) = self.links.get_mut(id) {
-            if told.sequence > link.told.0 {
-                link.told = (told.sequence, NodeSet::default());
-            }
-            if told.sequence == link.told.0 {
-                link.told.1.extend_from(&told.acknowledged());
-            }
+            link.change_sets(|sets| {
+                if told.sequence > sets.told.0 {
+                    sets.told = (told.sequence, NodeSet::new());
+                }
+                if told.sequence == sets.told.0 {
+                    sets.told.1.extend_from(&told.acknowledged());
+                }
+            });
             link.given_up = 0;
         }
         self.below.take();
@@ -509,13 +546,14 @@ impl Links {
     /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
     /// whether there were any.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
-        let (before, beacon) = (self.links.len(), self.beacon);
-        self.links.retain(|link| {
+        let beacon = self.beacon;
+        let is_there = |link: &Link| {
             let silent_for = now.since(link.heard_at);
-            silent_for <= time_to_live || silent_for <= beacon * link.quality.lost_beacons
-        });
-        let has_lost_any = self.links.len() < before;
+            silent_for <= time_to_live || silent_for <= beacon * link.quality.lost_beacons.into()
+        };
+        let has_lost_any = !self.links.iter().all(is_there);
         if has_lost_any {
+            self.links.retain(is_there);
             self.below.take();
         }
         has_lost_any
@@ -553,12 +591,13 @@ impl Links {
             ..Below::default()
         };
         for link in self.iter().filter(|link| link.is_child_of(self.own)) {
+            let sets = link.sets();
             if link.said.sequence == sequence {
-                below.acknowledged.extend_from(&link.said.acknowledged);
+                below.acknowledged.extend_from(&sets.acknowledged);
             }
             if link.is_reachable() {
-                below.alive.extend_from(&link.said.alive);
-                below.landing.extend_from(&link.said.landing);
+                below.alive.extend_from(&sets.alive);
+                below.landing.extend_from(&sets.landing);
             }
         }
         let awaited = below.alive.difference(&below.landing);
@@ -574,8 +613,8 @@ impl Links {
     pub(super) fn heard_lately(&self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let is_heard = |link: &Link| {
             let patience = match link.told_of_reign {
-                Some(_) => self.beacon * link.quality.stale_beacons,
-                None => (self.beacon * link.quality.lost_beacons).max(time_to_live / 2),
+                Some(_) => self.beacon * link.quality.stale_beacons.into(),
+                None => (self.beacon * link.quality.lost_beacons.into()).max(time_to_live / 2),
             };
             now.since(link.heard_at) <= patience
         };
@@ -615,61 +654,71 @@ struct Changed {
     way: bool,
 }
 
-impl Said {
-    /// Keeps what matters to `own` of a neighbour's words; how they differ from those before.
-    fn hear(
+impl Link {
+    /// Keeps what matters to `own` of its words; how they differ from those before.
+    fn keep(
         &mut self,
         said: &TreeFrame<'_>,
         own: NodeId,
         speaker: Speaker,
         drones: u32,
     ) -> Changed {
-        let keep = |kept: &mut NodeSet, set: NodeSet| {
-            let mut set = said.and_before(set, kept);
-            set.truncate(drones);
-            let differs = set != *kept;
-            *kept = set;
-            differs
-        };
-        let is_another_order = said.sequence != self.sequence;
-        if is_another_order {
-            self.acknowledged = NodeSet::default();
-        }
-        let (mut progress, mut any) = (is_another_order, false);
+        let is_another_order = said.sequence != self.said.sequence;
         let is_child = said.front.parent == Some(own);
-        if is_child || speaker.is_parent {
-            progress |= keep(&mut self.acknowledged, said.acknowledged());
-        } else {
-            self.acknowledged = NodeSet::default();
+        let is_kin = is_child || speaker.is_parent;
+        let (mut progress, mut any) = (is_another_order, false);
+        if is_kin || self.sets.is_some() {
+            self.change_sets(|sets| {
+                let keep = |kept: &mut NodeSet, set: NodeSet| {
+                    let mut set = said.and_before(set, kept);
+                    set.truncate(drones);
+                    let differs = set != *kept;
+                    *kept = set;
+                    differs
+                };
+                if is_another_order || !is_kin {
+                    sets.acknowledged = NodeSet::new();
+                }
+                if is_kin {
+                    progress |= keep(&mut sets.acknowledged, said.acknowledged());
+                }
+                if is_child {
+                    any |= keep(&mut sets.alive, said.alive.to_set());
+                    any |= keep(&mut sets.landing, said.landing());
+                } else {
+                    (sets.alive, sets.landing) = (NodeSet::new(), NodeSet::new());
+                }
+            });
         }
-        if is_child {
-            any |= keep(&mut self.alive, said.alive.to_set());
-            any |= keep(&mut self.landing, said.landing());
-        } else {
-            self.alive = NodeSet::default();
-            self.landing = NodeSet::default();
+        let before = std::mem::replace(&mut self.said, Said::of(said, own, speaker));
+        Changed {
+            progress,
+            any: any || progress,
+            way: (before.hops, before.parent) != (said.front.hops, said.front.parent),
         }
+    }
+}
+
+impl Said {
+    /// What is kept of a speaker's words by `own`.
+    fn of(said: &TreeFrame<'_>, own: NodeId, speaker: Speaker) -> Self {
         let TreeFront {
             beat,
             hops,
             parent,
             pulse,
         } = said.front;
-        let way = (self.hops, self.parent) != (hops, parent);
-        self.beat = beat;
-        self.hops = hops;
-        self.parent = parent;
-        self.pulse = pulse;
-        self.sequence = said.sequence;
-        self.to = said.to;
-        self.is_beacon = said.hears.is_some();
-        self.hears_own = says_to_hear(own, said);
-        self.master_lands = speaker.master.is_some_and(|master| said.is_landing(master));
-        self.by_parent = speaker.is_parent;
-        Changed {
-            progress,
-            any: any || progress,
-            way,
+        Self {
+            beat,
+            hops,
+            parent,
+            pulse,
+            sequence: said.sequence,
+            to: said.to,
+            is_beacon: said.hears.is_some(),
+            hears_own: says_to_hear(own, said),
+            master_lands: (speaker.master).is_some_and(|master| said.is_landing(master)),
+            by_parent: speaker.is_parent,
         }
     }
 }

@@ -71,8 +71,8 @@ pub struct TreeRouting {
     durable: Checkpoint,
     links: Links,
     routes: Routes,
-    /// Whether the parent was neither lost nor stale when it was chosen.
-    has_good_parent: bool,
+    /// The parent, as long as nothing but its silence speaks against it and it was not stale when it was chosen.
+    good_parent: Option<GoodParent>,
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
@@ -105,6 +105,15 @@ pub struct TreeRouting {
     outbox: Outbox<Transmit, Event>,
 }
 
+/// A parent that there is no reason to leave, so that its link need not be looked at each time.
+#[derive(Debug, Clone, Copy)]
+struct GoodParent {
+    /// How far it is from the master.
+    hops: u16,
+    /// From when on it is stale, unless it is heard.
+    stale_at: Timestamp,
+}
+
 /// Something that was said and has not been seen to arrive.
 #[derive(Debug, Clone, Copy)]
 struct Repair {
@@ -131,7 +140,7 @@ impl TreeRouting {
             durable: Checkpoint::default(),
             links: Links::new(config.id, config.drones, config.beacon),
             routes: Routes::default(),
-            has_good_parent: false,
+            good_parent: None,
             orphaned: None,
             master_silent: false,
             master_lands: false,
@@ -217,6 +226,7 @@ impl TreeRouting {
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
                 self.links.hear_of_another_reign(sender, &said, now);
+                self.look_at_parent_again();
             }
             self.outbox.event(Event::Ignored(sender));
             return;
@@ -271,7 +281,7 @@ impl TreeRouting {
         self.durable.beats = self.durable.beats.under_another_master();
         self.links.forget_reign();
         self.routes = Routes::default();
-        self.has_good_parent = false;
+        self.good_parent = None;
         self.orphaned = None;
         self.master_silent = false;
         self.master_lands = false;
@@ -322,6 +332,9 @@ impl TreeRouting {
             self.beacon_soon(now);
         }
         self.hear_of_landing(sequence, master_lands);
+        if self.routes.parent == Some(sender) {
+            self.look_at_parent_again();
+        }
         if heard.has_moved || !self.keeps_its_way(now, sender) {
             self.update_routes(now);
         }
@@ -401,9 +414,6 @@ impl TreeRouting {
     /// neither can be through this one, so that no ring of drones follows itself.
     fn update_routes(&mut self, now: Timestamp) {
         let routes = self.best_routes(now);
-        let parent = routes.parent.and_then(|parent| self.links.get(parent));
-        self.has_good_parent = parent
-            .is_some_and(|link| link.is_reachable() && !link.is_stale(now, self.config.beacon));
         if !self.is_master() {
             match routes.parent {
                 Some(_) => self.found_master(),
@@ -422,22 +432,37 @@ impl TreeRouting {
                 self.beacon_soon(now);
             }
         }
+        let is_good = |it: &GoodParent| now <= it.stale_at;
+        self.good_parent = self.look_at_parent().filter(is_good);
+    }
+
+    /// The parent, unless something speaks against it, or it is out of reach.
+    fn look_at_parent(&self) -> Option<GoodParent> {
+        let link = self.links.get(self.routes.parent?)?;
+        let is_sound =
+            link.symmetric && link.is_reachable() && link.said.parent != Some(self.config.id);
+        Some(GoodParent {
+            hops: link.said.hops.filter(|_| is_sound)?,
+            stale_at: link.stale_at(self.config.beacon),
+        })
+    }
+
+    /// Something about the parent's link has changed, and its way has not.
+    fn look_at_parent_again(&mut self) {
+        if self.good_parent.is_some() {
+            self.good_parent = self.look_at_parent();
+        }
     }
 
     /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
     /// parent or no nearer to the master than that, and the parent is as good as when it was chosen. A neighbour that is
     /// better by now without having spoken is taken when it speaks next.
     fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
-        let parent = self.routes.parent.filter(|_| self.has_good_parent);
-        let Some(parent) = parent.and_then(|parent| self.links.get(parent)) else {
-            return false;
-        };
         let hops = self.links.get(sender).and_then(|link| link.said.hops);
-        parent.symmetric
-            && parent.said.hops.is_some()
-            && parent.said.parent != Some(self.config.id)
-            && !parent.is_stale(now, self.config.beacon)
-            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops)
+        self.good_parent.is_some_and(|parent| {
+            let is_nearer = hops.is_some_and(|hops| hops < parent.hops);
+            now <= parent.stale_at && (self.routes.parent == Some(sender) || !is_nearer)
+        })
     }
 
     fn best_routes(&self, now: Timestamp) -> Routes {
@@ -562,6 +587,7 @@ impl TreeRouting {
             return;
         }
         self.links.forgive(now);
+        self.look_at_parent_again();
         self.seek = None;
         if let Some((since, _)) = &mut self.orphaned {
             *since = now;

@@ -245,7 +245,7 @@ impl TreeRouting {
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
             && self.links.get(id).is_some_and(|child| {
-                NodeSet::from(id).is_superset(&child.said.alive)
+                NodeSet::from(id).is_superset(child.alive())
                     && child.quality.loss < CONFIRM_ABOVE_LOSS
             })
     }
