@@ -404,7 +404,9 @@ impl Cell {
         reaction.occupancy = self.occupancy();
     }
 
-    fn occupancy(&self) -> Occupancy {
+    /// How full its fullest table is.
+    #[must_use]
+    pub fn occupancy(&self) -> Occupancy {
         let (len, max) = match self {
             Self::Radio(machine) => machine.occupancy(),
             Self::Routing(machine) => machine.occupancy(),

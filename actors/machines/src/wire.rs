@@ -14,6 +14,7 @@
 
 mod reader;
 mod tree;
+mod writer;
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -22,8 +23,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use self::reader::Reader;
-use self::tree::WireTree;
 pub use self::tree::{Runs, TreeFrame, TreeFront};
+use self::writer::Writer;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::mission::{Order, Step};
@@ -85,32 +86,19 @@ pub enum FrameError {
     Version,
 }
 
-#[derive(Serialize)]
-struct WireHeader {
-    swarm: u32,
-    sender: u32,
-    boot: u32,
-    counter: u64,
-    term: u32,
-    rank: u32,
-    master: u32,
-}
-
 /// Writes version, header and payload to the end of `out`: what the authenticator is to cover.
-pub fn encode_covered(header: &Header, payload: &[u8], mut out: Vec<u8>) -> Vec<u8> {
-    out.push(VERSION);
-    let wire = WireHeader {
-        swarm: header.swarm.0,
-        sender: header.sender.0,
-        boot: header.boot,
-        counter: header.counter,
-        term: header.ballot.term,
-        rank: header.ballot.rank,
-        master: header.ballot.master.0,
-    };
-    let mut out = write(&wire, out);
-    out.extend_from_slice(payload);
-    out
+pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> {
+    let mut to = Writer(out);
+    to.byte(VERSION);
+    to.number(header.swarm.0);
+    to.number(header.sender.0);
+    to.number(header.boot);
+    to.long_number(header.counter);
+    to.number(header.ballot.term);
+    to.number(header.ballot.rank);
+    to.number(header.ballot.master.0);
+    to.0.extend_from_slice(payload);
+    to.0
 }
 
 /// Reads a frame's form; nothing is copied.
@@ -138,7 +126,7 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
     })
 }
 
-/// What serde has written as [`WireHeader`], field by field: every frame that is heard has one.
+/// What [`encode_covered`] has written behind the version.
 fn read_header(from: &mut Reader<'_>) -> Option<Header> {
     Some(Header {
         swarm: SwarmId(from.number()?),
@@ -178,12 +166,9 @@ enum WirePacket<'a> {
         members: Vec<WireMember>,
         order: Option<&'a [u8]>,
     },
-    // Nor is this, see `TreeFrame::read`.
-    #[serde(skip_deserializing)]
-    Tree(WireTree<'a>),
 }
 
-/// Where [`WirePacket::Flood`] and [`WirePacket::Tree`] stand among the packets.
+/// Where [`WirePacket::Flood`] stands among the packets, and where a packet of policy `tree` does.
 const FLOOD: u8 = 2;
 const TREE: u8 = 3;
 
@@ -219,9 +204,10 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             order: flood.order.as_deref(),
         },
         Packet::Tree(tree) => {
-            return tree::written(tree, |tree| {
-                write(&WirePacket::Tree(tree), Vec::with_capacity(64))
-            });
+            let mut to = Writer(Vec::with_capacity(64));
+            to.byte(TREE);
+            tree::write(tree, &mut to);
+            return to.0;
         }
     };
     write(&wire, Vec::with_capacity(64))
@@ -247,7 +233,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             hops,
             routing_list: routing_list.into_iter().map(NodeId).collect(),
         },
-        WirePacket::Flood { .. } | WirePacket::Tree(_) => return Err(PayloadError),
+        WirePacket::Flood { .. } => return Err(PayloadError),
     })
 }
 

@@ -345,6 +345,17 @@ impl World {
         }
     }
 
+    /// Who hears a frame next, if that is what happens next.
+    pub(crate) fn hears_next(&self) -> Option<NodeId> {
+        match self.heap.next()? {
+            Planned::Arrive { to, .. } => {
+                std::hint::black_box(self.drones[to.0 as usize].is_up(Address::Radio));
+                Some(*to)
+            }
+            _ => None,
+        }
+    }
+
     /// Hands a message to the actor that it is for: a task, if that runs.
     fn hand_over(&mut self, drone: NodeId, message: Message) -> Option<Task> {
         let address = message.envelope.address();
