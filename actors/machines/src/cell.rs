@@ -404,9 +404,7 @@ impl Cell {
         reaction.occupancy = self.occupancy();
     }
 
-    /// How full its fullest table is.
-    #[must_use]
-    pub fn occupancy(&self) -> Occupancy {
+    fn occupancy(&self) -> Occupancy {
         let (len, max) = match self {
             Self::Radio(machine) => machine.occupancy(),
             Self::Routing(machine) => machine.occupancy(),

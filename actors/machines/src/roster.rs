@@ -12,6 +12,12 @@ pub(crate) struct Roster<T> {
     entries: Vec<T>,
 }
 
+impl<T> Default for Roster<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl<T> Roster<T> {
     pub(crate) const fn new() -> Self {
         Self {

@@ -16,7 +16,6 @@ mod reader;
 mod tree;
 mod writer;
 
-use std::borrow::Cow;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -26,7 +25,7 @@ use self::reader::Reader;
 pub use self::tree::{Runs, TreeFrame, TreeFront};
 use self::writer::Writer;
 use crate::geometry::{Ned, Velocity};
-use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
+use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::mission::{Order, Step};
 use crate::routing::{Flood, Member, Packet};
 
@@ -147,38 +146,14 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
 pub struct PayloadError;
 
 #[derive(Serialize, Deserialize)]
-enum WirePacket<'a> {
-    Hello {
-        remaining_ms: u32,
-    },
-    HopUpdate {
-        hops: u16,
-        routing_list: Vec<u32>,
-    },
-    // Not read by serde, see `read_flood`.
-    #[serde(skip_deserializing)]
-    Flood {
-        hops: Option<u16>,
-        parent: Option<u32>,
-        pulse: u32,
-        sequence: u32,
-        hears: Cow<'a, NodeSet>,
-        members: Vec<WireMember>,
-        order: Option<&'a [u8]>,
-    },
+enum WirePacket {
+    Hello { remaining_ms: u32 },
+    HopUpdate { hops: u16, routing_list: Vec<u32> },
 }
 
-/// Where [`WirePacket::Flood`] stands among the packets, and where a packet of policy `tree` does.
+/// Where the packets of the policies stand among the packets, after those two; serde neither writes nor reads them.
 const FLOOD: u8 = 2;
 const TREE: u8 = 3;
-
-#[derive(Serialize)]
-struct WireMember {
-    id: u32,
-    beat: u32,
-    acknowledged: u32,
-    flags: u8,
-}
 
 const OUT_OF_RANGE: u8 = 1;
 const LANDING: u8 = 2;
@@ -194,15 +169,12 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             hops: *hops,
             routing_list: routing_list.iter().map(|id| id.0).collect(),
         },
-        Packet::Flood(flood) => WirePacket::Flood {
-            hops: flood.hops,
-            parent: flood.parent.map(|id| id.0),
-            pulse: flood.pulse,
-            sequence: flood.sequence,
-            hears: Cow::Borrowed(&flood.hears),
-            members: flood.members.iter().map(WireMember::from).collect(),
-            order: flood.order.as_deref(),
-        },
+        Packet::Flood(flood) => {
+            let mut to = Writer(Vec::with_capacity(64 + 8 * flood.members.len()));
+            to.byte(FLOOD);
+            write_flood(flood, &mut to);
+            return to.0;
+        }
         Packet::Tree(tree) => {
             let mut to = Writer(Vec::with_capacity(64));
             to.byte(TREE);
@@ -233,7 +205,6 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             hops,
             routing_list: routing_list.into_iter().map(NodeId).collect(),
         },
-        WirePacket::Flood { .. } => return Err(PayloadError),
     })
 }
 
@@ -258,20 +229,26 @@ pub fn split_tree(payload: &[u8]) -> Result<(TreeFront, &[u8]), PayloadError> {
     Ok((front, from.0))
 }
 
-impl From<&Member> for WireMember {
-    fn from(member: &Member) -> Self {
+/// Writes a packet of policy `flood`, behind its number.
+fn write_flood(flood: &Flood, to: &mut Writer) {
+    to.hops(flood.hops);
+    to.id(flood.parent);
+    to.number(flood.pulse);
+    to.number(flood.sequence);
+    to.set(&flood.hears);
+    to.count(flood.members.len());
+    for member in &flood.members {
+        to.number(member.id.0);
+        to.number(member.beat);
+        to.number(member.acknowledged);
         let out_of_range = if member.out_of_range { OUT_OF_RANGE } else { 0 };
         let landing = if member.landing { LANDING } else { 0 };
-        Self {
-            id: member.id.0,
-            beat: member.beat,
-            acknowledged: member.acknowledged,
-            flags: out_of_range | landing,
-        }
+        to.byte(out_of_range | landing);
     }
+    to.or_nothing(flood.order.as_deref(), Writer::bytes);
 }
 
-/// What [`WirePacket::Flood`] is written as, but for its number.
+/// Reads what [`write_flood`] has written.
 fn read_flood(bytes: &[u8]) -> Option<Flood> {
     let mut from = Reader(bytes);
     let mut flood = Flood {

@@ -35,9 +35,6 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         if let Some(meter) = &mut meter {
             meter.read(&world);
         }
-        if let Some(next) = world.hears_next() {
-            drones[next.0 as usize].is_next();
-        }
         let (id, address) = (task.drone, task.address);
         let drone = &mut drones[id.0 as usize];
         match task.what {
@@ -68,14 +65,6 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
 }
 
 impl Drone {
-    /// Looks at what is about to be stepped, so that the processor fetches it while something else is.
-    fn is_next(&self) {
-        for address in [Address::Radio, Address::Routing] {
-            let cell = self.cells[address as usize].as_ref();
-            std::hint::black_box(cell.map(Cell::occupancy));
-        }
-    }
-
     fn build_all(&mut self, world: &mut World, id: NodeId, reaction: &mut Reaction) {
         for address in Address::ALL {
             self.build(world, id, address, reaction);

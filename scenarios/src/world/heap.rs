@@ -124,12 +124,6 @@ impl<T> Heap<T> {
         Some((at, what.expect("each place is in the order once")))
     }
 
-    /// What happens next, as far as that is in order already.
-    pub(crate) fn next(&self) -> Option<&T> {
-        let (_, _, place) = self.begun.last()?;
-        self.places[*place as usize].what.as_ref()
-    }
-
     /// Goes on to the next slice in which anything happens, if anything does at all.
     fn begin_slice(&mut self) -> Option<()> {
         let first_later = self.later.peek().map(|Reverse((at, ..))| slice_of(*at));

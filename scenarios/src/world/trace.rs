@@ -51,11 +51,12 @@ impl Trace {
     }
 
     pub(crate) fn bytes(&mut self, now: Timestamp, drone: NodeId, kind: Kind, bytes: &[u8]) {
-        self.bytes.extend_from_slice(&now.as_nanos().to_le_bytes());
-        self.bytes.extend_from_slice(&drone.0.to_le_bytes());
-        self.bytes.push(kind as u8);
-        self.bytes
-            .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        let mut head = [0; 8 + 4 + 1 + 8];
+        head[..8].copy_from_slice(&now.as_nanos().to_le_bytes());
+        head[8..12].copy_from_slice(&drone.0.to_le_bytes());
+        head[12] = kind as u8;
+        head[13..].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(&head);
         self.bytes.extend_from_slice(bytes);
         if self.bytes.len() >= BUFFER_MAX {
             self.hasher.update(&self.bytes);

@@ -38,6 +38,19 @@ impl Writer {
         }
     }
 
+    /// A set as serde writes it: how many bounds there are, and the distances between them.
+    pub(super) fn set(&mut self, set: &NodeSet) {
+        self.count(set.distances().count());
+        for distance in set.distances() {
+            self.number(distance);
+        }
+    }
+
+    /// How many there are of something.
+    pub(super) fn count(&mut self, count: usize) {
+        self.number(u32::try_from(count).expect("a packet holds less"));
+    }
+
     /// The distances between the bounds of a set's runs, as bytes.
     pub(super) fn runs(&mut self, set: &NodeSet) {
         let length = set.distances().map(varint_len).sum();
@@ -48,8 +61,7 @@ impl Writer {
     }
 
     pub(super) fn bytes(&mut self, bytes: &[u8]) {
-        let length = u32::try_from(bytes.len()).expect("a packet is shorter");
-        self.number(length);
+        self.count(bytes.len());
         self.0.extend_from_slice(bytes);
     }
 }
