@@ -4,6 +4,7 @@ use std::fmt;
 use std::ops::Range;
 
 use serde::de::{Error as _, SeqAccess, Visitor};
+use serde::ser::SerializeSeq;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use smallvec::SmallVec;
 
@@ -67,6 +68,12 @@ pub struct NodeSet(
 );
 
 impl NodeSet {
+    /// Of nobody.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(SmallVec::new_const())
+    }
+
     /// Of bounds that rise and come in pairs.
     pub(crate) fn of_bounds(bounds: impl Iterator<Item = u32>) -> Self {
         let bounds: SmallVec<_> = bounds.collect();
@@ -90,6 +97,15 @@ impl NodeSet {
         let Some(behind) = id.0.checked_add(1) else {
             return;
         };
+        // Beyond all others, as is the rule.
+        let end = self.0.last().copied();
+        if end == Some(id.0) {
+            self.0.pop();
+            return self.0.push(behind);
+        }
+        if end.is_none_or(|end| end < id.0) {
+            return self.0.extend([id.0, behind]);
+        }
         let at = self.bounds_up_to(id);
         if at % 2 == 1 {
             return;
@@ -190,6 +206,15 @@ impl NodeSet {
         self.0.chunks_exact(2).map(|run| run[0]..run[1])
     }
 
+    /// The distances from each bound of its runs to the next, the first one from 0.
+    pub(crate) fn distances(&self) -> impl Iterator<Item = u32> + '_ {
+        let before = std::iter::once(0).chain(self.0.iter().copied());
+        self.0
+            .iter()
+            .zip(before)
+            .map(|(bound, before)| bound - before)
+    }
+
     /// Its members, lowest first.
     pub fn iter(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.runs().flatten().map(NodeId)
@@ -230,13 +255,10 @@ impl FromIterator<NodeId> for NodeSet {
 /// As the distances from each bound to the next, the first one from 0.
 impl Serialize for NodeSet {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let before = std::iter::once(0).chain(self.0.iter().copied());
-        serializer.collect_seq(
-            self.0
-                .iter()
-                .zip(before)
-                .map(|(bound, before)| bound - before),
-        )
+        let mut seq = serializer.serialize_seq(Some(self.0.len()))?;
+        self.distances()
+            .try_for_each(|distance| seq.serialize_element(&distance))?;
+        seq.end()
     }
 }
 

@@ -12,6 +12,7 @@ pub mod msp;
 pub mod navigation;
 pub mod radio;
 pub mod reign;
+mod roster;
 pub mod routing;
 mod stall;
 pub mod supervision;

@@ -102,6 +102,10 @@ impl<T, E> Outbox<T, E> {
     }
 
     pub(crate) fn poll(&mut self, deadline: Option<Timestamp>) -> Output<T, E> {
-        self.0.pop_front().unwrap_or(Output::Idle { deadline })
+        self.0.pop_front().unwrap_or_else(|| {
+            // The next output takes the place of the first one again, which is at hand.
+            self.0.clear();
+            Output::Idle { deadline }
+        })
     }
 }

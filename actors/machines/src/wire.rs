@@ -14,18 +14,18 @@
 
 mod reader;
 mod tree;
+mod writer;
 
-use std::borrow::Cow;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use self::reader::Reader;
-use self::tree::WireTree;
-pub use self::tree::{Runs, TreeFrame};
+pub use self::tree::{Runs, TreeFrame, TreeFront};
+use self::writer::Writer;
 use crate::geometry::{Ned, Velocity};
-use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
+use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::mission::{Order, Step};
 use crate::routing::{Flood, Member, Packet};
 
@@ -85,32 +85,19 @@ pub enum FrameError {
     Version,
 }
 
-#[derive(Serialize, Deserialize)]
-struct WireHeader {
-    swarm: u32,
-    sender: u32,
-    boot: u32,
-    counter: u64,
-    term: u32,
-    rank: u32,
-    master: u32,
-}
-
 /// Writes version, header and payload to the end of `out`: what the authenticator is to cover.
-pub fn encode_covered(header: &Header, payload: &[u8], mut out: Vec<u8>) -> Vec<u8> {
-    out.push(VERSION);
-    let wire = WireHeader {
-        swarm: header.swarm.0,
-        sender: header.sender.0,
-        boot: header.boot,
-        counter: header.counter,
-        term: header.ballot.term,
-        rank: header.ballot.rank,
-        master: header.ballot.master.0,
-    };
-    let mut out = write(&wire, out);
-    out.extend_from_slice(payload);
-    out
+pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> {
+    let mut to = Writer(out);
+    to.byte(VERSION);
+    to.number(header.swarm.0);
+    to.number(header.sender.0);
+    to.number(header.boot);
+    to.long_number(header.counter);
+    to.number(header.ballot.term);
+    to.number(header.ballot.rank);
+    to.number(header.ballot.master.0);
+    to.0.extend_from_slice(payload);
+    to.0
 }
 
 /// Reads a frame's form; nothing is copied.
@@ -128,25 +115,28 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
     if *version != VERSION {
         return Err(FrameError::Version);
     }
-    let (wire, payload) =
-        postcard::take_from_bytes::<WireHeader>(rest).map_err(|_| FrameError::TooShort)?;
-    let ballot = Ballot {
-        term: wire.term,
-        rank: wire.rank,
-        master: NodeId(wire.master),
-    };
-    let header = Header {
-        swarm: SwarmId(wire.swarm),
-        sender: NodeId(wire.sender),
-        boot: wire.boot,
-        counter: wire.counter,
-        ballot,
-    };
+    let mut from = Reader(rest);
+    let header = read_header(&mut from).ok_or(FrameError::TooShort)?;
     Ok(Frame {
         header,
-        payload,
+        payload: from.0,
         covered,
         authenticator,
+    })
+}
+
+/// What [`encode_covered`] has written behind the version.
+fn read_header(from: &mut Reader<'_>) -> Option<Header> {
+    Some(Header {
+        swarm: SwarmId(from.number()?),
+        sender: NodeId(from.number()?),
+        boot: from.number()?,
+        counter: from.long_number()?,
+        ballot: Ballot {
+            term: from.number()?,
+            rank: from.number()?,
+            master: NodeId(from.number()?),
+        },
     })
 }
 
@@ -156,41 +146,14 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
 pub struct PayloadError;
 
 #[derive(Serialize, Deserialize)]
-enum WirePacket<'a> {
-    Hello {
-        remaining_ms: u32,
-    },
-    HopUpdate {
-        hops: u16,
-        routing_list: Vec<u32>,
-    },
-    // Not read by serde, see `read_flood`.
-    #[serde(skip_deserializing)]
-    Flood {
-        hops: Option<u16>,
-        parent: Option<u32>,
-        pulse: u32,
-        sequence: u32,
-        hears: Cow<'a, NodeSet>,
-        members: Vec<WireMember>,
-        order: Option<&'a [u8]>,
-    },
-    // Nor is this, see `TreeFrame::read`.
-    #[serde(skip_deserializing)]
-    Tree(WireTree<'a>),
+enum WirePacket {
+    Hello { remaining_ms: u32 },
+    HopUpdate { hops: u16, routing_list: Vec<u32> },
 }
 
-/// Where [`WirePacket::Flood`] and [`WirePacket::Tree`] stand among the packets.
+/// Where the packets of the policies stand among the packets, after those two; serde neither writes nor reads them.
 const FLOOD: u8 = 2;
 const TREE: u8 = 3;
-
-#[derive(Serialize)]
-struct WireMember {
-    id: u32,
-    beat: u32,
-    acknowledged: u32,
-    flags: u8,
-}
 
 const OUT_OF_RANGE: u8 = 1;
 const LANDING: u8 = 2;
@@ -206,19 +169,17 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             hops: *hops,
             routing_list: routing_list.iter().map(|id| id.0).collect(),
         },
-        Packet::Flood(flood) => WirePacket::Flood {
-            hops: flood.hops,
-            parent: flood.parent.map(|id| id.0),
-            pulse: flood.pulse,
-            sequence: flood.sequence,
-            hears: Cow::Borrowed(&flood.hears),
-            members: flood.members.iter().map(WireMember::from).collect(),
-            order: flood.order.as_deref(),
-        },
+        Packet::Flood(flood) => {
+            let mut to = Writer(Vec::with_capacity(64 + 8 * flood.members.len()));
+            to.byte(FLOOD);
+            write_flood(flood, &mut to);
+            return to.0;
+        }
         Packet::Tree(tree) => {
-            return tree::written(tree, |tree| {
-                write(&WirePacket::Tree(tree), Vec::with_capacity(64))
-            });
+            let mut to = Writer(Vec::with_capacity(64));
+            to.byte(TREE);
+            tree::write(tree, &mut to);
+            return to.0;
         }
     };
     write(&wire, Vec::with_capacity(64))
@@ -244,7 +205,6 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
             hops,
             routing_list: routing_list.into_iter().map(NodeId).collect(),
         },
-        WirePacket::Flood { .. } | WirePacket::Tree(_) => return Err(PayloadError),
     })
 }
 
@@ -253,24 +213,42 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
 /// # Errors
 /// When it is not one, or holds more than a packet.
 pub fn decode_tree(payload: &[u8]) -> Result<TreeFrame<'_>, PayloadError> {
-    let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
-    TreeFrame::read(packet).ok_or(PayloadError)
+    let (front, words) = split_tree(payload)?;
+    TreeFrame::read(front, words).ok_or(PayloadError)
 }
 
-impl From<&Member> for WireMember {
-    fn from(member: &Member) -> Self {
+/// Reads the front of a packet of policy `tree`, which changes from one to the next; what stands behind it, which seldom
+/// does, is left as it is written.
+///
+/// # Errors
+/// When it does not begin as such a packet does.
+pub fn split_tree(payload: &[u8]) -> Result<(TreeFront, &[u8]), PayloadError> {
+    let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
+    let mut from = Reader(packet);
+    let front = TreeFront::read(&mut from).ok_or(PayloadError)?;
+    Ok((front, from.0))
+}
+
+/// Writes a packet of policy `flood`, behind its number.
+fn write_flood(flood: &Flood, to: &mut Writer) {
+    to.hops(flood.hops);
+    to.id(flood.parent);
+    to.number(flood.pulse);
+    to.number(flood.sequence);
+    to.set(&flood.hears);
+    to.count(flood.members.len());
+    for member in &flood.members {
+        to.number(member.id.0);
+        to.number(member.beat);
+        to.number(member.acknowledged);
         let out_of_range = if member.out_of_range { OUT_OF_RANGE } else { 0 };
         let landing = if member.landing { LANDING } else { 0 };
-        Self {
-            id: member.id.0,
-            beat: member.beat,
-            acknowledged: member.acknowledged,
-            flags: out_of_range | landing,
-        }
+        to.byte(out_of_range | landing);
     }
+    to.or_nothing(flood.order.as_deref(), Writer::bytes);
 }
 
-/// What [`WirePacket::Flood`] is written as, but for its number.
+/// Reads what [`write_flood`] has written.
 fn read_flood(bytes: &[u8]) -> Option<Flood> {
     let mut from = Reader(bytes);
     let mut flood = Flood {

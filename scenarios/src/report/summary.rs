@@ -29,9 +29,9 @@ pub(crate) fn summary(
         let distances_m = distances_m(swarm, flown, outcome.ended);
         let drones: Vec<_> = (flown.recorder.drones())
             .zip(&distances_m)
-            .map(|((id, record), distances_m)| DroneReport {
+            .map(|((id, _), distances_m)| DroneReport {
                 following: error(distances_m.clone()),
-                ..drone(id, flown.recorder.centre(), record)
+                ..drone(id, &flown.recorder)
             })
             .collect();
         let dropped = flown.recorder.dropped().iter();
@@ -84,27 +84,28 @@ pub(crate) fn summary(
     (report, flight)
 }
 
-fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
+fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
+    let (record, traffic) = (recorder.of(id), recorder.traffic(id));
     let waits: Vec<Duration> = record.waits().collect();
     let routes = &record.routes;
     DroneReport {
         id: id.0,
-        role: if id == centre {
+        role: if id == recorder.centre() {
             Role::Master
         } else {
             Role::Slave
         },
         hops: routes.hops,
         parent: routes.parent.map(|parent| parent.0),
-        relay: routes.relay && id != centre,
+        relay: routes.relay && id != recorder.centre(),
         out_of_range: routes.out_of_range,
         routing_list: routes.routing_list.iter().map(|id| id.0).collect(),
         flight_time_s: record
             .discovery()
             .zip(record.disarmed)
             .map(|(from, to)| (to - from).as_secs_f64()),
-        messages_sent: record.sent,
-        messages_received: record.received,
+        messages_sent: traffic.sent,
+        messages_received: traffic.received,
         waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
         waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
@@ -118,8 +119,11 @@ fn drone(id: NodeId, centre: NodeId, record: &Record) -> DroneReport {
 fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> {
     let relays = flown.recorder.relays().zip(scenario.relays.iter());
     relays
-        .map(|((id, record), place)| (id, record, *place + joins.home))
-        .map(|(id, record, place)| RelayReport {
+        .map(|((id, record), place)| {
+            let traffic = flown.recorder.traffic(id);
+            (id, record, traffic, *place + joins.home)
+        })
+        .map(|(id, record, traffic, place)| RelayReport {
             id: id.0,
             north_m: place.north_m(),
             east_m: place.east_m(),
@@ -127,8 +131,8 @@ fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> 
             altitude_m: place.altitude_m() + 0.0,
             hops: record.routes.hops,
             parent: record.routes.parent.map(|parent| parent.0),
-            messages_sent: record.sent,
-            messages_received: record.received,
+            messages_sent: traffic.sent,
+            messages_received: traffic.received,
             restarts: record.restarts,
         })
         .collect()

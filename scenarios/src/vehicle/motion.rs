@@ -111,13 +111,19 @@ impl Motion {
         })
     }
 
-    pub(crate) fn position(&self, at: Timestamp) -> Ned {
+    /// The piece that it is in at `at`, or that it came to rest with, and when the next one begins; nothing before the
+    /// first.
+    pub(crate) fn piece(&self, at: Timestamp) -> Option<(&Piece, Option<Timestamp>)> {
         let begun = self.pieces.partition_point(|piece| piece.start <= at);
-        let position = match begun.checked_sub(1) {
-            Some(last) => self.pieces[last].position(at),
+        let piece = &self.pieces[begun.checked_sub(1)?];
+        Some((piece, self.pieces.get(begun).map(|next| next.start)))
+    }
+
+    pub(crate) fn position(&self, at: Timestamp) -> Ned {
+        Ned(match self.piece(at) {
+            Some((piece, _)) => piece.position(at),
             None => self.start,
-        };
-        Ned(position)
+        })
     }
 
     /// Where it is once all its pieces are flown.

@@ -17,6 +17,9 @@ const UNIT: i64 = 1_000_000;
 impl Clock {
     /// What it shows at a time of the world.
     pub(super) fn at(self, now: Timestamp) -> Timestamp {
+        if self.ppm == 0 {
+            return self.shown + now.since(self.since);
+        }
         let elapsed = u128::from(now.as_nanos().saturating_sub(self.since.as_nanos()));
         let gone = elapsed * self.rate() / u128::from(UNIT.unsigned_abs());
         self.shown + duration(gone)
@@ -24,6 +27,9 @@ impl Clock {
 
     /// The first time of the world at which it shows `shown` or later, as far as it runs on as it does.
     pub(super) fn when(self, shown: Timestamp) -> Timestamp {
+        if self.ppm == 0 {
+            return self.since + shown.since(self.shown);
+        }
         let ahead = u128::from(shown.as_nanos().saturating_sub(self.shown.as_nanos()));
         let elapsed = (ahead * u128::from(UNIT.unsigned_abs())).div_ceil(self.rate());
         self.since + duration(elapsed)

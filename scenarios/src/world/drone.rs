@@ -27,24 +27,27 @@ pub(super) struct Drone {
     pub(crate) lives: u32,
     /// Whether one of its actors could not be kept alive.
     pub(crate) given_up: bool,
-    /// Which of its actors hang, by which hang, and what waits for them.
-    hung: [Option<u32>; 5],
+    seats: [Seat; 5],
+    /// What waits for actors that hang.
     pub(super) backlog: VecDeque<Message>,
-    /// How many messages wait for each of its actors to be handed to them.
-    pub(super) waiting: [usize; 5],
     /// How often a hang has begun or ended.
     pub(crate) hangs: u32,
     pub(super) clock: Clock,
-    timers: [Timer; 5],
-    up: [bool; 5],
     motion: u32,
 }
 
+/// What is kept of one of a drone's actors.
 #[derive(Debug, Clone, Copy, Default)]
-struct Timer {
+struct Seat {
+    /// When its timer goes off.
     deadline: Option<Timestamp>,
-    /// Which of the planned wake-ups is the one that counts.
+    /// Which of the wake-ups planned for that is the one that counts.
     generation: u32,
+    /// By which hang it hangs.
+    hung: Option<u32>,
+    is_up: bool,
+    /// How many messages wait to be handed to it.
+    waiting: u32,
 }
 
 impl Drone {
@@ -59,28 +62,25 @@ impl Drone {
             runs: true,
             lives: 0,
             given_up: false,
-            hung: [None; 5],
+            seats: [Seat::default(); 5],
             backlog: VecDeque::new(),
-            waiting: [0; 5],
             hangs: 0,
             clock: Clock::default(),
-            timers: [Timer::default(); 5],
-            up: [false; 5],
             motion: 0,
         }
     }
 
     pub(crate) const fn is_up(&self, address: Address) -> bool {
-        self.up[address as usize]
+        self.seats[address as usize].is_up
     }
 
     pub(crate) const fn is_hung(&self, address: Address) -> bool {
-        self.hung[address as usize].is_some()
+        self.seats[address as usize].hung.is_some()
     }
 
     /// Whether a hang still holds some of its actors.
     pub(crate) fn is_held_by(&self, hang: u32) -> bool {
-        self.hung.contains(&Some(hang))
+        self.seats.iter().any(|seat| seat.hung == Some(hang))
     }
 
     /// Whether it can do what it is told: its process runs and does not hang as a whole.
@@ -129,7 +129,7 @@ impl Drone {
     pub(crate) fn hang(&mut self, addresses: &[Address]) -> u32 {
         self.hangs += 1;
         for address in addresses {
-            self.hung[*address as usize] = Some(self.hangs);
+            self.seats[*address as usize].hung = Some(self.hangs);
         }
         self.hangs
     }
@@ -137,44 +137,59 @@ impl Drone {
     /// Whom a hang holds goes on.
     pub(crate) fn go_on(&mut self, hang: u32) {
         self.hangs += 1;
-        for hung in &mut self.hung {
-            *hung = hung.filter(|it| *it != hang);
+        for seat in &mut self.seats {
+            seat.hung = seat.hung.filter(|it| *it != hang);
         }
     }
 
+    /// One more message waits for an actor; how many do.
+    pub(crate) const fn queue(&mut self, address: Address) -> usize {
+        let seat = &mut self.seats[address as usize];
+        seat.waiting += 1;
+        seat.waiting as usize
+    }
+
+    /// One less does.
+    pub(crate) const fn unqueue(&mut self, address: Address) {
+        self.seats[address as usize].waiting -= 1;
+    }
+
+    /// None does.
+    pub(crate) const fn clear_queue(&mut self, address: Address) {
+        self.seats[address as usize].waiting = 0;
+    }
+
     pub(crate) const fn bring_up(&mut self, address: Address) {
-        self.up[address as usize] = true;
+        self.seats[address as usize].is_up = true;
     }
 
     pub(crate) fn take_down(&mut self, address: Address) {
-        self.up[address as usize] = false;
-        self.hung[address as usize] = None;
+        let seat = &mut self.seats[address as usize];
+        (seat.is_up, seat.hung) = (false, None);
         self.backlog.retain(|it| it.envelope.address() != address);
         self.set_timer(address, None);
     }
 
     /// When an actor wants to be woken, by the drone's own clock.
     pub(crate) const fn deadline(&self, address: Address) -> Option<Timestamp> {
-        self.timers[address as usize].deadline
+        self.seats[address as usize].deadline
     }
 
     /// The timer of an actor that hung at its time, by the drone's own clock.
     pub(crate) fn overdue(&self, address: Address, now: Timestamp) -> Option<u32> {
-        let timer = self.timers[address as usize];
-        timer
-            .deadline
+        let seat = self.seats[address as usize];
+        seat.deadline
             .filter(|deadline| *deadline <= now)
-            .map(|_| timer.generation)
+            .map(|_| seat.generation)
     }
 
     /// Whether a wake-up still counts and the actor does not hang; if so the timer is spent.
     pub(crate) fn wake(&mut self, address: Address, generation: u32) -> bool {
-        let timer = &mut self.timers[address as usize];
-        let counts = timer.generation == generation
-            && timer.deadline.is_some()
-            && self.hung[address as usize].is_none();
+        let seat = &mut self.seats[address as usize];
+        let counts =
+            seat.generation == generation && seat.deadline.is_some() && seat.hung.is_none();
         if counts {
-            timer.deadline = None;
+            seat.deadline = None;
         }
         counts
     }
@@ -185,13 +200,13 @@ impl Drone {
         address: Address,
         deadline: Option<Timestamp>,
     ) -> Option<u32> {
-        let timer = &mut self.timers[address as usize];
-        if timer.deadline == deadline {
+        let seat = &mut self.seats[address as usize];
+        if seat.deadline == deadline {
             return None;
         }
-        timer.deadline = deadline;
-        timer.generation = timer.generation.wrapping_add(1);
-        Some(timer.generation)
+        seat.deadline = deadline;
+        seat.generation = seat.generation.wrapping_add(1);
+        Some(seat.generation)
     }
 
     /// How long its vehicle takes to come to rest at the end of a leg, where it takes `most` at most.

@@ -3,21 +3,63 @@ use std::collections::BinaryHeap;
 
 use muster_machines::time::Timestamp;
 
+/// How long a slice of time is, in nanoseconds, as a power of two: about as long as a frame takes, so that little is planned
+/// for the slice that has begun.
+const SLICE_BITS: u32 = 18;
+/// How many slices are kept apart; what happens later than in a second is not put in one yet.
+const SLICES: usize = 4_096;
+
 /// What will happen, in the order of time; at one instant, in the order in which it was planned.
 ///
-/// What is planned stays where it was put until it happens: only its time and place are kept in order.
+/// Most of what is planned happens soon, so the next second is cut into slices, and what happens in one is put in order
+/// when it begins. What is planned stays where it was put until it happens: only its time and place are put in order.
 #[derive(Debug)]
 pub(crate) struct Heap<T> {
-    order: BinaryHeap<Reverse<(Timestamp, u64, u32)>>,
+    /// What happens in the slice that has begun, or should have before it, the first at the end.
+    begun: Vec<Entry>,
+    /// The number of that slice.
+    slice: u64,
+    /// What happens in each of the slices that follow: the place of what was planned last, or [`NOWHERE`]. That with
+    /// number n is at n modulo [`SLICES`].
+    slices: Vec<u32>,
+    /// A bit for each of them, set where there is anything.
+    filled: [u64; SLICES / 64],
+    /// What happens after those.
+    later: BinaryHeap<Reverse<Entry>>,
     planned: u64,
-    places: Vec<Option<T>>,
+    places: Vec<Planned<T>>,
     free: Vec<u32>,
 }
 
+/// When something happens, as the how manieth it was planned, and where it was put.
+type Entry = (Timestamp, u64, u32);
+
+/// Something that was planned.
+#[derive(Debug)]
+struct Planned<T> {
+    at: Timestamp,
+    /// As the how manieth.
+    nth: u64,
+    /// What was planned for its slice before.
+    before: u32,
+    /// Nothing once it has happened.
+    what: Option<T>,
+}
+
+const NOWHERE: u32 = u32::MAX;
+
+const fn slice_of(at: Timestamp) -> u64 {
+    at.as_nanos() >> SLICE_BITS
+}
+
 impl<T> Heap<T> {
-    pub(crate) const fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
-            order: BinaryHeap::new(),
+            begun: Vec::new(),
+            slice: 0,
+            slices: vec![NOWHERE; SLICES],
+            filled: [0; SLICES / 64],
+            later: BinaryHeap::new(),
             planned: 0,
             places: Vec::new(),
             free: Vec::new(),
@@ -25,30 +67,110 @@ impl<T> Heap<T> {
     }
 
     pub(crate) fn plan(&mut self, at: Timestamp, what: T) {
+        let planned = Planned {
+            at,
+            nth: self.planned,
+            before: NOWHERE,
+            what: Some(what),
+        };
+        self.planned += 1;
         let place = match self.free.pop() {
             Some(place) => {
-                self.places[place as usize] = Some(what);
+                self.places[place as usize] = planned;
                 place
             }
             None => {
-                self.places.push(Some(what));
+                self.places.push(planned);
                 u32::try_from(self.places.len() - 1).expect("less is planned than memory holds")
             }
         };
-        self.order.push(Reverse((at, self.planned, place)));
-        self.planned += 1;
+        self.enter(place);
+    }
+
+    /// Puts what was planned in order.
+    fn enter(&mut self, place: u32) {
+        let planned = &mut self.places[place as usize];
+        let entry = (planned.at, planned.nth, place);
+        let slice = slice_of(planned.at);
+        match slice.saturating_sub(self.slice) {
+            0 => {
+                let behind = self.begun.partition_point(|other| *other > entry);
+                self.begun.insert(behind, entry);
+            }
+            ahead if ahead < SLICES as u64 => {
+                let at = Self::place_of(slice);
+                planned.before = std::mem::replace(&mut self.slices[at], place);
+                self.filled[at / 64] |= 1 << (at % 64);
+            }
+            _ => self.later.push(Reverse(entry)),
+        }
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "the remainder is a small number"
+    )]
+    const fn place_of(slice: u64) -> usize {
+        (slice % SLICES as u64) as usize
     }
 
     pub(crate) fn pop(&mut self) -> Option<(Timestamp, T)> {
-        let Reverse((at, _, place)) = self.order.pop()?;
+        while self.begun.is_empty() {
+            self.begin_slice()?;
+        }
+        let (at, _, place) = self.begun.pop()?;
         self.free.push(place);
-        let what = self.places[place as usize].take();
+        let what = self.places[place as usize].what.take();
         Some((at, what.expect("each place is in the order once")))
+    }
+
+    /// Goes on to the next slice in which anything happens, if anything does at all.
+    fn begin_slice(&mut self) -> Option<()> {
+        let first_later = self.later.peek().map(|Reverse((at, ..))| slice_of(*at));
+        self.slice = self.next_filled().into_iter().chain(first_later).min()?;
+        let at = Self::place_of(self.slice);
+        let mut place = std::mem::replace(&mut self.slices[at], NOWHERE);
+        self.filled[at / 64] &= !(1 << (at % 64));
+        while place != NOWHERE {
+            let planned = &self.places[place as usize];
+            self.begun.push((planned.at, planned.nth, place));
+            place = planned.before;
+        }
+        while let Some(Reverse(entry)) = self.later.peek()
+            && slice_of(entry.0) == self.slice
+        {
+            self.begun.push(*entry);
+            self.later.pop();
+        }
+        self.begun.sort_unstable_by(|a, b| b.cmp(a));
+        Some(())
+    }
+
+    /// The number of the first of the slices that follow in which anything happens.
+    fn next_filled(&self) -> Option<u64> {
+        let begin = Self::place_of(self.slice + 1);
+        let (first_word, first_bit) = (begin / 64, begin % 64);
+        let words = self.filled.len();
+        // The word in which they begin comes twice: its upper bits first, its lower ones last.
+        let place = (0..=words).find_map(|nth| {
+            let word = (first_word + nth) % words;
+            let mask = match nth {
+                0 => u64::MAX << first_bit,
+                nth if nth == words => !(u64::MAX << first_bit),
+                _ => u64::MAX,
+            };
+            let filled = self.filled[word] & mask;
+            (filled != 0).then(|| word * 64 + filled.trailing_zeros() as usize)
+        })?;
+        let ahead = (place + SLICES - begin) % SLICES;
+        Some(self.slice + 1 + ahead as u64)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -61,5 +183,27 @@ mod tests {
             .map(|(_, what)| what)
             .collect();
         assert_eq!(popped, ["a", "b", "c", "d"]);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_planned_meanwhile_happens_in_the_order_of_time(
+            // How long after what has just happened, as a power of two, and whether something happens then.
+            steps in prop::collection::vec((0..34_u32, any::<u64>(), any::<bool>()), 1..400),
+        ) {
+            let (mut heap, mut sorted, mut now) = (Heap::new(), std::collections::BTreeSet::new(), 0);
+            for (nth, (bits, random, pops)) in steps.into_iter().enumerate() {
+                let at = now + (random & ((1 << bits) - 1));
+                heap.plan(Timestamp::from_nanos(at), nth);
+                sorted.insert((at, nth));
+                if pops {
+                    let (at, what) = heap.pop().unwrap();
+                    now = at.as_nanos();
+                    prop_assert_eq!(Some((now, what)), sorted.pop_first());
+                }
+            }
+            let rest = std::iter::from_fn(|| heap.pop()).map(|(at, what)| (at.as_nanos(), what));
+            prop_assert!(rest.eq(sorted));
+        }
     }
 }

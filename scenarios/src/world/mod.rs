@@ -17,6 +17,7 @@ mod strikes;
 mod swarm;
 mod tampering;
 mod trace;
+mod whereabouts;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -34,7 +35,7 @@ use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
 use muster_transport::sim::Medium;
-use muster_transport::{Destination, Event, Fate, Transport};
+use muster_transport::{Arrival, Destination, Event, Fate, Transport};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -47,6 +48,7 @@ pub(crate) use self::strikes::{Phase, Strike};
 use self::swarm::Swarm;
 use self::tampering::Tampering;
 use self::trace::{Kind, Trace};
+use self::whereabouts::Whereabouts;
 use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
     SeparationChecker, Violation, check_landed, unplanned_failure,
@@ -192,6 +194,7 @@ pub(crate) struct World {
     medium_wakes: Option<Timestamp>,
     drones: Vec<Drone>,
     vehicles: Vec<Vehicle>,
+    whereabouts: Whereabouts,
     swarms: Vec<Swarm>,
     /// How long an actor may hang before its supervisor takes it for failed.
     hang_max: Duration,
@@ -271,6 +274,7 @@ impl World {
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
             separation: SeparationChecker::new(scenario.limits.separation, &vehicles),
+            whereabouts: Whereabouts::of(vehicles.len()),
             vehicles,
             swarms,
             hang_max: scenario.limits.hang,
@@ -319,26 +323,10 @@ impl World {
         self.obedience.goes_on();
         loop {
             while let Some((drone, message)) = self.inbox.pop_front() {
-                let address = message.envelope.address();
-                self.drone(drone).waiting[address as usize] -= 1;
-                if self.drone(drone).is_hung(address) {
-                    self.wait_for(drone, message);
-                    continue;
+                self.drone(drone).unqueue(message.envelope.address());
+                if let Some(task) = self.hand_over(drone, message) {
+                    return Some(task);
                 }
-                if self.drone(drone).is_up(address) {
-                    let envelope = message.envelope;
-                    if self.checks {
-                        self.is_told(drone, &envelope, message.origin);
-                    }
-                    let what = What::Step(Stimulus::Input(envelope));
-                    return Some(Task {
-                        drone,
-                        address,
-                        what,
-                    });
-                }
-                self.trace
-                    .value(self.now, drone, Kind::Undeliverable, &address);
             }
             if self.violation.is_some() || self.is_over() {
                 return None;
@@ -355,6 +343,30 @@ impl World {
                 return Some(task);
             }
         }
+    }
+
+    /// Hands a message to the actor that it is for: a task, if that runs.
+    fn hand_over(&mut self, drone: NodeId, message: Message) -> Option<Task> {
+        let address = message.envelope.address();
+        let state = &self.drones[drone.0 as usize];
+        if state.is_hung(address) {
+            self.wait_for(drone, message);
+            return None;
+        }
+        if !state.is_up(address) {
+            self.trace
+                .value(self.now, drone, Kind::Undeliverable, &address);
+            return None;
+        }
+        let envelope = message.envelope;
+        if self.checks {
+            self.is_told(drone, &envelope, message.origin);
+        }
+        Some(Task {
+            drone,
+            address,
+            what: What::Step(Stimulus::Input(envelope)),
+        })
     }
 
     /// An actor is about to be told something.
@@ -412,7 +424,7 @@ impl World {
                     envelope: Envelope::Radio(radio::Input::Received(datagram)),
                     origin,
                 };
-                self.enqueue(to, message);
+                return self.hand_over(to, message);
             }
             Planned::Outcome(outcome) => {
                 let told = radio::Input::Outcome {
@@ -465,15 +477,19 @@ impl World {
 
     /// Does what a step asked for, in order, and sets the machine's timer.
     pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
-        let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
-        let effects = &reaction.effects;
-        let found = self.obedience.stepped(now, drone, from, effects, kept);
-        self.find(found);
+        if self.checks {
+            let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
+            let effects = &reaction.effects;
+            let found = self.obedience.stepped(now, drone, from, effects, kept);
+            self.find(found);
+        }
         for effect in reaction.effects.drain(..) {
             self.effect(drone, effect);
         }
-        let table = reaction.occupancy;
-        self.find(self.bounds.table(self.now, drone, from, table));
+        if self.checks {
+            let table = reaction.occupancy;
+            self.find(self.bounds.table(self.now, drone, from, table));
+        }
         self.set_timer(drone, from, reaction.deadline);
     }
 
@@ -516,8 +532,10 @@ impl World {
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder(drone).received(drone);
-            let found = self.admission.lets_in(self.now, drone);
-            self.find(found);
+            if self.checks {
+                let found = self.admission.lets_in(self.now, drone);
+                self.find(found);
+            }
             if let Some(frame) = self.told_of.take()
                 && let Some(from) = self.sender(&frame)
             {
@@ -532,11 +550,11 @@ impl World {
     }
 
     fn enqueue(&mut self, drone: NodeId, message: Message) {
-        let waiting =
-            &mut self.drones[drone.0 as usize].waiting[message.envelope.address() as usize];
-        *waiting += 1;
-        let found = self.bounds.queue(self.now, drone, *waiting);
-        self.find(found);
+        let waiting = self.drone(drone).queue(message.envelope.address());
+        if self.checks {
+            let found = self.bounds.queue(self.now, drone, waiting);
+            self.find(found);
+        }
         self.inbox.push_back((drone, message));
     }
 
@@ -572,29 +590,7 @@ impl World {
     fn follow_medium(&mut self) {
         while let Some(event) = self.medium.poll_event() {
             match event {
-                Event::Arrival(arrival) => {
-                    let to = arrival.to;
-                    let is_plain = self.swarms.len() == 1 && self.tampering.is_idle();
-                    let from = if is_plain {
-                        None
-                    } else {
-                        self.sender(&arrival.datagram)
-                    };
-                    let is_told = from.is_none_or(|from| self.swarm(from).has(to));
-                    let (first, twin) = self.tampering.pass(from, arrival.datagram);
-                    for passage in std::iter::once(first).chain(twin) {
-                        let arrive = Planned::Arrive {
-                            to,
-                            datagram: passage.datagram,
-                            origin: if is_told {
-                                passage.origin
-                            } else {
-                                Origin::Spurious
-                            },
-                        };
-                        self.heap.plan(arrival.at + passage.late, arrive);
-                    }
-                }
+                Event::Arrival(arrival) => self.plan_arrival(arrival),
                 Event::Outcome(outcome) => {
                     self.heap.plan(outcome.at, Planned::Outcome(outcome));
                 }
@@ -605,6 +601,35 @@ impl World {
         {
             self.medium_wakes = Some(next);
             self.heap.plan(next, Planned::Medium);
+        }
+    }
+
+    /// Plans what comes of a frame that arrives: that it does, as it was sent, where nobody tampers with any and there is no
+    /// other swarm.
+    fn plan_arrival(&mut self, arrival: Arrival) {
+        let (at, to) = (arrival.at, arrival.to);
+        if self.swarms.len() == 1 && self.tampering.is_idle() {
+            let arrive = Planned::Arrive {
+                to,
+                datagram: arrival.datagram,
+                origin: Origin::Genuine,
+            };
+            return self.heap.plan(at, arrive);
+        }
+        let from = self.sender(&arrival.datagram);
+        let is_told = from.is_none_or(|from| self.swarm(from).has(to));
+        let (first, twin) = self.tampering.pass(from, arrival.datagram);
+        for passage in std::iter::once(first).chain(twin) {
+            let arrive = Planned::Arrive {
+                to,
+                datagram: passage.datagram,
+                origin: if is_told {
+                    passage.origin
+                } else {
+                    Origin::Spurious
+                },
+            };
+            self.heap.plan(at + passage.late, arrive);
         }
     }
 
@@ -643,6 +668,7 @@ impl World {
         let now = self.now;
         self.recorder(drone).armed(drone, now);
         self.separation.takes_off(drone);
+        self.whereabouts.forget(drone);
         if self.airborne == 0 {
             self.heap.plan(self.now, Planned::PlaceRadios);
         }
@@ -655,6 +681,7 @@ impl World {
     fn plan_rest(&mut self, drone: NodeId) {
         let motion = self.vehicles[drone.0 as usize].motion();
         let end = motion.end_time().unwrap_or(self.now);
+        self.whereabouts.forget(drone);
         let generation = self.drone(drone).next_motion();
         self.heap
             .plan(end, Planned::ComeToRest { drone, generation });
@@ -724,6 +751,7 @@ impl World {
         if lands {
             self.airborne -= 1;
             self.medium.place(drone, position);
+            self.whereabouts.forget(drone);
             let now = self.now;
             self.recorder(drone).disarmed(drone, now);
             if !self.recorder(drone).of(drone).landed_with_the_swarm() {
@@ -739,11 +767,9 @@ impl World {
         if self.airborne == 0 {
             return;
         }
-        for (id, vehicle) in (0..).map(NodeId).zip(&self.vehicles) {
-            if vehicle.is_armed() {
-                self.medium.place(id, vehicle.motion().position(self.now));
-            }
-        }
+        let (now, medium) = (self.now, &mut self.medium);
+        self.whereabouts
+            .each_that_moved(now, &self.vehicles, |id, place| medium.place(id, place));
         self.watch_links();
         let next = self.now + PLACE_RADIOS_EVERY;
         self.heap.plan(next, Planned::PlaceRadios);
@@ -800,7 +826,7 @@ impl World {
         self.drone(drone).take_down(address);
         self.inbox
             .retain(|(to, it)| *to != drone || it.envelope.address() != address);
-        self.drone(drone).waiting[address as usize] = 0;
+        self.drone(drone).clear_queue(address);
         match verdict {
             Verdict::Restart { at } => {
                 self.recorder(drone).restarts(drone);

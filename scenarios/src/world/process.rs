@@ -175,7 +175,7 @@ impl World {
         if self.drone(drone).lives == life {
             let backlog = std::mem::take(&mut self.drone(drone).backlog);
             for message in &backlog {
-                self.drone(drone).waiting[message.envelope.address() as usize] += 1;
+                self.drone(drone).queue(message.envelope.address());
             }
             self.inbox
                 .extend(backlog.into_iter().map(|message| (drone, message)));
@@ -201,7 +201,9 @@ impl World {
     /// Nothing of a drone runs any more.
     fn end_process(&mut self, drone: NodeId) {
         self.inbox.retain(|(to, _)| *to != drone);
-        self.drone(drone).waiting = [0; 5];
+        for address in Address::ALL {
+            self.drone(drone).clear_queue(address);
+        }
         self.standings += 1;
         self.drone(drone).end();
         self.swarm_mut(drone).barrier.given_up(drone);

@@ -19,6 +19,8 @@ pub(crate) struct Recorder {
     centre: NodeId,
     /// Of drones first, then of relays.
     nodes: Vec<Record>,
+    /// Of the same: apart from all else, for it changes with each frame.
+    traffic: Vec<Traffic>,
     drones: usize,
     barriers: BTreeMap<u16, Crossing>,
     changes: BTreeMap<u16, Change>,
@@ -60,9 +62,14 @@ pub(crate) struct Record {
     pub(crate) reboots: u32,
     pub(crate) armed: Option<Timestamp>,
     pub(crate) disarmed: Option<Timestamp>,
-    /// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
+}
+
+/// Frames sent and let in between the start of neighbour discovery and the end of the landing; of a relay, all.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Traffic {
     pub(crate) sent: u64,
     pub(crate) received: u64,
+    /// Whether it is that time.
     counts: bool,
 }
 
@@ -127,22 +134,18 @@ impl Recorder {
             reboots: 0,
             armed: None,
             disarmed: None,
-            sent: 0,
-            received: 0,
-            counts: false,
-        };
-        let relay = Record {
-            // It is at work from the start.
-            counts: true,
-            ..record.clone()
         };
         let (drones, nodes) = (drones as usize, nodes as usize);
-        let mut records = vec![record; drones];
-        records.resize(nodes, relay);
+        let traffic = |node| Traffic {
+            // A relay is at work from the start.
+            counts: node >= drones,
+            ..Traffic::default()
+        };
         Self {
             first,
             centre,
-            nodes: records,
+            nodes: vec![record; nodes],
+            traffic: (0..nodes).map(traffic).collect(),
             drones,
             barriers: BTreeMap::new(),
             changes: BTreeMap::new(),
@@ -204,13 +207,13 @@ impl Recorder {
         } else {
             self.frames.news += 1;
         }
-        let record = self.record(id);
-        record.sent += u64::from(record.counts);
+        let traffic = self.traffic_mut(id);
+        traffic.sent += u64::from(traffic.counts);
     }
 
     pub(crate) fn received(&mut self, id: NodeId) {
-        let record = self.record(id);
-        record.received += u64::from(record.counts);
+        let traffic = self.traffic_mut(id);
+        traffic.received += u64::from(traffic.counts);
     }
 
     /// How often the medium has sent a frame again so far.
@@ -231,7 +234,7 @@ impl Recorder {
     pub(crate) fn disarmed(&mut self, id: NodeId, now: Timestamp) {
         let record = self.record(id);
         record.disarmed = Some(now);
-        record.counts = false;
+        self.traffic_mut(id).counts = false;
         self.steps_done += 1;
     }
 
@@ -314,7 +317,7 @@ impl Recorder {
         let record = self.record(id);
         let before = record.states.last().map(|(_, state)| *state);
         record.states.push((now, state));
-        record.counts |= is_in_discovery_or_beyond(state);
+        self.traffic_mut(id).counts |= is_in_discovery_or_beyond(state);
         if let Some(State::WaypointReached { waypoint }) = before {
             self.barriers.entry(waypoint).or_default().moving = Some((now, sent));
         }
@@ -385,6 +388,15 @@ impl Recorder {
     /// What is written down of one of the swarm.
     pub(crate) fn of(&self, id: NodeId) -> &Record {
         &self.nodes[(id.0 - self.first.0) as usize]
+    }
+
+    /// What one of the swarm has sent and let in.
+    pub(crate) fn traffic(&self, id: NodeId) -> Traffic {
+        self.traffic[(id.0 - self.first.0) as usize]
+    }
+
+    fn traffic_mut(&mut self, id: NodeId) -> &mut Traffic {
+        &mut self.traffic[(id.0 - self.first.0) as usize]
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {

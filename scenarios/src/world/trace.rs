@@ -3,8 +3,9 @@ use std::fmt::{Debug, Write};
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
-/// What is hashed at once, in bytes: enough for BLAKE3 to work on several blocks side by side.
-const BUFFER_MAX: usize = 64 * 1_024;
+/// What is hashed at once, in bytes: as many blocks as BLAKE3 works on side by side, and no more, for what a run touches
+/// next is to stay in the processor's caches.
+const BUFFER_MAX: usize = 16 * 1_024;
 
 /// A running BLAKE3 of everything that can be observed of a run: equal runs have equal traces.
 ///
@@ -50,11 +51,12 @@ impl Trace {
     }
 
     pub(crate) fn bytes(&mut self, now: Timestamp, drone: NodeId, kind: Kind, bytes: &[u8]) {
-        self.bytes.extend_from_slice(&now.as_nanos().to_le_bytes());
-        self.bytes.extend_from_slice(&drone.0.to_le_bytes());
-        self.bytes.push(kind as u8);
-        self.bytes
-            .extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        let mut head = [0; 8 + 4 + 1 + 8];
+        head[..8].copy_from_slice(&now.as_nanos().to_le_bytes());
+        head[8..12].copy_from_slice(&drone.0.to_le_bytes());
+        head[12] = kind as u8;
+        head[13..].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.bytes.extend_from_slice(&head);
         self.bytes.extend_from_slice(bytes);
         if self.bytes.len() >= BUFFER_MAX {
             self.hasher.update(&self.bytes);

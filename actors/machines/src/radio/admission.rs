@@ -1,9 +1,10 @@
+use std::num::NonZeroU64;
 use std::time::Duration;
 
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
-use crate::identity::NodeId;
+use crate::roster::Roster;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
 
@@ -66,16 +67,18 @@ impl From<FrameError> for DropReason {
 pub struct Admission {
     budget: Budget,
     members: u32,
-    /// By rising ids.
-    senders: Vec<Sender>,
+    senders: Roster<Sender>,
 }
+
+/// Where a sender stands in the table, as [`Admission::check`] found it.
+#[derive(Debug, Clone, Copy)]
+pub struct Place(usize);
 
 #[derive(Debug)]
 struct Sender {
-    id: NodeId,
     /// When the whole burst will have been earned back.
     full_at: Timestamp,
-    /// Nothing yet, or the newest life and counter with a bit for each counter below.
+    /// Nothing yet, or the newest life and counter.
     newest: Option<Newest>,
 }
 
@@ -83,8 +86,12 @@ struct Sender {
 struct Newest {
     boot: u32,
     counter: u64,
-    seen: u64,
+    /// A bit for each counter, the newest in the lowest.
+    seen: NonZeroU64,
 }
+
+/// Only the newest counter was seen.
+const ONLY_NEWEST: NonZeroU64 = NonZeroU64::MIN;
 
 impl Admission {
     /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
@@ -94,38 +101,33 @@ impl Admission {
         Self {
             budget,
             members,
-            senders: Vec::new(),
+            senders: Roster::new(),
         }
     }
 
     /// How many senders the table holds.
     #[must_use]
-    pub fn senders(&self) -> usize {
+    pub const fn senders(&self) -> usize {
         self.senders.len()
-    }
-
-    fn find(&self, id: NodeId) -> Result<usize, usize> {
-        self.senders.binary_search_by_key(&id, |sender| sender.id)
     }
 
     /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.
     ///
     /// # Errors
     /// With the reason for which the frame is to be dropped.
-    pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<(), DropReason> {
+    pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<Place, DropReason> {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
         }
-        let at = self.find(header.sender).unwrap_or_else(|at| {
+        let at = self.senders.find(header.sender).unwrap_or_else(|at| {
             let sender = Sender {
-                id: header.sender,
                 full_at: now,
                 newest: None,
             };
-            self.senders.insert(at, sender);
+            self.senders.insert(at, header.sender, sender);
             at
         });
-        let sender = &mut self.senders[at];
+        let sender = self.senders.at(at);
         // A replay is not to use up what its sender may say.
         if sender.newest.is_some_and(|newest| newest.has_seen(header)) {
             return Err(DropReason::Replayed);
@@ -135,22 +137,21 @@ impl Admission {
             return Err(DropReason::OverBudget);
         }
         sender.full_at = full_at;
-        Ok(())
+        Ok(Place(at))
     }
 
     /// Marks a frame, whose signature was right, as seen.
-    pub fn admit(&mut self, header: &Header) {
-        let Ok(at) = self.find(header.sender) else {
-            return;
-        };
-        let sender = &mut self.senders[at];
-        match &mut sender.newest {
+    ///
+    /// # Panics
+    /// When another table than this one found the place.
+    pub fn admit(&mut self, place: Place, header: &Header) {
+        match &mut self.senders.at(place.0).newest {
             Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
             newest => {
                 *newest = Some(Newest {
                     boot: header.boot,
                     counter: header.counter,
-                    seen: 1,
+                    seen: ONLY_NEWEST,
                 });
             }
         }
@@ -164,7 +165,7 @@ impl Newest {
         }
         match self.counter.checked_sub(header.counter) {
             None => false,
-            Some(behind) => behind >= WINDOW || self.seen & (1 << behind) != 0,
+            Some(behind) => behind >= WINDOW || self.seen.get() & (1 << behind) != 0,
         }
     }
 
@@ -174,9 +175,9 @@ impl Newest {
             None => {
                 let ahead = counter - self.counter;
                 self.seen = if ahead < WINDOW {
-                    self.seen << ahead | 1
+                    ONLY_NEWEST | self.seen.get() << ahead
                 } else {
-                    1
+                    ONLY_NEWEST
                 };
                 self.counter = counter;
             }

@@ -7,7 +7,7 @@ use std::convert::Infallible;
 
 use bytes::Bytes;
 
-pub use admission::{Admission, Budget, DropReason};
+pub use admission::{Admission, Budget, DropReason, Place};
 pub use authenticator::{Authenticator, IdealAuthenticator};
 
 use serde::{Deserialize, Serialize};
@@ -185,14 +185,14 @@ impl<A: Authenticator> Radio<A> {
         if header.sender == self.config.id {
             return Err(DropReason::OwnEcho);
         }
-        self.admission.check(now, &header)?;
+        let place = self.admission.check(now, &header)?;
         let is_genuine =
             self.authenticator
                 .verify(header.sender, frame.covered, frame.authenticator);
         if !is_genuine && !flaw::has(Flaw::BelievesAnySender) {
             return Err(DropReason::Forged);
         }
-        self.admission.admit(&header);
+        self.admission.admit(place, &header);
         self.outbox.transmit(Transmit::Heard {
             sender: header.sender,
             ballot: header.ballot,

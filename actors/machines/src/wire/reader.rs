@@ -16,6 +16,11 @@ impl<'a> Reader<'a> {
         take_varint(&mut self.0)
     }
 
+    /// One of 64 bits.
+    pub(super) fn long_number(&mut self) -> Option<u64> {
+        take_long_varint::<64>(&mut self.0)
+    }
+
     pub(super) fn is_there(&mut self) -> Option<bool> {
         match self.byte()? {
             0 => Some(false),
@@ -72,15 +77,16 @@ pub(super) fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
         *bytes = rest;
         return Some(u32::from(*byte));
     }
-    take_long_varint(bytes)
+    u32::try_from(take_long_varint::<32>(bytes)?).ok()
 }
 
-fn take_long_varint(bytes: &mut &[u8]) -> Option<u32> {
-    let mut value = 0_u32;
-    for shift in [0, 7, 14, 21, 28] {
+/// One of as many bytes as a number of so many bits may take, at most 64.
+fn take_long_varint<const BITS: usize>(bytes: &mut &[u8]) -> Option<u64> {
+    let mut value = 0_u64;
+    for shift in (0..BITS).step_by(7) {
         let (byte, rest) = bytes.split_first()?;
         *bytes = rest;
-        let bits = u32::from(byte & 0x7f);
+        let bits = u64::from(byte & 0x7f);
         value |= bits << shift;
         if *byte < 0x80 {
             return (bits << shift >> shift == bits).then_some(value);

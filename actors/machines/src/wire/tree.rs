@@ -1,17 +1,16 @@
 //! The packet of policy `tree`, read where it lies: most of what a neighbour says is of no use to whoever hears it.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use serde::Serialize;
-
 use super::reader::{Reader, take_varint};
-
+use super::writer::Writer;
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::Tree;
 
-/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
-#[derive(Debug, Clone, Default)]
-pub struct TreeFrame<'a> {
+/// What a packet of policy `tree` begins with.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TreeFront {
     /// As in [`Tree`], as all that follow.
     pub beat: u32,
     /// See there.
@@ -20,7 +19,25 @@ pub struct TreeFrame<'a> {
     pub parent: Option<NodeId>,
     /// See there.
     pub pulse: u32,
-    /// See there.
+}
+
+impl TreeFront {
+    pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
+        Some(Self {
+            beat: from.number()?,
+            hops: from.hops()?,
+            parent: from.id()?,
+            pulse: from.number()?,
+        })
+    }
+}
+
+/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct TreeFrame<'a> {
+    /// What it begins with.
+    pub front: TreeFront,
+    /// As in [`Tree`], as all that follow.
     pub sequence: u32,
     /// See there.
     pub span: Option<Range<u32>>,
@@ -79,89 +96,52 @@ impl<'a> Runs<'a> {
     }
 }
 
-fn write_set(set: &NodeSet) -> Vec<u8> {
-    let mut out = Vec::with_capacity(8);
-    let mut before = 0;
-    for bound in set.runs().flat_map(|run| [run.start, run.end]) {
-        let mut distance = bound - before;
-        before = bound;
-        while distance >= 0x80 {
-            out.push((distance & 0x7f) as u8 | 0x80);
-            distance >>= 7;
-        }
-        out.push(distance as u8);
-    }
-    out
-}
-
-#[derive(Serialize)]
-pub(super) struct WireTree<'a> {
-    beat: u32,
-    hops: Option<u16>,
-    parent: Option<u32>,
-    pulse: u32,
-    sequence: u32,
-    span: Option<Range<u32>>,
-    /// Which of the two sets after `alive` are written as what differs from it.
-    differences: u8,
-    alive: &'a [u8],
-    acknowledged: &'a [u8],
-    landing: &'a [u8],
-    hears: Option<&'a [u8]>,
-    to: Option<u32>,
-    pending: &'a [u8],
-    order: Option<&'a [u8]>,
-}
-
 const ACKNOWLEDGED_DIFFERS: u8 = 1;
 const LANDING_DIFFERS: u8 = 2;
 
 /// A set as it is written beside `alive`: as what differs from that, if that has fewer runs, which is then told by `flag`.
-fn write_beside(alive: &NodeSet, set: &NodeSet, flag: u8) -> (Vec<u8>, u8) {
+fn beside_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
     if !set.is_empty() && !alive.is_empty() {
         let differs = alive.symmetric_difference(set);
         if differs.runs().len() < set.runs().len() {
-            return (write_set(&differs), flag);
+            return (Cow::Owned(differs), flag);
         }
     }
-    (write_set(set), 0)
+    (Cow::Borrowed(set), 0)
 }
 
-/// Hands the packet, as it is written, to `write`.
-pub(super) fn written<T>(tree: &Tree, write: impl FnOnce(WireTree<'_>) -> T) -> T {
-    let (acknowledged, first) = write_beside(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
-    let (landing, second) = write_beside(&tree.alive, &tree.landing, LANDING_DIFFERS);
-    let (alive, pending) = (write_set(&tree.alive), write_set(&tree.pending));
-    let hears = tree.hears.as_ref().map(write_set);
-    write(WireTree {
-        beat: tree.beat,
-        hops: tree.hops,
-        parent: tree.parent.map(|id| id.0),
-        pulse: tree.pulse,
-        sequence: tree.sequence,
-        span: tree.span.clone(),
-        differences: first | second,
-        alive: &alive,
-        acknowledged: &acknowledged,
-        landing: &landing,
-        hears: hears.as_deref(),
-        to: tree.to.map(|id| id.0),
-        pending: &pending,
-        order: tree.order.as_deref(),
-    })
+/// Writes a packet, behind its number.
+pub(super) fn write(tree: &Tree, to: &mut Writer) {
+    to.number(tree.beat);
+    to.hops(tree.hops);
+    to.id(tree.parent);
+    to.number(tree.pulse);
+    to.number(tree.sequence);
+    to.or_nothing(tree.span.as_ref(), |to, span| {
+        to.number(span.start);
+        to.number(span.end);
+    });
+    let (acknowledged, first) = beside_alive(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
+    let (landing, second) = beside_alive(&tree.alive, &tree.landing, LANDING_DIFFERS);
+    to.byte(first | second);
+    to.runs(&tree.alive);
+    to.runs(&acknowledged);
+    to.runs(&landing);
+    to.or_nothing(tree.hears.as_ref(), Writer::runs);
+    to.id(tree.to);
+    to.runs(&tree.pending);
+    to.or_nothing(tree.order.as_deref(), Writer::bytes);
 }
 
 impl<'a> TreeFrame<'a> {
-    /// What [`written`] has written, field by field: this is what a drone does most.
-    pub(super) fn read(bytes: &'a [u8]) -> Option<Self> {
-        let mut from = Reader(bytes);
+    /// Reads the packet that has these words behind its front, field by field; nothing if they are none.
+    #[must_use]
+    pub fn read(front: TreeFront, words: &'a [u8]) -> Option<Self> {
+        let mut from = Reader(words);
         let mut frame = Self {
-            beat: from.number()?,
+            front,
             ..Self::default()
         };
-        frame.hops = from.hops()?;
-        frame.parent = from.id()?;
-        frame.pulse = from.number()?;
         frame.sequence = from.number()?;
         if from.is_there()? {
             frame.span = Some(from.number()?..from.number()?);
@@ -215,7 +195,10 @@ impl TreeFrame<'_> {
     #[must_use]
     pub fn only_of_its_link(&self) -> Self {
         Self {
-            beat: self.beat,
+            front: TreeFront {
+                beat: self.front.beat,
+                ..TreeFront::default()
+            },
             span: self.span.clone(),
             hears: self.hears,
             ..Self::default()
@@ -244,10 +227,10 @@ impl TreeFrame<'_> {
     #[must_use]
     pub fn to_tree(&self) -> Tree {
         Tree {
-            beat: self.beat,
-            hops: self.hops,
-            parent: self.parent,
-            pulse: self.pulse,
+            beat: self.front.beat,
+            hops: self.front.hops,
+            parent: self.front.parent,
+            pulse: self.front.pulse,
             sequence: self.sequence,
             span: self.span.clone(),
             acknowledged: self.acknowledged(),

@@ -1,13 +1,13 @@
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::Member;
 use crate::identity::{NodeId, NodeSet};
+use crate::roster::Roster;
 use crate::time::Timestamp;
 
 /// What is known of the members below this drone, gathered from the acknowledgements that it passes on.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Members(BTreeMap<NodeId, Known>);
+pub(super) struct Members(Roster<Known>);
 
 #[derive(Debug, Clone, Copy)]
 struct Known {
@@ -33,19 +33,22 @@ pub(super) struct Change {
 impl Members {
     /// Takes a report in; one whose beat has not risen proves nothing and changes nothing.
     pub(super) fn hear(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
-        let Some(known) = self.0.get_mut(&member.id) else {
-            let known = Known {
-                member,
-                via,
-                rose_at: now,
-                silent: false,
-            };
-            self.0.insert(member.id, known);
-            return Change {
-                progress: true,
-                returned: false,
-                moved: true,
-            };
+        let known = match self.0.find(member.id) {
+            Ok(at) => self.0.at(at),
+            Err(at) => {
+                let known = Known {
+                    member,
+                    via,
+                    rose_at: now,
+                    silent: false,
+                };
+                self.0.insert(at, member.id, known);
+                return Change {
+                    progress: true,
+                    returned: false,
+                    moved: true,
+                };
+            }
         };
         if member.beat <= known.member.beat {
             return Change::default();
@@ -84,48 +87,49 @@ impl Members {
                 rose_at: now,
                 silent: false,
             };
-            self.0.entry(id).or_insert(unheard).rose_at = now;
+            match self.0.find(id) {
+                Ok(at) => self.0.at(at).rose_at = now,
+                Err(at) => self.0.insert(at, id, unheard),
+            }
         }
     }
 
     /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
     pub(super) fn forgive(&mut self, now: Timestamp) {
-        for known in self.0.values_mut() {
+        for known in self.0.iter_mut() {
             known.rose_at = now;
         }
     }
 
     pub(super) fn forget_all(&mut self) {
-        self.0.clear();
+        *self = Self::default();
     }
 
     /// Forgets whoever's beat has not risen for `time_to_live`.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
         self.0
-            .retain(|_, known| now.since(known.rose_at) <= time_to_live);
+            .retain(|known| now.since(known.rose_at) <= time_to_live);
     }
 
     /// Marks and returns the members whose beat has not risen for `time_to_live`, each once.
     pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let mut silent = NodeSet::default();
-        for (id, known) in &mut self.0 {
+        for known in self.0.iter_mut() {
             if !known.silent && now.since(known.rose_at) > time_to_live {
                 known.silent = true;
-                silent.insert(*id);
+                silent.insert(known.member.id);
             }
         }
         silent
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = Member> + '_ {
-        self.0.values().map(|known| known.member)
+        self.0.iter().map(|known| known.member)
     }
 
     pub(super) fn silent(&self) -> impl Iterator<Item = NodeId> + '_ {
-        self.0
-            .iter()
-            .filter(|(_, known)| known.silent)
-            .map(|(id, _)| *id)
+        let silent = self.0.iter().filter(|known| known.silent);
+        silent.map(|known| known.member.id)
     }
 
     pub(super) fn len(&self) -> usize {

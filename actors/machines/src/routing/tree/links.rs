@@ -1,13 +1,16 @@
 use std::cell::OnceCell;
 use std::time::Duration;
 
+use bytes::Bytes;
+
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
+use crate::roster::Roster;
 use crate::time::Timestamp;
-use crate::wire::TreeFrame;
+use crate::wire::{TreeFrame, TreeFront};
 
 /// How many frames an estimate of a link's loss remembers; it is their mean as long as there were fewer.
-const LOSS_MEMORY: u32 = 50;
+const LOSS_MEMORY: u16 = 50;
 /// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
 const LOST: f64 = 1e-6;
 /// How unlikely it must be that it is silent for as long as it takes to prefer another, and to ask whether it is there.
@@ -17,9 +20,9 @@ const UNANSWERED: f64 = 1e-9;
 /// However lossy a link is, no more questions are asked.
 pub(super) const QUESTIONS_MAX: f64 = 40.0;
 /// However lossy a link is, it is given up after this many beacons.
-const LOST_BEACONS_MAX: u32 = 30;
+const LOST_BEACONS_MAX: u16 = 30;
 /// And asked after this many: to ask costs a frame.
-pub(super) const STALE_BEACONS_MAX: u32 = 5;
+pub(super) const STALE_BEACONS_MAX: u16 = 5;
 
 /// After how many times that the medium gave up to reach a neighbour, which was not heard in between, it is taken to be
 /// out of reach.
@@ -34,8 +37,9 @@ pub(super) struct Links {
     own: NodeId,
     /// How many drones there are; nothing that is said of others is kept.
     drones: u32,
-    /// By rising ids.
-    links: Vec<Link>,
+    /// How often each neighbour speaks at least.
+    beacon: Duration,
+    links: Roster<Link>,
     /// What all children say together, until one of them says something else.
     below: OnceCell<Below>,
 }
@@ -49,12 +53,7 @@ pub(super) struct Link {
     pub(super) symmetric: bool,
     /// Since when it has left this drone out whenever it said whom it hears.
     left_out: Option<Timestamp>,
-    /// The share of the neighbour's frames that was missed lately, told from the gaps between their numbers.
-    pub(super) loss: f64,
-    /// How many frames that was told from, up to [`LOSS_MEMORY`].
-    frames: u32,
-    /// What the medium says has arrived there: of which order, and who has carried it out.
-    told: (u32, NodeSet),
+    pub(super) quality: Quality,
     /// How often the medium has given up to reach it since it was heard.
     given_up: u32,
     /// Whether it repeated itself to this drone and has not been answered.
@@ -63,6 +62,32 @@ pub(super) struct Link {
     told_of_reign: Option<u32>,
     /// What it said last.
     pub(super) said: Said,
+    /// The sets that are kept of it, as long as there are any.
+    sets: Option<Box<Sets>>,
+    /// What it said as it was written, behind the front; nothing of what it said under another reign.
+    words: Bytes,
+}
+
+/// How well a neighbour is heard.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Quality {
+    /// The share of its frames that was missed lately, told from the gaps between their numbers.
+    pub(super) loss: f64,
+    /// How many frames that was told from, up to [`LOSS_MEMORY`].
+    frames: u16,
+    /// After how many beacons of silence it is stale, and after how many it is lost.
+    stale_beacons: u16,
+    lost_beacons: u16,
+}
+
+/// Who says something, and what it is to this drone.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Speaker {
+    pub(super) id: NodeId,
+    /// Whether it is the parent.
+    pub(super) is_parent: bool,
+    /// Whom this drone obeys.
+    pub(super) master: Option<NodeId>,
 }
 
 /// What is kept of a neighbour's words.
@@ -76,12 +101,34 @@ pub(super) struct Said {
     pub(super) to: Option<NodeId>,
     /// Whether it was said only because its time had come.
     pub(super) is_beacon: bool,
+    /// Whether its sender hears this drone, as far as that tells.
+    hears_own: Option<bool>,
+    /// Whether the master is on its way to the ground.
+    pub(super) master_lands: bool,
+    /// Whether it was said by the parent, or by who was that then.
+    by_parent: bool,
+}
+
+/// The sets of drones that are kept of a neighbour; of most there are none.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Sets {
+    /// What the medium says has arrived there: of which order, and who has carried it out.
+    told: (u32, NodeSet),
+    /// As it said last, if it is a child or the parent.
     acknowledged: NodeSet,
-    /// Of children only.
-    pub(super) alive: NodeSet,
-    /// Of children only.
+    /// Likewise, of children only.
+    alive: NodeSet,
+    /// Likewise.
     landing: NodeSet,
 }
+
+/// Of a neighbour of whom no sets are kept.
+static NO_SETS: Sets = Sets {
+    told: (0, NodeSet::new()),
+    acknowledged: NodeSet::new(),
+    alive: NodeSet::new(),
+    landing: NodeSet::new(),
+};
 
 /// What all children say together.
 #[derive(Debug, Clone, Default)]
@@ -107,7 +154,59 @@ pub(super) struct Heard {
     pub(super) is_new: bool,
 }
 
+/// How a link has changed by a frame that was heard over it.
+struct LinkChanged {
+    /// It could not be reached before.
+    is_back: bool,
+    /// It carries both ways, which it did not, or one way only.
+    turns: bool,
+}
+
 impl Link {
+    /// To a neighbour that is heard for the first time, before that is taken in.
+    fn new(id: NodeId, now: Timestamp) -> Self {
+        Self {
+            id,
+            heard_at: now,
+            symmetric: false,
+            left_out: None,
+            quality: Quality::new(),
+            given_up: 0,
+            asks: false,
+            told_of_reign: None,
+            said: Said::default(),
+            sets: None,
+            words: Bytes::new(),
+        }
+    }
+
+    /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
+    fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
+        for _ in 0..missed.min(LOSS_MEMORY.into()) {
+            self.quality.learn(1.0);
+        }
+        self.quality.learn(0.0);
+        self.heard_at = now;
+        let was_reachable = self.is_reachable();
+        self.given_up = 0;
+        self.told_of_reign = None;
+        let symmetric = self.said.hears_own.unwrap_or(self.symmetric);
+        let leaves_out = self.said.hears_own == Some(false);
+        self.left_out = leaves_out.then(|| self.left_out.unwrap_or(now));
+        // At first it may have restarted: it hears this drone again when that speaks.
+        let is_new = self.left_out.is_none_or(|since| now.since(since) < beacon);
+        let was_symmetric = self.symmetric;
+        self.symmetric = symmetric || (self.symmetric && is_new);
+        if !self.shows_what_it_was_told() {
+            // It restarted, or spoke before it knew.
+            self.change_sets(|sets| sets.told = (0, NodeSet::new()));
+        }
+        LinkChanged {
+            is_back: !was_reachable,
+            turns: self.symmetric != was_symmetric,
+        }
+    }
+
     /// Whether it can be reached, as far as is known.
     pub(super) const fn is_reachable(&self) -> bool {
         self.given_up < GIVEN_UP_MAX
@@ -126,13 +225,14 @@ impl Link {
 
     /// Whether it knows of an order, as it said or the medium did.
     pub(super) fn knows(&self, sequence: u32) -> bool {
-        self.said.sequence.max(self.told.0) >= sequence
+        self.said.sequence.max(self.sets().told.0) >= sequence
     }
 
     /// Those of `acknowledged` of whom it is not known to know that they have carried an order out.
     pub(super) fn lacks(&self, sequence: u32, acknowledged: &NodeSet) -> NodeSet {
-        let said = (self.said.sequence, &self.said.acknowledged);
-        let told = (self.told.0, &self.told.1);
+        let sets = self.sets();
+        let said = (self.said.sequence, &sets.acknowledged);
+        let told = (sets.told.0, &sets.told.1);
         let known = [said, told].into_iter().filter(|it| it.0 == sequence);
         known.fold(acknowledged.clone(), |lacks, (_, known)| {
             lacks.difference(known)
@@ -141,19 +241,31 @@ impl Link {
 
     /// Whether what it said shows that it knows what it was told.
     fn shows_what_it_was_told(&self) -> bool {
-        let (sequence, acknowledged) = &self.told;
+        let sets = self.sets();
+        let (sequence, acknowledged) = &sets.told;
         self.said.sequence > *sequence
-            || self.said.sequence == *sequence && self.said.acknowledged.is_superset(acknowledged)
+            || self.said.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
+    }
+
+    fn sets(&self) -> &Sets {
+        self.sets.as_deref().unwrap_or(&NO_SETS)
+    }
+
+    /// Changes the sets that are kept; none are if they are as before anything was said.
+    fn change_sets<T>(&mut self, change: impl FnOnce(&mut Sets) -> T) -> T {
+        let mut sets = self.sets.take().unwrap_or_default();
+        let changed = change(&mut sets);
+        self.sets = Some(sets).filter(|sets| **sets != NO_SETS);
+        changed
+    }
+
+    /// Who is there of itself and those below it, if it is a child.
+    pub(super) fn alive(&self) -> &NodeSet {
+        &self.sets().alive
     }
 
     const fn is_child_of(&self, id: NodeId) -> bool {
         matches!(self.said.parent, Some(parent) if parent.0 == id.0)
-    }
-
-    /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
-    fn learn(&mut self, missed: f64) {
-        self.frames = (self.frames + 1).min(LOSS_MEMORY);
-        self.loss += (missed - self.loss) / f64::from(self.frames);
     }
 
     /// Whether it has been silent for so long that another way would be better.
@@ -163,18 +275,48 @@ impl Link {
 
     /// From when on that is so, unless it is heard.
     pub(super) fn stale_at(&self, beacon: Duration) -> Timestamp {
-        self.heard_at + self.patience(beacon, STALE, STALE_BEACONS_MAX)
+        self.heard_at + beacon * self.quality.stale_beacons.into()
+    }
+}
+
+impl Quality {
+    /// Of a neighbour that was heard once.
+    fn new() -> Self {
+        let mut quality = Self {
+            loss: 0.0,
+            frames: 0,
+            stale_beacons: 0,
+            lost_beacons: 0,
+        };
+        quality.judge();
+        quality
     }
 
-    /// How long a neighbour that speaks once a beacon may be silent by a chance of `odds`.
-    fn patience(&self, beacon: Duration, odds: f64, beacons_max: u32) -> Duration {
+    /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
+    fn learn(&mut self, missed: f64) {
+        let before = (self.loss, self.frames);
+        self.frames = (self.frames + 1).min(LOSS_MEMORY);
+        self.loss += (missed - self.loss) / f64::from(self.frames);
+        if before != (self.loss, self.frames) {
+            self.judge();
+        }
+    }
+
+    /// How long it may be silent by chance, as things are by now.
+    fn judge(&mut self) {
+        self.stale_beacons = self.patience(STALE, STALE_BEACONS_MAX);
+        self.lost_beacons = self.patience(LOST, LOST_BEACONS_MAX);
+    }
+
+    /// For how many beacons a neighbour that speaks once in each may be silent by a chance of `odds`.
+    fn patience(&self, odds: f64, beacons_max: u16) -> u16 {
         let loss = self.cautious_loss();
         let (mut beacons, mut chance) = (1, loss);
         while chance > odds && beacons < beacons_max {
             chance *= loss;
             beacons += 1;
         }
-        beacon * beacons
+        beacons
     }
 
     /// How often it is asked before it is taken to be gone: a question or its answer may be lost, each like any frame.
@@ -198,94 +340,98 @@ impl Link {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) const fn new(own: NodeId, drones: u32) -> Self {
+    pub(super) const fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
         Self {
             own,
             drones,
-            links: Vec::new(),
+            beacon,
+            links: Roster::new(),
             below: OnceCell::new(),
         }
     }
 
-    fn find(&self, id: NodeId) -> Result<usize, usize> {
-        self.links.binary_search_by_key(&id, |link| link.id)
+    /// Whether these very words were the last that a neighbour said under this reign, as what it is to this drone now.
+    pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
+        self.get(speaker.id).is_some_and(|link| {
+            let said = &link.said;
+            (said.hops, said.parent, said.by_parent)
+                == (front.hops, front.parent, speaker.is_parent)
+                && link.words == words
+        })
     }
 
-    fn get_mut(&mut self, id: NodeId) -> Option<&mut Link> {
-        let at = self.find(id).ok()?;
-        Some(&mut self.links[at])
+    /// Takes in what a neighbour says that has said the same before; nothing for a number that is not newer than the last.
+    pub(super) fn hear_again(
+        &mut self,
+        id: NodeId,
+        front: &TreeFront,
+        now: Timestamp,
+    ) -> Option<Heard> {
+        let link = self.links.get_mut(id)?;
+        let missed = front.beat.checked_sub(link.said.beat)?.checked_sub(1)?;
+        (link.said.beat, link.said.pulse) = (front.beat, front.pulse);
+        let is_child = link.is_child_of(self.own);
+        let link_changed = link.is_heard(now, missed, self.beacon);
+        if is_child && link_changed.is_back {
+            self.below.take();
+        }
+        Some(Heard {
+            has_progressed: false,
+            has_moved: link_changed.is_back || link_changed.turns,
+            is_new: false,
+        })
     }
 
-    /// Takes in what a neighbour says, whether it is the parent or not; nothing for a number that is not newer than the
+    /// Takes in what a neighbour says, in the words behind its front; nothing for a number that is not newer than the
     /// last. One that has left this drone out for a beacon does not hear it.
     pub(super) fn hear(
         &mut self,
-        (id, is_parent): (NodeId, bool),
+        speaker: Speaker,
         said: &TreeFrame<'_>,
+        words: Bytes,
         now: Timestamp,
-        beacon: Duration,
     ) -> Option<Heard> {
-        let at = match self.find(id) {
-            Ok(at) if said.beat <= self.links[at].said.beat => return None,
-            Ok(at) => at,
-            Err(at) => return Some(self.begin(at, id, said, now)),
+        let link = match self.links.find(speaker.id) {
+            Ok(at) => self.links.at(at),
+            Err(at) => return Some(self.begin(at, speaker, said, words, now)),
         };
-        let link = &mut self.links[at];
-        let symmetric = says_to_hear(self.own, said).unwrap_or(link.symmetric);
-        let missed = said.beat - link.said.beat - 1;
-        for _ in 0..missed.min(LOSS_MEMORY) {
-            link.learn(1.0);
-        }
-        link.learn(0.0);
-        link.heard_at = now;
-        let was_reachable = link.is_reachable();
-        link.given_up = 0;
-        link.told_of_reign = None;
-        let leaves_out = !symmetric && said.hears(self.own).is_some();
-        link.left_out = leaves_out.then(|| link.left_out.unwrap_or(now));
-        // At first it may have restarted: it hears this drone again when that speaks.
-        let is_new = link.left_out.is_none_or(|since| now.since(since) < beacon);
-        let was_symmetric = link.symmetric;
-        link.symmetric = symmetric || (link.symmetric && is_new);
+        let missed = said
+            .front
+            .beat
+            .checked_sub(link.said.beat)?
+            .checked_sub(1)?;
         let was_child = link.is_child_of(self.own);
-        let is_child = said.parent == Some(self.own);
-        let changed = link.said.hear(said, (is_child, is_parent), self.drones);
-        if !link.shows_what_it_was_told() {
-            // It restarted, or spoke before it knew.
-            link.told = (0, NodeSet::default());
-        }
-        let has_moved = changed.way || !was_reachable || link.symmetric != was_symmetric;
-        if was_child != is_child || is_child && (changed.any || !was_reachable) {
+        let changed = link.keep(said, self.own, speaker, self.drones);
+        link.words = words;
+        let is_child = link.is_child_of(self.own);
+        let link_changed = link.is_heard(now, missed, self.beacon);
+        if was_child != is_child || is_child && (changed.any || link_changed.is_back) {
             self.below.take();
         }
         Some(Heard {
             has_progressed: changed.progress,
-            has_moved,
+            has_moved: changed.way || link_changed.is_back || link_changed.turns,
             is_new: false,
         })
     }
 
     /// Takes in what a neighbour says that was not known.
-    fn begin(&mut self, at: usize, id: NodeId, said: &TreeFrame<'_>, now: Timestamp) -> Heard {
-        let is_child = said.parent == Some(self.own);
-        let mut link = Link {
-            id,
-            heard_at: now,
-            symmetric: says_to_hear(self.own, said).unwrap_or(false),
-            left_out: None,
-            loss: 0.0,
-            frames: 0,
-            told: (0, NodeSet::default()),
-            given_up: 0,
-            asks: false,
-            told_of_reign: None,
-            said: Said::default(),
-        };
-        link.said.hear(said, (is_child, false), self.drones);
-        if is_child {
+    fn begin(
+        &mut self,
+        at: usize,
+        speaker: Speaker,
+        said: &TreeFrame<'_>,
+        words: Bytes,
+        now: Timestamp,
+    ) -> Heard {
+        let mut link = Link::new(speaker.id, now);
+        link.keep(said, self.own, speaker, self.drones);
+        link.symmetric = link.said.hears_own.unwrap_or(false);
+        link.words = words;
+        if link.is_child_of(self.own) {
             self.below.take();
         }
-        self.links.insert(at, link);
+        self.links.insert(at, speaker.id, link);
         Heard {
             has_progressed: true,
             has_moved: true,
@@ -300,10 +446,14 @@ impl Links {
         id: NodeId,
         said: &TreeFrame<'_>,
         now: Timestamp,
-        beacon: Duration,
     ) {
-        self.hear((id, false), &said.only_of_its_link(), now, beacon);
-        if let Some(link) = self.get_mut(id) {
+        let speaker = Speaker {
+            id,
+            is_parent: false,
+            master: None,
+        };
+        self.hear(speaker, &said.only_of_its_link(), Bytes::new(), now);
+        if let Some(link) = self.links.get_mut(id) {
             link.told_of_reign = Some(0);
         }
     }
@@ -318,12 +468,13 @@ impl Links {
     /// Forgets what neighbours said under a master that is not obeyed any more.
     pub(super) fn forget_reign(&mut self) {
         self.below.take();
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.said = Said {
                 beat: link.said.beat,
                 ..Said::default()
             };
-            link.told = (0, NodeSet::default());
+            link.words = Bytes::new();
+            link.sets = None;
             link.given_up = 0;
             link.asks = false;
             link.told_of_reign = Some(0);
@@ -332,27 +483,28 @@ impl Links {
 
     /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
     pub(super) fn forgive(&mut self, now: Timestamp) {
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.heard_at = now;
         }
     }
 
     pub(super) fn forget(&mut self, id: NodeId) {
-        if let Ok(at) = self.find(id) {
-            self.links.remove(at);
+        if self.links.remove(id) {
             self.below.take();
         }
     }
 
     /// A neighbour has been told something, as the medium says.
     pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
-        if let Some(link) = self.get_mut(id) {
-            if told.sequence > link.told.0 {
-                link.told = (told.sequence, NodeSet::default());
-            }
-            if told.sequence == link.told.0 {
-                link.told.1.extend_from(&told.acknowledged());
-            }
+        if let Some(link) = self.links.get_mut(id) {
+            link.change_sets(|sets| {
+                if told.sequence > sets.told.0 {
+                    sets.told = (told.sequence, NodeSet::new());
+                }
+                if told.sequence == sets.told.0 {
+                    sets.told.1.extend_from(&told.acknowledged());
+                }
+            });
             link.given_up = 0;
         }
         self.below.take();
@@ -360,7 +512,7 @@ impl Links {
 
     /// The medium gave up to reach a neighbour.
     pub(super) fn gave_up(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.given_up += 1;
         }
         self.below.take();
@@ -368,7 +520,7 @@ impl Links {
 
     /// A neighbour did not answer to anything: it is out of reach until it is heard again.
     pub(super) fn suspect(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.given_up = GIVEN_UP_MAX;
         }
         self.below.take();
@@ -376,14 +528,14 @@ impl Links {
 
     /// A neighbour waits for an answer.
     pub(super) fn asks(&mut self, id: NodeId) {
-        if let Some(link) = self.get_mut(id) {
+        if let Some(link) = self.links.get_mut(id) {
             link.asks = true;
         }
     }
 
     /// A neighbour, or all, are answered.
     pub(super) fn answered(&mut self, to: Option<NodeId>) {
-        for link in &mut self.links {
+        for link in self.links.iter_mut() {
             link.asks &= to.is_some_and(|to| to != link.id);
             if let Some(times) = &mut link.told_of_reign {
                 *times += 1;
@@ -393,27 +545,22 @@ impl Links {
 
     /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
     /// whether there were any.
-    pub(super) fn forget_silent(
-        &mut self,
-        now: Timestamp,
-        time_to_live: Duration,
-        beacon: Duration,
-    ) -> bool {
-        let before = self.links.len();
-        self.links.retain(|link| {
+    pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
+        let beacon = self.beacon;
+        let is_there = |link: &Link| {
             let silent_for = now.since(link.heard_at);
-            silent_for <= time_to_live
-                || silent_for <= link.patience(beacon, LOST, LOST_BEACONS_MAX)
-        });
-        let has_lost_any = self.links.len() < before;
+            silent_for <= time_to_live || silent_for <= beacon * link.quality.lost_beacons.into()
+        };
+        let has_lost_any = !self.links.iter().all(is_there);
         if has_lost_any {
+            self.links.retain(is_there);
             self.below.take();
         }
         has_lost_any
     }
 
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
-        self.find(id).ok().map(|at| &self.links[at])
+        self.links.get(id)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = &Link> {
@@ -444,12 +591,13 @@ impl Links {
             ..Below::default()
         };
         for link in self.iter().filter(|link| link.is_child_of(self.own)) {
+            let sets = link.sets();
             if link.said.sequence == sequence {
-                below.acknowledged.extend_from(&link.said.acknowledged);
+                below.acknowledged.extend_from(&sets.acknowledged);
             }
             if link.is_reachable() {
-                below.alive.extend_from(&link.said.alive);
-                below.landing.extend_from(&link.said.landing);
+                below.alive.extend_from(&sets.alive);
+                below.landing.extend_from(&sets.landing);
             }
         }
         let awaited = below.alive.difference(&below.landing);
@@ -462,23 +610,24 @@ impl Links {
     /// `time_to_live`, is not heard any more; nor, until it has been heard under the present reign, one that has been
     /// silent for so long that it would be asked: a drone that has gone deaf, and claims to lead, shall be believed by
     /// nobody.
-    pub(super) fn heard_lately(
-        &self,
-        now: Timestamp,
-        time_to_live: Duration,
-        beacon: Duration,
-    ) -> NodeSet {
+    pub(super) fn heard_lately(&self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let is_heard = |link: &Link| {
             let patience = match link.told_of_reign {
-                Some(_) => link.patience(beacon, STALE, STALE_BEACONS_MAX),
-                None => link
-                    .patience(beacon, LOST, LOST_BEACONS_MAX)
-                    .max(time_to_live / 2),
+                Some(_) => self.beacon * link.quality.stale_beacons.into(),
+                None => (self.beacon * link.quality.lost_beacons.into()).max(time_to_live / 2),
             };
             now.since(link.heard_at) <= patience
         };
         let heard = self.iter().filter(|link| is_heard(link));
         heard.map(|link| link.id).collect()
+    }
+
+    /// As if nobody had said anything before in the same words.
+    #[cfg(test)]
+    pub(super) fn forget_words(&mut self) {
+        for link in self.links.iter_mut() {
+            link.words = Bytes::new();
+        }
     }
 
     pub(super) const fn len(&self) -> usize {
@@ -488,7 +637,7 @@ impl Links {
 
 /// Whether a neighbour says that it hears `own`, or shows it, if it says anything of that.
 fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
-    if said.parent == Some(own) || said.to == Some(own) {
+    if said.front.parent == Some(own) || said.to == Some(own) {
         Some(true)
     } else {
         said.hears(own)
@@ -505,50 +654,71 @@ struct Changed {
     way: bool,
 }
 
-impl Said {
-    /// Keeps what matters of a neighbour's words; how they differ from those before.
-    fn hear(
+impl Link {
+    /// Keeps what matters to `own` of its words; how they differ from those before.
+    fn keep(
         &mut self,
         said: &TreeFrame<'_>,
-        (is_child, is_parent): (bool, bool),
+        own: NodeId,
+        speaker: Speaker,
         drones: u32,
     ) -> Changed {
-        let keep = |kept: &mut NodeSet, set: NodeSet| {
-            let mut set = said.and_before(set, kept);
-            set.truncate(drones);
-            let differs = set != *kept;
-            *kept = set;
-            differs
-        };
-        let is_another_order = said.sequence != self.sequence;
-        if is_another_order {
-            self.acknowledged = NodeSet::default();
-        }
+        let is_another_order = said.sequence != self.said.sequence;
+        let is_child = said.front.parent == Some(own);
+        let is_kin = is_child || speaker.is_parent;
         let (mut progress, mut any) = (is_another_order, false);
-        if is_child || is_parent {
-            progress |= keep(&mut self.acknowledged, said.acknowledged());
-        } else {
-            self.acknowledged = NodeSet::default();
+        if is_kin || self.sets.is_some() {
+            self.change_sets(|sets| {
+                let keep = |kept: &mut NodeSet, set: NodeSet| {
+                    let mut set = said.and_before(set, kept);
+                    set.truncate(drones);
+                    let differs = set != *kept;
+                    *kept = set;
+                    differs
+                };
+                if is_another_order || !is_kin {
+                    sets.acknowledged = NodeSet::new();
+                }
+                if is_kin {
+                    progress |= keep(&mut sets.acknowledged, said.acknowledged());
+                }
+                if is_child {
+                    any |= keep(&mut sets.alive, said.alive.to_set());
+                    any |= keep(&mut sets.landing, said.landing());
+                } else {
+                    (sets.alive, sets.landing) = (NodeSet::new(), NodeSet::new());
+                }
+            });
         }
-        if is_child {
-            any |= keep(&mut self.alive, said.alive.to_set());
-            any |= keep(&mut self.landing, said.landing());
-        } else {
-            self.alive = NodeSet::default();
-            self.landing = NodeSet::default();
-        }
-        let way = (self.hops, self.parent) != (said.hops, said.parent);
-        self.beat = said.beat;
-        self.hops = said.hops;
-        self.parent = said.parent;
-        self.pulse = said.pulse;
-        self.sequence = said.sequence;
-        self.to = said.to;
-        self.is_beacon = said.hears.is_some();
+        let before = std::mem::replace(&mut self.said, Said::of(said, own, speaker));
         Changed {
             progress,
             any: any || progress,
-            way,
+            way: (before.hops, before.parent) != (said.front.hops, said.front.parent),
+        }
+    }
+}
+
+impl Said {
+    /// What is kept of a speaker's words by `own`.
+    fn of(said: &TreeFrame<'_>, own: NodeId, speaker: Speaker) -> Self {
+        let TreeFront {
+            beat,
+            hops,
+            parent,
+            pulse,
+        } = said.front;
+        Self {
+            beat,
+            hops,
+            parent,
+            pulse,
+            sequence: said.sequence,
+            to: said.to,
+            is_beacon: said.hears.is_some(),
+            hears_own: says_to_hear(own, said),
+            master_lands: (speaker.master).is_some_and(|master| said.is_landing(master)),
+            by_parent: speaker.is_parent,
         }
     }
 }

@@ -140,7 +140,7 @@ impl TreeRouting {
     /// Lets it be seen through whom the master hears of a member.
     fn reached(&mut self, member: NodeId) {
         let mut children = self.links.children();
-        let via = children.find(|link| link.said.alive.contains(member));
+        let via = children.find(|link| link.alive().contains(member));
         if let Some(via) = via.map(|link| link.id) {
             self.outbox.event(Event::Reached {
                 member,

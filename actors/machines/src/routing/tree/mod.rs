@@ -17,12 +17,13 @@ mod speak;
 use std::convert::Infallible;
 use std::time::Duration;
 
+use bytes::Bytes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 pub use durable::Checkpoint;
 
-use self::links::{Heard, Link, Links};
+use self::links::{Heard, Link, Links, Speaker};
 use self::members::Members;
 use self::seek::Seek;
 use super::packet::{Packet, Tree};
@@ -70,8 +71,8 @@ pub struct TreeRouting {
     durable: Checkpoint,
     links: Links,
     routes: Routes,
-    /// Whether the parent was neither lost nor stale when it was chosen.
-    has_good_parent: bool,
+    /// The parent, as long as nothing but its silence speaks against it and it was not stale when it was chosen.
+    good_parent: Option<GoodParent>,
     /// When the way to the master was lost, and how far its number was by then.
     orphaned: Option<(Timestamp, u32)>,
     master_silent: bool,
@@ -84,6 +85,8 @@ pub struct TreeRouting {
     told_landing: NodeSet,
     /// What was last heard to be pending, and of which order.
     pending: (u32, NodeSet),
+    /// The neighbour that said so last, and has said nothing else since.
+    pending_from: Option<NodeId>,
     /// From which id on the next frame tells of others, where not all fit one.
     next_span: u32,
     /// The order that this drone's last frame told that it knows of.
@@ -100,6 +103,15 @@ pub struct TreeRouting {
     wakes: Option<Timestamp>,
     punctuality: Punctuality,
     outbox: Outbox<Transmit, Event>,
+}
+
+/// A parent that there is no reason to leave, so that its link need not be looked at each time.
+#[derive(Debug, Clone, Copy)]
+struct GoodParent {
+    /// How far it is from the master.
+    hops: u16,
+    /// From when on it is stale, unless it is heard.
+    stale_at: Timestamp,
 }
 
 /// Something that was said and has not been seen to arrive.
@@ -126,9 +138,9 @@ impl TreeRouting {
         let mut routing = Self {
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             durable: Checkpoint::default(),
-            links: Links::new(config.id, config.drones),
+            links: Links::new(config.id, config.drones, config.beacon),
             routes: Routes::default(),
-            has_good_parent: false,
+            good_parent: None,
             orphaned: None,
             master_silent: false,
             master_lands: false,
@@ -136,6 +148,7 @@ impl TreeRouting {
             told: (0, NodeSet::default()),
             told_landing: NodeSet::default(),
             pending: (0, NodeSet::default()),
+            pending_from: None,
             next_span: 0,
             said_sequence: 0,
             next_beacon: None,
@@ -192,21 +205,47 @@ impl TreeRouting {
         self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
     }
 
-    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
+    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &Bytes) {
+        let Ok((front, words)) = wire::split_tree(payload) else {
+            self.outbox.event(Event::Ignored(sender));
+            return;
+        };
+        let is_obeyed = self.durable.reign.ballot() == Some(ballot) && !self.durable.stopped;
+        if is_obeyed && self.links.has_said(self.speaker(sender), &front, words) {
+            // As is the rule: nothing is news but that the sender lives, and the master.
+            if let Some(heard) = self.links.hear_again(sender, &front, now) {
+                self.take_in(now, sender, heard, false, || TreeFrame::read(front, words));
+            }
+            return;
+        }
         let is_member = sender.0 < self.config.drones + self.config.relays;
-        let Ok(said) = wire::decode_tree(payload) else {
+        let Some(said) = TreeFrame::read(front, words) else {
             self.outbox.event(Event::Ignored(sender));
             return;
         };
         if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
             if is_member {
-                let beacon = self.config.beacon;
-                self.links.hear_of_another_reign(sender, &said, now, beacon);
+                self.links.hear_of_another_reign(sender, &said, now);
+                self.look_at_parent_again();
             }
             self.outbox.event(Event::Ignored(sender));
             return;
         }
-        self.hear(now, sender, &said);
+        let (speaker, words) = (self.speaker(sender), payload.slice_ref(words));
+        if let Some(heard) = self.links.hear(speaker, &said, words, now) {
+            self.pending_from = self.pending_from.filter(|from| *from != sender);
+            let news = self.take_order(said.sequence, said.order);
+            self.take_in(now, sender, heard, news, || Some(said));
+        }
+    }
+
+    /// A drone as this one knows it.
+    fn speaker(&self, id: NodeId) -> Speaker {
+        Speaker {
+            id,
+            is_parent: self.routes.parent == Some(id),
+            master: self.durable.reign.ballot().map(|ballot| ballot.master),
+        }
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
@@ -242,7 +281,7 @@ impl TreeRouting {
         self.durable.beats = self.durable.beats.under_another_master();
         self.links.forget_reign();
         self.routes = Routes::default();
-        self.has_good_parent = false;
+        self.good_parent = None;
         self.orphaned = None;
         self.master_silent = false;
         self.master_lands = false;
@@ -250,6 +289,7 @@ impl TreeRouting {
         self.told = (0, NodeSet::default());
         self.told_landing = NodeSet::default();
         self.pending = (0, NodeSet::default());
+        self.pending_from = None;
         self.said_sequence = 0;
         self.repair = None;
         self.seek = None;
@@ -272,25 +312,42 @@ impl TreeRouting {
         self.next_beacon = Some(now);
     }
 
-    fn hear(&mut self, now: Timestamp, sender: NodeId, said: &TreeFrame<'_>) {
-        let is_parent = self.routes.parent == Some(sender);
-        let beacon = self.config.beacon;
-        let Some(heard) = self.links.hear((sender, is_parent), said, now, beacon) else {
+    /// Acts on what a neighbour said, which its link keeps by now, and on whether that brought a newer order; all of it can
+    /// be had once more.
+    fn take_in<'a>(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        heard: Heard,
+        news: bool,
+        all: impl FnOnce() -> Option<TreeFrame<'a>>,
+    ) {
+        let Some(link) = self.links.get(sender) else {
             return;
         };
-        if heard.is_new || self.links.get(sender).is_some_and(Link::needs_to_hear) {
+        let (sequence, pulse) = (link.said.sequence, link.said.pulse);
+        let master_lands = link.said.master_lands;
+        if heard.is_new || link.needs_to_hear() {
             // It learns that it is heard.
             self.beacon_soon(now);
         }
-        let news = self.take_order(said.sequence, said.order);
-        self.hear_of_landing(said);
+        self.hear_of_landing(sequence, master_lands);
+        if self.routes.parent == Some(sender) {
+            self.look_at_parent_again();
+        }
         if heard.has_moved || !self.keeps_its_way(now, sender) {
             self.update_routes(now);
         }
-        self.take_pulse(now, sender, said.pulse);
+        self.take_pulse(now, sender, pulse);
         self.report_members(now);
-        if self.routes.parent == Some(sender) && said.sequence == self.durable.reign.sequence() {
-            self.pending = (said.sequence, self.pending_as_said(said));
+        let is_of_parents_order =
+            self.routes.parent == Some(sender) && sequence == self.durable.reign.sequence();
+        if is_of_parents_order
+            && self.pending_from != Some(sender)
+            && let Some(all) = all()
+        {
+            self.pending = (sequence, self.pending_as_said(&all));
+            self.pending_from = Some(sender);
         }
         self.answer(now, sender, heard, news);
     }
@@ -309,7 +366,7 @@ impl TreeRouting {
     /// Takes in an order; whether it is news.
     fn take_order(&mut self, sequence: u32, order: Option<&[u8]>) -> bool {
         let order = order.filter(|_| sequence > self.durable.reign.sequence());
-        let order = order.map(bytes::Bytes::copy_from_slice);
+        let order = order.map(Bytes::copy_from_slice);
         let own = self.config.id;
         let is_news =
             order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order));
@@ -326,12 +383,9 @@ impl TreeRouting {
 
     /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
     /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, said: &TreeFrame<'_>) {
-        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
-            return;
-        };
-        let is_known = said.sequence <= self.durable.reign.sequence();
-        if is_known && !self.master_lands && said.is_landing(ballot.master) {
+    fn hear_of_landing(&mut self, sequence: u32, master_lands: bool) {
+        let is_known = sequence <= self.durable.reign.sequence();
+        if master_lands && is_known && !self.master_lands && !self.is_master() {
             self.master_lands = true;
             self.inform(Notice::MasterLands);
         }
@@ -360,9 +414,6 @@ impl TreeRouting {
     /// neither can be through this one, so that no ring of drones follows itself.
     fn update_routes(&mut self, now: Timestamp) {
         let routes = self.best_routes(now);
-        let parent = routes.parent.and_then(|parent| self.links.get(parent));
-        self.has_good_parent = parent
-            .is_some_and(|link| link.is_reachable() && !link.is_stale(now, self.config.beacon));
         if !self.is_master() {
             match routes.parent {
                 Some(_) => self.found_master(),
@@ -381,22 +432,37 @@ impl TreeRouting {
                 self.beacon_soon(now);
             }
         }
+        let is_good = |it: &GoodParent| now <= it.stale_at;
+        self.good_parent = self.look_at_parent().filter(is_good);
+    }
+
+    /// The parent, unless something speaks against it, or it is out of reach.
+    fn look_at_parent(&self) -> Option<GoodParent> {
+        let link = self.links.get(self.routes.parent?)?;
+        let is_sound =
+            link.symmetric && link.is_reachable() && link.said.parent != Some(self.config.id);
+        Some(GoodParent {
+            hops: link.said.hops.filter(|_| is_sound)?,
+            stale_at: link.stale_at(self.config.beacon),
+        })
+    }
+
+    /// Something about the parent's link has changed, and its way has not.
+    fn look_at_parent_again(&mut self) {
+        if self.good_parent.is_some() {
+            self.good_parent = self.look_at_parent();
+        }
     }
 
     /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
     /// parent or no nearer to the master than that, and the parent is as good as when it was chosen. A neighbour that is
     /// better by now without having spoken is taken when it speaks next.
     fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
-        let parent = self.routes.parent.filter(|_| self.has_good_parent);
-        let Some(parent) = parent.and_then(|parent| self.links.get(parent)) else {
-            return false;
-        };
         let hops = self.links.get(sender).and_then(|link| link.said.hops);
-        parent.symmetric
-            && parent.said.hops.is_some()
-            && parent.said.parent != Some(self.config.id)
-            && !parent.is_stale(now, self.config.beacon)
-            && (parent.id == sender || hops.is_none() || hops >= parent.said.hops)
+        self.good_parent.is_some_and(|parent| {
+            let is_nearer = hops.is_some_and(|hops| hops < parent.hops);
+            now <= parent.stale_at && (self.routes.parent == Some(sender) || !is_nearer)
+        })
     }
 
     fn best_routes(&self, now: Timestamp) -> Routes {
@@ -450,7 +516,7 @@ impl TreeRouting {
                 .min_by(|a, b| {
                     let hops = a.said.hops.cmp(&b.said.hops);
                     hops.then(is_another(a).cmp(&is_another(b)))
-                        .then(a.loss.total_cmp(&b.loss))
+                        .then(a.quality.loss.total_cmp(&b.quality.loss))
                         .then(a.id.cmp(&b.id))
                 })
                 .or(kept);
@@ -474,8 +540,8 @@ impl TreeRouting {
 
     /// Notices who has fallen silent.
     fn watch(&mut self, now: Timestamp) {
-        let (time_to_live, beacon) = (self.config.link_time_to_live, self.config.beacon);
-        if self.links.forget_silent(now, time_to_live, beacon) {
+        let time_to_live = self.config.link_time_to_live;
+        if self.links.forget_silent(now, time_to_live) {
             self.update_routes(now);
         }
         self.report_members(now);
@@ -521,6 +587,7 @@ impl TreeRouting {
             return;
         }
         self.links.forgive(now);
+        self.look_at_parent_again();
         self.seek = None;
         if let Some((since, _)) = &mut self.orphaned {
             *since = now;

@@ -29,7 +29,7 @@ impl Config {
     #[must_use]
     pub fn detection(&self) -> Duration {
         let asked = (self.repair * 2).mul_f64(QUESTIONS_MAX);
-        (self.beacon * STALE_BEACONS_MAX + asked) * 2 + self.patience
+        (self.beacon * STALE_BEACONS_MAX.into() + asked) * 2 + self.patience
     }
 }
 
@@ -43,17 +43,21 @@ impl TreeRouting {
             let (since, _) = self.orphaned.filter(|_| !self.master_silent)?;
             return Some(since + self.config.patience);
         };
-        let parent = self.links.get(parent)?;
-        let stale_at = parent.stale_at(self.config.beacon);
-        Some(self.current_seek().map_or(stale_at, |seek| seek.due))
+        if let Some(seek) = self.current_seek() {
+            return Some(seek.due);
+        }
+        let stale_at = match self.good_parent {
+            Some(parent) => parent.stale_at,
+            None => self.links.get(parent)?.stale_at(self.config.beacon),
+        };
+        Some(stale_at)
     }
 
     /// Unless the parent has been heard since, or is another one by now.
     fn current_seek(&self) -> Option<Seek> {
-        let parent = self.routes.parent?;
+        let (seek, parent) = (self.seek?, self.routes.parent?);
         let heard_at = self.links.get(parent)?.heard_at;
-        self.seek
-            .filter(|seek| seek.parent == parent && seek.heard_at == heard_at)
+        (seek.parent == parent && seek.heard_at == heard_at).then_some(seek)
     }
 
     pub(super) fn seek_if_due(&mut self, now: Timestamp) {
@@ -66,7 +70,7 @@ impl TreeRouting {
         let Some(link) = self.links.get(parent) else {
             return;
         };
-        let (heard_at, questions) = (link.heard_at, link.questions());
+        let (heard_at, questions) = (link.heard_at, link.quality.questions());
         let asked = self.current_seek().map_or(0, |seek| seek.asked);
         if asked >= questions {
             self.seek = None;

@@ -152,11 +152,8 @@ impl TreeRouting {
         self.said_sequence = state.sequence;
         match occasion {
             Occasion::KeepAlive => {
-                state.hears = Some(self.links.heard_lately(
-                    now,
-                    self.config.link_time_to_live,
-                    self.config.beacon,
-                ));
+                let time_to_live = self.config.link_time_to_live;
+                state.hears = Some(self.links.heard_lately(now, time_to_live));
                 if self.master_lands {
                     // Whoever does not hear it itself is to know, too.
                     let master = self.durable.reign.ballot().map(|ballot| ballot.master);
@@ -248,7 +245,8 @@ impl TreeRouting {
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
             && self.links.get(id).is_some_and(|child| {
-                NodeSet::from(id).is_superset(&child.said.alive) && child.loss < CONFIRM_ABOVE_LOSS
+                NodeSet::from(id).is_superset(child.alive())
+                    && child.quality.loss < CONFIRM_ABOVE_LOSS
             })
     }
 

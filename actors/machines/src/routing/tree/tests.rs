@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use bytes::Bytes;
+use proptest::prelude::*;
 
 use super::*;
 use crate::machine::{Said, Stimulus, step};
@@ -492,7 +493,12 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
 
 #[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
-    let mut links = Links::new(NodeId(1), 4);
+    let mut links = Links::new(NodeId(1), 4, Duration::from_secs(1));
+    let speaker = Speaker {
+        id: NodeId(0),
+        is_parent: false,
+        master: None,
+    };
     // One in five is lost.
     for beat in (1..250).filter(|beat| beat % 5 != 0) {
         let said = wire::encode_packet(&Packet::Tree(Tree {
@@ -500,10 +506,9 @@ fn a_parent_over_a_lossy_link_is_asked_more_often() {
             ..Tree::default()
         }));
         let said = wire::decode_tree(&said).unwrap();
-        let beacon = Duration::from_secs(1);
-        links.hear((NodeId(0), false), &said, Timestamp::ZERO, beacon);
+        links.hear(speaker, &said, Bytes::new(), Timestamp::ZERO);
     }
-    let questions = links.get(NodeId(0)).unwrap().questions();
+    let questions = links.get(NodeId(0)).unwrap().quality.questions();
     assert!((18..25).contains(&questions), "{questions}");
 }
 
@@ -691,4 +696,135 @@ fn who_is_not_told_of_in_a_datagram_is_neither_heard_nor_left_out() {
             .get(NodeId(0))
             .is_some_and(|link| link.symmetric)
     );
+}
+
+/// Something that may happen to drone 2 of the four.
+#[derive(Debug, Clone)]
+enum Step {
+    Hear {
+        from: u32,
+        /// Which of the packets that it may say.
+        packet: usize,
+        /// How many of its frames are missed before; none is an old one that comes again.
+        beats: u32,
+        pulse: u32,
+        term: u32,
+    },
+    Wait(u64),
+    Acknowledge(u32),
+    GivenUp(u32),
+}
+
+fn step_of_drone_2() -> impl Strategy<Value = Step> {
+    let hear = (
+        prop_oneof![Just(0_u32), Just(1), Just(3), Just(4)],
+        0..9_usize,
+        0..3_u32,
+        0..30_u32,
+        prop_oneof![9 => Just(1_u32), 1 => Just(2)],
+    );
+    let hear = hear.prop_map(|(from, packet, beats, pulse, term)| Step::Hear {
+        from,
+        packet,
+        beats,
+        pulse,
+        term,
+    });
+    prop_oneof![
+        8 => hear,
+        2 => (1..2_000_u64).prop_map(Step::Wait),
+        1 => (1..3_u32).prop_map(Step::Acknowledge),
+        1 => (0..4_u32).prop_map(Step::GivenUp),
+    ]
+}
+
+fn packet(from: u32, which: usize) -> Tree {
+    let beacon = beacon_of_child(from, 2, 3);
+    let of_neighbour = Tree {
+        parent: Some(NodeId(0)),
+        hops: Some(1),
+        hears: Some(ids([2])),
+        ..Tree::default()
+    };
+    match which {
+        0 => beacon,
+        1 => of_neighbour,
+        2 => Tree {
+            hears: Some(ids([1])),
+            ..of_neighbour
+        },
+        3 => order(1, ids([2, 3])),
+        4 => Tree {
+            order: None,
+            ..order(1, ids([2]))
+        },
+        5 => Tree {
+            landing: ids([0]),
+            ..of_neighbour
+        },
+        6 => done(2, 2, ids([from])),
+        7 => Tree {
+            hops: None,
+            ..Tree::default()
+        },
+        _ => Tree {
+            span: Some(1..3),
+            pending: ids([2]),
+            ..order(1, ids([2]))
+        },
+    }
+}
+
+impl Node {
+    /// Takes a step, and all that came of it: what was said, what the protocol was told, when it wants to act next.
+    fn take(&mut self, step: &Step) -> (Vec<Tree>, Vec<Notice>, Option<Timestamp>) {
+        let said = match *step {
+            Step::Hear {
+                from,
+                packet: which,
+                beats,
+                pulse,
+                term,
+            } => {
+                let beat = self.beats.entry(from).or_insert(1);
+                *beat += beats;
+                let said = Tree {
+                    beat: *beat,
+                    pulse,
+                    ..packet(from, which)
+                };
+                self.tell(Input::Heard {
+                    sender: NodeId(from),
+                    ballot: Ballot { term, ..MASTER },
+                    payload: wire::encode_packet(&Packet::Tree(said)).into(),
+                })
+            }
+            Step::Wait(millis) => self.wait(millis),
+            Step::Acknowledge(sequence) => self.tell(Input::Acknowledge {
+                ballot: MASTER,
+                sequence,
+            }),
+            Step::GivenUp(to) => self.outcome(
+                &Tree {
+                    to: Some(NodeId(to)),
+                    ..Tree::default()
+                },
+                false,
+            ),
+        };
+        (said, std::mem::take(&mut self.notices), self.deadline)
+    }
+}
+
+proptest! {
+    #[test]
+    fn words_that_are_known_do_what_they_would_do_if_they_were_read_again(
+        steps in prop::collection::vec(step_of_drone_2(), 1..120),
+    ) {
+        let (mut node, mut forgetful) = (Node::new(2), Node::new(2));
+        for step in &steps {
+            forgetful.routing.links.forget_words();
+            prop_assert_eq!(node.take(step), forgetful.take(step), "{:?}", step);
+        }
+    }
 }

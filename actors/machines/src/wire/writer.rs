@@ -1,0 +1,73 @@
+//! Bytes as postcard writes them, written without serde: for the packets that drones say all the time.
+
+use crate::identity::{NodeId, NodeSet};
+
+/// Puts to the end what [`Reader`](super::reader::Reader) takes from the front.
+pub(super) struct Writer(pub(super) Vec<u8>);
+
+impl Writer {
+    pub(super) fn byte(&mut self, byte: u8) {
+        self.0.push(byte);
+    }
+
+    pub(super) fn number(&mut self, number: u32) {
+        self.long_number(number.into());
+    }
+
+    pub(super) fn long_number(&mut self, mut number: u64) {
+        while number >= 0x80 {
+            self.byte((number & 0x7f) as u8 | 0x80);
+            number >>= 7;
+        }
+        self.byte(number as u8);
+    }
+
+    pub(super) fn hops(&mut self, hops: Option<u16>) {
+        self.or_nothing(hops, |to, hops| to.number(hops.into()));
+    }
+
+    pub(super) fn id(&mut self, id: Option<NodeId>) {
+        self.or_nothing(id, |to, id| to.number(id.0));
+    }
+
+    /// What may be there or not.
+    pub(super) fn or_nothing<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Self, T)) {
+        self.byte(value.is_some().into());
+        if let Some(value) = value {
+            write(self, value);
+        }
+    }
+
+    /// A set as serde writes it: how many bounds there are, and the distances between them.
+    pub(super) fn set(&mut self, set: &NodeSet) {
+        self.count(set.distances().count());
+        for distance in set.distances() {
+            self.number(distance);
+        }
+    }
+
+    /// How many there are of something.
+    pub(super) fn count(&mut self, count: usize) {
+        self.number(u32::try_from(count).expect("a packet holds less"));
+    }
+
+    /// The distances between the bounds of a set's runs, as bytes.
+    pub(super) fn runs(&mut self, set: &NodeSet) {
+        let length = set.distances().map(varint_len).sum();
+        self.number(length);
+        for distance in set.distances() {
+            self.number(distance);
+        }
+    }
+
+    pub(super) fn bytes(&mut self, bytes: &[u8]) {
+        self.count(bytes.len());
+        self.0.extend_from_slice(bytes);
+    }
+}
+
+/// How many bytes a number takes.
+const fn varint_len(number: u32) -> u32 {
+    let bits = u32::BITS - (number | 1).leading_zeros();
+    bits.div_ceil(7)
+}
