@@ -2,26 +2,19 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod support;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
-use assert_cmd::Command;
+use support::muster;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/thesis-1.toml");
 /// Two values and seven seeds: 14 runs.
 const CAMPAIGN: [&str; 4] = ["--seeds", "3..10", "--vary", "radio.loss=0,0.1"];
-
-fn muster(folder: &Path, arguments: &[&str]) -> Output {
-    Command::cargo_bin("muster")
-        .unwrap()
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
 
 fn campaign(folder: &Path, out: &str, more: &[&str]) -> Output {
     let arguments = [&["campaign", SCENARIO, "--out", out], &CAMPAIGN[..], more].concat();

@@ -2,22 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod support;
+
 use std::fs;
 use std::path::Path;
-use std::process::Output;
 
-use assert_cmd::Command;
+use support::muster;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/chaos.toml");
-
-fn muster(folder: &Path, arguments: &[&str]) -> Output {
-    Command::cargo_bin("muster")
-        .unwrap()
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap()
-}
 
 fn searched(folder: &Path, more: &[&str]) -> (Option<i32>, String) {
     let run = muster(folder, &[&["chaos", SCENARIO], more].concat());

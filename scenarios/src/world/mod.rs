@@ -4,11 +4,13 @@
 //! [`World::carry_out`]. All order is decided here. At one instant a drone's messages run in the order in which they
 //! were sent, one at a time, before anything else happens.
 
+mod air;
 mod clock;
 mod connected;
 mod disk;
 mod drone;
 mod faults;
+mod flying;
 mod health;
 mod heap;
 mod process;
@@ -30,12 +32,11 @@ use muster_machines::geometry::Velocity;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::State;
-use muster_machines::msp::{self, Demand, Setpoint};
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
+use muster_transport::Fate;
 use muster_transport::sim::Medium;
-use muster_transport::{Arrival, Destination, Event, Fate, Transport};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -55,9 +56,6 @@ use crate::checkers::{
 };
 use crate::scenario::{Occasion, Scenario};
 use crate::vehicle::Vehicle;
-
-/// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
-const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
 
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
 const MEDIUM_STREAM: u64 = 0;
@@ -556,223 +554,6 @@ impl World {
             self.find(found);
         }
         self.inbox.push_back((drone, message));
-    }
-
-    fn send(&mut self, drone: NodeId, to: Option<NodeId>, frame: &Bytes) {
-        let covered = frame.len().saturating_sub(wire::AUTHENTICATOR_LEN);
-        self.trace
-            .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
-        self.tampering.record(drone, frame);
-        if let Some(to) = to {
-            self.trace.value(self.now, drone, Kind::Addressed, &to);
-        }
-        let to = to.map_or(Destination::Broadcast, Destination::To);
-        self.medium
-            .send(self.now, drone, to, frame)
-            .expect("a radio sends no more than a datagram, and every drone has a place");
-        self.follow_medium();
-    }
-
-    fn wake_medium(&mut self) {
-        // Another wake-up may have been planned before this one, and have done its work.
-        if self.medium_wakes == Some(self.now) {
-            self.medium_wakes = None;
-            self.medium.handle_timeout(self.now);
-            let retries = self.medium.counters().retries;
-            for swarm in &mut self.swarms {
-                swarm.recorder.retried(retries);
-            }
-            self.follow_medium();
-        }
-    }
-
-    /// Plans what the medium says will come, and when it is to be asked again.
-    fn follow_medium(&mut self) {
-        while let Some(event) = self.medium.poll_event() {
-            match event {
-                Event::Arrival(arrival) => self.plan_arrival(arrival),
-                Event::Outcome(outcome) => {
-                    self.heap.plan(outcome.at, Planned::Outcome(outcome));
-                }
-            }
-        }
-        if let Some(next) = self.medium.next_timeout()
-            && self.medium_wakes.is_none_or(|planned| next < planned)
-        {
-            self.medium_wakes = Some(next);
-            self.heap.plan(next, Planned::Medium);
-        }
-    }
-
-    /// Plans what comes of a frame that arrives: that it does, as it was sent, where nobody tampers with any and there is no
-    /// other swarm.
-    fn plan_arrival(&mut self, arrival: Arrival) {
-        let (at, to) = (arrival.at, arrival.to);
-        if self.swarms.len() == 1 && self.tampering.is_idle() {
-            let arrive = Planned::Arrive {
-                to,
-                datagram: arrival.datagram,
-                origin: Origin::Genuine,
-            };
-            return self.heap.plan(at, arrive);
-        }
-        let from = self.sender(&arrival.datagram);
-        let is_told = from.is_none_or(|from| self.swarm(from).has(to));
-        let (first, twin) = self.tampering.pass(from, arrival.datagram);
-        for passage in std::iter::once(first).chain(twin) {
-            let arrive = Planned::Arrive {
-                to,
-                datagram: passage.datagram,
-                origin: if is_told {
-                    passage.origin
-                } else {
-                    Origin::Spurious
-                },
-            };
-            self.heap.plan(at + passage.late, arrive);
-        }
-    }
-
-    fn command(&mut self, drone: NodeId, demand: Demand) {
-        self.trace.value(self.now, drone, Kind::Commanded, &demand);
-        let found = self.arming.commands(self.now, drone, demand);
-        self.find(found);
-        let index = drone.0 as usize;
-        if !matches!(demand, Demand::Report) {
-            self.path_ends(drone);
-        }
-        let vehicle = &mut self.vehicles[index];
-        let was_armed = vehicle.is_armed();
-        let moves = vehicle.obey(self.now, demand);
-        let is_armed = vehicle.is_armed();
-        if !matches!(demand, Demand::Report) {
-            self.path_begins(drone);
-        }
-        if is_armed && !was_armed {
-            self.armed(drone);
-        }
-        if moves {
-            let settle = self.swarm(drone).settle;
-            if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
-                && let Some(time) = self.drones[index].draw_settling(settle)
-            {
-                self.vehicles[index].settle(time);
-            }
-            self.plan_rest(drone);
-        } else {
-            self.report_telemetry(drone);
-        }
-    }
-
-    fn armed(&mut self, drone: NodeId) {
-        let now = self.now;
-        self.recorder(drone).armed(drone, now);
-        self.separation.takes_off(drone);
-        self.whereabouts.forget(drone);
-        if self.airborne == 0 {
-            self.heap.plan(self.now, Planned::PlaceRadios);
-        }
-        self.airborne += 1;
-        self.watch_battery(drone);
-        self.occurs(drone, Occasion::TakingOff);
-    }
-
-    /// Plans the end of the motion that a vehicle has just begun.
-    fn plan_rest(&mut self, drone: NodeId) {
-        let motion = self.vehicles[drone.0 as usize].motion();
-        let end = motion.end_time().unwrap_or(self.now);
-        self.whereabouts.forget(drone);
-        let generation = self.drone(drone).next_motion();
-        self.heap
-            .plan(end, Planned::ComeToRest { drone, generation });
-    }
-
-    /// A master is followed from now on: its pilot takes over, if it has one.
-    fn follow_begins(&mut self, master: NodeId) {
-        let Some(follow) = &self.swarms[self.index_of_swarm(master)].follow else {
-            return;
-        };
-        for sticks in &follow.pilot {
-            let at = self.now + sticks.after;
-            self.heap.plan(at, Planned::Steer(master, sticks.velocity));
-        }
-        if let Some(after) = follow.land_after {
-            self.heap.plan(self.now + after, Planned::Land(master));
-        }
-    }
-
-    fn steer(&mut self, master: NodeId, velocity: Velocity) {
-        let follow = self.swarm(master).follow.as_ref();
-        let acceleration_mps2 = follow.map_or(0.0, |follow| follow.master.acceleration_mps2);
-        self.trace
-            .value(self.now, master, Kind::Steered, &velocity.0);
-        self.path_ends(master);
-        let vehicle = &mut self.vehicles[master.0 as usize];
-        let moves = vehicle.steer(self.now, velocity, acceleration_mps2);
-        self.path_begins(master);
-        if moves {
-            self.plan_rest(master);
-        }
-    }
-
-    /// A drone's path is about to change, or to end.
-    fn path_ends(&mut self, drone: NodeId) {
-        if self.checks {
-            let found = self.separation.path_ends(self.now, drone, &self.vehicles);
-            self.find(found);
-        }
-    }
-
-    /// It has changed.
-    fn path_begins(&mut self, drone: NodeId) {
-        if self.checks {
-            let vehicle = &self.vehicles[drone.0 as usize];
-            self.separation.path_begins(self.now, drone, vehicle);
-        }
-    }
-
-    fn report_telemetry(&mut self, drone: NodeId) {
-        let telemetry = self.vehicles[drone.0 as usize].telemetry(self.now);
-        self.post(
-            drone,
-            Envelope::Msp(Box::new(msp::Input::Telemetry(telemetry))),
-        );
-    }
-
-    fn come_to_rest(&mut self, drone: NodeId, generation: u32) {
-        if !self.drone(drone).is_current_motion(generation) {
-            return;
-        }
-        self.path_ends(drone);
-        let lands = self.vehicles[drone.0 as usize].come_to_rest();
-        self.path_begins(drone);
-        let vehicle = &self.vehicles[drone.0 as usize];
-        let position = vehicle.motion().position(self.now);
-        if lands {
-            self.airborne -= 1;
-            self.medium.place(drone, position);
-            self.whereabouts.forget(drone);
-            let now = self.now;
-            self.recorder(drone).disarmed(drone, now);
-            if !self.recorder(drone).of(drone).landed_with_the_swarm() {
-                self.separation.strays(drone);
-            }
-        }
-        self.trace
-            .value(self.now, drone, Kind::CameToRest, &position);
-        self.report_telemetry(drone);
-    }
-
-    fn place_radios(&mut self) {
-        if self.airborne == 0 {
-            return;
-        }
-        let (now, medium) = (self.now, &mut self.medium);
-        self.whereabouts
-            .each_that_moved(now, &self.vehicles, |id, place| medium.place(id, place));
-        self.watch_links();
-        let next = self.now + PLACE_RADIOS_EVERY;
-        self.heap.plan(next, Planned::PlaceRadios);
     }
 
     fn observe(&mut self, drone: NodeId, observation: &Observation) {
