@@ -234,6 +234,10 @@ impl Link {
         let said = (self.said.sequence, &sets.acknowledged);
         let told = (sets.told.0, &sets.told.1);
         let known = [said, told].into_iter().filter(|it| it.0 == sequence);
+        let knows_all = |(_, known): (u32, &NodeSet)| known.is_superset(acknowledged);
+        if known.clone().any(knows_all) {
+            return NodeSet::new();
+        }
         known.fold(acknowledged.clone(), |lacks, (_, known)| {
             lacks.difference(known)
         })
