@@ -6,12 +6,13 @@ use muster_machines::time::Timestamp;
 /// How long a slice of time is, in nanoseconds, as a power of two: about as long as a frame takes, so that little is planned
 /// for the slice that has begun.
 const SLICE_BITS: u32 = 18;
-/// How many slices are kept apart; what happens later than in a second is not put in one yet.
-const SLICES: usize = 4_096;
+/// How many slices are kept apart: of the next four seconds, in which a drone speaks again that speaks once a second, and
+/// finds out whether it has heard another. What happens later is not put in one yet.
+const SLICES: usize = 16_384;
 
 /// What will happen, in the order of time; at one instant, in the order in which it was planned.
 ///
-/// Most of what is planned happens soon, so the next second is cut into slices, and what happens in one is put in order
+/// Most of what is planned happens soon, so the next seconds are cut into slices, and what happens in one is put in order
 /// when it begins. What is planned stays where it was put until it happens: only its time and place are put in order.
 #[derive(Debug)]
 pub(crate) struct Heap<T> {

@@ -97,7 +97,7 @@ impl Admission {
     /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
     /// place in it.
     #[must_use]
-    pub const fn new(budget: Budget, members: u32) -> Self {
+    pub fn new(budget: Budget, members: u32) -> Self {
         Self {
             budget,
             members,
@@ -115,6 +115,7 @@ impl Admission {
     ///
     /// # Errors
     /// With the reason for which the frame is to be dropped.
+    #[inline]
     pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<Place, DropReason> {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
@@ -144,6 +145,7 @@ impl Admission {
     ///
     /// # Panics
     /// When another table than this one found the place.
+    #[inline]
     pub fn admit(&mut self, place: Place, header: &Header) {
         match &mut self.senders.at(place.0).newest {
             Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
@@ -159,6 +161,7 @@ impl Admission {
 }
 
 impl Newest {
+    #[inline]
     fn has_seen(&self, header: &Header) -> bool {
         if header.boot != self.boot {
             return header.boot < self.boot && !flaw::has(Flaw::AcceptsEarlierLives);
@@ -169,6 +172,7 @@ impl Newest {
         }
     }
 
+    #[inline]
     fn mark(&mut self, counter: u64) {
         match self.counter.checked_sub(counter) {
             Some(behind) => self.seen |= 1 << behind.min(WINDOW - 1),

@@ -5,7 +5,7 @@ mod authenticator;
 
 use std::convert::Infallible;
 
-use bytes::Bytes;
+use bytes::{Buf, Bytes};
 
 pub use admission::{Admission, Budget, DropReason, Place};
 pub use authenticator::{Authenticator, IdealAuthenticator};
@@ -176,8 +176,8 @@ impl<A: Authenticator> Radio<A> {
         Some(frame.into())
     }
 
-    fn receive(&mut self, now: Timestamp, datagram: &Bytes) -> Result<(), DropReason> {
-        let frame = wire::decode_frame(datagram)?;
+    fn receive(&mut self, now: Timestamp, mut datagram: Bytes) -> Result<(), DropReason> {
+        let frame = wire::decode_frame(&datagram)?;
         let header = frame.header;
         if header.swarm != self.config.swarm && !flaw::has(Flaw::HeedsOtherSwarms) {
             return Err(DropReason::OtherSwarm);
@@ -193,10 +193,14 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::Forged);
         }
         self.admission.admit(place, &header);
+        let end = frame.covered.len();
+        let begin = end - frame.payload.len();
+        datagram.truncate(end);
+        datagram.advance(begin);
         self.outbox.transmit(Transmit::Heard {
             sender: header.sender,
             ballot: header.ballot,
-            payload: datagram.slice_ref(frame.payload),
+            payload: datagram,
         });
         Ok(())
     }
@@ -238,7 +242,7 @@ impl<A: Authenticator> Machine for Radio<A> {
                 }
             }
             Input::Received(datagram) => {
-                if let Err(reason) = self.receive(now, &datagram) {
+                if let Err(reason) = self.receive(now, datagram) {
                     self.outbox.event(Event::Dropped(reason));
                 }
             }

@@ -181,6 +181,7 @@ impl Link {
     }
 
     /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
+    #[inline]
     fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
         for _ in 0..missed.min(LOSS_MEMORY.into()) {
             self.quality.learn(1.0);
@@ -244,6 +245,7 @@ impl Link {
     }
 
     /// Whether what it said shows that it knows what it was told.
+    #[inline]
     fn shows_what_it_was_told(&self) -> bool {
         let sets = self.sets();
         let (sequence, acknowledged) = &sets.told;
@@ -251,6 +253,7 @@ impl Link {
             || self.said.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
     }
 
+    #[inline]
     fn sets(&self) -> &Sets {
         self.sets.as_deref().unwrap_or(&NO_SETS)
     }
@@ -297,6 +300,7 @@ impl Quality {
     }
 
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
+    #[inline]
     fn learn(&mut self, missed: f64) {
         let before = (self.loss, self.frames);
         self.frames = (self.frames + 1).min(LOSS_MEMORY);
@@ -344,7 +348,7 @@ impl Quality {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) const fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
+    pub(super) fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
         Self {
             own,
             drones,
@@ -355,6 +359,7 @@ impl Links {
     }
 
     /// Whether these very words were the last that a neighbour said under this reign, as what it is to this drone now.
+    #[inline]
     pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
         self.get(speaker.id).is_some_and(|link| {
             let said = &link.said;
@@ -365,6 +370,7 @@ impl Links {
     }
 
     /// Takes in what a neighbour says that has said the same before; nothing for a number that is not newer than the last.
+    #[inline]
     pub(super) fn hear_again(
         &mut self,
         id: NodeId,
@@ -563,6 +569,7 @@ impl Links {
         has_lost_any
     }
 
+    #[inline]
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
         self.links.get(id)
     }
