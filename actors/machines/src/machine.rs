@@ -113,6 +113,11 @@ impl<T, E> Outbox<T, E> {
         self.push(Output::Event(event));
     }
 
+    /// Whether nothing waits.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.first.is_none()
+    }
+
     #[inline]
     fn push(&mut self, output: Output<T, E>) {
         if self.first.is_none() {

@@ -20,6 +20,8 @@ pub(crate) struct Heap<T> {
     begun: Vec<Entry>,
     /// The number of that slice.
     slice: u64,
+    /// Whether it has begun since somebody asked.
+    is_new: bool,
     /// What happens in each of the slices that follow: the place of what was planned last, or [`NOWHERE`]. That with
     /// number n is at n modulo [`SLICES`].
     slices: Vec<u32>,
@@ -58,6 +60,7 @@ impl<T> Heap<T> {
         Self {
             begun: Vec::new(),
             slice: 0,
+            is_new: false,
             slices: vec![NOWHERE; SLICES],
             filled: [0; SLICES / 64],
             later: BinaryHeap::new(),
@@ -125,6 +128,21 @@ impl<T> Heap<T> {
         Some((at, what.expect("each place is in the order once")))
     }
 
+    /// How much is still to happen in the slice that has begun; nothing if somebody has asked since it has.
+    pub(crate) fn newly_begun(&mut self) -> usize {
+        if std::mem::take(&mut self.is_new) {
+            self.begun.len()
+        } else {
+            0
+        }
+    }
+
+    /// What is still to happen in the slice that has begun.
+    pub(crate) fn begun(&self) -> impl Iterator<Item = &T> {
+        let places = self.begun.iter().map(|(.., place)| *place as usize);
+        places.filter_map(|place| self.places[place].what.as_ref())
+    }
+
     /// Goes on to the next slice in which anything happens, if anything does at all.
     fn begin_slice(&mut self) -> Option<()> {
         let first_later = self.later.peek().map(|Reverse((at, ..))| slice_of(*at));
@@ -143,6 +161,7 @@ impl<T> Heap<T> {
             self.begun.push(*entry);
             self.later.pop();
         }
+        self.is_new = true;
         self.begun.sort_unstable_by(|a, b| b.cmp(a));
         Some(())
     }

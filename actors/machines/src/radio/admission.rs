@@ -1,9 +1,11 @@
+use std::hint::black_box;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
+use crate::identity::NodeId;
 use crate::roster::Roster;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
@@ -109,6 +111,12 @@ impl Admission {
     #[must_use]
     pub const fn senders(&self) -> usize {
         self.senders.len()
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        let known = sender.and_then(|sender| self.senders.get(sender));
+        black_box((self.members, self.budget.burst, known.map(|it| it.full_at)));
     }
 
     /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.

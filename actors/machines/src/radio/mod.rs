@@ -4,6 +4,7 @@ mod admission;
 mod authenticator;
 
 use std::convert::Infallible;
+use std::hint::black_box;
 
 use bytes::{Buf, Bytes};
 
@@ -147,6 +148,12 @@ impl<A: Authenticator> Radio<A> {
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
         (self.admission.senders(), self.config.members as usize)
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(crate) fn read_ahead(&self, sender: Option<NodeId>) {
+        black_box((self.config.id, self.config.swarm, self.outbox.is_empty()));
+        self.admission.read_ahead(sender);
     }
 
     /// The next frame of this drone's; nothing for a payload that is too long.

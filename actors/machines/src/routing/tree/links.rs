@@ -1,4 +1,5 @@
 use std::cell::OnceCell;
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -355,6 +356,19 @@ impl Links {
             beacon,
             links: Roster::new(),
             below: OnceCell::new(),
+        }
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        let Some(sender) = sender else {
+            return self.iter().for_each(|link| {
+                black_box(link.heard_at);
+            });
+        };
+        if let Some(link) = self.get(sender) {
+            black_box((link.heard_at, link.said.sequence, link.quality.frames));
+            black_box((link.symmetric, link.sets.is_some(), link.words.first()));
         }
     }
 
