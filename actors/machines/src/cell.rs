@@ -281,12 +281,12 @@ impl Blueprint {
         checkpoints: &Checkpoints,
     ) -> Cell {
         match address {
-            Address::Radio => Cell::Radio(Radio::new(
+            Address::Radio => Cell::Radio(Box::new(Radio::new(
                 self.radio.clone(),
                 IdealAuthenticator,
                 checkpoints.boot,
                 checkpoints.radio,
-            )),
+            ))),
             Address::Routing => Cell::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),
                 seed,
@@ -309,7 +309,7 @@ impl Blueprint {
 /// One of the five machines, in the seat of an actor.
 pub enum Cell {
     /// The radio.
-    Radio(Radio<IdealAuthenticator>),
+    Radio(Box<Radio<IdealAuthenticator>>),
     /// The routing.
     Routing(Box<routing::Routing>),
     /// The mission.
@@ -368,7 +368,7 @@ impl Cell {
         let effects = &mut reaction.effects;
         reaction.deadline = match (&mut *self, stimulus) {
             (Self::Radio(machine), Stimulus::Timeout) => {
-                run(machine, now, Stimulus::Timeout, effects)
+                run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
             (Self::Routing(machine), Stimulus::Timeout) => {
                 run(machine.as_mut(), now, Stimulus::Timeout, effects)
@@ -383,7 +383,7 @@ impl Cell {
                 run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
             (Self::Radio(machine), Stimulus::Input(Envelope::Radio(input))) => {
-                run(machine, now, Stimulus::Input(input), effects)
+                run(machine.as_mut(), now, Stimulus::Input(input), effects)
             }
             (Self::Routing(machine), Stimulus::Input(Envelope::Routing(input))) => {
                 run(machine.as_mut(), now, Stimulus::Input(input), effects)
@@ -402,6 +402,17 @@ impl Cell {
             }
         };
         reaction.occupancy = self.occupancy();
+    }
+
+    /// Reads what a frame of `sender` will touch, or without one what a timer will, and changes nothing. Whoever runs many
+    /// cells does so with all that will soon be stepped, one after another: then their memory is waited for side by side, and
+    /// is at hand when they are.
+    pub fn read_ahead(&self, sender: Option<NodeId>) {
+        match self {
+            Self::Radio(machine) => machine.read_ahead(sender),
+            Self::Routing(machine) => machine.read_ahead(sender),
+            Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
+        }
     }
 
     fn occupancy(&self) -> Occupancy {

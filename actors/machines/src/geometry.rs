@@ -58,6 +58,7 @@ impl Ned {
 
     /// The straight distance, in metres.
     #[must_use]
+    #[inline]
     pub fn distance_m(self, other: Self) -> f64 {
         (self.0 - other.0).norm()
     }

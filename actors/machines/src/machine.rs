@@ -1,5 +1,7 @@
 //! The shape of every decision a drone takes.
 
+use std::collections::VecDeque;
+
 use crate::time::Timestamp;
 
 /// A state machine that owns no socket, no clock, no task and no random source but its own seeded one.
@@ -84,28 +86,58 @@ pub enum Said<M: Machine + ?Sized> {
     Event(M::Event),
 }
 
-/// The outputs of a machine that wait to be polled.
+/// The outputs of a machine that wait to be polled. Most steps have one at most, which is kept within the machine; the memory
+/// that more take is given back, for the next machine to use while it is at hand.
 #[derive(Debug, Clone)]
-pub(crate) struct Outbox<T, E>(std::collections::VecDeque<Output<T, E>>);
+pub(crate) struct Outbox<T, E> {
+    first: Option<Output<T, E>>,
+    /// Nothing as long as there is no first.
+    others: VecDeque<Output<T, E>>,
+}
 
 impl<T, E> Outbox<T, E> {
     pub(crate) const fn new() -> Self {
-        Self(std::collections::VecDeque::new())
+        Self {
+            first: None,
+            others: VecDeque::new(),
+        }
     }
 
+    #[inline]
     pub(crate) fn transmit(&mut self, transmit: T) {
-        self.0.push_back(Output::Transmit(transmit));
+        self.push(Output::Transmit(transmit));
     }
 
+    #[inline]
     pub(crate) fn event(&mut self, event: E) {
-        self.0.push_back(Output::Event(event));
+        self.push(Output::Event(event));
     }
 
+    /// Whether nothing waits.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.first.is_none()
+    }
+
+    #[inline]
+    fn push(&mut self, output: Output<T, E>) {
+        if self.first.is_none() {
+            self.first = Some(output);
+        } else {
+            self.others.push_back(output);
+        }
+    }
+
+    #[inline]
     pub(crate) fn poll(&mut self, deadline: Option<Timestamp>) -> Output<T, E> {
-        self.0.pop_front().unwrap_or_else(|| {
-            // The next output takes the place of the first one again, which is at hand.
-            self.0.clear();
-            Output::Idle { deadline }
-        })
+        let Some(output) = self.first.take() else {
+            return Output::Idle { deadline };
+        };
+        if !self.others.is_empty() {
+            self.first = self.others.pop_front();
+            if self.others.is_empty() {
+                self.others = VecDeque::new();
+            }
+        }
+        output
     }
 }

@@ -12,6 +12,9 @@ pub(crate) struct Roster<T> {
     entries: Vec<T>,
 }
 
+/// As long as there are no more, they are counted through side by side sooner than they are halved again and again.
+const FEW: usize = 16;
+
 impl<T> Default for Roster<T> {
     fn default() -> Self {
         Self::new()
@@ -19,10 +22,12 @@ impl<T> Default for Roster<T> {
 }
 
 impl<T> Roster<T> {
-    pub(crate) const fn new() -> Self {
+    /// With room for as many entries as there is for ids, beside whatever is built with it.
+    pub(crate) fn new() -> Self {
+        let ids = SmallVec::new();
         Self {
-            ids: SmallVec::new_const(),
-            entries: Vec::new(),
+            entries: Vec::with_capacity(ids.inline_size()),
+            ids,
         }
     }
 
@@ -31,20 +36,32 @@ impl<T> Roster<T> {
     }
 
     /// Where a drone's entry is, or would be.
+    #[inline]
     pub(crate) fn find(&self, id: NodeId) -> Result<usize, usize> {
-        self.ids.binary_search(&id)
+        if self.ids.len() > FEW {
+            return self.ids.binary_search(&id);
+        }
+        let place = self.ids.iter().map(|other| usize::from(*other < id)).sum();
+        if self.ids.get(place) == Some(&id) {
+            Ok(place)
+        } else {
+            Err(place)
+        }
     }
 
     /// The entry at a place where [`Self::find`] found one.
+    #[inline]
     pub(crate) fn at(&mut self, place: usize) -> &mut T {
         &mut self.entries[place]
     }
 
+    #[inline]
     pub(crate) fn get(&self, id: NodeId) -> Option<&T> {
         let place = self.find(id).ok()?;
         self.entries.get(place)
     }
 
+    #[inline]
     pub(crate) fn get_mut(&mut self, id: NodeId) -> Option<&mut T> {
         let place = self.find(id).ok()?;
         self.entries.get_mut(place)
@@ -90,10 +107,11 @@ mod tests {
     #[test]
     fn entries_are_found_under_their_ids_whatever_came_or_went_before() {
         let mut roster = Roster::new();
-        for id in [7, 3, 20, 9, 1, 15, 2, 11, 30, 4] {
+        for id in [7, 3, 20, 9, 1, 15, 2, 11, 30, 4].into_iter().chain(50..60) {
             let place = roster.find(NodeId(id)).unwrap_err();
             roster.insert(place, NodeId(id), id);
         }
+        assert!((50..60).all(|id| roster.remove(NodeId(id))));
         assert!(roster.remove(NodeId(9)) && !roster.remove(NodeId(9)));
         roster.retain(|entry| entry % 5 > 0);
         assert!(roster.iter().eq(&[1, 2, 3, 4, 7, 11]));

@@ -20,12 +20,14 @@ pub(crate) struct Punctuality {
 impl Punctuality {
     /// To be told at the end of each step at `now`: when the machine wants to act next. A deadline that has passed
     /// already is handled at once, so it counts from `now`.
+    #[inline]
     pub(crate) fn ask(&mut self, now: Timestamp, deadline: Option<Timestamp>) {
         self.asked = deadline.map(|deadline| deadline.max(now));
     }
 
     /// To be asked at the beginning of each step: by how much the host stalled, if it did. Messages come late with the
     /// timers, so any step tells.
+    #[inline]
     pub(crate) fn stalled_for(self, now: Timestamp) -> Option<Duration> {
         let late = now.since(self.asked?);
         (late > LATE).then_some(late)

@@ -104,6 +104,7 @@ pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> 
 ///
 /// # Errors
 /// When the bytes are not a frame of this version.
+#[inline]
 pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
     if datagram.len() > DATAGRAM_MAX {
         return Err(FrameError::TooLong);
@@ -125,7 +126,16 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
     })
 }
 
+/// Who sent a frame, by its own word; nothing for bytes that can't be a frame.
+#[must_use]
+pub fn sender(datagram: &[u8]) -> Option<NodeId> {
+    let mut from = Reader(datagram.strip_prefix(&[VERSION])?);
+    from.number()?;
+    from.number().map(NodeId)
+}
+
 /// What [`encode_covered`] has written behind the version.
+#[inline]
 fn read_header(from: &mut Reader<'_>) -> Option<Header> {
     Some(Header {
         swarm: SwarmId(from.number()?),
@@ -145,13 +155,9 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
 #[error("not a payload of this version")]
 pub struct PayloadError;
 
-#[derive(Serialize, Deserialize)]
-enum WirePacket {
-    Hello { remaining_ms: u32 },
-    HopUpdate { hops: u16, routing_list: Vec<u32> },
-}
-
-/// Where the packets of the policies stand among the packets, after those two; serde neither writes nor reads them.
+/// What packets begin with, by their kind; as postcard numbers the variants of an enum.
+const HELLO: u8 = 0;
+const HOP_UPDATE: u8 = 1;
 const FLOOD: u8 = 2;
 const TREE: u8 = 3;
 
@@ -161,28 +167,32 @@ const LANDING: u8 = 2;
 /// Writes a packet of the routing.
 #[must_use]
 pub fn encode_packet(packet: &Packet) -> Vec<u8> {
-    let wire = match packet {
-        Packet::Hello { remaining } => WirePacket::Hello {
-            remaining_ms: u32::try_from(remaining.as_millis()).unwrap_or(u32::MAX),
-        },
-        Packet::HopUpdate { hops, routing_list } => WirePacket::HopUpdate {
-            hops: *hops,
-            routing_list: routing_list.iter().map(|id| id.0).collect(),
-        },
+    let members = match packet {
+        Packet::Flood(flood) => flood.members.len(),
+        _ => 0,
+    };
+    let mut to = Writer(Vec::with_capacity(64 + 8 * members));
+    match packet {
+        Packet::Hello { remaining } => {
+            to.byte(HELLO);
+            to.number(u32::try_from(remaining.as_millis()).unwrap_or(u32::MAX));
+        }
+        Packet::HopUpdate { hops, routing_list } => {
+            to.byte(HOP_UPDATE);
+            to.number((*hops).into());
+            to.count(routing_list.len());
+            routing_list.iter().for_each(|id| to.number(id.0));
+        }
         Packet::Flood(flood) => {
-            let mut to = Writer(Vec::with_capacity(64 + 8 * flood.members.len()));
             to.byte(FLOOD);
             write_flood(flood, &mut to);
-            return to.0;
         }
         Packet::Tree(tree) => {
-            let mut to = Writer(Vec::with_capacity(64));
             to.byte(TREE);
             tree::write(tree, &mut to);
-            return to.0;
         }
-    };
-    write(&wire, Vec::with_capacity(64))
+    }
+    to.0
 }
 
 /// Reads a packet of the routing.
@@ -191,21 +201,32 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
 /// When it is not one, or holds more than a packet.
 pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
     match payload {
-        [FLOOD, flood @ ..] => {
-            return read_flood(flood).map(Packet::Flood).ok_or(PayloadError);
-        }
+        [HELLO, hello @ ..] => read_hello(hello),
+        [HOP_UPDATE, hop_update @ ..] => read_hop_update(hop_update),
+        [FLOOD, flood @ ..] => read_flood(flood).map(Packet::Flood),
         [TREE, ..] => return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree())),
-        _ => {}
+        _ => None,
     }
-    Ok(match read(payload)? {
-        WirePacket::Hello { remaining_ms } => Packet::Hello {
-            remaining: Duration::from_millis(remaining_ms.into()),
-        },
-        WirePacket::HopUpdate { hops, routing_list } => Packet::HopUpdate {
-            hops,
-            routing_list: routing_list.into_iter().map(NodeId).collect(),
-        },
-    })
+    .ok_or(PayloadError)
+}
+
+fn read_hello(bytes: &[u8]) -> Option<Packet> {
+    let mut from = Reader(bytes);
+    let remaining = Duration::from_millis(from.number()?.into());
+    from.0.is_empty().then_some(Packet::Hello { remaining })
+}
+
+fn read_hop_update(bytes: &[u8]) -> Option<Packet> {
+    let mut from = Reader(bytes);
+    let hops = u16::try_from(from.number()?).ok()?;
+    let count = from.number()? as usize;
+    // Each takes a byte at least, whatever is claimed.
+    let mut routing_list = Vec::with_capacity(count.min(bytes.len()));
+    for _ in 0..count {
+        routing_list.push(NodeId(from.number()?));
+    }
+    let packet = Packet::HopUpdate { hops, routing_list };
+    from.0.is_empty().then_some(packet)
 }
 
 /// Reads a packet of policy `tree`, where it lies.
@@ -222,6 +243,7 @@ pub fn decode_tree(payload: &[u8]) -> Result<TreeFrame<'_>, PayloadError> {
 ///
 /// # Errors
 /// When it does not begin as such a packet does.
+#[inline]
 pub fn split_tree(payload: &[u8]) -> Result<(TreeFront, &[u8]), PayloadError> {
     let packet = payload.strip_prefix(&[TREE]).ok_or(PayloadError)?;
     let mut from = Reader(packet);

@@ -13,7 +13,8 @@ use crate::scenario::Scenario;
 use crate::world::{What, World, blueprints};
 
 struct Drone {
-    blueprint: Blueprint,
+    /// Apart from the cells, for it is seldom looked at.
+    blueprint: Box<Blueprint>,
     cells: [Option<Cell>; 5],
     supervision: Supervision,
 }
@@ -23,7 +24,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     let mut drones: Vec<Drone> = blueprints(scenario)
         .into_iter()
         .map(|blueprint| Drone {
-            blueprint,
+            blueprint: Box::new(blueprint),
             cells: [const { None }; 5],
             supervision: Supervision::new(scenario.limits.restarts),
         })
@@ -31,7 +32,11 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     for (id, drone) in (0..).map(NodeId).zip(&mut drones) {
         drone.build_all(&mut world, id, &mut reaction);
     }
+    let mut soon = Vec::new();
     while let Some(task) = world.next() {
+        if world.look_ahead(&mut soon) {
+            read_ahead(&drones, &soon);
+        }
         if let Some(meter) = &mut meter {
             meter.read(&world);
         }
@@ -62,6 +67,18 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         }
     }
     world
+}
+
+/// Has the memory at hand that will be needed soon: first that of all radios, then that of all routings, so that they are
+/// waited for side by side.
+fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
+    for address in [Address::Radio, Address::Routing] {
+        for (id, sender) in soon {
+            if let Some(cell) = &drones[id.0 as usize].cells[address as usize] {
+                cell.read_ahead(*sender);
+            }
+        }
+    }
 }
 
 impl Drone {

@@ -1,4 +1,5 @@
 use std::collections::VecDeque;
+use std::hint::black_box;
 use std::time::Duration;
 
 use muster_machines::cell::{Address, Checkpoint, Checkpoints};
@@ -68,6 +69,12 @@ impl Drone {
             clock: Clock::default(),
             motion: 0,
         }
+    }
+
+    /// Reads what a frame for it will touch, as [`Cell::read_ahead`](muster_machines::cell::Cell::read_ahead) does.
+    pub(super) fn read_ahead(&self) {
+        let [radio, routing, ..] = &self.seats;
+        black_box((radio.is_up, routing.deadline, routing.is_up, self.clock));
     }
 
     pub(crate) const fn is_up(&self, address: Address) -> bool {

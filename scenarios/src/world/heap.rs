@@ -6,12 +6,13 @@ use muster_machines::time::Timestamp;
 /// How long a slice of time is, in nanoseconds, as a power of two: about as long as a frame takes, so that little is planned
 /// for the slice that has begun.
 const SLICE_BITS: u32 = 18;
-/// How many slices are kept apart; what happens later than in a second is not put in one yet.
-const SLICES: usize = 4_096;
+/// How many slices are kept apart: of the next four seconds, in which a drone speaks again that speaks once a second, and
+/// finds out whether it has heard another. What happens later is not put in one yet.
+const SLICES: usize = 16_384;
 
 /// What will happen, in the order of time; at one instant, in the order in which it was planned.
 ///
-/// Most of what is planned happens soon, so the next second is cut into slices, and what happens in one is put in order
+/// Most of what is planned happens soon, so the next seconds are cut into slices, and what happens in one is put in order
 /// when it begins. What is planned stays where it was put until it happens: only its time and place are put in order.
 #[derive(Debug)]
 pub(crate) struct Heap<T> {
@@ -19,6 +20,8 @@ pub(crate) struct Heap<T> {
     begun: Vec<Entry>,
     /// The number of that slice.
     slice: u64,
+    /// Whether it has begun since somebody asked.
+    is_new: bool,
     /// What happens in each of the slices that follow: the place of what was planned last, or [`NOWHERE`]. That with
     /// number n is at n modulo [`SLICES`].
     slices: Vec<u32>,
@@ -57,6 +60,7 @@ impl<T> Heap<T> {
         Self {
             begun: Vec::new(),
             slice: 0,
+            is_new: false,
             slices: vec![NOWHERE; SLICES],
             filled: [0; SLICES / 64],
             later: BinaryHeap::new(),
@@ -124,6 +128,21 @@ impl<T> Heap<T> {
         Some((at, what.expect("each place is in the order once")))
     }
 
+    /// How much is still to happen in the slice that has begun; nothing if somebody has asked since it has.
+    pub(crate) fn newly_begun(&mut self) -> usize {
+        if std::mem::take(&mut self.is_new) {
+            self.begun.len()
+        } else {
+            0
+        }
+    }
+
+    /// What is still to happen in the slice that has begun.
+    pub(crate) fn begun(&self) -> impl Iterator<Item = &T> {
+        let places = self.begun.iter().map(|(.., place)| *place as usize);
+        places.filter_map(|place| self.places[place].what.as_ref())
+    }
+
     /// Goes on to the next slice in which anything happens, if anything does at all.
     fn begin_slice(&mut self) -> Option<()> {
         let first_later = self.later.peek().map(|Reverse((at, ..))| slice_of(*at));
@@ -142,6 +161,7 @@ impl<T> Heap<T> {
             self.begun.push(*entry);
             self.later.pop();
         }
+        self.is_new = true;
         self.begun.sort_unstable_by(|a, b| b.cmp(a));
         Some(())
     }

@@ -62,6 +62,10 @@ const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
 const FAULTS_STREAM: u64 = u64::MAX;
 
+/// As long as no more happens in a slice of time, what that takes is not read ahead: there is little to be waited for side
+/// by side, and of a small swarm all is at hand.
+const MANY: usize = 4;
+
 /// What an engine is to do next.
 #[derive(Debug)]
 pub(crate) struct Task {
@@ -471,6 +475,27 @@ impl World {
             Planned::Land(master) => self.post(master, Envelope::Mission(mission::Input::Land)),
         }
         None
+    }
+
+    /// Overwrites `soon` with the drones whose radios and routings are stepped in the slice of time that has just begun, and
+    /// for whose frames; whether one has in which there are many.
+    pub(crate) fn look_ahead(&mut self, soon: &mut Vec<(NodeId, Option<NodeId>)>) -> bool {
+        if self.heap.newly_begun() < MANY {
+            return false;
+        }
+        soon.clear();
+        soon.extend(self.heap.begun().filter_map(|planned| match planned {
+            Planned::Arrive { to, datagram, .. } => Some((*to, wire::sender(datagram))),
+            Planned::Wake { drone, address, .. } => {
+                (*address == Address::Routing).then_some((*drone, None))
+            }
+            _ => None,
+        }));
+        for (drone, _) in soon {
+            self.drones[drone.0 as usize].read_ahead();
+            self.swarm(*drone).recorder.read_ahead(*drone);
+        }
+        true
     }
 
     /// Does what a step asked for, in order, and sets the machine's timer.

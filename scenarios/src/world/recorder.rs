@@ -1,4 +1,5 @@
 use std::collections::{BTreeMap, BTreeSet};
+use std::hint::black_box;
 
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
@@ -209,6 +210,11 @@ impl Recorder {
         }
         let traffic = self.traffic_mut(id);
         traffic.sent += u64::from(traffic.counts);
+    }
+
+    /// Reads what changes with each frame, as [`Cell::read_ahead`](muster_machines::cell::Cell::read_ahead) does.
+    pub(super) fn read_ahead(&self, id: NodeId) {
+        black_box(self.traffic[(id.0 - self.first.0) as usize].counts);
     }
 
     pub(crate) fn received(&mut self, id: NodeId) {

@@ -1,9 +1,11 @@
+use std::hint::black_box;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
+use crate::identity::NodeId;
 use crate::roster::Roster;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
@@ -97,7 +99,7 @@ impl Admission {
     /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
     /// place in it.
     #[must_use]
-    pub const fn new(budget: Budget, members: u32) -> Self {
+    pub fn new(budget: Budget, members: u32) -> Self {
         Self {
             budget,
             members,
@@ -111,10 +113,17 @@ impl Admission {
         self.senders.len()
     }
 
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        let known = sender.and_then(|sender| self.senders.get(sender));
+        black_box((self.members, self.budget.burst, known.map(|it| it.full_at)));
+    }
+
     /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.
     ///
     /// # Errors
     /// With the reason for which the frame is to be dropped.
+    #[inline]
     pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<Place, DropReason> {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
@@ -144,6 +153,7 @@ impl Admission {
     ///
     /// # Panics
     /// When another table than this one found the place.
+    #[inline]
     pub fn admit(&mut self, place: Place, header: &Header) {
         match &mut self.senders.at(place.0).newest {
             Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
@@ -159,6 +169,7 @@ impl Admission {
 }
 
 impl Newest {
+    #[inline]
     fn has_seen(&self, header: &Header) -> bool {
         if header.boot != self.boot {
             return header.boot < self.boot && !flaw::has(Flaw::AcceptsEarlierLives);
@@ -169,6 +180,7 @@ impl Newest {
         }
     }
 
+    #[inline]
     fn mark(&mut self, counter: u64) {
         match self.counter.checked_sub(counter) {
             Some(behind) => self.seen |= 1 << behind.min(WINDOW - 1),

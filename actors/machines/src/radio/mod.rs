@@ -4,8 +4,9 @@ mod admission;
 mod authenticator;
 
 use std::convert::Infallible;
+use std::hint::black_box;
 
-use bytes::Bytes;
+use bytes::{Buf, Bytes};
 
 pub use admission::{Admission, Budget, DropReason, Place};
 pub use authenticator::{Authenticator, IdealAuthenticator};
@@ -149,6 +150,12 @@ impl<A: Authenticator> Radio<A> {
         (self.admission.senders(), self.config.members as usize)
     }
 
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(crate) fn read_ahead(&self, sender: Option<NodeId>) {
+        black_box((self.config.id, self.config.swarm, self.outbox.is_empty()));
+        self.admission.read_ahead(sender);
+    }
+
     /// The next frame of this drone's; nothing for a payload that is too long.
     fn frame(&mut self, ballot: Ballot, payload: &[u8]) -> Option<Bytes> {
         if payload.len() > PAYLOAD_MAX {
@@ -176,8 +183,8 @@ impl<A: Authenticator> Radio<A> {
         Some(frame.into())
     }
 
-    fn receive(&mut self, now: Timestamp, datagram: &Bytes) -> Result<(), DropReason> {
-        let frame = wire::decode_frame(datagram)?;
+    fn receive(&mut self, now: Timestamp, mut datagram: Bytes) -> Result<(), DropReason> {
+        let frame = wire::decode_frame(&datagram)?;
         let header = frame.header;
         if header.swarm != self.config.swarm && !flaw::has(Flaw::HeedsOtherSwarms) {
             return Err(DropReason::OtherSwarm);
@@ -193,10 +200,14 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::Forged);
         }
         self.admission.admit(place, &header);
+        let end = frame.covered.len();
+        let begin = end - frame.payload.len();
+        datagram.truncate(end);
+        datagram.advance(begin);
         self.outbox.transmit(Transmit::Heard {
             sender: header.sender,
             ballot: header.ballot,
-            payload: datagram.slice_ref(frame.payload),
+            payload: datagram,
         });
         Ok(())
     }
@@ -238,7 +249,7 @@ impl<A: Authenticator> Machine for Radio<A> {
                 }
             }
             Input::Received(datagram) => {
-                if let Err(reason) = self.receive(now, &datagram) {
+                if let Err(reason) = self.receive(now, datagram) {
                     self.outbox.event(Event::Dropped(reason));
                 }
             }

@@ -281,6 +281,15 @@ impl Routing {
             Self::Tree(routing) => routing.occupancy(),
         }
     }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(crate) fn read_ahead(&self, sender: Option<NodeId>) {
+        match self {
+            // Whoever repeats everything all the time flies in small swarms.
+            Self::Flood(_) => {}
+            Self::Tree(routing) => routing.read_ahead(sender),
+        }
+    }
 }
 
 impl Machine for Routing {

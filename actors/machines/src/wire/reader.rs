@@ -6,21 +6,25 @@ use crate::identity::{NodeId, NodeSet};
 pub(super) struct Reader<'a>(pub(super) &'a [u8]);
 
 impl<'a> Reader<'a> {
+    #[inline]
     pub(super) fn byte(&mut self) -> Option<u8> {
         let (byte, rest) = self.0.split_first()?;
         self.0 = rest;
         Some(*byte)
     }
 
+    #[inline]
     pub(super) fn number(&mut self) -> Option<u32> {
         take_varint(&mut self.0)
     }
 
     /// One of 64 bits.
+    #[inline]
     pub(super) fn long_number(&mut self) -> Option<u64> {
         take_long_varint::<64>(&mut self.0)
     }
 
+    #[inline]
     pub(super) fn is_there(&mut self) -> Option<bool> {
         match self.byte()? {
             0 => Some(false),
@@ -29,6 +33,7 @@ impl<'a> Reader<'a> {
         }
     }
 
+    #[inline]
     pub(super) fn hops(&mut self) -> Option<Option<u16>> {
         Some(match self.is_there()? {
             true => Some(u16::try_from(self.number()?).ok()?),
@@ -36,6 +41,7 @@ impl<'a> Reader<'a> {
         })
     }
 
+    #[inline]
     pub(super) fn id(&mut self) -> Option<Option<NodeId>> {
         Some(match self.is_there()? {
             true => Some(NodeId(self.number()?)),

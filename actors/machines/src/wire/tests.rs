@@ -176,6 +176,7 @@ fn a_frame_is_read_back_without_a_copy() {
     let bytes = frame(b"payload");
     let read = decode_frame(&bytes).unwrap();
     assert_eq!(read.header, HEADER);
+    assert_eq!(sender(&bytes), Some(HEADER.sender));
     assert_eq!(read.payload, b"payload");
     assert_eq!(read.authenticator, &[0xab; AUTHENTICATOR_LEN]);
     assert_eq!(read.covered, &bytes[..bytes.len() - AUTHENTICATOR_LEN]);

@@ -22,6 +22,7 @@ pub struct TreeFront {
 }
 
 impl TreeFront {
+    #[inline]
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         Some(Self {
             beat: from.number()?,

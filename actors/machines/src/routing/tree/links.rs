@@ -1,4 +1,5 @@
 use std::cell::OnceCell;
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -181,6 +182,7 @@ impl Link {
     }
 
     /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
+    #[inline]
     fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
         for _ in 0..missed.min(LOSS_MEMORY.into()) {
             self.quality.learn(1.0);
@@ -234,12 +236,17 @@ impl Link {
         let said = (self.said.sequence, &sets.acknowledged);
         let told = (sets.told.0, &sets.told.1);
         let known = [said, told].into_iter().filter(|it| it.0 == sequence);
+        let knows_all = |(_, known): (u32, &NodeSet)| known.is_superset(acknowledged);
+        if known.clone().any(knows_all) {
+            return NodeSet::new();
+        }
         known.fold(acknowledged.clone(), |lacks, (_, known)| {
             lacks.difference(known)
         })
     }
 
     /// Whether what it said shows that it knows what it was told.
+    #[inline]
     fn shows_what_it_was_told(&self) -> bool {
         let sets = self.sets();
         let (sequence, acknowledged) = &sets.told;
@@ -247,6 +254,7 @@ impl Link {
             || self.said.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
     }
 
+    #[inline]
     fn sets(&self) -> &Sets {
         self.sets.as_deref().unwrap_or(&NO_SETS)
     }
@@ -293,6 +301,7 @@ impl Quality {
     }
 
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
+    #[inline]
     fn learn(&mut self, missed: f64) {
         let before = (self.loss, self.frames);
         self.frames = (self.frames + 1).min(LOSS_MEMORY);
@@ -340,7 +349,7 @@ impl Quality {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) const fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
+    pub(super) fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
         Self {
             own,
             drones,
@@ -350,7 +359,21 @@ impl Links {
         }
     }
 
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        let Some(sender) = sender else {
+            return self.iter().for_each(|link| {
+                black_box(link.heard_at);
+            });
+        };
+        if let Some(link) = self.get(sender) {
+            black_box((link.heard_at, link.said.sequence, link.quality.frames));
+            black_box((link.symmetric, link.sets.is_some(), link.words.first()));
+        }
+    }
+
     /// Whether these very words were the last that a neighbour said under this reign, as what it is to this drone now.
+    #[inline]
     pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
         self.get(speaker.id).is_some_and(|link| {
             let said = &link.said;
@@ -361,6 +384,7 @@ impl Links {
     }
 
     /// Takes in what a neighbour says that has said the same before; nothing for a number that is not newer than the last.
+    #[inline]
     pub(super) fn hear_again(
         &mut self,
         id: NodeId,
@@ -559,6 +583,7 @@ impl Links {
         has_lost_any
     }
 
+    #[inline]
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
         self.links.get(id)
     }

@@ -15,6 +15,7 @@ mod seek;
 mod speak;
 
 use std::convert::Infallible;
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -183,6 +184,20 @@ impl TreeRouting {
     pub fn occupancy(&self) -> (usize, usize) {
         let nodes = self.config.drones + self.config.relays;
         (self.links.len(), nodes as usize)
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        black_box((self.durable.reign.sequence(), self.durable.beats.pulse));
+        black_box((self.config.id, self.config.beacon, self.routes.parent));
+        black_box((self.good_parent, self.master_lands, self.pending_from));
+        black_box((self.next_beacon, self.wakes, self.outbox.is_empty()));
+        black_box((
+            self.repair.is_some(),
+            self.hold.is_some(),
+            self.seek.is_some(),
+        ));
+        self.links.read_ahead(sender);
     }
 
     fn is_master(&self) -> bool {

@@ -235,10 +235,12 @@ impl TreeRouting {
         if parent.said.sequence > sequence || !self.may_acknowledge() {
             return false;
         }
-        let missing = parent.lacks(sequence, &self.acknowledged());
         // Once the master has named who is pending, only they answer.
         let is_pending = |id| self.pending.0 != sequence || self.pending.1.contains(id);
-        !parent.knows(sequence) || missing.iter().any(is_pending)
+        let lacks_any = |of: &NodeSet| parent.lacks(sequence, of).iter().any(is_pending);
+        !parent.knows(sequence)
+            || lacks_any(&self.links.below(sequence).acknowledged)
+            || self.durable.reign.is_carried_out() && lacks_any(&self.config.id.into())
     }
 
     /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all.
