@@ -23,7 +23,7 @@ use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
-use muster_machines::radio::{self, Budget};
+use muster_machines::radio::{self, Budget, IdealAuthenticator};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
@@ -245,6 +245,7 @@ impl Scenario {
                 },
                 members: self.nodes(),
             },
+            authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),
             mission: mission::Config {
                 id,

@@ -380,8 +380,10 @@ impl World {
     /// A radio is about to be told of a frame, or somebody else of something.
     fn admit(&mut self, drone: NodeId, origin: Origin, envelope: &Envelope) {
         self.told_of = match envelope {
-            Envelope::Radio(radio::Input::Received(frame)) if self.tampering.listens() => {
-                Some(frame.clone())
+            Envelope::Radio(radio::Input::Received { datagram, .. })
+                if self.tampering.listens() =>
+            {
+                Some(datagram.clone())
             }
             _ => None,
         };
@@ -418,8 +420,9 @@ impl World {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                let source = None;
                 let message = Message {
-                    envelope: Envelope::Radio(radio::Input::Received(datagram)),
+                    envelope: Envelope::Radio(radio::Input::Received { datagram, source }),
                     origin,
                 };
                 return self.hand_over(to, message);
@@ -518,6 +521,8 @@ impl World {
                 let to = to.map(|member| self.swarm(drone).number(member));
                 self.send(drone, to, &frame);
             }
+            // A simulated medium finds drones by their numbers.
+            Effect::Locate { .. } => {}
             Effect::Command(demand) => self.command(drone, demand),
             Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(seen) => {

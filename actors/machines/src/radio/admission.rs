@@ -38,6 +38,9 @@ pub enum DropReason {
     /// A frame of our own that came back.
     #[error("own echo")]
     OwnEcho,
+    /// Of a drone that has been expelled from the swarm.
+    #[error("expelled")]
+    Expelled,
     /// Of a drone that is none of the swarm's.
     #[error("stranger")]
     Stranger,

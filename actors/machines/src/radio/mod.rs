@@ -4,6 +4,7 @@ mod admission;
 mod authenticator;
 
 use std::convert::Infallible;
+use std::num::NonZeroU32;
 
 use bytes::Bytes;
 
@@ -34,6 +35,10 @@ pub struct Config {
     pub members: u32,
 }
 
+/// Where a datagram came from: a name that a transport gives to an address of its own, for as long as it says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Source(pub NonZeroU32);
+
 /// What a radio is told.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -49,7 +54,12 @@ pub enum Input {
         keep_alive: bool,
     },
     /// By the transport: these bytes came in.
-    Received(Bytes),
+    Received {
+        /// The bytes.
+        datagram: Bytes,
+        /// From where, if the transport tells.
+        source: Option<Source>,
+    },
     /// By the transport: what became of a frame of our own for one drone.
     Outcome {
         /// For whom it was.
@@ -81,6 +91,13 @@ pub enum Transmit {
         ballot: Ballot,
         /// What was said.
         payload: Bytes,
+    },
+    /// To the transport: a frame that was let in came from there, so its sender is to be found there.
+    Locate {
+        /// The frame's sender.
+        sender: NodeId,
+        /// Where it came from.
+        source: Source,
     },
     /// To the routing: what became of a frame for one drone.
     Outcome {
@@ -176,7 +193,12 @@ impl<A: Authenticator> Radio<A> {
         Some(frame.into())
     }
 
-    fn receive(&mut self, now: Timestamp, datagram: &Bytes) -> Result<(), DropReason> {
+    fn receive(
+        &mut self,
+        now: Timestamp,
+        datagram: &Bytes,
+        source: Option<Source>,
+    ) -> Result<(), DropReason> {
         let frame = wire::decode_frame(datagram)?;
         let header = frame.header;
         if header.swarm != self.config.swarm && !flaw::has(Flaw::HeedsOtherSwarms) {
@@ -184,6 +206,9 @@ impl<A: Authenticator> Radio<A> {
         }
         if header.sender == self.config.id {
             return Err(DropReason::OwnEcho);
+        }
+        if !self.authenticator.is_trusted(header.sender) {
+            return Err(DropReason::Expelled);
         }
         let place = self.admission.check(now, &header)?;
         let is_genuine =
@@ -193,6 +218,10 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::Forged);
         }
         self.admission.admit(place, &header);
+        if let Some(source) = source {
+            let sender = header.sender;
+            self.outbox.transmit(Transmit::Locate { sender, source });
+        }
         self.outbox.transmit(Transmit::Heard {
             sender: header.sender,
             ballot: header.ballot,
@@ -237,8 +266,8 @@ impl<A: Authenticator> Machine for Radio<A> {
                     });
                 }
             }
-            Input::Received(datagram) => {
-                if let Err(reason) = self.receive(now, &datagram) {
+            Input::Received { datagram, source } => {
+                if let Err(reason) = self.receive(now, &datagram, source) {
                     self.outbox.event(Event::Dropped(reason));
                 }
             }
