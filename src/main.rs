@@ -4,6 +4,7 @@ mod campaign;
 mod chaos;
 mod check;
 mod completions;
+mod keys;
 mod sim;
 mod terminal;
 mod thesis;
@@ -13,8 +14,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use miette::{Diagnostic, GraphicalReportHandler};
 use muster_runtime::diagnostic::BadInput;
+use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
@@ -44,6 +45,7 @@ enum Command {
     Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
     Check(check::Arguments),
+    Keys(keys::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -77,6 +79,8 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error("no keys")]
+    Keys(#[source] KeysError),
     /// What was just written can't be read back.
     #[error("can't read {}", path.display())]
     Read {
@@ -113,6 +117,7 @@ fn main() -> ExitCode {
         Command::Chaos(arguments) => chaos::run(&arguments),
         Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Keys(arguments) => keys::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {
@@ -120,7 +125,7 @@ fn main() -> ExitCode {
         Ok(Ended::RuleBroken) => ExitCode::from(3),
         Ok(Ended::MissionIncomplete) => ExitCode::from(4),
         Err(Failure::Input(inputs)) => {
-            inputs.iter().for_each(|input| show(input));
+            inputs.iter().for_each(show);
             ExitCode::from(2)
         }
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
@@ -136,13 +141,8 @@ fn main() -> ExitCode {
 
 /// Shows what is wrong with a file: where, and what would be accepted.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn show(error: &dyn Diagnostic) {
-    let mut text = String::new();
-    let handler = GraphicalReportHandler::new();
-    match handler.render_report(&mut text, error) {
-        Ok(()) => eprint!("{text}"),
-        Err(_) => eprintln!("Error: {error}"),
-    }
+fn show(input: &BadInput) {
+    eprint!("{}", input.rendered());
 }
 
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]

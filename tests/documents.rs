@@ -98,6 +98,7 @@ fn the_examples_in_the_help_run() {
         "campaign-merge",
         "thesis",
         "check",
+        "keys",
         "completions",
     ] {
         let help = Command::cargo_bin("muster")
