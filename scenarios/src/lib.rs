@@ -13,6 +13,8 @@ pub mod thesis;
 mod vehicle;
 mod world;
 
+pub use vehicle::Craft;
+
 /// The examples of the page for contributors.
 #[cfg(doctest)]
 #[doc = include_str!("../../CONTRIBUTING.md")]

@@ -172,6 +172,8 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::BatteryCritical => Some("its battery was all but empty"),
         LandingReason::FlightTime => Some("it had flown for as long as it may"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
+        LandingReason::Recalled => Some("it was called down"),
+        LandingReason::JournalLost => Some("its journal could not be written"),
         LandingReason::Controller => Some("its flight controller brought it down"),
     }
 }

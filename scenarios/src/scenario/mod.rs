@@ -30,7 +30,7 @@ use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
 use crate::simulated_link::SimulatedLink;
-use crate::vehicle::Landing;
+use crate::vehicle::{Craft, Landing, Vehicle};
 
 pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
@@ -113,7 +113,7 @@ impl Joins {
 
 impl Scenario {
     /// The scenario's own swarm; others are numbered on.
-    pub(crate) const FIRST_SWARM: SwarmId = SwarmId(1);
+    pub const FIRST_SWARM: SwarmId = SwarmId(1);
 
     /// All swarms of its world, its own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = (&Self, Joins)> {
@@ -182,7 +182,8 @@ impl Scenario {
     }
 
     /// How many radios there are: drones first, then relays.
-    pub(crate) fn nodes(&self) -> u32 {
+    #[must_use]
+    pub fn nodes(&self) -> u32 {
         let relays = u32::try_from(self.relays.len()).expect("read as at most RELAYS_MAX");
         self.layout.formation().drones() + relays
     }
@@ -230,8 +231,24 @@ impl Scenario {
         Settling::new(&drone.routing, &drone.mission, &self.radio)
     }
 
-    /// What one of its drones is built with, as a member of that swarm.
-    pub(crate) fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
+    /// The vehicle in closed form of one of its drones or relays, where it stands before it takes off; nothing for a
+    /// number that none of them has. How long it settles at the end of a leg is drawn from `seed`.
+    #[must_use]
+    pub fn craft(&self, id: NodeId, seed: u64) -> Option<Craft> {
+        let place = self.stands().nth(usize::try_from(id.0).ok()?)?;
+        let vehicle = Vehicle::new(self.landing, place).lasting(self.endurance);
+        Some(Craft::new(vehicle, self.settle, seed))
+    }
+
+    /// Who leads it when the operator tells it to fly.
+    #[must_use]
+    pub fn centre(&self) -> NodeId {
+        self.layout.formation().centre()
+    }
+
+    /// What one of its drones is built with, as a member of that swarm; with the link of a vehicle in closed form and the
+    /// authenticator of a simulation.
+    pub fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
         let leads = id == self.layout.formation().centre();
         Blueprint {

@@ -1,6 +1,7 @@
 use std::num::NonZeroU64;
 use std::time::Duration;
 
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
@@ -21,7 +22,7 @@ pub struct Budget {
 }
 
 /// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error, Serialize)]
 pub enum DropReason {
     /// Longer than any frame.
     #[error("too long")]
