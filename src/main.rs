@@ -6,6 +6,7 @@ mod check;
 mod completions;
 mod keys;
 mod sim;
+mod swarm;
 mod terminal;
 mod thesis;
 
@@ -14,6 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
@@ -44,6 +46,7 @@ enum Command {
     CampaignMerge(campaign::MergeArguments),
     Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
+    Swarm(swarm::Arguments),
     Check(check::Arguments),
     Keys(keys::Arguments),
     Completions(completions::Arguments),
@@ -79,6 +82,8 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error("no flight")]
+    Swarm(#[source] Box<SwarmError>),
     #[error("no keys")]
     Keys(#[source] KeysError),
     /// What was just written can't be read back.
@@ -116,6 +121,7 @@ fn main() -> ExitCode {
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
         Command::Chaos(arguments) => chaos::run(&arguments),
         Command::Thesis(arguments) => thesis::run(&arguments),
+        Command::Swarm(arguments) => swarm::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),

@@ -10,6 +10,7 @@ pub mod report;
 pub mod scenario;
 mod simulated_link;
 pub mod thesis;
+pub mod twin;
 mod vehicle;
 mod world;
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use muster_deploy::config::DroneConfig;
-use muster_deploy::daemon::{self, Ended};
+use muster_deploy::daemon::{self, Ended, Start};
 use muster_runtime::diagnostic::BadInput;
 
 /// Flies one drone as a process, until it is on the ground for good.
@@ -26,8 +26,11 @@ struct Arguments {
     /// Tell the swarm to fly, as its operator; for the drone that leads, and in the first life of its journal only.
     #[arg(long)]
     fly: bool,
+    /// End when standard input does, and read there whom the drone does not hear, as `muster swarm` writes it.
+    #[arg(long)]
+    tied: bool,
     /// Check the drone's file and all that it names, and fly nothing.
-    #[arg(long, conflicts_with = "fly")]
+    #[arg(long, conflicts_with_all = ["fly", "tied"])]
     check: bool,
 }
 
@@ -45,7 +48,11 @@ fn main() -> ExitCode {
         ));
         return ExitCode::SUCCESS;
     }
-    match daemon::run(config, arguments.fly) {
+    let start = Start {
+        fly: arguments.fly,
+        tied: arguments.tied,
+    };
+    match daemon::run(config, start) {
         Ok(Ended::Well) => ExitCode::SUCCESS,
         Ok(Ended::Early(_)) => ExitCode::from(4),
         Ok(Ended::JournalLost) => ExitCode::FAILURE,

@@ -126,7 +126,7 @@ pub fn last_resort(is_up: impl Fn(Address) -> bool) -> Vec<Effect> {
 }
 
 /// What can be seen of a drone from outside.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Observation {
     /// Of its radio.
     Radio(radio::Event),

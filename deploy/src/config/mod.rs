@@ -184,9 +184,7 @@ impl<'a> File<'a> {
             );
             return Err(self.error(self.raw.id.span(), &message));
         }
-        let is_steered =
-            |follow: &scenario::Follow| !follow.pilot.is_empty() || follow.land_after.is_some();
-        if scenario.follow.as_ref().is_some_and(is_steered) {
+        if scenario.is_steered() {
             let message = "in this scenario a simulated pilot or operator ends or steers the flight, who is not here";
             return Err(self.error(self.raw.scenario.span(), message));
         }

@@ -8,6 +8,8 @@ use muster_transport::udp::Counters;
 pub(super) struct Counts {
     /// Frames that the radio did not let in.
     pub(super) dropped: BTreeMap<DropReason, u64>,
+    /// Frames that would not have got here over the scenario's radio.
+    pub(super) out_of_range: u64,
     /// Messages, frames among them, for which an actor had no room or was not there.
     pub(super) refused: u64,
     /// Actors that failed.
@@ -35,6 +37,7 @@ impl Counts {
             too_long = transport.too_long,
             overflowed,
             dropped = dropped.join(", "),
+            out_of_range = self.out_of_range,
             refused = self.refused,
             failures = self.failures,
             unwritten = self.unwritten,

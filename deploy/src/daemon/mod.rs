@@ -26,6 +26,7 @@ use self::process::{Parts, Process};
 use self::tasks::Rereading;
 use crate::config::DroneConfig;
 use crate::log::{self, Format};
+use crate::swarm::READY;
 
 /// How long a drone that is done goes on listening and repeating its last words.
 const LAST_WORDS: Duration = Duration::from_millis(500);
@@ -61,20 +62,30 @@ pub enum DaemonError {
     Spawn(#[from] Box<ractor::SpawnErr>),
 }
 
-/// Flies a drone until it is on the ground for good. `fly` tells the drone that leads to begin, in the first life of its
-/// journal only: nothing takes off because a process started again.
+/// How a drone's process is started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Start {
+    /// Tells the drone that leads to begin, in the first life of its journal only: nothing takes off because a process
+    /// started again.
+    pub fly: bool,
+    /// Whether the process ends when its standard input does, and reads there, as [`crate::swarm`] writes it, whom it does
+    /// not hear. Only a drone whose vehicle is simulated can be tied.
+    pub tied: bool,
+}
+
+/// Flies a drone until it is on the ground for good.
 ///
 /// # Errors
 /// When it can't start.
-pub fn run(config: DroneConfig, fly: bool) -> Result<Ended, DaemonError> {
+pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(DaemonError::Runtime)?;
-    runtime.block_on(live(config, fly))
+    runtime.block_on(live(config, start))
 }
 
-async fn live(config: DroneConfig, fly: bool) -> Result<Ended, DaemonError> {
+async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let volume = log::start(config.log, config.level);
     let clock = Clock::start();
     let (journal, checkpoints) =
@@ -119,14 +130,19 @@ async fn live(config: DroneConfig, fly: bool) -> Result<Ended, DaemonError> {
         tokio::spawn(tasks::watch(Arc::clone(&process), period));
     }
     service::ready();
-    if fly {
+    tracing::info!("{READY}");
+    if start.tied {
+        tokio::spawn(tasks::heed(tasks::tether(), Arc::clone(&process)));
+    }
+    if start.fly {
         begin_to_fly(&process, life);
     }
     process.done.notified().await;
     tokio::time::sleep(LAST_WORDS).await;
     service::stopping();
     drone.stop().await;
-    let state = process.state();
+    let mut state = process.state();
+    state.say_talk(clock.now());
     state.report();
     Ok(ended(state.landing()))
 }

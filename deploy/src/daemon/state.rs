@@ -8,16 +8,20 @@ use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::msp::{self, Demand, Telemetry};
-use muster_machines::radio;
 use muster_machines::time::Timestamp;
+use muster_machines::{radio, routing, wire};
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::Craft;
 use muster_transport::udp::UdpTransport;
 use muster_transport::{Destination, Event, Transport};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use super::counts::Counts;
 use super::process::Parts;
 use super::service;
+use crate::tether::Losses;
 
 /// How many datagrams are taken in before the actors get their turn.
 const DRAIN_MAX: usize = 64;
@@ -38,12 +42,38 @@ pub(super) struct State {
     /// When those who keep time wake.
     wakes: Option<Timestamp>,
     counts: Counts,
+    talk: Talk,
+    /// Whose frames are not let in, as if they were out of range.
+    losses: Losses,
+    lots: ChaCha8Rng,
     /// Why it began to come down first.
     landing: Option<LandingReason>,
     /// Whether its mission says that it is on the ground for good.
     is_finished: bool,
     /// Whether an actor could not be kept alive.
     gave_up: bool,
+    /// Whether whoever started the process is gone.
+    is_abandoned: bool,
+}
+
+/// How much was sent and let in, in frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Talk {
+    /// Because something had changed or was missed.
+    news: u64,
+    /// Only because the time had come.
+    keep_alives: u64,
+    let_in: u64,
+}
+
+impl Talk {
+    const fn sent(&mut self, keep_alive: bool) {
+        if keep_alive {
+            self.keep_alives += 1;
+        } else {
+            self.news += 1;
+        }
+    }
 }
 
 /// What is kept of one of the five actors.
@@ -75,9 +105,13 @@ impl State {
             restarts: Vec::new(),
             wakes: None,
             counts: Counts::default(),
+            talk: Talk::default(),
+            losses: Losses::default(),
+            lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
             landing: None,
             is_finished,
             gave_up: false,
+            is_abandoned: false,
         }
     }
 
@@ -89,9 +123,14 @@ impl State {
         self.landing
     }
 
-    /// Whether there is nothing more that it could do: it is down for good.
+    /// Whether there is nothing more that it could do: it is down for good, or nobody is there for whom it flies.
     pub(super) const fn is_done(&self) -> bool {
-        self.is_finished || (self.gave_up && !self.craft.is_armed())
+        self.is_abandoned || self.is_finished || (self.gave_up && !self.craft.is_armed())
+    }
+
+    /// Nobody is there any more for whom a simulated drone flies.
+    pub(super) const fn abandon(&mut self) {
+        self.is_abandoned = true;
     }
 
     pub(super) fn begin(&mut self, drone: Drone) {
@@ -104,8 +143,19 @@ impl State {
     /// Does one thing that a step asked for.
     pub(super) fn effect(&mut self, now: Timestamp, effect: Effect) {
         match effect {
-            Effect::Post(envelope) => self.post(envelope),
-            Effect::Send { to, frame, .. } => {
+            Effect::Post(envelope) => {
+                self.talk.let_in += u64::from(matches!(
+                    envelope,
+                    Envelope::Routing(routing::Input::Heard { .. })
+                ));
+                self.post(envelope);
+            }
+            Effect::Send {
+                to,
+                frame,
+                keep_alive,
+            } => {
+                self.talk.sent(keep_alive);
                 let to = to.map_or(Destination::Broadcast, Destination::To);
                 self.transport
                     .send(now, self.id, to, &frame)
@@ -137,6 +187,11 @@ impl State {
     }
 
     fn command(&mut self, now: Timestamp, demand: Demand) {
+        if self.for_programs {
+            let (drone, at_ns) = (self.id.0, now.as_nanos());
+            let commanded = in_json(&demand);
+            tracing::info!(drone, at_ns, commanded, "commanded");
+        }
         let telemetry = self.craft.obey(now, demand);
         self.tell(telemetry);
     }
@@ -179,6 +234,7 @@ impl State {
         match seen {
             Observation::Radio(radio::Event::Dropped(reason)) => self.counts.dropped(*reason),
             Observation::Mission(mission::Event::State(state)) => {
+                self.say_talk(now);
                 service::status(&state.to_string());
                 self.is_finished |= *state == mission::State::Finished;
             }
@@ -188,6 +244,28 @@ impl State {
             _ => {}
         }
         self.say(now, seen);
+    }
+
+    /// Says to programs how much was sent and let in since this was last said.
+    pub(super) fn say_talk(&mut self, now: Timestamp) {
+        let (drone, at_ns) = (self.id.0, now.as_nanos());
+        let talk = std::mem::take(&mut self.talk);
+        if self.for_programs && talk != Talk::default() {
+            let (news, keep_alives, let_in) = (talk.news, talk.keep_alives, talk.let_in);
+            tracing::info!(drone, at_ns, news, keep_alives, let_in, "talked");
+        }
+    }
+
+    /// From now on so much of what others send is not let in.
+    pub(super) fn lose(&mut self, losses: Losses) {
+        self.losses = losses;
+    }
+
+    /// Whether a datagram is one of those that would not have got here.
+    fn is_lost(&mut self, datagram: &[u8]) -> bool {
+        let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
+        let loss = sender.map_or(0.0, |sender| self.losses.from(sender));
+        loss > 0.0 && self.lots.random_bool(loss.min(1.0))
     }
 
     /// Says what was seen: what a peer sent that was not let in only to those who want to know it all, for peers could
@@ -214,6 +292,10 @@ impl State {
                 return true;
             };
             let input = match event {
+                Event::Arrival(arrival) if self.is_lost(&arrival.datagram) => {
+                    self.counts.out_of_range += 1;
+                    continue;
+                }
                 Event::Arrival(arrival) => radio::Input::Received {
                     datagram: arrival.datagram,
                     source: arrival.source,
@@ -320,8 +402,8 @@ impl State {
     }
 }
 
-fn in_json(seen: &Observation) -> String {
-    serde_json::to_string(seen).expect("what is seen has names and numbers only")
+fn in_json(said: &impl Serialize) -> String {
+    serde_json::to_string(said).expect("what is said has names and numbers only")
 }
 
 fn in_words(seen: &Observation) -> String {

@@ -9,11 +9,13 @@ use muster_machines::mission::LandingReason;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_transport::udp::Waiting;
 use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc;
 
 use super::process::Process;
 use super::service;
 use crate::config::reread;
 use crate::log::Volume;
+use crate::tether::Losses;
 
 /// Wakes whoever waits for a time.
 pub(super) async fn keep_time(process: Arc<Process>) {
@@ -56,6 +58,33 @@ pub(super) async fn end_on(mut signal: Signal, process: Arc<Process>) {
         tracing::info!("called down");
         process.come_down(LandingReason::Recalled);
     }
+}
+
+/// What comes of standard input, by which the process is tied to whoever started it.
+pub(super) fn tether() -> mpsc::UnboundedReceiver<Losses> {
+    let (sender, receiver) = mpsc::unbounded_channel();
+    // Nothing can end a thread that reads, but the end of the process.
+    std::thread::spawn(move || {
+        for line in io::stdin().lines().map_while(Result::ok) {
+            match Losses::read(&line) {
+                Some(losses) => drop(sender.send(losses)),
+                None => tracing::warn!("standard input has a line that is none of a starter's"),
+            }
+        }
+    });
+    receiver
+}
+
+/// Does as whoever started the process says; once that is gone, so is the process.
+pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Losses>, process: Arc<Process>) {
+    while let Some(losses) = tether.recv().await {
+        process.state().lose(losses);
+    }
+    tracing::warn!(
+        "whoever started this process is gone: it ends, and its simulated vehicle with it"
+    );
+    process.state().abandon();
+    process.look_round();
 }
 
 /// What is read again on HUP, and who is told.

@@ -16,7 +16,7 @@ use crate::world::{Flown, Outcome, Record, Recorder, track};
 /// What came of a run, for a program and for a person.
 pub(crate) fn summary(
     scenario: &Scenario,
-    engine: Engine,
+    engine: Option<Engine>,
     outcome: &Outcome,
     wall: Duration,
 ) -> (Report, Flight) {
@@ -41,7 +41,7 @@ pub(crate) fn summary(
             overrides: Vec::new(),
             engine,
             command: command.clone(),
-            trace: outcome.trace.clone(),
+            trace: engine.map(|_| outcome.trace.clone()),
             simulated_s: outcome.ended.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
             means: means(&drones),

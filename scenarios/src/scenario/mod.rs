@@ -121,6 +121,19 @@ impl Scenario {
         std::iter::once((self, Joins::OWN)).chain(others)
     }
 
+    /// Whether its world has other swarms.
+    #[must_use]
+    pub const fn has_other_swarms(&self) -> bool {
+        !self.others.is_empty()
+    }
+
+    /// Whether a simulated pilot steers its flight, or a simulated operator ends it.
+    #[must_use]
+    pub fn is_steered(&self) -> bool {
+        let is_steered = |follow: &Follow| !follow.pilot.is_empty() || follow.land_after.is_some();
+        self.follow.as_ref().is_some_and(is_steered)
+    }
+
     /// Where its drones stand before they take off, and its relays are.
     pub(crate) fn stands(&self) -> impl Iterator<Item = Ned> {
         let home = self.waypoints[0].at_altitude(0.0);

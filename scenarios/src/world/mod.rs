@@ -13,6 +13,7 @@ mod faults;
 mod flying;
 mod health;
 mod heap;
+mod mirror;
 mod process;
 mod recorder;
 mod strikes;
@@ -43,6 +44,7 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
+pub use self::mirror::Standing;
 use self::process::Silence;
 pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
 pub(crate) use self::strikes::{Phase, Strike};
@@ -210,6 +212,8 @@ pub(crate) struct World {
     looked_at: Option<(u64, u64)>,
     /// Whether rules are checked.
     checks: bool,
+    /// Whether its drones run elsewhere.
+    is_mirror: bool,
     election: ElectionChecker,
     admission: AdmissionChecker,
     obedience: ObedienceChecker,
@@ -223,6 +227,9 @@ pub(crate) struct World {
     crashing: Option<(NodeId, Address)>,
     /// What the faults met so far.
     struck: Vec<Strike>,
+    /// What drones said, as their processes would.
+    #[cfg(test)]
+    pub(crate) said: Vec<(Timestamp, NodeId, crate::twin::Said)>,
 }
 
 impl World {
@@ -284,6 +291,7 @@ impl World {
             standings: 0,
             looked_at: None,
             checks: !scenario.unchecked,
+            is_mirror: false,
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
             obedience: ObedienceChecker::default(),
@@ -295,6 +303,8 @@ impl World {
             violation: None,
             crashing: None,
             struck: Vec::new(),
+            #[cfg(test)]
+            said: Vec::new(),
         }
     }
 
@@ -523,9 +533,17 @@ impl World {
             }
             // A simulated medium finds drones by their numbers.
             Effect::Locate { .. } => {}
-            Effect::Command(demand) => self.command(drone, demand),
+            Effect::Command(demand) => {
+                #[cfg(test)]
+                self.said
+                    .push((self.now, drone, crate::twin::Said::Commanded(demand)));
+                self.command(drone, demand);
+            }
             Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(seen) => {
+                #[cfg(test)]
+                self.said
+                    .push((self.now, drone, crate::twin::Said::Seen(seen.clone())));
                 let seen = self.swarm(drone).renumbered(seen);
                 self.observe(drone, &seen);
             }
@@ -533,6 +551,9 @@ impl World {
     }
 
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
+        if self.is_mirror {
+            return self.tell_elsewhere(drone, &envelope);
+        }
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder(drone).received(drone);
             if self.checks {

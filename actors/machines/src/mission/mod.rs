@@ -194,7 +194,7 @@ pub enum LandingReason {
 }
 
 /// What can be seen of a mission.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// The drone is doing something else.
     State(State),

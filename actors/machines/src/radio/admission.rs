@@ -1,7 +1,7 @@
 use std::num::NonZeroU64;
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
@@ -22,7 +22,9 @@ pub struct Budget {
 }
 
 /// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error, Serialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error, Serialize, Deserialize,
+)]
 pub enum DropReason {
     /// Longer than any frame.
     #[error("too long")]

@@ -111,7 +111,7 @@ pub enum Transmit {
 }
 
 /// What can be seen of a radio.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// A frame was not let in.
     Dropped(DropReason),
