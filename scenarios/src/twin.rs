@@ -47,11 +47,13 @@ pub enum Said {
 }
 
 impl Twin {
-    /// Of the drones of a scenario, before any of them has done anything.
+    /// Of the drones of a scenario, before any of them has done anything. It is to be so far `behind` their clocks, so that
+    /// what several of them say is told in the order in which it happened; what a fault makes of a process is to be done
+    /// at once.
     #[must_use]
-    pub fn new(scenario: &Scenario) -> Self {
+    pub fn new(scenario: &Scenario, behind: Duration) -> Self {
         Self {
-            world: World::mirroring(scenario),
+            world: World::mirroring(scenario, behind),
             nodes: scenario.nodes(),
             steps: scenario.steps(),
         }
@@ -171,7 +173,7 @@ mod tests {
     fn both(scenario: &Scenario) -> [Report; 2] {
         let mut world = engine::flown(scenario);
         let said = std::mem::take(&mut world.said);
-        let mut twin = Twin::new(scenario);
+        let mut twin = Twin::new(scenario, Duration::ZERO);
         for (at, drone, said) in said {
             twin.hear(at, drone, said);
         }

@@ -7,3 +7,4 @@ mod fleet;
 mod flights;
 mod refusals;
 mod service;
+mod swarm;

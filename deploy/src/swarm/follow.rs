@@ -18,7 +18,7 @@ use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use crate::tether::Losses;
 
-/// How far the twin is behind the clock, so that what several drones say is taken in in the order in which it happened.
+/// How far the twin is behind the clock.
 const BEHIND: Duration = Duration::from_millis(50);
 /// How often the twin goes on.
 const TICK: Duration = Duration::from_millis(10);
@@ -129,7 +129,7 @@ impl Swarm {
             processes.insert(folder.id, process);
         }
         Ok(Self {
-            twin: Twin::new(request.scenario),
+            twin: Twin::new(request.scenario, BEHIND),
             emulates_radio: request.emulates_radio,
             processes,
             news,
@@ -224,6 +224,9 @@ impl Swarm {
             }
         }
         self.processes.clear();
+        while let Some(Reverse(entry)) = self.said.pop() {
+            self.twin.hear(entry.at, entry.drone, entry.said);
+        }
     }
 }
 

@@ -1,14 +1,16 @@
 //! A world whose drones run elsewhere, as processes in real time. It is told what they do, and holds the rest: where their
 //! vehicles are by what they were told, who hears whom, what befalls them, which rules hold, what is written down.
 
+use std::time::Duration;
+
 use muster_machines::cell::{Address, Effect, Observation};
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
 use muster_machines::msp::Demand;
 use muster_machines::time::Timestamp;
 
-use super::{Envelope, World};
-use crate::scenario::Scenario;
+use super::{Envelope, Planned, World};
+use crate::scenario::{Mishap, Scenario};
 
 /// How a drone's process is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,10 +24,12 @@ pub enum Standing {
 }
 
 impl World {
-    /// The world of a scenario whose drones run elsewhere, before anything has happened in it.
-    pub(crate) fn mirroring(scenario: &Scenario) -> Self {
+    /// The world of a scenario whose drones run elsewhere, before anything has happened in it. It is to be so far `behind`
+    /// their clocks; what befalls a process is known that much earlier: it is made to be so at once, and the world follows
+    /// once it has heard what the process said until then.
+    pub(crate) fn mirroring(scenario: &Scenario, behind: Duration) -> Self {
         let mut world = Self::new(scenario);
-        world.is_mirror = true;
+        world.behind = Some(behind);
         for drone in (0..scenario.nodes()).map(NodeId) {
             for address in Address::ALL {
                 world.starting(drone, address);
@@ -97,8 +101,38 @@ impl World {
         self.arming.told(drone, envelope);
     }
 
+    /// Something is about to befall a drone's process.
+    pub(super) fn foresee(
+        &mut self,
+        behind: Duration,
+        drone: NodeId,
+        mishap: Mishap,
+        lasts: Option<Duration>,
+    ) {
+        let standing = match mishap {
+            Mishap::Hang(_) => Standing::Hangs,
+            _ => Standing::Ended,
+        };
+        self.foreseen.insert(drone, standing);
+        let befalls = Planned::Befalls {
+            drone,
+            mishap,
+            lasts,
+        };
+        self.heap.plan(self.now + behind, befalls);
+    }
+
+    /// It befalls it.
+    pub(super) fn befalls(&mut self, drone: NodeId, mishap: Mishap, lasts: Option<Duration>) {
+        self.foreseen.remove(&drone);
+        self.befall_drone(drone, mishap, lasts);
+    }
+
     /// How a drone's process is to be by now.
     pub(crate) fn process(&self, drone: NodeId) -> Standing {
+        if let Some(standing) = self.foreseen.get(&drone) {
+            return *standing;
+        }
         let state = &self.drones[drone.0 as usize];
         match () {
             () if !state.runs => Standing::Ended,

@@ -22,7 +22,7 @@ mod tampering;
 mod trace;
 mod whereabouts;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -56,7 +56,7 @@ use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
     SeparationChecker, Violation, check_landed, unplanned_failure,
 };
-use crate::scenario::{Occasion, Scenario};
+use crate::scenario::{Mishap, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
@@ -152,6 +152,12 @@ enum Planned {
         index: usize,
         nth: u32,
     },
+    /// Something befalls a process elsewhere that was foreseen.
+    Befalls {
+        drone: NodeId,
+        mishap: Mishap,
+        lasts: Option<Duration>,
+    },
     /// It is over.
     FaultOver {
         index: usize,
@@ -212,8 +218,10 @@ pub(crate) struct World {
     looked_at: Option<(u64, u64)>,
     /// Whether rules are checked.
     checks: bool,
-    /// Whether its drones run elsewhere.
-    is_mirror: bool,
+    /// How far it is behind the drones' clocks, if they run elsewhere.
+    behind: Option<Duration>,
+    /// How processes elsewhere are about to be.
+    foreseen: BTreeMap<NodeId, Standing>,
     election: ElectionChecker,
     admission: AdmissionChecker,
     obedience: ObedienceChecker,
@@ -291,7 +299,8 @@ impl World {
             standings: 0,
             looked_at: None,
             checks: !scenario.unchecked,
-            is_mirror: false,
+            behind: None,
+            foreseen: BTreeMap::new(),
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
             obedience: ObedienceChecker::default(),
@@ -479,6 +488,11 @@ impl World {
                 });
             }
             Planned::Fault { index, nth } => return self.befall(index, nth),
+            Planned::Befalls {
+                drone,
+                mishap,
+                lasts,
+            } => self.befalls(drone, mishap, lasts),
             Planned::FaultOver { index } => self.is_over_now(index),
             Planned::Steer(master, velocity) => self.steer(master, velocity),
             Planned::Land(master) => self.post(master, Envelope::Mission(mission::Input::Land)),
@@ -551,7 +565,7 @@ impl World {
     }
 
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
-        if self.is_mirror {
+        if self.behind.is_some() {
             return self.tell_elsewhere(drone, &envelope);
         }
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
