@@ -4,7 +4,9 @@ mod campaign;
 mod chaos;
 mod check;
 mod completions;
+mod keys;
 mod sim;
+mod swarm;
 mod terminal;
 mod thesis;
 
@@ -13,8 +15,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use miette::{Diagnostic, GraphicalReportHandler};
+use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
+use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
@@ -43,7 +46,9 @@ enum Command {
     CampaignMerge(campaign::MergeArguments),
     Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
+    Swarm(swarm::Arguments),
     Check(check::Arguments),
+    Keys(keys::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -77,6 +82,10 @@ enum Failure {
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error("no flight")]
+    Swarm(#[source] Box<SwarmError>),
+    #[error("no keys")]
+    Keys(#[source] KeysError),
     /// What was just written can't be read back.
     #[error("can't read {}", path.display())]
     Read {
@@ -112,7 +121,9 @@ fn main() -> ExitCode {
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
         Command::Chaos(arguments) => chaos::run(&arguments),
         Command::Thesis(arguments) => thesis::run(&arguments),
+        Command::Swarm(arguments) => swarm::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
+        Command::Keys(arguments) => keys::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {
@@ -120,7 +131,7 @@ fn main() -> ExitCode {
         Ok(Ended::RuleBroken) => ExitCode::from(3),
         Ok(Ended::MissionIncomplete) => ExitCode::from(4),
         Err(Failure::Input(inputs)) => {
-            inputs.iter().for_each(|input| show(input));
+            inputs.iter().for_each(show);
             ExitCode::from(2)
         }
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
@@ -136,13 +147,8 @@ fn main() -> ExitCode {
 
 /// Shows what is wrong with a file: where, and what would be accepted.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn show(error: &dyn Diagnostic) {
-    let mut text = String::new();
-    let handler = GraphicalReportHandler::new();
-    match handler.render_report(&mut text, error) {
-        Ok(()) => eprint!("{text}"),
-        Err(_) => eprintln!("Error: {error}"),
-    }
+fn show(input: &BadInput) {
+    eprint!("{}", input.rendered());
 }
 
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]

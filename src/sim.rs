@@ -114,7 +114,7 @@ fn watch(bar: &ProgressBar) -> Watcher {
     })
 }
 
-fn print(report: &Report, written: &Written) -> io::Result<()> {
+pub(crate) fn print(report: &Report, written: &Written) -> io::Result<()> {
     let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
     let mut text = report::table(report, width, colour);

@@ -857,3 +857,30 @@ fn check_looks_at_all_files_whatever_is_wrong_with_one() {
         .collect();
     assert_eq!(checked, ["scenario.toml", "missions/albufera.plan"]);
 }
+
+#[test]
+fn keys_are_not_written_over_and_strangers_not_expelled() {
+    let folder = Folder::new();
+    let keys = |arguments: &[&str]| {
+        let run = Command::cargo_bin("muster")
+            .unwrap()
+            .current_dir(folder.0.path())
+            .arg("keys")
+            .args(arguments)
+            .output()
+            .unwrap();
+        (run.status.code(), String::from_utf8(run.stderr).unwrap())
+    };
+    assert_eq!(keys(&["fleet", "ours"]).0, Some(0));
+    assert_eq!(keys(&["drone", "ours", "0", "1"]).0, Some(0));
+    for (arguments, says) in [
+        (&["fleet", "ours"][..], "not written over"),
+        (&["drone", "ours", "1"], "not written over"),
+        (&["expel", "ours", "7"], "drone 7 is not in the roster"),
+        (&["drone", "nowhere", "1"], "there is no such file"),
+    ] {
+        let (code, said) = keys(arguments);
+        assert_eq!(code, Some(2), "{said}");
+        assert_says(&said, &[says]);
+    }
+}

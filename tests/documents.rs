@@ -8,12 +8,13 @@ use std::path::Path;
 use assert_cmd::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-const DOCUMENTS: [&str; 5] = [
+const DOCUMENTS: [&str; 6] = [
     "README.md",
     "ARCHITECTURE.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "scenarios/README.md",
+    "deploy/README.md",
 ];
 
 /// A campaign of hundreds of runs: `.ci/run` flies it, in a release build, and compares what comes of it.
@@ -39,7 +40,8 @@ fn fresh_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let missions = folder.path().join("scenarios/missions");
     fs::create_dir_all(&missions).unwrap();
-    for source in ["scenarios", "scenarios/missions"] {
+    fs::create_dir_all(folder.path().join("scenarios/hardware")).unwrap();
+    for source in ["scenarios", "scenarios/missions", "scenarios/hardware"] {
         for entry in fs::read_dir(Path::new(ROOT).join(source)).unwrap() {
             let path = entry.unwrap().path();
             if path.is_file() {
@@ -98,6 +100,7 @@ fn the_examples_in_the_help_run() {
         "campaign-merge",
         "thesis",
         "check",
+        "keys",
         "completions",
     ] {
         let help = Command::cargo_bin("muster")
@@ -205,14 +208,25 @@ fn what_the_documents_point_to_is_there() {
 
 #[test]
 fn the_page_on_scenarios_describes_every_field_and_no_other() {
-    let page = text("scenarios/README.md");
+    let all: Vec<_> = muster_scenarios::scenario::fields().collect();
+    assert_describes("scenarios/README.md", &all);
+}
+
+#[test]
+fn the_page_on_drones_describes_every_field_and_no_other() {
+    let all: Vec<_> = muster_deploy::config::fields().collect();
+    assert_describes("deploy/README.md", &all);
+}
+
+/// The rows of a page's tables are the fields of a kind of file, in their order; tables of fields have none.
+fn assert_describes(page: &str, all: &[&str]) {
+    let page = text(page);
     let described: Vec<&str> = page
         .lines()
         .filter_map(|line| line.strip_prefix("| `"))
         .filter_map(|rest| rest.split('`').next())
         .filter(|field| !field.contains('/') && !field.ends_with(".toml"))
         .collect();
-    let all: Vec<&str> = muster_scenarios::scenario::fields().collect();
     let is_table = |field: &str| {
         let has_it = |other: &&str| {
             other
@@ -227,4 +241,34 @@ fn the_page_on_scenarios_describes_every_field_and_no_other() {
         .filter(|field| !is_table(field))
         .collect();
     assert_eq!(described, fields);
+}
+
+#[test]
+fn the_drones_files_in_the_documents_are_accepted() {
+    let folder = fresh_folder();
+    for arguments in [
+        &["keys", "fleet", "my-fleet"][..],
+        &["keys", "drone", "my-fleet", "2"],
+    ] {
+        Command::cargo_bin("muster")
+            .unwrap()
+            .current_dir(folder.path())
+            .args(arguments)
+            .assert()
+            .success();
+    }
+    let files: Vec<_> = DOCUMENTS
+        .iter()
+        .flat_map(|name| blocks(&text(name), "toml drone"))
+        .collect();
+    assert_eq!(files.len(), 1);
+    for file in files {
+        fs::write(folder.path().join("drone-2.toml"), &file).unwrap();
+        Command::cargo_bin("musterd")
+            .unwrap()
+            .current_dir(folder.path())
+            .args(["--config", "drone-2.toml", "--check"])
+            .assert()
+            .success();
+    }
 }

@@ -1,12 +1,17 @@
 //! What people see when a file they gave can't be used.
 
+mod fields;
+
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
+pub use fields::{Fields, accepted};
+use miette::{
+    Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode, SourceSpan,
+};
 
 /// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
 pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;
@@ -78,6 +83,18 @@ impl BadInput {
             help: help.into(),
             excerpt: None,
         }))
+    }
+}
+
+impl BadInput {
+    /// As it is shown on a terminal: the excerpt with what is wrong marked, and the help.
+    #[must_use]
+    pub fn rendered(&self) -> String {
+        let mut text = String::new();
+        match GraphicalReportHandler::new().render_report(&mut text, self) {
+            Ok(()) => text,
+            Err(fmt::Error) => format!("Error: {self}\n"),
+        }
     }
 }
 

@@ -4,8 +4,11 @@
 //! what a process leaves that was killed while it wrote, and a disk whose power failed. Of each machine's checkpoints
 //! the newest counts. Each start of the process is a record of its own, so that no two lives have one number.
 
+mod folder;
+
 use std::io;
 
+pub use folder::{Folder, FolderError};
 use muster_machines::cell::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,8 @@
 //! A drone on a machine: its configuration and the files it is given.
 
 pub mod diagnostic;
+pub mod file;
 pub mod geodetic;
+pub mod identity;
 pub mod journal;
 pub mod mission_file;

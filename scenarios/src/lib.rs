@@ -10,8 +10,11 @@ pub mod report;
 pub mod scenario;
 mod simulated_link;
 pub mod thesis;
+pub mod twin;
 mod vehicle;
 mod world;
+
+pub use vehicle::Craft;
 
 /// The examples of the page for contributors.
 #[cfg(doctest)]

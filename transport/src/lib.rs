@@ -1,16 +1,18 @@
 //! How a drone's datagrams move: one trait, and what stands behind it.
 
 pub mod sim;
+pub mod udp;
 
 use bytes::Bytes;
 use muster_machines::identity::NodeId;
+use muster_machines::radio::Source;
 use muster_machines::time::Timestamp;
 use thiserror::Error;
 
 /// A way for datagrams between drones.
 ///
 /// Datagrams may be lost, doubled or reordered; none is ever altered or cut short. A transport knows nothing of
-/// what they say.
+/// what they say. One value stands for a whole simulated medium, or for one drone's end of a real network.
 pub trait Transport {
     /// The largest datagram that it takes, in bytes.
     fn datagram_max(&self) -> usize;
@@ -40,6 +42,10 @@ pub trait Transport {
     /// The next event that is known of, in the order in which they became known. One that lies in the future is for
     /// the caller to keep until then; a transport over a real network knows of none before it is there.
     fn poll_event(&mut self) -> Option<Event>;
+
+    /// Takes in that a drone is to be found where a datagram came from: it has proved that it sent it. A medium that
+    /// finds drones by their numbers does nothing.
+    fn learn(&mut self, _node: NodeId, _source: Source) {}
 }
 
 /// For whom a datagram is.
@@ -47,7 +53,8 @@ pub trait Transport {
 pub enum Destination {
     /// For whoever can hear it. Nobody acknowledges it, and nothing is known of what became of it.
     Broadcast,
-    /// For one drone. An [`Event::Outcome`] follows, whatever becomes of it. On a radio others may hear it too.
+    /// For one drone. Others may hear it too. Where the medium has acknowledgements of its own, an [`Event::Outcome`]
+    /// follows, whatever becomes of it; where it has none, as UDP, nothing is known and nothing follows.
     To(NodeId),
 }
 
@@ -80,6 +87,8 @@ pub struct Arrival {
     pub to: NodeId,
     /// What.
     pub datagram: Bytes,
+    /// From where, on a network whose drones have addresses; good for [`Transport::learn`] soon after.
+    pub source: Option<Source>,
 }
 
 /// What a sender learns of a datagram that it sent to one drone.
@@ -106,7 +115,7 @@ pub enum Fate {
     GivenUp,
 }
 
-/// Why a datagram was not sent: the caller's fault each.
+/// Why a datagram was not sent: the caller's fault each. What the network does not take is lost, and counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum SendError {
     /// It is larger than the transport takes.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::identity::NodeId;
 use crate::machine::{Machine, Said, Stimulus, step};
-use crate::radio::{IdealAuthenticator, Radio};
+use crate::radio::{Authenticator, Radio};
 use crate::time::Timestamp;
 use crate::{mission, msp, navigation, radio, routing};
 
@@ -93,6 +93,13 @@ pub enum Effect {
         /// Whether it is sent only because its time has come; for whoever counts frames.
         keep_alive: bool,
     },
+    /// Remember that a drone is to be found there.
+    Locate {
+        /// Which drone.
+        sender: NodeId,
+        /// Where a frame of its own came from.
+        source: radio::Source,
+    },
     /// Give this to the vehicle.
     Command(msp::Demand),
     /// Keep this, so that the machine can be built anew.
@@ -119,7 +126,7 @@ pub fn last_resort(is_up: impl Fn(Address) -> bool) -> Vec<Effect> {
 }
 
 /// What can be seen of a drone from outside.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Observation {
     /// Of its radio.
     Radio(radio::Event),
@@ -252,6 +259,8 @@ pub struct Blueprint {
     pub id: NodeId,
     /// How its radio is built.
     pub radio: radio::Config,
+    /// Who signs its frames, and tells whether others signed theirs.
+    pub authenticator: Arc<dyn Authenticator + Send + Sync>,
     /// How its routing is built.
     pub routing: routing::Config,
     /// How its mission is built.
@@ -283,7 +292,7 @@ impl Blueprint {
         match address {
             Address::Radio => Cell::Radio(Box::new(Radio::new(
                 self.radio.clone(),
-                IdealAuthenticator,
+                Arc::clone(&self.authenticator),
                 checkpoints.boot,
                 checkpoints.radio,
             ))),
@@ -309,7 +318,7 @@ impl Blueprint {
 /// One of the five machines, in the seat of an actor.
 pub enum Cell {
     /// The radio.
-    Radio(Box<Radio<IdealAuthenticator>>),
+    Radio(Box<Radio<Arc<dyn Authenticator + Send + Sync>>>),
     /// The routing.
     Routing(Box<routing::Routing>),
     /// The mission.
@@ -458,6 +467,7 @@ impl From<radio::Transmit> for Effect {
                 frame,
                 keep_alive,
             },
+            radio::Transmit::Locate { sender, source } => Self::Locate { sender, source },
             radio::Transmit::Outcome {
                 to,
                 payload,

@@ -11,7 +11,7 @@ use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
 
 /// What a link is asked for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Demand {
     /// Tell how the vehicle is.
     Report,
@@ -26,7 +26,7 @@ pub enum Demand {
 }
 
 /// How a vehicle is to fly.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Setpoint {
     /// For vehicles that fly legs: straight there, from rest to rest.
     Leg {

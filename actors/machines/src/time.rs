@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 /// An instant, in nanoseconds since an origin that whoever drives the machines chooses: the start of the run
-/// in a simulation, the start of the process on an aircraft.
+/// in a simulation, the Unix epoch on an aircraft.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -42,7 +42,10 @@ impl Timestamp {
 
     /// Seconds since the origin.
     #[must_use]
-    #[expect(clippy::cast_precision_loss, reason = "exact up to 104 days")]
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "exact up to 104 days, and to a quarter of a microsecond since the Unix epoch"
+    )]
     pub fn as_secs_f64(self) -> f64 {
         self.0 as f64 / 1e9
     }

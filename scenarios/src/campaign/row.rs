@@ -121,8 +121,8 @@ impl Row {
             combination,
             varied: varied(campaign, combination),
             seed,
-            engine: report.engine,
-            trace: report.trace.clone(),
+            engine: campaign.engine,
+            trace: report.trace.clone().expect("a simulation has a trace"),
             simulated_s: rounded(report.simulated_s),
             drones: report.drones.len() as u64,
             landed: flight_times().count() as u64,
@@ -259,7 +259,7 @@ pub(super) mod tests {
         } else {
             sample::swarm(5)
         };
-        report.engine = Engine::Events;
+        report.engine = Some(Engine::Events);
         report.elections = vec![crate::report::Election {
             at_s: 100.0,
             settled_after_s: Some(0.5),

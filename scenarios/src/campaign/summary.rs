@@ -162,7 +162,12 @@ impl Broken {
             run: row.run,
             rule: row.rule,
             what: row.violation.clone().unwrap_or_default(),
-            command: command(&campaign.scenario, row.seed, campaign.engine, &overrides),
+            command: command(
+                &campaign.scenario,
+                row.seed,
+                Some(campaign.engine),
+                &overrides,
+            ),
         }
     }
 }

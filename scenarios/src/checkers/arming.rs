@@ -66,6 +66,14 @@ impl ArmingChecker {
         }
     }
 
+    /// A drone that runs elsewhere waits to take off, under a ballot of the operator's.
+    pub(crate) fn told_by(&mut self, drone: NodeId, ballot: Ballot) {
+        let phase = &mut self.drones[drone.0 as usize];
+        if *phase == Phase::Grounded && ballot.master != drone {
+            *phase = Phase::Told;
+        }
+    }
+
     /// A machine of a drone is built, for the first time or anew.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         let phase = &mut self.drones[drone.0 as usize];

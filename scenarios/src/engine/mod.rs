@@ -48,7 +48,7 @@ pub fn run(
 ) -> Result<(Report, Flight), RunError> {
     let started = Instant::now();
     let outcome = fly(scenario, engine, watcher)?;
-    Ok(summary(scenario, engine, &outcome, started.elapsed()))
+    Ok(summary(scenario, Some(engine), &outcome, started.elapsed()))
 }
 
 /// Likewise, and gives what came of it as it is.
@@ -67,6 +67,12 @@ pub(crate) fn fly(
         Engine::Events => events::run(scenario, world, meter),
     };
     Ok(world.finish())
+}
+
+/// The world of a scenario after it was flown.
+#[cfg(test)]
+pub(crate) fn flown(scenario: &Scenario) -> World {
+    events::run(scenario, World::new(scenario), None)
 }
 
 /// Tells a watcher how far a run is.

@@ -126,11 +126,17 @@ impl Report {
 }
 
 /// The command that makes a run, to be typed into a POSIX shell.
-pub(crate) fn command(scenario: &str, seed: u64, engine: Engine, overrides: &[String]) -> String {
-    let mut command = format!(
-        "muster sim {} --seed {seed} --engine {engine}",
-        quoted(scenario)
-    );
+pub(crate) fn command(
+    scenario: &str,
+    seed: u64,
+    engine: Option<Engine>,
+    overrides: &[String],
+) -> String {
+    let scenario = quoted(scenario);
+    let mut command = match engine {
+        Some(engine) => format!("muster sim {scenario} --seed {seed} --engine {engine}"),
+        None => format!("muster swarm {scenario}"),
+    };
     for change in overrides {
         command.push_str(" --set ");
         command.push_str(&quoted(change));
@@ -250,7 +256,8 @@ mod tests {
 
     #[test]
     fn the_command_survives_a_shell() {
-        let command = |scenario: &str| command(scenario, 7, Engine::Actors, &["a=[1]".to_owned()]);
+        let command =
+            |scenario: &str| command(scenario, 7, Some(Engine::Actors), &["a=[1]".to_owned()]);
         assert_eq!(
             command("scenarios/thesis-2.toml"),
             "muster sim scenarios/thesis-2.toml --seed 7 --engine actors --set 'a=[1]'"

@@ -41,13 +41,15 @@ pub struct Report {
     pub seed: u64,
     /// Fields that were set in the place of what the file says, each as `key=value`.
     pub overrides: Vec<String>,
-    /// What ran the drones.
-    pub engine: Engine,
+    /// What ran the drones of a simulation; nothing where they flew as processes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub engine: Option<Engine>,
     /// The command that repeats the run, to be typed into a POSIX shell.
     pub command: String,
-    /// BLAKE3 of everything observable, in hexadecimal.
-    pub trace: String,
-    /// How long the run lasted, in simulated seconds.
+    /// BLAKE3 of everything observable, in hexadecimal; nothing where drones flew as processes, each time differently.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub trace: Option<String>,
+    /// How long the run lasted, in simulated seconds; in real ones where drones flew as processes.
     pub simulated_s: f64,
     /// How long it took.
     pub wall_s: f64,

@@ -40,9 +40,9 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         scenario: "scenarios/thesis-2.toml".to_owned(),
         seed: 7,
         overrides: Vec::new(),
-        engine: Engine::Actors,
+        engine: Some(Engine::Actors),
         command: "muster sim scenarios/thesis-2.toml --seed 7 --engine actors".to_owned(),
-        trace: "9f2d6c1b7a4e80353c5d1f6e8b9a07d24c3f5e6a1b8d9c0e7f2a4b6c8d0e1f35".to_owned(),
+        trace: Some("9f2d6c1b7a4e80353c5d1f6e8b9a07d24c3f5e6a1b8d9c0e7f2a4b6c8d0e1f35".to_owned()),
         simulated_s: script.end_s,
         wall_s: 1.87,
         bridges: [

@@ -16,7 +16,7 @@ use crate::world::{Flown, Outcome, Record, Recorder, track};
 /// What came of a run, for a program and for a person.
 pub(crate) fn summary(
     scenario: &Scenario,
-    engine: Engine,
+    engine: Option<Engine>,
     outcome: &Outcome,
     wall: Duration,
 ) -> (Report, Flight) {
@@ -41,7 +41,7 @@ pub(crate) fn summary(
             overrides: Vec::new(),
             engine,
             command: command.clone(),
-            trace: outcome.trace.clone(),
+            trace: engine.map(|_| outcome.trace.clone()),
             simulated_s: outcome.ended.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
             means: means(&drones),
@@ -172,6 +172,8 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::BatteryCritical => Some("its battery was all but empty"),
         LandingReason::FlightTime => Some("it had flown for as long as it may"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
+        LandingReason::Recalled => Some("it was called down"),
+        LandingReason::JournalLost => Some("its journal could not be written"),
         LandingReason::Controller => Some("its flight controller brought it down"),
     }
 }

@@ -162,14 +162,17 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     let pace = pace(report)
         .map(|pace| format!(": {pace}"))
         .unwrap_or_default();
-    let mut lines = vec![(
-        "simulated",
-        format!(
-            "{} s in {} s{pace}",
-            figure(report.simulated_s, 1),
-            figure(report.wall_s, 2)
+    let lasted = figure(report.simulated_s, 1);
+    let mut lines = vec![match report.engine {
+        Some(_) => (
+            "simulated",
+            format!("{lasted} s in {} s{pace}", figure(report.wall_s, 2)),
         ),
-    )];
+        None => (
+            "flown",
+            format!("{lasted} s in real time, each drone a process of its own"),
+        ),
+    }];
     if let Some(separation_m) = report.min_separation_m {
         lines.push((
             "separation",
@@ -177,7 +180,7 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
         ));
     }
     lines.extend(of_swarm(report));
-    lines.push(("trace", report.trace.clone()));
+    lines.extend(report.trace.clone().map(|trace| ("trace", trace)));
     lines
 }
 

@@ -2,7 +2,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use muster_runtime::diagnostic::BadInput;
+use muster_runtime::diagnostic::{BadInput, accepted};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::fields::FIELDS;
@@ -122,47 +122,10 @@ impl Source {
 
     /// An error at a place of the file; what would be accepted follows from the field that is there.
     pub(super) fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        let missing = message
-            .strip_prefix("missing field `")
-            .and_then(|rest| rest.strip_suffix('`'));
-        let help = self.accepted(&span, missing);
+        let accepted = accepted(FIELDS, &self.text, &span, message);
+        let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
         BadInput::new(&self.shown, &self.text, span, message, help)
     }
-
-    fn accepted(&self, span: &Range<usize>, missing: Option<&str>) -> String {
-        let Ok(document) = toml_edit::Document::parse(self.text.as_str()) else {
-            return NOT_TOML.to_owned();
-        };
-        let mut path = Vec::new();
-        path_to(document.as_table(), span, &mut path);
-        path.extend(missing.map(str::to_owned));
-        let key = path.join(".");
-        // Of what is within a field that is no table of fields the field itself tells.
-        let mut within = (1..=path.len()).rev().map(|depth| path[..depth].join("."));
-        let known = within.find_map(|within| {
-            let field = FIELDS.iter().find(|(known, _)| *known == within);
-            field.filter(|_| within == key || fields_of(&within).is_empty())
-        });
-        match known {
-            Some((known, accepted)) => format!("`{known}` is {accepted}"),
-            None => {
-                let tables = (0..=path.len()).rev().map(|depth| path[..depth].join("."));
-                let mut fields = tables.map(|table| fields_of(&table));
-                let fields = fields.find(|fields| !fields.is_empty()).unwrap_or_default();
-                format!("the fields are {}", fields.join(", "))
-            }
-        }
-    }
-}
-
-/// The fields of a table, or of the whole file, by their own names.
-fn fields_of(table: &str) -> Vec<&'static str> {
-    let own_name = |field: &'static str| match table {
-        "" => Some(field),
-        _ => field.strip_prefix(table)?.strip_prefix('.'),
-    };
-    let fields = FIELDS.iter().filter_map(|(field, _)| own_name(field));
-    fields.filter(|field| !field.contains('.')).collect()
 }
 
 /// Fields that hold any number of tables.
@@ -186,31 +149,4 @@ fn set(document: &mut DocumentMut, key: &str, value: &str) {
             }
         }
     }
-}
-
-/// The keys that lead to the innermost value around `span`; whether there is one.
-fn path_to(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -> bool {
-    let around = |outer: Option<Range<usize>>| {
-        outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
-    };
-    for (key, item) in table.iter() {
-        let inner: Vec<&dyn TableLike> = match item {
-            Item::ArrayOfTables(tables) => tables.iter().map(|it| it as _).collect(),
-            Item::Value(Value::Array(values)) => {
-                let tables = values.iter().filter_map(Value::as_inline_table);
-                tables.map(|it| it as _).collect()
-            }
-            _ => item.as_table_like().into_iter().collect(),
-        };
-        path.push(key.to_owned());
-        let key_span = table.key(key).and_then(toml_edit::Key::span);
-        if inner.into_iter().any(|inner| path_to(inner, span, path))
-            || around(item.span())
-            || around(key_span)
-        {
-            return true;
-        }
-        path.pop();
-    }
-    false
 }

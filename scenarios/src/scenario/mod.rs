@@ -23,14 +23,14 @@ use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
-use muster_machines::radio::{self, Budget};
+use muster_machines::radio::{self, Budget, IdealAuthenticator};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
 use crate::simulated_link::SimulatedLink;
-use crate::vehicle::Landing;
+use crate::vehicle::{Craft, Landing, Vehicle};
 
 pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
@@ -113,12 +113,25 @@ impl Joins {
 
 impl Scenario {
     /// The scenario's own swarm; others are numbered on.
-    pub(crate) const FIRST_SWARM: SwarmId = SwarmId(1);
+    pub const FIRST_SWARM: SwarmId = SwarmId(1);
 
     /// All swarms of its world, its own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = (&Self, Joins)> {
         let others = self.others.iter().map(|(swarm, joins)| (swarm, *joins));
         std::iter::once((self, Joins::OWN)).chain(others)
+    }
+
+    /// Whether its world has other swarms.
+    #[must_use]
+    pub const fn has_other_swarms(&self) -> bool {
+        !self.others.is_empty()
+    }
+
+    /// Whether a simulated pilot steers its flight, or a simulated operator ends it.
+    #[must_use]
+    pub fn is_steered(&self) -> bool {
+        let is_steered = |follow: &Follow| !follow.pilot.is_empty() || follow.land_after.is_some();
+        self.follow.as_ref().is_some_and(is_steered)
     }
 
     /// Where its drones stand before they take off, and its relays are.
@@ -182,7 +195,8 @@ impl Scenario {
     }
 
     /// How many radios there are: drones first, then relays.
-    pub(crate) fn nodes(&self) -> u32 {
+    #[must_use]
+    pub fn nodes(&self) -> u32 {
         let relays = u32::try_from(self.relays.len()).expect("read as at most RELAYS_MAX");
         self.layout.formation().drones() + relays
     }
@@ -230,8 +244,24 @@ impl Scenario {
         Settling::new(&drone.routing, &drone.mission, &self.radio)
     }
 
-    /// What one of its drones is built with, as a member of that swarm.
-    pub(crate) fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
+    /// The vehicle in closed form of one of its drones or relays, where it stands before it takes off; nothing for a
+    /// number that none of them has. How long it settles at the end of a leg is drawn from `seed`.
+    #[must_use]
+    pub fn craft(&self, id: NodeId, seed: u64) -> Option<Craft> {
+        let place = self.stands().nth(usize::try_from(id.0).ok()?)?;
+        let vehicle = Vehicle::new(self.landing, place).lasting(self.endurance);
+        Some(Craft::new(vehicle, self.settle, seed))
+    }
+
+    /// Who leads it when the operator tells it to fly.
+    #[must_use]
+    pub fn centre(&self) -> NodeId {
+        self.layout.formation().centre()
+    }
+
+    /// What one of its drones is built with, as a member of that swarm; with the link of a vehicle in closed form and the
+    /// authenticator of a simulation.
+    pub fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
         let leads = id == self.layout.formation().centre();
         Blueprint {
@@ -245,6 +275,7 @@ impl Scenario {
                 },
                 members: self.nodes(),
             },
+            authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),
             mission: mission::Config {
                 id,

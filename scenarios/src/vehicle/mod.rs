@@ -1,6 +1,7 @@
 //! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
 
 mod battery;
+mod craft;
 mod motion;
 mod tracking;
 
@@ -11,6 +12,7 @@ use muster_machines::msp::{Demand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 
 use self::battery::Battery;
+pub use craft::Craft;
 pub(crate) use motion::{Motion, Piece};
 
 /// How a vehicle comes down by itself.

@@ -121,6 +121,10 @@ impl World {
         match &fault.kind {
             FaultKind::Drone(target, mishap) => {
                 let drone = self.find_target(*target)?;
+                if let Some(behind) = self.behind {
+                    self.foresee(behind, drone, *mishap, fault.lasts);
+                    return None;
+                }
                 return self.befall_drone(drone, *mishap, fault.lasts);
             }
             FaultKind::Links(links, link) => self.set_links(links, *link),
@@ -138,7 +142,7 @@ impl World {
     }
 
     /// Something befalls a drone, until it is over by itself; whom to step for it.
-    fn befall_drone(
+    pub(super) fn befall_drone(
         &mut self,
         drone: NodeId,
         mishap: Mishap,

@@ -118,6 +118,14 @@ impl<T> Heap<T> {
         (slice % SLICES as u64) as usize
     }
 
+    /// When the first thing happens that is planned.
+    pub(crate) fn next_at(&mut self) -> Option<Timestamp> {
+        while self.begun.is_empty() {
+            self.begin_slice()?;
+        }
+        self.begun.last().map(|(at, ..)| *at)
+    }
+
     pub(crate) fn pop(&mut self) -> Option<(Timestamp, T)> {
         while self.begun.is_empty() {
             self.begin_slice()?;

@@ -13,6 +13,7 @@ mod faults;
 mod flying;
 mod health;
 mod heap;
+mod mirror;
 mod process;
 mod recorder;
 mod strikes;
@@ -21,7 +22,7 @@ mod tampering;
 mod trace;
 mod whereabouts;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -43,6 +44,7 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
+pub use self::mirror::Standing;
 use self::process::Silence;
 pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
 pub(crate) use self::strikes::{Phase, Strike};
@@ -54,7 +56,7 @@ use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
     SeparationChecker, Violation, check_landed, unplanned_failure,
 };
-use crate::scenario::{Occasion, Scenario};
+use crate::scenario::{Mishap, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
@@ -154,6 +156,12 @@ enum Planned {
         index: usize,
         nth: u32,
     },
+    /// Something befalls a process elsewhere that was foreseen.
+    Befalls {
+        drone: NodeId,
+        mishap: Mishap,
+        lasts: Option<Duration>,
+    },
     /// It is over.
     FaultOver {
         index: usize,
@@ -214,6 +222,10 @@ pub(crate) struct World {
     looked_at: Option<(u64, u64)>,
     /// Whether rules are checked.
     checks: bool,
+    /// How far it is behind the drones' clocks, if they run elsewhere.
+    behind: Option<Duration>,
+    /// How processes elsewhere are about to be.
+    foreseen: BTreeMap<NodeId, Standing>,
     election: ElectionChecker,
     admission: AdmissionChecker,
     obedience: ObedienceChecker,
@@ -227,6 +239,9 @@ pub(crate) struct World {
     crashing: Option<(NodeId, Address)>,
     /// What the faults met so far.
     struck: Vec<Strike>,
+    /// What drones said, as their processes would.
+    #[cfg(test)]
+    pub(crate) said: Vec<(Timestamp, NodeId, crate::twin::Said)>,
 }
 
 impl World {
@@ -288,6 +303,8 @@ impl World {
             standings: 0,
             looked_at: None,
             checks: !scenario.unchecked,
+            behind: None,
+            foreseen: BTreeMap::new(),
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
             obedience: ObedienceChecker::default(),
@@ -299,6 +316,8 @@ impl World {
             violation: None,
             crashing: None,
             struck: Vec::new(),
+            #[cfg(test)]
+            said: Vec::new(),
         }
     }
 
@@ -384,8 +403,10 @@ impl World {
     /// A radio is about to be told of a frame, or somebody else of something.
     fn admit(&mut self, drone: NodeId, origin: Origin, envelope: &Envelope) {
         self.told_of = match envelope {
-            Envelope::Radio(radio::Input::Received(frame)) if self.tampering.listens() => {
-                Some(frame.clone())
+            Envelope::Radio(radio::Input::Received { datagram, .. })
+                if self.tampering.listens() =>
+            {
+                Some(datagram.clone())
             }
             _ => None,
         };
@@ -422,8 +443,9 @@ impl World {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
                 let heading = &datagram[..covered.min(wire::HEADER_MAX)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
+                let source = None;
                 let message = Message {
-                    envelope: Envelope::Radio(radio::Input::Received(datagram)),
+                    envelope: Envelope::Radio(radio::Input::Received { datagram, source }),
                     origin,
                 };
                 return self.hand_over(to, message);
@@ -470,6 +492,11 @@ impl World {
                 });
             }
             Planned::Fault { index, nth } => return self.befall(index, nth),
+            Planned::Befalls {
+                drone,
+                mishap,
+                lasts,
+            } => self.befalls(drone, mishap, lasts),
             Planned::FaultOver { index } => self.is_over_now(index),
             Planned::Steer(master, velocity) => self.steer(master, velocity),
             Planned::Land(master) => self.post(master, Envelope::Mission(mission::Input::Land)),
@@ -543,9 +570,19 @@ impl World {
                 let to = to.map(|member| self.swarm(drone).number(member));
                 self.send(drone, to, &frame);
             }
-            Effect::Command(demand) => self.command(drone, demand),
+            // A simulated medium finds drones by their numbers.
+            Effect::Locate { .. } => {}
+            Effect::Command(demand) => {
+                #[cfg(test)]
+                self.said
+                    .push((self.now, drone, crate::twin::Said::Commanded(demand)));
+                self.command(drone, demand);
+            }
             Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(seen) => {
+                #[cfg(test)]
+                self.said
+                    .push((self.now, drone, crate::twin::Said::Seen(seen.clone())));
                 let seen = self.swarm(drone).renumbered(seen);
                 self.observe(drone, &seen);
             }
@@ -553,6 +590,9 @@ impl World {
     }
 
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
+        if self.behind.is_some() {
+            return self.tell_elsewhere(drone, &envelope);
+        }
         if let Envelope::Routing(routing::Input::Heard { .. }) = envelope {
             self.recorder(drone).received(drone);
             if self.checks {

@@ -48,7 +48,13 @@ impl Ideal {
                     arrived = Some(at);
                 }
                 let (to, datagram) = (id, datagram.clone());
-                events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                let source = None;
+                events.push_back(Event::Arrival(Arrival {
+                    at,
+                    to,
+                    datagram,
+                    source,
+                }));
             }
         }
         if let Destination::To(to) = to {

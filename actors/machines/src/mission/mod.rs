@@ -117,6 +117,8 @@ pub enum Input {
     Navigation(NavigationNotice),
     /// By the supervisor: an actor can't be kept alive and the drone is being landed.
     GiveUp,
+    /// By whoever runs the drone: come down on the spot, or stay on the ground, for this reason.
+    ComeDown(LandingReason),
 }
 
 /// What a mission sends.
@@ -185,10 +187,14 @@ pub enum LandingReason {
     BatteryCritical,
     /// It had flown for as long as it may.
     FlightTime,
+    /// Whoever runs its process called it down.
+    Recalled,
+    /// What it must remember could not be written down any more.
+    JournalLost,
 }
 
 /// What can be seen of a mission.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// The drone is doing something else.
     State(State),
@@ -640,8 +646,8 @@ impl Mission {
         }
     }
 
-    fn give_up(&mut self) {
-        let reason = LandingReason::ActorGivenUp;
+    /// Can't or is not to go on, wherever it is.
+    fn end_here(&mut self, reason: LandingReason) {
         match self.durable.state {
             State::Landing | State::Finished => {}
             State::Start | State::SetUp => self.stay_down(reason),
@@ -696,7 +702,8 @@ impl Machine for Mission {
                 is_airborne,
             }) => self.fail(now, failure, stop, is_airborne),
             Input::Navigation(NavigationNotice::Resync) => self.pursue_goal(),
-            Input::GiveUp => self.give_up(),
+            Input::GiveUp => self.end_here(LandingReason::ActorGivenUp),
+            Input::ComeDown(reason) => self.end_here(reason),
         }
         self.checkpoint();
         self.punctuality.ask(now, self.deadline());

@@ -2,6 +2,7 @@ use std::hint::black_box;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::flaw::{self, Flaw};
@@ -23,7 +24,9 @@ pub struct Budget {
 }
 
 /// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error, Serialize, Deserialize,
+)]
 pub enum DropReason {
     /// Longer than any frame.
     #[error("too long")]
@@ -40,6 +43,9 @@ pub enum DropReason {
     /// A frame of our own that came back.
     #[error("own echo")]
     OwnEcho,
+    /// Of a drone that has been expelled from the swarm.
+    #[error("expelled")]
+    Expelled,
     /// Of a drone that is none of the swarm's.
     #[error("stranger")]
     Stranger,

@@ -1,8 +1,15 @@
+use std::sync::Arc;
+
 use crate::identity::NodeId;
 use crate::wire::AUTHENTICATOR_LEN;
 
 /// Who vouches for a frame's sender.
 pub trait Authenticator {
+    /// Whether anything that `sender` signs is believed at all; asked before anything costly is done about a frame.
+    fn is_trusted(&self, _sender: NodeId) -> bool {
+        true
+    }
+
     /// The authenticator of a frame of our own.
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN];
 
@@ -13,6 +20,25 @@ pub trait Authenticator {
         covered: &[u8],
         authenticator: &[u8; AUTHENTICATOR_LEN],
     ) -> bool;
+}
+
+impl<A: Authenticator + ?Sized> Authenticator for Arc<A> {
+    fn is_trusted(&self, sender: NodeId) -> bool {
+        (**self).is_trusted(sender)
+    }
+
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        (**self).sign(covered)
+    }
+
+    fn verify(
+        &self,
+        sender: NodeId,
+        covered: &[u8],
+        authenticator: &[u8; AUTHENTICATOR_LEN],
+    ) -> bool {
+        (**self).verify(sender, covered, authenticator)
+    }
 }
 
 /// The authenticator of a simulation: every sender's frames bear the same mark, of the length of a signature, and

@@ -5,6 +5,7 @@ mod authenticator;
 
 use std::convert::Infallible;
 use std::hint::black_box;
+use std::num::NonZeroU32;
 
 use bytes::{Buf, Bytes};
 
@@ -35,6 +36,10 @@ pub struct Config {
     pub members: u32,
 }
 
+/// Where a datagram came from: a name that a transport gives to an address of its own, for as long as it says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Source(pub NonZeroU32);
+
 /// What a radio is told.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -50,7 +55,12 @@ pub enum Input {
         keep_alive: bool,
     },
     /// By the transport: these bytes came in.
-    Received(Bytes),
+    Received {
+        /// The bytes.
+        datagram: Bytes,
+        /// From where, if the transport tells.
+        source: Option<Source>,
+    },
     /// By the transport: what became of a frame of our own for one drone.
     Outcome {
         /// For whom it was.
@@ -83,6 +93,13 @@ pub enum Transmit {
         /// What was said.
         payload: Bytes,
     },
+    /// To the transport: a frame that was let in came from there, so its sender is to be found there.
+    Locate {
+        /// The frame's sender.
+        sender: NodeId,
+        /// Where it came from.
+        source: Source,
+    },
     /// To the routing: what became of a frame for one drone.
     Outcome {
         /// For whom it was.
@@ -95,7 +112,7 @@ pub enum Transmit {
 }
 
 /// What can be seen of a radio.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// A frame was not let in.
     Dropped(DropReason),
@@ -183,7 +200,12 @@ impl<A: Authenticator> Radio<A> {
         Some(frame.into())
     }
 
-    fn receive(&mut self, now: Timestamp, mut datagram: Bytes) -> Result<(), DropReason> {
+    fn receive(
+        &mut self,
+        now: Timestamp,
+        mut datagram: Bytes,
+        source: Option<Source>,
+    ) -> Result<(), DropReason> {
         let frame = wire::decode_frame(&datagram)?;
         let header = frame.header;
         if header.swarm != self.config.swarm && !flaw::has(Flaw::HeedsOtherSwarms) {
@@ -191,6 +213,9 @@ impl<A: Authenticator> Radio<A> {
         }
         if header.sender == self.config.id {
             return Err(DropReason::OwnEcho);
+        }
+        if !self.authenticator.is_trusted(header.sender) {
+            return Err(DropReason::Expelled);
         }
         let place = self.admission.check(now, &header)?;
         let is_genuine =
@@ -204,6 +229,10 @@ impl<A: Authenticator> Radio<A> {
         let begin = end - frame.payload.len();
         datagram.truncate(end);
         datagram.advance(begin);
+        if let Some(source) = source {
+            let sender = header.sender;
+            self.outbox.transmit(Transmit::Locate { sender, source });
+        }
         self.outbox.transmit(Transmit::Heard {
             sender: header.sender,
             ballot: header.ballot,
@@ -248,8 +277,8 @@ impl<A: Authenticator> Machine for Radio<A> {
                     });
                 }
             }
-            Input::Received(datagram) => {
-                if let Err(reason) = self.receive(now, datagram) {
+            Input::Received { datagram, source } => {
+                if let Err(reason) = self.receive(now, datagram, source) {
                     self.outbox.event(Event::Dropped(reason));
                 }
             }

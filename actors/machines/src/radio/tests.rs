@@ -54,13 +54,18 @@ fn sent_by(radio: &mut Radio<IdealAuthenticator>, payload: &[u8]) -> Bytes {
     }
 }
 
+fn received(frame: &Bytes, source: Option<Source>) -> Input {
+    let datagram = frame.clone();
+    Input::Received { datagram, source }
+}
+
 /// What becomes of a frame: nothing if it was let in.
 fn dropped(
     radio: &mut Radio<IdealAuthenticator>,
     now_ms: u64,
     frame: &Bytes,
 ) -> Option<DropReason> {
-    let (transmits, events) = told(radio, now_ms, Input::Received(frame.clone()));
+    let (transmits, events) = told(radio, now_ms, received(frame, None));
     match events.as_slice() {
         [Event::Dropped(reason)] => {
             assert!(transmits.is_empty(), "what is dropped is not passed on");
@@ -73,7 +78,7 @@ fn dropped(
 #[test]
 fn a_frame_reaches_the_routing_of_another_drone() {
     let frame = sent_by(&mut radio(0), b"hello");
-    let (transmits, events) = told(&mut radio(1), 0, Input::Received(frame));
+    let (transmits, events) = told(&mut radio(1), 0, received(&frame, None));
     let heard = Transmit::Heard {
         sender: NodeId(0),
         ballot: BALLOT,
@@ -211,4 +216,54 @@ fn a_payload_that_outgrows_a_datagram_is_not_sent() {
             len: PAYLOAD_MAX + 1
         }]
     );
+}
+
+#[test]
+fn where_a_sender_is_to_be_found_is_told_by_frames_that_are_let_in_and_by_no_other() {
+    let frame = sent_by(&mut radio(0), b"hello");
+    let source = Source(NonZeroU32::MIN);
+    let mut forged = frame.to_vec();
+    *forged.last_mut().unwrap() ^= 1;
+    let mut receiver = radio(1);
+    let located = |transmits: Vec<Transmit>| {
+        let is_location = |it: &Transmit| matches!(it, Transmit::Locate { .. });
+        transmits.into_iter().find(is_location)
+    };
+    let (transmits, _) = told(&mut receiver, 0, received(&forged.into(), Some(source)));
+    assert_eq!(located(transmits), None);
+    let (transmits, _) = told(&mut receiver, 0, received(&frame, Some(source)));
+    let sender = NodeId(0);
+    let found = Transmit::Locate { sender, source };
+    assert_eq!(located(transmits), Some(found));
+}
+
+/// Believes nobody but itself.
+struct Suspicious;
+
+impl Authenticator for Suspicious {
+    fn is_trusted(&self, _: NodeId) -> bool {
+        false
+    }
+
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        IdealAuthenticator.sign(covered)
+    }
+
+    fn verify(&self, _: NodeId, _: &[u8], _: &[u8; AUTHENTICATOR_LEN]) -> bool {
+        panic!("who is not trusted is not worth the cost of a signature")
+    }
+}
+
+#[test]
+fn frames_of_whoever_is_expelled_are_dropped_before_their_signature_is_looked_at() {
+    let frame = sent_by(&mut radio(0), b"hello");
+    let config = radio(1).config;
+    let mut receiver = Radio::new(config, Suspicious, 1, Checkpoint::default());
+    let input = Stimulus::Input(received(&frame, None));
+    let mut events = Vec::new();
+    let Ok(_) = step(&mut receiver, Timestamp::ZERO, input, |said| match said {
+        Said::Event(event) => events.push(event),
+        Said::Transmit(transmit) => panic!("{transmit:?}"),
+    });
+    assert_eq!(events, [Event::Dropped(DropReason::Expelled)]);
 }

@@ -177,7 +177,7 @@ pub enum Notice {
 }
 
 /// What can be seen of a routing.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// A neighbour became stable.
     NeighbourStable(NodeId),

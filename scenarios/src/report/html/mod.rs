@@ -57,20 +57,24 @@ pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
 fn head(report: &Report) -> Markup {
     html! {
         header {
-            p.kind { "muster · simulated run" }
+            p.kind { @if report.engine.is_some() { "muster · simulated run" } @else { "muster · flight of processes" } }
             h1 { (report.name()) }
             dl.facts {
                 div { dt { "Scenario" } dd { (report.scenario) } }
                 div { dt { "Seed" } dd { (report.seed) } }
-                div { dt { "Engine" } dd { (report.engine) } }
+                @if let Some(engine) = report.engine { div { dt { "Engine" } dd { (engine) } } }
                 div { dt { "Drones" } dd {
                     (report.drones.len())
                     @for other in &report.others { " + " (other.drones.len()) }
                 } }
-                div { dt { "Simulated" } dd { (figure(report.simulated_s, 1)) " s" } }
-                div {
-                    dt { "Took" }
-                    dd { (figure(report.wall_s, 2)) " s" @if let Some(pace) = pace(report) { span.aside { (pace) } } }
+                @if report.engine.is_some() {
+                    div { dt { "Simulated" } dd { (figure(report.simulated_s, 1)) " s" } }
+                    div {
+                        dt { "Took" }
+                        dd { (figure(report.wall_s, 2)) " s" @if let Some(pace) = pace(report) { span.aside { (pace) } } }
+                    }
+                } @else {
+                    div { dt { "Took" } dd { (figure(report.simulated_s, 1)) " s " span.aside { "in real time" } } }
                 }
             }
         }
@@ -134,8 +138,10 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             h2 { "Run it again" }
             pre { code { (report.command) } }
             p.about {
-                "The same program gives the same trace: " code.trace { (report.trace) }
-                ". All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }
+                @if let Some(trace) = &report.trace {
+                    "The same program gives the same trace: " code.trace { (trace) } ". "
+                }
+                "All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }
                 ", all positions in " a href=(TRACKS_CSV) { (TRACKS_CSV) } "."
             }
         }

@@ -68,7 +68,7 @@ fn text_of_a_run_is_text_on_the_page() {
     let hostile = r#"<script>alert(1)</script>&"'.toml"#;
     let (mut report, flight) = sample::troubled();
     report.scenario = hostile.to_owned();
-    report.trace = hostile.to_owned();
+    report.trace = Some(hostile.to_owned());
     report.drones[0].state = hostile.to_owned();
     report.drones[0].landed_because = Some(hostile.to_owned());
     report.violations[0].what = hostile.to_owned();

@@ -267,7 +267,13 @@ impl Csma {
                         first.arrived_at.push(id);
                     }
                     let datagram = first.datagram.clone();
-                    events.push_back(Event::Arrival(Arrival { at, to, datagram }));
+                    let source = None;
+                    events.push_back(Event::Arrival(Arrival {
+                        at,
+                        to,
+                        datagram,
+                        source,
+                    }));
                 }
                 match destination {
                     Destination::Broadcast => {}

@@ -194,6 +194,24 @@ fn a_master_that_must_land_leaves_its_swarm_to_another_where_there_are_elections
 }
 
 #[test]
+fn a_drone_that_is_called_down_lands_where_it_is_or_stays_on_the_ground_and_no_order_changes_that()
+{
+    let come_down = || Input::ComeDown(LandingReason::Recalled);
+    let mut slave = elects(0, true);
+    let said = told(&mut slave, 41.0, come_down());
+    assert!(said.contains(&Transmit::Goal(Goal::Land)));
+    assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
+    assert_eq!(told(&mut slave, 42.0, come_down()), [], "it is on its way");
+    assert_eq!(slave.durable.state, State::Landing);
+    let mut slave = mission(0, Liveness::Pulse);
+    told(&mut slave, 0.0, come_down());
+    assert_eq!(slave.durable.state, State::Finished);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    assert_eq!(slave.durable.state, State::Finished);
+}
+
+#[test]
 fn whoever_hears_that_the_master_lands_claims_at_once_unless_it_was_told_to_land_itself() {
     let mut slave = elects(0, true);
     let said = hears(&mut slave, 41.0, RoutingNotice::MasterLands);

@@ -1,0 +1,295 @@
+//! What a drone's file says. The scenario that it names is the very file that was simulated, so that what was simulated
+//! is what flies; what a scenario says of its world (the radio, faults, the seed, other swarms) means nothing here.
+
+mod fields;
+mod raw;
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use muster_machines::identity::{NodeId, SwarmId};
+use muster_machines::wire;
+use muster_runtime::diagnostic::{BadInput, accepted, read_text};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
+use muster_scenarios::scenario::{self, Scenario};
+use muster_transport::udp::{self, Reach};
+use toml::Spanned;
+
+use self::fields::FIELDS;
+use self::raw::{LevelName, LogName, Raw, StageName, TransportName, Udp, VehicleName};
+use crate::log::{Format, Level};
+
+/// The most peers of a drone.
+const PEERS_MAX: usize = 1_000;
+
+/// What is not there yet, by name.
+const NO_CONTROLLER: &str =
+    "there is no link to a flight controller yet, so nothing but a simulated vehicle flies";
+
+/// Every field of a drone's file, tables included, as in `udp.group`.
+pub fn fields() -> impl Iterator<Item = &'static str> {
+    FIELDS.iter().map(|(field, _)| *field)
+}
+
+/// A drone that can be flown: its file, and all that it names, fit together.
+#[derive(Debug)]
+pub struct DroneConfig {
+    /// The file, to be read again when that is asked for.
+    pub(crate) path: PathBuf,
+    pub(crate) scenario: Scenario,
+    pub(crate) id: NodeId,
+    pub(crate) swarm: SwarmId,
+    pub(crate) authenticator: Arc<Ed25519Authenticator>,
+    pub(crate) udp: udp::Config,
+    pub(crate) journal: PathBuf,
+    pub(crate) log: Format,
+    pub(crate) level: Level,
+}
+
+/// What is read again while a drone flies.
+#[derive(Debug)]
+pub(crate) struct Reread {
+    pub(crate) level: Level,
+    pub(crate) expelled: Expelled,
+}
+
+impl DroneConfig {
+    /// Reads a drone's file and all that it names.
+    ///
+    /// # Errors
+    /// When a file can't be used or they do not fit together: the error names the file, shows the place and says what
+    /// would be accepted.
+    pub fn load(path: &Path) -> Result<Self, BadInput> {
+        let file = File::read(path)?;
+        let raw = &file.raw;
+        file.check_vehicle()?;
+        let scenario = scenario::load(&file.beside(raw.scenario.get_ref()), &[])?;
+        file.check_scenario(&scenario)?;
+        let id = NodeId(*raw.id.get_ref());
+        Ok(Self {
+            path: path.to_owned(),
+            id,
+            swarm: file.swarm()?,
+            authenticator: Arc::new(file.authenticator(id)?),
+            udp: file.udp(id)?,
+            journal: file.beside(&raw.journal),
+            log: match raw.log {
+                LogName::Human => Format::Human,
+                LogName::Json => Format::Json,
+            },
+            level: raw.log_level.into(),
+            scenario,
+        })
+    }
+
+    /// How it logs.
+    #[must_use]
+    pub const fn log(&self) -> (Format, Level) {
+        (self.log, self.level)
+    }
+
+    /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
+    #[must_use]
+    pub fn leads(&self) -> bool {
+        self.id == self.scenario.centre()
+    }
+
+    /// What it is, in a few words.
+    #[must_use]
+    pub fn description(&self) -> String {
+        let part = match () {
+            () if self.leads() => ", which leads",
+            () if self.id.0 >= self.scenario.layout.formation().drones() => ", a relay",
+            () => "",
+        };
+        format!("number {}{part}: {}", self.id, self.scenario.description())
+    }
+}
+
+/// Reads what may change while a drone flies.
+///
+/// # Errors
+/// As [`DroneConfig::load`], of what is read.
+pub(crate) fn reread(path: &Path) -> Result<Reread, BadInput> {
+    let file = File::read(path)?;
+    let fleet = FleetKey::load(&file.beside(&file.raw.keys.fleet))?;
+    Ok(Reread {
+        level: file.raw.log_level.into(),
+        expelled: Expelled::load(&file.beside(&file.raw.keys.expelled), &fleet)?,
+    })
+}
+
+impl From<LevelName> for Level {
+    fn from(name: LevelName) -> Self {
+        match name {
+            LevelName::Error => Self::ERROR,
+            LevelName::Warn => Self::WARN,
+            LevelName::Info => Self::INFO,
+            LevelName::Debug => Self::DEBUG,
+            LevelName::Trace => Self::TRACE,
+        }
+    }
+}
+
+/// A drone's file that has been read, but not looked into.
+struct File<'a> {
+    path: &'a Path,
+    text: String,
+    raw: Raw,
+}
+
+impl<'a> File<'a> {
+    fn read(path: &'a Path) -> Result<Self, BadInput> {
+        let text = read_text(path)?;
+        match toml::from_str(&text) {
+            Ok(raw) => Ok(Self { path, text, raw }),
+            Err(error) => {
+                let span = error.span().unwrap_or_default();
+                let message = error.message().trim().replace('\n', ", ");
+                Err(refusal(path, &text, span, &message))
+            }
+        }
+    }
+
+    fn error(&self, span: Range<usize>, message: &str) -> BadInput {
+        refusal(self.path, &self.text, span, message)
+    }
+
+    /// A path as seen from this file's folder.
+    fn beside(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// A drone does nothing above its stage, and there is no vehicle yet that needs a stage above the lowest.
+    fn check_vehicle(&self) -> Result<(), BadInput> {
+        let (stage, vehicle) = (&self.raw.stage, &self.raw.vehicle);
+        match (stage.get_ref(), vehicle.get_ref()) {
+            (_, VehicleName::Msp) => Err(self.error(vehicle.span(), NO_CONTROLLER)),
+            (StageName::Sim, VehicleName::ClosedForm) => Ok(()),
+            (StageName::Bench | StageName::Tethered | StageName::Flight, _) => {
+                let message = "a simulated vehicle flies in the stage \"sim\", and in no other";
+                Err(self.error(stage.span(), message))
+            }
+        }
+    }
+
+    fn check_scenario(&self, scenario: &Scenario) -> Result<(), BadInput> {
+        let nodes = scenario.nodes();
+        if *self.raw.id.get_ref() >= nodes {
+            let message = format!(
+                "the scenario's drones and relays have numbers up to {}",
+                nodes - 1
+            );
+            return Err(self.error(self.raw.id.span(), &message));
+        }
+        if scenario.is_steered() {
+            let message = "in this scenario a simulated pilot or operator ends or steers the flight, who is not here";
+            return Err(self.error(self.raw.scenario.span(), message));
+        }
+        Ok(())
+    }
+
+    fn swarm(&self) -> Result<SwarmId, BadInput> {
+        match &self.raw.swarm {
+            None => Ok(Scenario::FIRST_SWARM),
+            Some(number) if *number.get_ref() == 0 => {
+                Err(self.error(number.span(), "swarms are numbered from 1"))
+            }
+            Some(number) => Ok(SwarmId(*number.get_ref())),
+        }
+    }
+
+    fn authenticator(&self, id: NodeId) -> Result<Ed25519Authenticator, BadInput> {
+        let keys = &self.raw.keys;
+        let fleet = FleetKey::load(&self.beside(&keys.fleet))?;
+        let roster = Roster::load(&self.beside(&keys.roster), &fleet)?;
+        let expelled = Expelled::load(&self.beside(&keys.expelled), &fleet)?;
+        let key = DroneKey::load(&self.beside(keys.drone.get_ref()))?;
+        Ed25519Authenticator::new(id, key, roster, expelled)
+            .map_err(|error| self.error(keys.drone.span(), &error.to_string()))
+    }
+
+    fn udp(&self, id: NodeId) -> Result<udp::Config, BadInput> {
+        let transport = &self.raw.transport;
+        if *transport.get_ref() == TransportName::Quic {
+            return Err(self.error(transport.span(), "QUIC is not there yet"));
+        }
+        let Some(udp) = &self.raw.udp else {
+            let message = "this transport needs a table `[udp]`, which says how frames get to all";
+            return Err(self.error(transport.span(), message));
+        };
+        let reach = self.reach(udp)?;
+        let udp = udp.get_ref();
+        let bind = udp.bind.as_ref().map(|it| *it.get_ref());
+        let bind = bind.unwrap_or(SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)));
+        if let Reach::Group(all) | Reach::Broadcast(all) = reach
+            && let Some(own) = &udp.bind
+        {
+            if own.get_ref().port() == all.port() {
+                let message = "a drone's own port must be another than that of what is for all";
+                return Err(self.error(own.span(), message));
+            }
+            if !own.get_ref().is_ipv4() {
+                let message =
+                    "groups and broadcasts are IPv4's, so the drone's own address must be";
+                return Err(self.error(own.span(), message));
+            }
+        }
+        Ok(udp::Config {
+            id,
+            bind,
+            reach,
+            interface: udp.interface.clone(),
+            datagram_max: wire::DATAGRAM_MAX,
+        })
+    }
+
+    fn reach(&self, udp: &Spanned<Udp>) -> Result<Reach, BadInput> {
+        let Udp {
+            bind,
+            group,
+            broadcast,
+            peers,
+            ..
+        } = udp.get_ref();
+        match (group, broadcast, peers) {
+            (Some(group), None, None) if group.get_ref().ip().is_multicast() => {
+                Ok(Reach::Group(*group.get_ref()))
+            }
+            (Some(group), None, None) => {
+                let message =
+                    "this is not a multicast group: they go from 224.0.0.0 to 239.255.255.255";
+                Err(self.error(group.span(), message))
+            }
+            (None, Some(broadcast), None) => Ok(Reach::Broadcast(*broadcast.get_ref())),
+            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => {
+                Err(self.error(peers.span(), &format!("more than {PEERS_MAX} peers")))
+            }
+            (None, None, Some(peers)) if bind.is_none() => {
+                let message = "`peers` send to a drone's own address, so it needs `bind`";
+                Err(self.error(peers.span(), message))
+            }
+            (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),
+            _ => {
+                let message = "frames for all go to a `group`, to a `broadcast` address or to `peers`: one of them";
+                Err(self.error(udp.span(), message))
+            }
+        }
+    }
+}
+
+const NOT_TOML: &str =
+    "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`";
+
+fn refusal(path: &Path, text: &str, span: Range<usize>, message: &str) -> BadInput {
+    let help = accepted(FIELDS, text, &span, message);
+    BadInput::new(
+        path,
+        text,
+        span,
+        message,
+        help.unwrap_or_else(|| NOT_TOML.to_owned()),
+    )
+}

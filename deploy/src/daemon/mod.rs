@@ -1,0 +1,183 @@
+//! One drone as a process: the actors that a simulation runs, on real time, a real network and a journal on a disk.
+//!
+//! Everything runs on one thread. A step's effects are carried out before anything else happens, so a checkpoint that must
+//! last is on the disk before the frame that rests on it leaves.
+
+mod clock;
+mod counts;
+mod process;
+mod service;
+mod state;
+mod tasks;
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_actors::{Drone, DroneConfig as ActorsConfig};
+use muster_machines::cell::{Blueprint, Envelope};
+use muster_machines::mission::{self, LandingReason};
+use muster_runtime::journal::{Folder, FolderError, Journal};
+use muster_transport::udp::{OpenError, UdpTransport};
+use thiserror::Error;
+
+use self::clock::Clock;
+use self::process::{Parts, Process};
+use self::tasks::Rereading;
+use crate::config::DroneConfig;
+use crate::log::{self, Format};
+use crate::swarm::READY;
+
+/// How long a drone that is done goes on listening and repeating its last words.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// How a drone's process ended that could start; the drone is on the ground each time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// The mission was flown, or the drone was called down.
+    Well,
+    /// It came down by itself before the end of the mission.
+    Early(LandingReason),
+    /// It came down because its journal could not be written any more.
+    JournalLost,
+}
+
+/// Why a drone's process could not start: nothing was flown.
+#[derive(Debug, Error)]
+pub enum DaemonError {
+    /// Its journal can't be had.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// Its journal can't be read or written.
+    #[error("can't use the journal")]
+    Journal(#[source] io::Error),
+    /// Its end of the network can't be opened.
+    #[error("no network")]
+    Network(#[from] OpenError),
+    /// The asynchronous runtime does not start, or does not watch sockets or signals.
+    #[error("no runtime for the actors")]
+    Runtime(#[source] io::Error),
+    /// An actor could not be started.
+    #[error("an actor could not be started")]
+    Spawn(#[from] Box<ractor::SpawnErr>),
+}
+
+/// How a drone's process is started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Start {
+    /// Tells the drone that leads to begin, in the first life of its journal only: nothing takes off because a process
+    /// started again.
+    pub fly: bool,
+    /// Whether the process ends when its standard input does, and reads there, as [`crate::swarm`] writes it, whom it does
+    /// not hear. Only a drone whose vehicle is simulated can be tied.
+    pub tied: bool,
+}
+
+/// Flies a drone until it is on the ground for good.
+///
+/// # Errors
+/// When it can't start.
+pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(DaemonError::Runtime)?;
+    runtime.block_on(live(config, start))
+}
+
+async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
+    let volume = log::start(config.log, config.level);
+    let clock = Clock::start();
+    let (journal, checkpoints) =
+        Journal::open(Folder::open(&config.journal)?).map_err(DaemonError::Journal)?;
+    let life = checkpoints.boot();
+    let now = Arc::new(move || clock.now());
+    let transport = UdpTransport::open(config.udp.clone(), now)?;
+    let waiting = transport.waiting().map_err(DaemonError::Runtime)?;
+    let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
+    let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
+    tracing::info!(drone = config.id.0, life, address = %transport.address(), "starts");
+    let process = Process::new(Parts {
+        id: config.id,
+        clock,
+        checkpoints,
+        journal,
+        transport,
+        craft: (config.scenario.craft(config.id, clock.now().as_nanos()))
+            .expect("the configuration has a number of the scenario's"),
+        for_programs: config.log == Format::Json,
+    });
+    if process.state().is_done() {
+        tracing::warn!(
+            "by its journal this drone has landed for good: to fly again it needs another journal"
+        );
+        return Ok(Ended::Well);
+    }
+    let drone = start_actors(&config, &process).await?;
+    process.begin(drone.clone());
+    tokio::spawn(tasks::keep_time(Arc::clone(&process)));
+    tokio::spawn(tasks::listen(Arc::clone(&process), waiting));
+    tokio::spawn(tasks::end_on(terminate, Arc::clone(&process)));
+    tokio::spawn(tasks::end_on(interrupt, Arc::clone(&process)));
+    let rereading = Rereading {
+        signal: hang_up,
+        path: config.path.clone(),
+        volume,
+        authenticator: Arc::clone(&config.authenticator),
+    };
+    tokio::spawn(tasks::reread_on(rereading, Arc::clone(&process)));
+    if let Some(period) = sd_notify::watchdog_enabled() {
+        tokio::spawn(tasks::watch(Arc::clone(&process), period));
+    }
+    service::ready();
+    tracing::info!("{READY}");
+    if start.tied {
+        tokio::spawn(tasks::heed(tasks::tether(), Arc::clone(&process)));
+    }
+    if start.fly {
+        begin_to_fly(&process, life);
+    }
+    process.done.notified().await;
+    tokio::time::sleep(LAST_WORDS).await;
+    service::stopping();
+    drone.stop().await;
+    let mut state = process.state();
+    state.say_talk(clock.now());
+    state.report();
+    Ok(ended(state.landing()))
+}
+
+async fn start_actors(config: &DroneConfig, process: &Arc<Process>) -> Result<Drone, DaemonError> {
+    let scenario = &config.scenario;
+    let actors = ActorsConfig {
+        blueprint: Blueprint {
+            authenticator: Arc::clone(&config.authenticator) as _,
+            ..scenario.blueprint(config.swarm, config.id)
+        },
+        restarts: scenario.limits.restarts,
+        waiting_max: scenario.limits.waiting_max,
+    };
+    let environment = Arc::clone(process) as _;
+    let started = Drone::start(actors, environment).await;
+    Ok(started.map_err(Box::new)?)
+}
+
+/// Tells the drone to lead its swarm, if it has not lived before.
+fn begin_to_fly(process: &Process, life: u32) {
+    if life > 1 {
+        tracing::warn!(
+            life,
+            "not told to fly: nothing takes off because a process started again"
+        );
+        return;
+    }
+    process.state().post(Envelope::Mission(mission::Input::Fly));
+}
+
+fn ended(landing: Option<LandingReason>) -> Ended {
+    match landing {
+        None | Some(LandingReason::MissionOver | LandingReason::Recalled) => Ended::Well,
+        Some(LandingReason::JournalLost) => Ended::JournalLost,
+        Some(reason) => Ended::Early(reason),
+    }
+}

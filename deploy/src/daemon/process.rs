@@ -1,0 +1,129 @@
+//! A drone's process as its actors see it: their environment in real time.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use muster_actors::{Drone, Environment};
+use muster_machines::cell::{Address, Checkpoints, Reaction, last_resort};
+use muster_machines::identity::NodeId;
+use muster_machines::mission::LandingReason;
+use muster_machines::supervision::Verdict;
+use muster_machines::time::Timestamp;
+use muster_runtime::journal::{Folder, Journal};
+use muster_scenarios::Craft;
+use muster_transport::udp::UdpTransport;
+use tokio::sync::Notify;
+
+use super::clock::Clock;
+use super::state::State;
+
+/// What a drone's actors and the tasks around them share.
+///
+/// All of them run on one thread, and nobody waits while holding the lock.
+pub(super) struct Process {
+    pub(super) clock: Clock,
+    state: Mutex<State>,
+    /// Somebody is to be woken sooner than was thought.
+    pub(super) sooner: Notify,
+    /// The drone may be done.
+    pub(super) done: Notify,
+}
+
+/// What a process is made of.
+pub(super) struct Parts {
+    pub(super) id: NodeId,
+    pub(super) clock: Clock,
+    pub(super) checkpoints: Checkpoints,
+    pub(super) journal: Journal<Folder>,
+    pub(super) transport: UdpTransport,
+    pub(super) craft: Craft,
+    /// Whether everything that is seen of the drone is to be told in a form for programs.
+    pub(super) for_programs: bool,
+}
+
+impl Process {
+    pub(super) fn new(parts: Parts) -> Arc<Self> {
+        Arc::new(Self {
+            clock: parts.clock,
+            state: Mutex::new(State::new(parts)),
+            sooner: Notify::new(),
+            done: Notify::new(),
+        })
+    }
+
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+        // A panic under this lock is an actor's, whose step is given up with it.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The five actors run: they are told what was posted meanwhile.
+    pub(super) fn begin(&self, drone: Drone) {
+        self.state().begin(drone);
+    }
+
+    /// The drone is to come down and stay down.
+    pub(super) fn come_down(&self, reason: LandingReason) {
+        let now = self.clock.now();
+        self.state().come_down(now, reason);
+        self.look_round();
+    }
+
+    /// Whoever waits for the drone to be done, or for a time, looks again.
+    pub(super) fn look_round(&self) {
+        let mut state = self.state();
+        if state.is_done() {
+            self.done.notify_one();
+        }
+        if state.wakes_sooner() {
+            self.sooner.notify_one();
+        }
+    }
+}
+
+impl Environment for Process {
+    fn now(&self) -> Timestamp {
+        self.clock.now()
+    }
+
+    fn seed(&self) -> u64 {
+        // What is drawn here spreads load, and is no secret.
+        getrandom::u64().unwrap_or_else(|_| self.clock.now().as_nanos())
+    }
+
+    fn checkpoints(&self) -> Checkpoints {
+        self.state().checkpoints().clone()
+    }
+
+    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
+        let now = self.clock.now();
+        let mut state = self.state();
+        state.answered(from);
+        for effect in reaction.effects.drain(..) {
+            state.effect(now, effect);
+        }
+        state.set_timer(from, reaction.deadline);
+        drop(state);
+        self.look_round();
+    }
+
+    fn failed(&self, address: Address, verdict: Verdict) {
+        let now = self.clock.now();
+        let mut state = self.state();
+        tracing::error!(actor = %address, ?verdict, "an actor failed");
+        state.take_down(address);
+        match verdict {
+            Verdict::Restart { at } => state.restart(at, address),
+            Verdict::GiveUp => {
+                state.give_up();
+                for effect in last_resort(|address| state.is_up(address)) {
+                    state.effect(now, effect);
+                }
+            }
+        }
+        drop(state);
+        self.look_round();
+    }
+
+    fn starting(&self, address: Address) {
+        self.state().bring_up(address);
+    }
+}

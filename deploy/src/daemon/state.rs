@@ -1,0 +1,427 @@
+//! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
+
+use muster_actors::{Drone, Message};
+use muster_machines::cell::{
+    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, last_resort,
+};
+use muster_machines::identity::NodeId;
+use muster_machines::machine::Stimulus;
+use muster_machines::mission::{self, LandingReason};
+use muster_machines::msp::{self, Demand, Telemetry};
+use muster_machines::time::Timestamp;
+use muster_machines::{radio, routing, wire};
+use muster_runtime::journal::{Folder, Journal};
+use muster_scenarios::Craft;
+use muster_transport::udp::UdpTransport;
+use muster_transport::{Destination, Event, Transport};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::counts::Counts;
+use super::process::Parts;
+use super::service;
+use crate::tether::Losses;
+
+/// How many datagrams are taken in before the actors get their turn.
+const DRAIN_MAX: usize = 64;
+
+pub(super) struct State {
+    id: NodeId,
+    checkpoints: Checkpoints,
+    journal: Journal<Folder>,
+    transport: UdpTransport,
+    craft: Craft,
+    for_programs: bool,
+    /// The actors, once all five run.
+    drone: Option<Drone>,
+    /// What was posted before that.
+    held: Vec<Envelope>,
+    seats: [Seat; 5],
+    restarts: Vec<(Timestamp, Address)>,
+    /// When those who keep time wake.
+    wakes: Option<Timestamp>,
+    counts: Counts,
+    talk: Talk,
+    /// Whose frames are not let in, as if they were out of range.
+    losses: Losses,
+    lots: ChaCha8Rng,
+    /// Why it began to come down first.
+    landing: Option<LandingReason>,
+    /// Whether its mission says that it is on the ground for good.
+    is_finished: bool,
+    /// Whether an actor could not be kept alive.
+    gave_up: bool,
+    /// Whether whoever started the process is gone.
+    is_abandoned: bool,
+}
+
+/// How much was sent and let in, in frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Talk {
+    /// Because something had changed or was missed.
+    news: u64,
+    /// Only because the time had come.
+    keep_alives: u64,
+    let_in: u64,
+}
+
+impl Talk {
+    const fn sent(&mut self, keep_alive: bool) {
+        if keep_alive {
+            self.keep_alives += 1;
+        } else {
+            self.news += 1;
+        }
+    }
+}
+
+/// What is kept of one of the five actors.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seat {
+    is_up: bool,
+    deadline: Option<Timestamp>,
+    /// Whether it has done anything since it was last asked.
+    has_answered: bool,
+}
+
+impl State {
+    pub(super) fn new(parts: Parts) -> Self {
+        let missions = parts.checkpoints.iter();
+        let is_finished = missions.into_iter().any(|it| match it {
+            Checkpoint::Mission(mission) => mission.state == mission::State::Finished,
+            _ => false,
+        });
+        Self {
+            id: parts.id,
+            checkpoints: parts.checkpoints,
+            journal: parts.journal,
+            transport: parts.transport,
+            craft: parts.craft,
+            for_programs: parts.for_programs,
+            drone: None,
+            held: Vec::new(),
+            seats: [Seat::default(); 5],
+            restarts: Vec::new(),
+            wakes: None,
+            counts: Counts::default(),
+            talk: Talk::default(),
+            losses: Losses::default(),
+            lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
+            landing: None,
+            is_finished,
+            gave_up: false,
+            is_abandoned: false,
+        }
+    }
+
+    pub(super) const fn checkpoints(&self) -> &Checkpoints {
+        &self.checkpoints
+    }
+
+    pub(super) const fn landing(&self) -> Option<LandingReason> {
+        self.landing
+    }
+
+    /// Whether there is nothing more that it could do: it is down for good, or nobody is there for whom it flies.
+    pub(super) const fn is_done(&self) -> bool {
+        self.is_abandoned || self.is_finished || (self.gave_up && !self.craft.is_armed())
+    }
+
+    /// Nobody is there any more for whom a simulated drone flies.
+    pub(super) const fn abandon(&mut self) {
+        self.is_abandoned = true;
+    }
+
+    pub(super) fn begin(&mut self, drone: Drone) {
+        self.drone = Some(drone);
+        for envelope in std::mem::take(&mut self.held) {
+            self.post(envelope);
+        }
+    }
+
+    /// Does one thing that a step asked for.
+    pub(super) fn effect(&mut self, now: Timestamp, effect: Effect) {
+        match effect {
+            Effect::Post(envelope) => {
+                self.talk.let_in += u64::from(matches!(
+                    envelope,
+                    Envelope::Routing(routing::Input::Heard { .. })
+                ));
+                self.post(envelope);
+            }
+            Effect::Send {
+                to,
+                frame,
+                keep_alive,
+            } => {
+                self.talk.sent(keep_alive);
+                let to = to.map_or(Destination::Broadcast, Destination::To);
+                self.transport
+                    .send(now, self.id, to, &frame)
+                    .expect("a radio sends no more than a datagram, and in its own name");
+            }
+            Effect::Locate { sender, source } => self.transport.learn(sender, source),
+            Effect::Command(demand) => self.command(now, demand),
+            Effect::Keep(checkpoint) => self.keep(now, &checkpoint),
+            Effect::Observe(seen) => self.observe(now, &seen),
+        }
+    }
+
+    pub(super) fn post(&mut self, envelope: Envelope) {
+        self.cast(envelope.address(), Stimulus::Input(envelope));
+    }
+
+    fn cast(&mut self, address: Address, stimulus: Stimulus<Envelope>) {
+        let Some(drone) = &self.drone else {
+            if let Stimulus::Input(envelope) = stimulus {
+                self.held.push(envelope);
+            }
+            return;
+        };
+        if let Err(refused) = drone.book().cast(address, Message::Step(stimulus)) {
+            // Frames at line rate may be among them.
+            self.counts.refused += 1;
+            tracing::debug!("{refused}");
+        }
+    }
+
+    fn command(&mut self, now: Timestamp, demand: Demand) {
+        if self.for_programs {
+            let (drone, at_ns) = (self.id.0, now.as_nanos());
+            let commanded = in_json(&demand);
+            tracing::info!(drone, at_ns, commanded, "commanded");
+        }
+        let telemetry = self.craft.obey(now, demand);
+        self.tell(telemetry);
+    }
+
+    /// Hands the link what the vehicle says of itself.
+    fn tell(&mut self, telemetry: Option<Telemetry>) {
+        if let Some(telemetry) = telemetry {
+            self.post(Envelope::Msp(Box::new(msp::Input::Telemetry(telemetry))));
+        }
+    }
+
+    /// Keeps what a machine is built anew from, in the journal too. A drone whose journal can't be written comes down:
+    /// should its process start anew, it would not know what it has said.
+    fn keep(&mut self, now: Timestamp, checkpoint: &Checkpoint) {
+        if self.checkpoints.holds(checkpoint) {
+            return;
+        }
+        let must_last = self.checkpoints.keep(checkpoint.clone());
+        let Err(error) = self.journal.keep(checkpoint, &self.checkpoints, must_last) else {
+            return;
+        };
+        self.counts.unwritten += 1;
+        if self.counts.unwritten == 1 {
+            tracing::error!(%error, "the journal can't be written: the drone comes down");
+            self.come_down(now, LandingReason::JournalLost);
+        }
+    }
+
+    pub(super) fn come_down(&mut self, now: Timestamp, reason: LandingReason) {
+        if self.is_up(Address::Mission) {
+            self.post(Envelope::Mission(mission::Input::ComeDown(reason)));
+        } else {
+            for effect in last_resort(|address| self.is_up(address)) {
+                self.effect(now, effect);
+            }
+        }
+    }
+
+    fn observe(&mut self, now: Timestamp, seen: &Observation) {
+        match seen {
+            Observation::Radio(radio::Event::Dropped(reason)) => self.counts.dropped(*reason),
+            Observation::Mission(mission::Event::State(state)) => {
+                self.say_talk(now);
+                service::status(&state.to_string());
+                self.is_finished |= *state == mission::State::Finished;
+            }
+            Observation::Mission(mission::Event::Landing(reason)) => {
+                self.landing.get_or_insert(*reason);
+            }
+            _ => {}
+        }
+        self.say(now, seen);
+    }
+
+    /// Says to programs how much was sent and let in since this was last said.
+    pub(super) fn say_talk(&mut self, now: Timestamp) {
+        let (drone, at_ns) = (self.id.0, now.as_nanos());
+        let talk = std::mem::take(&mut self.talk);
+        if self.for_programs && talk != Talk::default() {
+            let (news, keep_alives, let_in) = (talk.news, talk.keep_alives, talk.let_in);
+            tracing::info!(drone, at_ns, news, keep_alives, let_in, "talked");
+        }
+    }
+
+    /// From now on so much of what others send is not let in.
+    pub(super) fn lose(&mut self, losses: Losses) {
+        self.losses = losses;
+    }
+
+    /// Whether a datagram is one of those that would not have got here.
+    fn is_lost(&mut self, datagram: &[u8]) -> bool {
+        let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
+        let loss = sender.map_or(0.0, |sender| self.losses.from(sender));
+        loss > 0.0 && self.lots.random_bool(loss.min(1.0))
+    }
+
+    /// Says what was seen: what a peer sent that was not let in only to those who want to know it all, for peers could
+    /// fill a disk with it.
+    fn say(&self, now: Timestamp, seen: &Observation) {
+        let (drone, at_ns) = (self.id.0, now.as_nanos());
+        let is_of_peers = matches!(
+            seen,
+            Observation::Radio(_)
+                | Observation::Routing(muster_machines::routing::Event::Ignored(_))
+        );
+        match (self.for_programs, is_of_peers) {
+            (true, true) => tracing::debug!(drone, at_ns, seen = in_json(seen), "seen"),
+            (true, false) => tracing::info!(drone, at_ns, seen = in_json(seen), "seen"),
+            (false, true) => tracing::debug!(drone, "{}", in_words(seen)),
+            (false, false) => tracing::info!(drone, "{}", in_words(seen)),
+        }
+    }
+
+    /// Takes in datagrams; whether there are no more for now.
+    pub(super) fn drain(&mut self) -> bool {
+        for _ in 0..DRAIN_MAX {
+            let Some(event) = self.transport.poll_event() else {
+                return true;
+            };
+            let input = match event {
+                Event::Arrival(arrival) if self.is_lost(&arrival.datagram) => {
+                    self.counts.out_of_range += 1;
+                    continue;
+                }
+                Event::Arrival(arrival) => radio::Input::Received {
+                    datagram: arrival.datagram,
+                    source: arrival.source,
+                },
+                Event::Outcome(outcome) => radio::Input::Outcome {
+                    to: outcome.to,
+                    delivered: outcome.fate == muster_transport::Fate::Delivered,
+                    frame: outcome.datagram,
+                },
+            };
+            self.post(Envelope::Radio(input));
+        }
+        false
+    }
+
+    /// Does what is due; when something will be next.
+    pub(super) fn wake(&mut self, now: Timestamp) -> Option<Timestamp> {
+        for address in Address::ALL {
+            let deadline = &mut self.seats[address as usize].deadline;
+            if deadline.take_if(|deadline| *deadline <= now).is_some() {
+                self.cast(address, Stimulus::Timeout);
+            }
+        }
+        let telemetry = self.craft.handle_timeout(now);
+        self.tell(telemetry);
+        let (due, later) = (self.restarts.iter().copied()).partition(|(at, _)| *at <= now);
+        self.restarts = later;
+        let due: Vec<_> = due;
+        if let Some(drone) = &self.drone {
+            due.into_iter()
+                .for_each(|(_, address)| drone.restart(address));
+        }
+        self.wakes = self.next_deadline();
+        self.wakes
+    }
+
+    fn next_deadline(&self) -> Option<Timestamp> {
+        let seats = self.seats.iter().filter_map(|seat| seat.deadline);
+        let restarts = self.restarts.iter().map(|(at, _)| *at);
+        seats.chain(restarts).chain(self.craft.next_timeout()).min()
+    }
+
+    /// Whether somebody waits for an earlier time than those who keep time wake at.
+    pub(super) fn wakes_sooner(&mut self) -> bool {
+        let next = self.next_deadline();
+        let is_sooner = next.is_some_and(|next| self.wakes.is_none_or(|wakes| next < wakes));
+        if is_sooner {
+            self.wakes = next;
+        }
+        is_sooner
+    }
+
+    pub(super) const fn set_timer(&mut self, address: Address, deadline: Option<Timestamp>) {
+        self.seats[address as usize].deadline = deadline;
+    }
+
+    pub(super) fn restart(&mut self, at: Timestamp, address: Address) {
+        self.restarts.push((at, address));
+    }
+
+    pub(super) const fn is_up(&self, address: Address) -> bool {
+        self.seats[address as usize].is_up
+    }
+
+    pub(super) const fn bring_up(&mut self, address: Address) {
+        self.seats[address as usize].is_up = true;
+    }
+
+    pub(super) const fn take_down(&mut self, address: Address) {
+        self.seats[address as usize] = Seat {
+            is_up: false,
+            deadline: None,
+            has_answered: false,
+        };
+        self.counts.failures += 1;
+    }
+
+    pub(super) fn give_up(&mut self) {
+        self.gave_up = true;
+        self.landing.get_or_insert(LandingReason::ActorGivenUp);
+    }
+
+    pub(super) const fn answered(&mut self, address: Address) {
+        self.seats[address as usize].has_answered = true;
+    }
+
+    /// Whether all actors that run have done something since this was last asked; then they are asked again. What is due
+    /// is all that they do when they are woken, so to be woken early does no harm.
+    pub(super) fn ask_actors(&mut self) -> bool {
+        let up = self.seats.iter().filter(|seat| seat.is_up);
+        let have_answered = up.clone().all(|seat| seat.has_answered);
+        for address in Address::ALL {
+            if have_answered && self.is_up(address) {
+                self.seats[address as usize].has_answered = false;
+                self.cast(address, Stimulus::Timeout);
+            }
+        }
+        have_answered
+    }
+
+    pub(super) fn report(&self) {
+        let overflowed = self.transport.overflowed();
+        self.counts.report(self.transport.counters(), overflowed);
+    }
+}
+
+fn in_json(said: &impl Serialize) -> String {
+    serde_json::to_string(said).expect("what is said has names and numbers only")
+}
+
+fn in_words(seen: &Observation) -> String {
+    match seen {
+        Observation::Mission(mission::Event::State(state)) => state.to_string(),
+        Observation::Mission(mission::Event::Obeys(ballot)) => format!("obeys {ballot}"),
+        Observation::Mission(mission::Event::Opened { waypoint }) => {
+            format!("opens waypoint {waypoint}")
+        }
+        Observation::Mission(mission::Event::LeftOut(drone)) => {
+            format!("flies without drone {drone}")
+        }
+        Observation::Mission(mission::Event::Landing(reason)) => {
+            format!("comes down: {reason:?}")
+        }
+        Observation::Radio(radio::Event::Dropped(reason)) => format!("drops a frame: {reason}"),
+        Observation::Mission(event) => format!("{event:?}"),
+        Observation::Routing(event) => format!("{event:?}"),
+        Observation::Radio(event) => format!("{event:?}"),
+    }
+}

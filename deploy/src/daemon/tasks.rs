@@ -1,0 +1,146 @@
+//! What runs beside a drone's actors, on the same thread.
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::mission::LandingReason;
+use muster_runtime::identity::Ed25519Authenticator;
+use muster_transport::udp::Waiting;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc;
+
+use super::process::Process;
+use super::service;
+use crate::config::reread;
+use crate::log::Volume;
+use crate::tether::Losses;
+
+/// Wakes whoever waits for a time.
+pub(super) async fn keep_time(process: Arc<Process>) {
+    loop {
+        let now = process.clock.now();
+        let next = process.state().wake(now);
+        process.look_round();
+        match next {
+            Some(at) => {
+                let at = process.clock.instant(at);
+                // Either it is time, or somebody is to be woken sooner.
+                let _ = tokio::time::timeout_at(at, process.sooner.notified()).await;
+            }
+            None => process.sooner.notified().await,
+        }
+    }
+}
+
+/// Hands the radio what comes in.
+pub(super) async fn listen(process: Arc<Process>, waiting: Waiting) {
+    while let Ok(()) = waiting.datagrams(|| process.state().drain()).await {
+        process.look_round();
+        tokio::task::yield_now().await;
+    }
+    tracing::error!("the sockets are not watched any more: the drone comes down");
+    process.come_down(LandingReason::Recalled);
+}
+
+/// The signals that call the drone down.
+pub(super) fn signals_to_end() -> io::Result<[Signal; 2]> {
+    Ok([
+        signal(SignalKind::terminate())?,
+        signal(SignalKind::interrupt())?,
+    ])
+}
+
+/// Calls the drone down at the first signal; it is on its way already at the second.
+pub(super) async fn end_on(mut signal: Signal, process: Arc<Process>) {
+    while signal.recv().await.is_some() {
+        tracing::info!("called down");
+        process.come_down(LandingReason::Recalled);
+    }
+}
+
+/// What comes of standard input, by which the process is tied to whoever started it.
+pub(super) fn tether() -> mpsc::UnboundedReceiver<Losses> {
+    let (sender, receiver) = mpsc::unbounded_channel();
+    // Nothing can end a thread that reads, but the end of the process.
+    std::thread::spawn(move || {
+        for line in io::stdin().lines().map_while(Result::ok) {
+            match Losses::read(&line) {
+                Some(losses) => drop(sender.send(losses)),
+                None => tracing::warn!("standard input has a line that is none of a starter's"),
+            }
+        }
+    });
+    receiver
+}
+
+/// Does as whoever started the process says; once that is gone, so is the process.
+pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Losses>, process: Arc<Process>) {
+    while let Some(losses) = tether.recv().await {
+        process.state().lose(losses);
+    }
+    tracing::warn!(
+        "whoever started this process is gone: it ends, and its simulated vehicle with it"
+    );
+    process.state().abandon();
+    process.look_round();
+}
+
+/// What is read again on HUP, and who is told.
+pub(super) struct Rereading {
+    pub(super) signal: Signal,
+    pub(super) path: PathBuf,
+    pub(super) volume: Volume,
+    pub(super) authenticator: Arc<Ed25519Authenticator>,
+}
+
+/// The signal at which files are read again.
+pub(super) fn signal_to_reread() -> io::Result<Signal> {
+    signal(SignalKind::hangup())
+}
+
+/// Reads again what may change while the drone flies.
+pub(super) async fn reread_on(mut rereading: Rereading, process: Arc<Process>) {
+    while rereading.signal.recv().await.is_some() {
+        rereading.reread(&process);
+        process.state().report();
+    }
+}
+
+impl Rereading {
+    fn reread(&self, process: &Process) {
+        let read = match reread(&self.path) {
+            Ok(read) => read,
+            Err(error) => {
+                let path = self.path.display();
+                tracing::error!(%path, %error, "nothing was read again: all stays as it was");
+                return;
+            }
+        };
+        self.volume.set(read.level);
+        let number = read.expelled.number();
+        match self.authenticator.expel(read.expelled) {
+            Ok(false) => tracing::info!(
+                number,
+                "read again: log_level and the list of the expelled; all else is read at the start only"
+            ),
+            Ok(true) => {
+                tracing::error!(number, "this drone was expelled: it comes down");
+                process.come_down(LandingReason::Recalled);
+            }
+            Err(error) => tracing::error!(%error, "log_level was read again; the list stays"),
+        }
+    }
+}
+
+/// Tells the service manager that the process is alive, as long as its actors answer, four times in each period after
+/// which it would end the process.
+pub(super) async fn watch(process: Arc<Process>, period: Duration) {
+    loop {
+        if process.state().ask_actors() {
+            service::alive();
+        }
+        tokio::time::sleep(period / 4).await;
+    }
+}

@@ -1,0 +1,8 @@
+//! Drones as real processes: what a drone's file says, the daemon that flies it, and whoever starts a whole swarm of
+//! them.
+
+pub mod config;
+pub mod daemon;
+pub mod log;
+pub mod swarm;
+mod tether;

@@ -1,0 +1,156 @@
+//! The process of one drone, as whoever started it holds it: it ends with its starter.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::process::Stdio;
+
+use muster_machines::identity::NodeId;
+use muster_scenarios::twin::Standing;
+use rustix::process::{Pid, Signal, kill_process};
+use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
+use tokio::process::{Child, ChildStderr, ChildStdin, Command};
+use tokio::sync::mpsc::{self, UnboundedSender};
+
+use super::SwarmError;
+use super::folder::DroneFolder;
+use super::said::{Spoken, read};
+
+/// How many words to a process may wait that does not read them, as one that is stopped.
+const WAITING_MAX: usize = 64;
+
+/// What comes of a drone's process.
+#[derive(Debug)]
+pub(super) enum News {
+    /// It said something.
+    Said(NodeId, Spoken),
+    /// It has ended.
+    Ended(NodeId),
+}
+
+/// A drone's process.
+#[derive(Debug)]
+pub(super) struct DroneProcess {
+    pid: Option<Pid>,
+    words: mpsc::Sender<String>,
+    standing: Standing,
+}
+
+impl DroneProcess {
+    /// Starts a drone's process; `news` gets what comes of it. It is killed when the runtime that it was started in ends,
+    /// and ends by itself when its starter does.
+    ///
+    /// # Errors
+    /// When it can't be started, or its log can't be written.
+    pub(super) fn start(
+        musterd: &Path,
+        folder: &DroneFolder,
+        fly: bool,
+        news: &UnboundedSender<News>,
+    ) -> Result<Self, SwarmError> {
+        let mut command = Command::new(musterd);
+        command.arg("--config").arg(&folder.config).arg("--tied");
+        if fly {
+            command.arg("--fly");
+        }
+        // What is typed at the terminal is for the starter, which ends the drones in its own way.
+        let started = command
+            .process_group(0)
+            .kill_on_drop(true)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn();
+        let mut child = started.map_err(|source| SwarmError::Start {
+            program: musterd.to_owned(),
+            source,
+        })?;
+        let log = File::create(&folder.log).map_err(|source| SwarmError::Write {
+            path: folder.log.clone(),
+            source,
+        })?;
+        let (words, heard) = mpsc::channel(WAITING_MAX);
+        let pid = child.id().and_then(|pid| Pid::from_raw(pid.cast_signed()));
+        if let Some(stdin) = child.stdin.take() {
+            tokio::spawn(tell(stdin, heard));
+        }
+        let stderr = child.stderr.take();
+        tokio::spawn(listen(folder.id, child, stderr, log, news.clone()));
+        Ok(Self {
+            pid,
+            words,
+            standing: Standing::Runs,
+        })
+    }
+
+    /// Makes the process be as it is to be.
+    pub(super) fn be(&mut self, standing: Standing) {
+        if self.standing == standing || self.standing == Standing::Ended {
+            return;
+        }
+        self.signal(match standing {
+            Standing::Runs => Signal::CONT,
+            Standing::Hangs => Signal::STOP,
+            Standing::Ended => Signal::KILL,
+        });
+        self.standing = standing;
+    }
+
+    /// Lets the process know something, unless it has too much to read already; whether it will know.
+    pub(super) fn tell(&self, words: String) -> bool {
+        self.words.try_send(words).is_ok()
+    }
+
+    /// It has ended: nothing is sent to whoever has its number now.
+    pub(super) const fn has_ended(&mut self) {
+        self.pid = None;
+        self.standing = Standing::Ended;
+    }
+
+    pub(super) fn is_ended(&self) -> bool {
+        self.pid.is_none()
+    }
+
+    fn signal(&self, signal: Signal) {
+        if let Some(pid) = self.pid {
+            // It can only have ended by itself.
+            let _ = kill_process(pid, signal);
+        }
+    }
+}
+
+impl Drop for DroneProcess {
+    fn drop(&mut self) {
+        self.signal(Signal::KILL);
+    }
+}
+
+/// Hands a process what it is told.
+async fn tell(mut stdin: ChildStdin, mut heard: mpsc::Receiver<String>) {
+    while let Some(words) = heard.recv().await {
+        if stdin.write_all(words.as_bytes()).await.is_err() {
+            return;
+        }
+    }
+}
+
+/// Reads and keeps what a process says, until it ends.
+async fn listen(
+    id: NodeId,
+    mut child: Child,
+    stderr: Option<ChildStderr>,
+    mut log: File,
+    news: UnboundedSender<News>,
+) {
+    if let Some(stderr) = stderr {
+        let mut lines = BufReader::new(stderr).lines();
+        while let Ok(Some(line)) = lines.next_line().await {
+            // A log that can't be kept is no reason to end a flight.
+            let _ = writeln!(log, "{line}");
+            let _ = news.send(News::Said(id, read(&line)));
+        }
+    }
+    // It can't be told why it ended where the system has lost it.
+    let _ = child.wait().await;
+    let _ = news.send(News::Ended(id));
+}

@@ -1,0 +1,258 @@
+//! A flight of processes, from their start to their end.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
+use std::time::{Duration, Instant, SystemTime};
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_scenarios::report::{Flight, Report};
+use muster_scenarios::twin::{Said, Standing, Twin};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc::{self, UnboundedReceiver};
+use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
+
+use super::child::{DroneProcess, News};
+use super::folder::DroneFolder;
+use super::said::Spoken;
+use super::{Request, START_MAX, SwarmError, Watcher};
+use crate::tether::Losses;
+
+/// How far the twin is behind the clock.
+const BEHIND: Duration = Duration::from_millis(50);
+/// How often the twin goes on.
+const TICK: Duration = Duration::from_millis(10);
+/// How long processes may take to end by themselves, once their drones are down.
+const END_MAX: Duration = Duration::from_secs(3);
+/// By how much a chance to be lost must have changed for a process to be told.
+const LOSS_STEP: f64 = 0.01;
+
+/// Flies the drones; see [`super::fly`].
+pub(super) async fn fly(
+    request: &Request<'_>,
+    drones: &[DroneFolder],
+    mut watcher: Option<Watcher<'_>>,
+) -> Result<(Report, Flight), SwarmError> {
+    let mut swarm = Swarm::start(request, drones).await?;
+    let [mut terminate, mut interrupt] = ends().map_err(SwarmError::Runtime)?;
+    let mut ticks = interval(TICK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    while !swarm.twin.is_flown() {
+        tokio::select! {
+            biased;
+            _ = terminate.recv() => return Err(SwarmError::Interrupted),
+            _ = interrupt.recv() => return Err(SwarmError::Interrupted),
+            news = swarm.news.recv() => swarm.hear(news),
+            _ = ticks.tick() => {
+                swarm.go_on();
+                if let Some(watcher) = &mut watcher {
+                    watcher(swarm.twin.progress());
+                }
+            }
+        }
+    }
+    swarm.let_end().await;
+    Ok(swarm.twin.finish(request.scenario, swarm.began.elapsed()))
+}
+
+fn ends() -> std::io::Result<[Signal; 2]> {
+    Ok([
+        signal(SignalKind::terminate())?,
+        signal(SignalKind::interrupt())?,
+    ])
+}
+
+/// Something that a drone said, by when.
+#[derive(Debug)]
+struct Entry {
+    at: Timestamp,
+    nth: u64,
+    drone: NodeId,
+    said: Said,
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.order() == other.order()
+    }
+}
+impl Eq for Entry {}
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.order().cmp(&other.order())
+    }
+}
+impl Entry {
+    const fn order(&self) -> (Timestamp, u64) {
+        (self.at, self.nth)
+    }
+}
+
+/// A flight under way.
+struct Swarm {
+    twin: Twin,
+    emulates_radio: bool,
+    processes: BTreeMap<NodeId, DroneProcess>,
+    news: UnboundedReceiver<News>,
+    /// When the flight began.
+    began: Instant,
+    /// The same instant by the clock that drones tell.
+    epoch: Timestamp,
+    /// What was said and is to be told to the twin, the earliest first.
+    said: BinaryHeap<Reverse<Entry>>,
+    heard: u64,
+    /// What each process was told last of what it does not hear.
+    told: BTreeMap<NodeId, Losses>,
+    losses_as_of: Option<u64>,
+}
+
+impl Swarm {
+    /// Starts all processes, the one that leads last; it is told to fly.
+    async fn start(request: &Request<'_>, drones: &[DroneFolder]) -> Result<Self, SwarmError> {
+        let (sender, mut news) = mpsc::unbounded_channel();
+        let mut processes = BTreeMap::new();
+        let leader = request.scenario.centre();
+        let (leaders, others): (Vec<_>, Vec<_>) = drones.iter().partition(|it| it.id == leader);
+        for folder in &others {
+            let process = DroneProcess::start(request.musterd, folder, false, &sender)?;
+            processes.insert(folder.id, process);
+        }
+        wait_until_ready(&mut news, others.iter().map(|it| it.id).collect()).await?;
+        let (began, epoch) = (Instant::now(), since_epoch());
+        for folder in leaders {
+            let process = DroneProcess::start(request.musterd, folder, true, &sender)?;
+            processes.insert(folder.id, process);
+        }
+        Ok(Self {
+            twin: Twin::new(request.scenario, BEHIND),
+            emulates_radio: request.emulates_radio,
+            processes,
+            news,
+            began,
+            epoch,
+            said: BinaryHeap::new(),
+            heard: 0,
+            told: BTreeMap::new(),
+            losses_as_of: None,
+        })
+    }
+
+    fn hear(&mut self, news: Option<News>) {
+        match news {
+            Some(News::Said(drone, Spoken::Of(at, said))) => {
+                self.note(Timestamp::ZERO + at.since(self.epoch), drone, said);
+            }
+            Some(News::Ended(drone)) => {
+                if let Some(process) = self.processes.get_mut(&drone) {
+                    process.has_ended();
+                }
+                let now = Timestamp::ZERO + self.began.elapsed();
+                self.note(now, drone, Said::Ended);
+            }
+            Some(News::Said(..)) | None => {}
+        }
+    }
+
+    /// Keeps something for the twin to be told when it is there.
+    fn note(&mut self, at: Timestamp, drone: NodeId, said: Said) {
+        self.heard += 1;
+        let nth = self.heard;
+        let entry = Entry {
+            at,
+            nth,
+            drone,
+            said,
+        };
+        self.said.push(Reverse(entry));
+    }
+
+    /// Lets the twin go on, and the processes be as it says.
+    fn go_on(&mut self) {
+        let now = (Timestamp::ZERO + self.began.elapsed()).since(Timestamp::ZERO + BEHIND);
+        let now = Timestamp::ZERO + now;
+        while let Some(Reverse(entry)) = self.said.peek()
+            && entry.at <= now
+        {
+            if let Some(Reverse(entry)) = self.said.pop() {
+                self.twin.hear(entry.at, entry.drone, entry.said);
+            }
+        }
+        self.twin.advance(now);
+        for (id, process) in &mut self.processes {
+            process.be(self.twin.process(*id));
+        }
+        if self.emulates_radio {
+            self.tell_losses();
+        }
+    }
+
+    /// Lets each process know whom it does not hear, if that has changed.
+    fn tell_losses(&mut self) {
+        let as_of = Some(self.twin.loss_changes());
+        if self.losses_as_of == as_of {
+            return;
+        }
+        self.losses_as_of = as_of;
+        for (to, process) in &self.processes {
+            if self.twin.process(*to) != Standing::Runs {
+                continue;
+            }
+            let others = self.twin.nodes().filter(|from| from != to);
+            let losses = Losses::of(others.map(|from| (from, self.twin.loss(from, *to))));
+            let known = self.told.get(to);
+            if known.is_none_or(|known| known.differs(&losses, LOSS_STEP))
+                && process.tell(losses.line())
+            {
+                self.told.insert(*to, losses);
+            }
+        }
+    }
+
+    /// Gives the processes time to end by themselves, and hears what they still say; whoever is left is killed.
+    async fn let_end(&mut self) {
+        let deadline = Deadline::now() + END_MAX;
+        let runs = |it: &DroneProcess| !it.is_ended();
+        while self.processes.values().any(runs) {
+            match timeout_at(deadline, self.news.recv()).await {
+                Ok(news) => self.hear(news),
+                Err(_) => break,
+            }
+        }
+        self.processes.clear();
+        while let Some(Reverse(entry)) = self.said.pop() {
+            self.twin.hear(entry.at, entry.drone, entry.said);
+        }
+    }
+}
+
+/// Waits until these say that they are there.
+async fn wait_until_ready(
+    news: &mut UnboundedReceiver<News>,
+    mut waiting: Vec<NodeId>,
+) -> Result<(), SwarmError> {
+    let deadline = Deadline::now() + START_MAX;
+    let mut last_words = BTreeMap::new();
+    while let Some(first) = waiting.first().copied() {
+        let heard = timeout_at(deadline, news.recv()).await;
+        match heard.map_err(|_| SwarmError::Late(first))? {
+            Some(News::Said(id, Spoken::Ready)) => waiting.retain(|it| *it != id),
+            Some(News::Said(id, Spoken::Words(words))) => drop(last_words.insert(id, words)),
+            Some(News::Said(_, Spoken::Of(..))) | None => {}
+            Some(News::Ended(drone)) => {
+                let last = last_words.remove(&drone).unwrap_or_default();
+                return Err(SwarmError::EndedEarly { drone, last });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn since_epoch() -> Timestamp {
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    Timestamp::ZERO + since_epoch.unwrap_or_default()
+}

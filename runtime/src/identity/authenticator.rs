@@ -1,0 +1,122 @@
+use std::sync::{PoisonError, RwLock};
+
+use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Authenticator;
+use muster_machines::wire::AUTHENTICATOR_LEN;
+use thiserror::Error;
+
+use super::{DroneKey, Expelled, Roster};
+
+/// Signs a drone's frames with its own key and checks those of others by the roster: no drone speaks for another.
+///
+/// A signature covers a frame from its version on, with the swarm that it is for. A drone's key signs nothing else, so
+/// nothing else can pass for a frame.
+pub struct Ed25519Authenticator {
+    id: NodeId,
+    key: SigningKey,
+    roster: Roster,
+    expelled: RwLock<Expelled>,
+}
+
+impl std::fmt::Debug for Ed25519Authenticator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Ed25519Authenticator")
+            .field(&self.id)
+            .finish()
+    }
+}
+
+/// Why a drone can't speak for itself: what it was given does not fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum Untrusted {
+    /// The roster does not name it.
+    #[error("drone {0} is not in the roster")]
+    NotListed(NodeId),
+    /// The roster has another key for it.
+    #[error("the roster has another key for drone {0}")]
+    OtherKey(NodeId),
+    /// It is on the list of the expelled.
+    #[error("drone {0} was expelled from the fleet")]
+    Expelled(NodeId),
+}
+
+/// A list of the expelled is older than the one that is known, and was not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("list {offered} of the expelled is older than list {known}")]
+pub struct OlderList {
+    /// The number of the list that is known.
+    pub known: u64,
+    /// The number of the one that was offered.
+    pub offered: u64,
+}
+
+impl Ed25519Authenticator {
+    /// What a drone signs and checks with.
+    ///
+    /// # Errors
+    /// When the roster does not name the drone with this very key, or it was expelled.
+    pub fn new(
+        id: NodeId,
+        key: DroneKey,
+        roster: Roster,
+        expelled: Expelled,
+    ) -> Result<Self, Untrusted> {
+        let listed = roster.key(id).ok_or(Untrusted::NotListed(id))?;
+        if *listed != key.0.verifying_key() {
+            return Err(Untrusted::OtherKey(id));
+        }
+        if expelled.has(id) {
+            return Err(Untrusted::Expelled(id));
+        }
+        Ok(Self {
+            id,
+            key: key.0,
+            roster,
+            expelled: RwLock::new(expelled),
+        })
+    }
+
+    /// Takes a newer list of the expelled, or the same again; whether this very drone is on it.
+    ///
+    /// # Errors
+    /// When it is older than the one that is known, which stays.
+    pub fn expel(&self, list: Expelled) -> Result<bool, OlderList> {
+        let mut expelled = self
+            .expelled
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        let (known, offered) = (expelled.number(), list.number());
+        if offered < known {
+            return Err(OlderList { known, offered });
+        }
+        *expelled = list;
+        Ok(expelled.has(self.id))
+    }
+
+    fn key(&self, id: NodeId) -> Option<&VerifyingKey> {
+        self.roster.key(id)
+    }
+}
+
+impl Authenticator for Ed25519Authenticator {
+    fn is_trusted(&self, sender: NodeId) -> bool {
+        let expelled = self.expelled.read().unwrap_or_else(PoisonError::into_inner);
+        !expelled.has(sender)
+    }
+
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        self.key.sign(covered).to_bytes()
+    }
+
+    fn verify(
+        &self,
+        sender: NodeId,
+        covered: &[u8],
+        authenticator: &[u8; AUTHENTICATOR_LEN],
+    ) -> bool {
+        let signature = Signature::from_bytes(authenticator);
+        self.key(sender)
+            .is_some_and(|key| key.verify_strict(covered, &signature).is_ok())
+    }
+}

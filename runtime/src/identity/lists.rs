@@ -1,0 +1,238 @@
+//! What a fleet signs: who belongs to it, and who does not any more. The signature covers what the lists say, not how
+//! their files are written.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::path::Path;
+
+use ed25519_dalek::{SigningKey, VerifyingKey};
+use muster_machines::identity::NodeId;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+
+use super::FleetKey;
+use super::key::{bytes, hex, public_key, sign};
+use crate::diagnostic::{BadInput, read_text};
+
+/// What the fleet's signature of a roster begins with, so that it stands for nothing else.
+const ROSTER: &[u8] = b"muster roster 1\0";
+/// Likewise, of a list of the expelled.
+const EXPELLED: &[u8] = b"muster expelled 1\0";
+
+const ROSTER_FORM: &str = "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as \
+                           `muster keys` writes it";
+const EXPELLED_FORM: &str =
+    "a list of the expelled has `number`, `drones` and `signature`, as `muster keys` writes it";
+
+/// Which drone of a fleet has which key.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Roster {
+    number: u64,
+    keys: BTreeMap<NodeId, VerifyingKey>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRoster {
+    number: u64,
+    signature: Spanned<String>,
+    #[serde(default)]
+    drones: Vec<RawDrone>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawDrone {
+    id: Spanned<u32>,
+    key: Spanned<String>,
+}
+
+impl Roster {
+    /// Reads a roster that the fleet has signed.
+    ///
+    /// # Errors
+    /// When the file can't be used, names a drone twice, has a key that is none, or is not signed by the fleet's key.
+    pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
+        let text = read_text(path)?;
+        let raw: RawRoster = parse(path, &text, ROSTER_FORM)?;
+        let mut roster = Self {
+            number: raw.number,
+            keys: BTreeMap::new(),
+        };
+        for drone in raw.drones {
+            let Some(key) = public_key(drone.key.get_ref()) else {
+                let message = "this is not a public key";
+                let help = "a public key has 64 hexadecimal digits";
+                return Err(BadInput::new(path, &text, drone.key.span(), message, help));
+            };
+            let before = roster.keys.insert(NodeId(*drone.id.get_ref()), key);
+            if before.is_some() {
+                let message = "this drone is in the roster twice";
+                return Err(BadInput::new(
+                    path,
+                    &text,
+                    drone.id.span(),
+                    message,
+                    ROSTER_FORM,
+                ));
+            }
+        }
+        check(path, &text, fleet, &roster.message(), &raw.signature)?;
+        Ok(roster)
+    }
+
+    /// A number that rises with each change of the roster.
+    #[must_use]
+    pub const fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// A drone's public key, if it belongs to the fleet.
+    #[must_use]
+    pub(super) fn key(&self, id: NodeId) -> Option<&VerifyingKey> {
+        self.keys.get(&id)
+    }
+
+    /// Who belongs to the fleet.
+    pub fn drones(&self) -> impl Iterator<Item = NodeId> + '_ {
+        self.keys.keys().copied()
+    }
+
+    /// Takes in another drone; the roster changes.
+    pub(super) fn add(&mut self, id: NodeId, key: VerifyingKey) {
+        self.number += 1;
+        self.keys.insert(id, key);
+    }
+
+    /// The file that says this.
+    pub(super) fn written(&self, fleet: &SigningKey) -> String {
+        let mut text = heading("Who belongs to the fleet", self.number, "");
+        sign_into(&mut text, fleet, &self.message());
+        for (id, key) in &self.keys {
+            let key = hex(key.as_bytes());
+            let written = write!(text, "\n[[drones]]\nid = {id}\nkey = \"{key}\"\n");
+            written.expect(NEVER_FAILS);
+        }
+        text
+    }
+
+    fn message(&self) -> Vec<u8> {
+        let mut message = [ROSTER, &self.number.to_le_bytes()].concat();
+        for (id, key) in &self.keys {
+            message.extend_from_slice(&id.0.to_le_bytes());
+            message.extend_from_slice(key.as_bytes());
+        }
+        message
+    }
+}
+
+/// Who is not believed any more.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Expelled {
+    number: u64,
+    drones: BTreeSet<NodeId>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawExpelled {
+    number: u64,
+    drones: Vec<u32>,
+    signature: Spanned<String>,
+}
+
+impl Expelled {
+    /// Reads a list that the fleet has signed.
+    ///
+    /// # Errors
+    /// When the file can't be used, or is not signed by the fleet's key.
+    pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
+        let text = read_text(path)?;
+        let raw: RawExpelled = parse(path, &text, EXPELLED_FORM)?;
+        let expelled = Self {
+            number: raw.number,
+            drones: raw.drones.into_iter().map(NodeId).collect(),
+        };
+        check(path, &text, fleet, &expelled.message(), &raw.signature)?;
+        Ok(expelled)
+    }
+
+    /// A number that rises with each change of the list; 0 for the list of nobody that no fleet has signed.
+    #[must_use]
+    pub const fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Whether a drone is on it.
+    #[must_use]
+    pub fn has(&self, id: NodeId) -> bool {
+        self.drones.contains(&id)
+    }
+
+    /// Who is on it.
+    pub fn drones(&self) -> impl Iterator<Item = NodeId> + '_ {
+        self.drones.iter().copied()
+    }
+
+    /// Puts another drone on it, or nobody; the list changes.
+    pub(super) fn add(&mut self, ids: impl IntoIterator<Item = NodeId>) {
+        self.number += 1;
+        self.drones.extend(ids);
+    }
+
+    /// The file that says this.
+    pub(super) fn written(&self, fleet: &SigningKey) -> String {
+        let ids: Vec<_> = self.drones.iter().map(ToString::to_string).collect();
+        let drones = format!("drones = [{}]\n", ids.join(", "));
+        let mut text = heading("Who was expelled from the fleet", self.number, &drones);
+        sign_into(&mut text, fleet, &self.message());
+        text
+    }
+
+    fn message(&self) -> Vec<u8> {
+        let mut message = [EXPELLED, &self.number.to_le_bytes()].concat();
+        for id in &self.drones {
+            message.extend_from_slice(&id.0.to_le_bytes());
+        }
+        message
+    }
+}
+
+const NEVER_FAILS: &str = "writing to a string can't fail";
+
+fn heading(what: &str, number: u64, more: &str) -> String {
+    format!(
+        "# {what}, signed by its key: `muster keys` writes this file.\nnumber = {number}\n{more}"
+    )
+}
+
+fn sign_into(text: &mut String, fleet: &SigningKey, message: &[u8]) {
+    let signature = hex(&sign(fleet, message));
+    writeln!(text, "signature = \"{signature}\"").expect(NEVER_FAILS);
+}
+
+fn parse<T: DeserializeOwned>(path: &Path, text: &str, form: &str) -> Result<T, BadInput> {
+    toml::from_str(text).map_err(|error| {
+        let span = error.span().unwrap_or_default();
+        let message = error.message().trim().replace('\n', ", ");
+        BadInput::new(path, text, span, message, form)
+    })
+}
+
+fn check(
+    path: &Path,
+    text: &str,
+    fleet: &FleetKey,
+    message: &[u8],
+    signature: &Spanned<String>,
+) -> Result<(), BadInput> {
+    let is_right =
+        bytes::<64>(signature.get_ref()).is_some_and(|it| fleet.has_signed(message, &it));
+    if is_right {
+        return Ok(());
+    }
+    let message = "this is not the fleet's signature of what is listed here";
+    let help = "take the files as `muster keys` wrote them, all from one fleet's folder, and change nothing in them";
+    Err(BadInput::new(path, text, signature.span(), message, help))
+}

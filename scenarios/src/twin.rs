@@ -1,0 +1,221 @@
+//! The twin of a swarm whose drones run as processes: the same world that a simulation has, told in real time what the
+//! drones do. It knows where their vehicles are, so who would hear whom, when which fault of the plan befalls whom, and
+//! which rules hold.
+//!
+//! What drones are told stays in their processes, so of the rules those about it are not checked: who is obeyed (2) and
+//! how much waits (8); that nobody takes off untold (6) as far as drones show that they wait to.
+
+use std::time::Duration;
+
+use muster_machines::cell::Observation;
+use muster_machines::identity::NodeId;
+use muster_machines::msp::Demand;
+use muster_machines::time::Timestamp;
+
+use crate::engine::Progress;
+use crate::report::{Flight, Report, summary};
+use crate::scenario::{Fault, FaultKind, Mishap, Scenario};
+pub use crate::world::Standing;
+use crate::world::World;
+
+/// The twin of a swarm.
+#[derive(Debug)]
+pub struct Twin {
+    world: World,
+    nodes: u32,
+    steps: u64,
+}
+
+/// What a drone's process says of its drone.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Said {
+    /// Something was seen of it.
+    Seen(Observation),
+    /// It told its vehicle something.
+    Commanded(Demand),
+    /// It has sent and let in this many frames more.
+    Talked {
+        /// Sent because something had changed or was missed.
+        news: u64,
+        /// Sent only because the time had come.
+        keep_alives: u64,
+        /// Let in.
+        let_in: u64,
+    },
+    /// Its process has ended.
+    Ended,
+}
+
+impl Twin {
+    /// Of the drones of a scenario, before any of them has done anything. It is to be so far `behind` their clocks, so that
+    /// what several of them say is told in the order in which it happened; what a fault makes of a process is to be done
+    /// at once.
+    #[must_use]
+    pub fn new(scenario: &Scenario, behind: Duration) -> Self {
+        Self {
+            world: World::mirroring(scenario, behind),
+            nodes: scenario.nodes(),
+            steps: scenario.steps(),
+        }
+    }
+
+    /// The drones and relays.
+    pub fn nodes(&self) -> impl Iterator<Item = NodeId> + use<> {
+        (0..self.nodes).map(NodeId)
+    }
+
+    /// Takes in that a drone said something at `at`, since the flight began; later than the twin's time, or now.
+    pub fn hear(&mut self, at: Timestamp, drone: NodeId, said: Said) {
+        match said {
+            Said::Seen(seen) => self.world.was_seen(at, drone, seen),
+            Said::Commanded(demand) => self.world.was_commanded(at, drone, demand),
+            Said::Ended => self.world.process_ended(at, drone),
+            Said::Talked {
+                news,
+                keep_alives,
+                let_in,
+            } => {
+                self.world.advance(at);
+                self.world.has_talked(drone, [news, keep_alives, let_in]);
+            }
+        }
+    }
+
+    /// Lets everything happen that happens up to `now`, since the flight began.
+    pub fn advance(&mut self, now: Timestamp) {
+        self.world.advance(now);
+    }
+
+    /// How a drone's process is to be by now.
+    #[must_use]
+    pub fn process(&self, drone: NodeId) -> Standing {
+        self.world.process(drone)
+    }
+
+    /// The chance that a frame from one drone would not reach another where they are, 0 to 1.
+    #[must_use]
+    pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.world.loss(from, to)
+    }
+
+    /// A number that rises whenever those chances may be others than before.
+    #[must_use]
+    pub const fn loss_changes(&self) -> u64 {
+        self.world.loss_changes()
+    }
+
+    /// Whether the flight is over: nobody is in the air any more, or the time is up.
+    #[must_use]
+    pub fn is_flown(&self) -> bool {
+        self.world.is_flown()
+    }
+
+    /// How far the flight is.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        Progress {
+            done: self.world.steps_done().min(self.steps),
+            total: self.steps,
+            simulated_s: self.world.now().as_nanos() / 1_000_000_000,
+        }
+    }
+
+    /// What came of the flight.
+    #[must_use]
+    pub fn finish(self, scenario: &Scenario, wall: Duration) -> (Report, Flight) {
+        summary(scenario, None, &self.world.finish(), wall)
+    }
+}
+
+/// Why a fault can't befall a process whose vehicle is simulated in it; nothing if it can.
+#[must_use]
+pub fn refuses(fault: &Fault, scenario: &Scenario) -> Option<&'static str> {
+    let FaultKind::Drone(_, mishap) = fault.kind else {
+        return match fault.kind {
+            FaultKind::Tamper(_) => Some("nobody tampers with frames between processes"),
+            FaultKind::Drone(..) | FaultKind::Links(..) | FaultKind::Jam { .. } => None,
+        };
+    };
+    let most = scenario.limits.controller.min(scenario.limits.watchdog);
+    match mishap {
+        Mishap::Kill => None,
+        Mishap::Hang(None) if fault.lasts.is_some_and(|lasts| lasts < most) => None,
+        Mishap::Hang(None) => Some(
+            "a process that hangs for longer than its service manager or the flight controller waits is ended, and its \
+             simulated vehicle with it",
+        ),
+        Mishap::Restart => Some("a simulated vehicle ends with its process"),
+        Mishap::CrashActor(_) => Some("no actor of a process can be made to fail"),
+        Mishap::Hang(Some(_)) => Some("no actor of a process can be made to hang"),
+        Mishap::CrashAircraft | Mishap::Drain(_) | Mishap::LoseGps => {
+            Some("a vehicle that is simulated in a process does not fail")
+        }
+        Mishap::Replay | Mishap::Forge => Some("nobody speaks in the name of a process"),
+        Mishap::Skew(_) => Some("a process has its machine's clock"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::engine;
+    use crate::scenario::{Override, load};
+
+    fn scenario(name: &str, changes: &[&str]) -> Scenario {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+        let changes: Vec<Override> = changes.iter().map(|it| it.parse().unwrap()).collect();
+        load(&path, &changes).unwrap()
+    }
+
+    /// What a simulation makes of a scenario, and what a twin does that is told what the simulated drones say.
+    fn both(scenario: &Scenario) -> [Report; 2] {
+        let mut world = engine::flown(scenario);
+        let said = std::mem::take(&mut world.said);
+        let mut twin = Twin::new(scenario, Duration::ZERO);
+        for (at, drone, said) in said {
+            twin.hear(at, drone, said);
+        }
+        let mut now = Timestamp::ZERO;
+        while !twin.is_flown() {
+            now = now + Duration::from_millis(10);
+            twin.advance(now);
+        }
+        let (simulated, _) = summary(scenario, None, &world.finish(), Duration::ZERO);
+        let (twin, _) = twin.finish(scenario, Duration::ZERO);
+        [simulated, twin]
+    }
+
+    /// Without what a twin is not told: frames.
+    fn compare(scenario: &Scenario) {
+        let [simulated, twin] = both(scenario).map(|mut report| {
+            for drone in &mut report.drones {
+                (drone.messages_sent, drone.messages_received) = (0, 0);
+            }
+            for barrier in &mut report.barriers {
+                (barrier.transmissions, barrier.keep_alives, barrier.retries) = (0, 0, 0);
+            }
+            report.means.messages_received = 0.0;
+            report.medium = None;
+            report
+        });
+        assert_eq!(simulated.violations, []);
+        assert_eq!(
+            serde_json::to_value(&twin).unwrap(),
+            serde_json::to_value(&simulated).unwrap()
+        );
+    }
+
+    #[test]
+    fn a_twin_that_hears_what_drones_say_reports_what_they_do() {
+        compare(&scenario("thesis-1.toml", &[]));
+    }
+
+    #[test]
+    fn a_twin_kills_and_judges_as_the_simulation_does() {
+        for name in ["kill-at-waypoint.toml", "cut-in-two.toml"] {
+            compare(&scenario(name, &[]));
+        }
+    }
+}

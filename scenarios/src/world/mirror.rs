@@ -1,0 +1,158 @@
+//! A world whose drones run elsewhere, as processes in real time. It is told what they do, and holds the rest: where their
+//! vehicles are by what they were told, who hears whom, what befalls them, which rules hold, what is written down.
+
+use std::time::Duration;
+
+use muster_machines::cell::{Address, Effect, Observation};
+use muster_machines::identity::NodeId;
+use muster_machines::mission::{self, State};
+use muster_machines::msp::Demand;
+use muster_machines::time::Timestamp;
+
+use super::{Envelope, Planned, World};
+use crate::scenario::{Mishap, Scenario};
+
+/// How a drone's process is to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// It runs.
+    Runs,
+    /// It hangs: nothing of it runs until it goes on.
+    Hangs,
+    /// It has ended.
+    Ended,
+}
+
+impl World {
+    /// The world of a scenario whose drones run elsewhere, before anything has happened in it. It is to be so far `behind`
+    /// their clocks; what befalls a process is known that much earlier: it is made to be so at once, and the world follows
+    /// once it has heard what the process said until then.
+    pub(crate) fn mirroring(scenario: &Scenario, behind: Duration) -> Self {
+        let mut world = Self::new(scenario);
+        world.behind = Some(behind);
+        for drone in (0..scenario.nodes()).map(NodeId) {
+            for address in Address::ALL {
+                world.starting(drone, address);
+            }
+        }
+        world
+    }
+
+    /// Lets everything happen that happens up to `now`.
+    pub(crate) fn advance(&mut self, now: Timestamp) {
+        while self.heap.next_at().is_some_and(|at| at <= now) {
+            let Some((at, planned)) = self.heap.pop() else {
+                break;
+            };
+            self.now = self.now.max(at);
+            if let Some(task) = self.happen(planned)
+                && matches!(task.what, super::What::Boot)
+            {
+                for address in Address::ALL {
+                    self.starting(task.drone, address);
+                }
+            }
+        }
+        self.now = self.now.max(now);
+    }
+
+    /// A drone told its vehicle something, at `at` or, if the world has gone on since, now.
+    pub(crate) fn was_commanded(&mut self, at: Timestamp, drone: NodeId, demand: Demand) {
+        self.advance(at);
+        if self.drones[drone.0 as usize].runs {
+            self.effect(drone, Effect::Command(demand));
+        }
+    }
+
+    /// Something was seen of a drone, likewise.
+    pub(crate) fn was_seen(&mut self, at: Timestamp, drone: NodeId, seen: Observation) {
+        self.advance(at);
+        if !self.drones[drone.0 as usize].runs {
+            return;
+        }
+        // What a drone is told stays in its process: that it was told to take off shows in its waiting to do so.
+        if seen == Observation::Mission(mission::Event::State(State::SetUp))
+            && let Some(ballot) = self.election.obeyed(drone).filter(|it| !it.is_elected())
+        {
+            self.arming.told_by(drone, ballot);
+        }
+        self.effect(drone, Effect::Observe(seen));
+    }
+
+    /// A drone's process has ended. That of one that is down has done what it was there for.
+    pub(crate) fn process_ended(&mut self, at: Timestamp, drone: NodeId) {
+        self.advance(at);
+        let is_done = self.recorder(drone).state(drone) == State::Finished;
+        if self.drones[drone.0 as usize].runs && !is_done {
+            self.kill(drone);
+        }
+    }
+
+    /// A drone has sent so many frames more, news and keep-alives, and let in so many.
+    pub(crate) fn has_talked(&mut self, drone: NodeId, [news, keep_alives, let_in]: [u64; 3]) {
+        let recorder = self.recorder(drone);
+        (0..news).for_each(|_| recorder.sent(drone, false));
+        (0..keep_alives).for_each(|_| recorder.sent(drone, true));
+        (0..let_in).for_each(|_| recorder.received(drone));
+    }
+
+    /// What the world would tell a drone's machines: their process is told by other means, or knows by itself.
+    pub(super) fn tell_elsewhere(&mut self, drone: NodeId, envelope: &Envelope) {
+        self.arming.told(drone, envelope);
+    }
+
+    /// Something is about to befall a drone's process.
+    pub(super) fn foresee(
+        &mut self,
+        behind: Duration,
+        drone: NodeId,
+        mishap: Mishap,
+        lasts: Option<Duration>,
+    ) {
+        let standing = match mishap {
+            Mishap::Hang(_) => Standing::Hangs,
+            _ => Standing::Ended,
+        };
+        self.foreseen.insert(drone, standing);
+        let befalls = Planned::Befalls {
+            drone,
+            mishap,
+            lasts,
+        };
+        self.heap.plan(self.now + behind, befalls);
+    }
+
+    /// It befalls it.
+    pub(super) fn befalls(&mut self, drone: NodeId, mishap: Mishap, lasts: Option<Duration>) {
+        self.foreseen.remove(&drone);
+        self.befall_drone(drone, mishap, lasts);
+    }
+
+    /// How a drone's process is to be by now.
+    pub(crate) fn process(&self, drone: NodeId) -> Standing {
+        if let Some(standing) = self.foreseen.get(&drone) {
+            return *standing;
+        }
+        let state = &self.drones[drone.0 as usize];
+        match () {
+            () if !state.runs => Standing::Ended,
+            () if state.is_hung(Address::Radio) => Standing::Hangs,
+            () => Standing::Runs,
+        }
+    }
+
+    /// The chance that a frame from one drone is not to be let in by another, 0 to 1.
+    pub(crate) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.medium.loss(from, to)
+    }
+
+    /// A number that rises whenever those chances may be others than before.
+    pub(crate) const fn loss_changes(&self) -> u64 {
+        self.medium.changes()
+    }
+
+    /// Whether nobody is in the air any more, or the time is up.
+    pub(crate) fn is_flown(&self) -> bool {
+        self.is_over() || self.now >= self.limit
+    }
+}

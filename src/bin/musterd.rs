@@ -1,0 +1,95 @@
+//! The daemon: one drone as a process. Arguments and exit codes, nothing else.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use muster_deploy::config::DroneConfig;
+use muster_deploy::daemon::{self, Ended, Start};
+use muster_runtime::diagnostic::BadInput;
+
+/// Flies one drone as a process, until it is on the ground for good.
+///
+/// TERM calls the drone down: it lands if it flies, and the process ends. HUP reads the list of the expelled and
+/// log_level again, and nothing else.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    after_help = "Exit codes: 0 the mission was flown, or the drone was called down and has landed; 1 something failed \
+                  on this machine; 2 a file or an argument can't be used; 4 the drone came down by itself before the end \
+                  of the mission.\n\nExample: musterd --config drone.toml --fly"
+)]
+struct Arguments {
+    /// The drone's file.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Tell the swarm to fly, as its operator; for the drone that leads, and in the first life of its journal only.
+    #[arg(long)]
+    fly: bool,
+    /// End when standard input does, and read there whom the drone does not hear, as `muster swarm` writes it.
+    #[arg(long)]
+    tied: bool,
+    /// Check the drone's file and all that it names, and fly nothing.
+    #[arg(long, conflicts_with_all = ["fly", "tied"])]
+    check: bool,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let config = match load(&arguments) {
+        Ok(config) => config,
+        Err(input) => return refuse(&input),
+    };
+    if arguments.check {
+        say(&format!(
+            "{}: {}",
+            arguments.config.display(),
+            config.description()
+        ));
+        return ExitCode::SUCCESS;
+    }
+    let start = Start {
+        fly: arguments.fly,
+        tied: arguments.tied,
+    };
+    match daemon::run(config, start) {
+        Ok(Ended::Well) => ExitCode::SUCCESS,
+        Ok(Ended::Early(_)) => ExitCode::from(4),
+        Ok(Ended::JournalLost) => ExitCode::FAILURE,
+        Err(error) => complain(&error),
+    }
+}
+
+fn load(arguments: &Arguments) -> Result<DroneConfig, BadInput> {
+    let config = DroneConfig::load(&arguments.config)?;
+    if arguments.fly && !config.leads() {
+        let message = "this drone does not lead its swarm, so it can't be told to `--fly`";
+        let help =
+            "give --fly to the drone that leads, which `musterd --check` and `muster check` tell";
+        return Err(BadInput::without_excerpt(&arguments.config, message, help));
+    }
+    Ok(config)
+}
+
+#[expect(clippy::print_stdout, reason = "this is what was asked for")]
+fn say(text: &str) {
+    println!("{text}");
+}
+
+#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
+fn refuse(input: &BadInput) -> ExitCode {
+    eprint!("{}", input.rendered());
+    ExitCode::from(2)
+}
+
+#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
+fn complain(error: &dyn std::error::Error) -> ExitCode {
+    eprint!("Error: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprint!(": {error}");
+        cause = error.source();
+    }
+    eprintln!();
+    ExitCode::FAILURE
+}

@@ -1,0 +1,101 @@
+use std::io;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use indicatif::ProgressBar;
+use muster_deploy::swarm::{self, Request, SwarmError};
+use muster_runtime::diagnostic::BadInput;
+use muster_scenarios::report::{self, Report};
+use muster_scenarios::scenario;
+
+use crate::sim::{check_folder, print};
+use crate::{Ended, Failure, terminal};
+
+/// Fly a scenario with a process for each drone, in real time.
+///
+/// Each drone is a musterd of its own on this machine, which speaks UDP with the others, signed; its vehicle is simulated.
+/// The scenario's faults befall the processes (one that is killed gets SIGKILL, one that hangs SIGSTOP), drones hear each
+/// other as the scenario's radio would carry, and the rules of a simulation are checked: all but those about what a drone
+/// is told. Ends as it began: with no process left, whatever happens to it.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  muster swarm scenarios/hardware/swarm-short.toml
+  muster swarm scenarios/hardware/swarm-short.toml --unlimited-range --json | jq .mission_completed")]
+pub(crate) struct Arguments {
+    /// The scenario file.
+    scenario: PathBuf,
+    /// Let every drone hear every other, whatever the scenario's radio would carry.
+    #[arg(long)]
+    unlimited_range: bool,
+    /// Print one JSON object on standard output, and nothing else there.
+    #[arg(long)]
+    json: bool,
+    /// The folder to write the report to, with a folder for each drone [default: runs/SCENARIO-swarm]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// The program that drones run [default: the musterd beside this program]
+    #[arg(long, value_name = "PROGRAM")]
+    musterd: Option<PathBuf>,
+}
+
+impl From<SwarmError> for Failure {
+    fn from(error: SwarmError) -> Self {
+        match error {
+            SwarmError::Refused(input) => input.into(),
+            error => Self::Swarm(Box::new(error)),
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+    let scenario = scenario::load(&arguments.scenario, &[])?;
+    let out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| default_folder(&arguments.scenario));
+    check_folder(&out)?;
+    let musterd = musterd(arguments)?;
+    let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
+    let mut watcher = |progress| show(&bar, progress);
+    let request = Request {
+        path: &arguments.scenario,
+        scenario: &scenario,
+        musterd: &musterd,
+        folder: &out.join("drones"),
+        emulates_radio: !arguments.unlimited_range,
+    };
+    let flown = swarm::fly(&request, Some(&mut watcher));
+    bar.finish_and_clear();
+    let (report, flight) = flown?;
+    let written = report::write(&out, &report, &flight)?;
+    if arguments.json {
+        let json = serde_json::to_string::<Report>(&report).map_err(io::Error::from)?;
+        terminal::print(&format!("{json}\n"))?;
+    } else {
+        print(&report, &written)?;
+    }
+    Ok(Ended::from(&report))
+}
+
+fn default_folder(scenario: &Path) -> PathBuf {
+    let stem = scenario.file_stem().unwrap_or_default();
+    Path::new("runs").join(format!("{}-swarm", stem.to_string_lossy()))
+}
+
+/// The daemon, which stands beside this program wherever both were put.
+fn musterd(arguments: &Arguments) -> Result<PathBuf, BadInput> {
+    let beside = || Some(std::env::current_exe().ok()?.with_file_name("musterd"));
+    let found = arguments.musterd.clone().or_else(beside);
+    let found = found.unwrap_or_else(|| PathBuf::from("musterd"));
+    if found.is_file() {
+        return Ok(found);
+    }
+    let help = "--musterd takes the path of the daemon's program, which is built with this one";
+    Err(BadInput::without_excerpt(&found, "is not there", help))
+}
+
+fn show(bar: &ProgressBar, progress: muster_scenarios::engine::Progress) {
+    bar.set_length(progress.total);
+    bar.set_position(progress.done);
+    bar.set_message(format!("{} s", progress.simulated_s));
+}

@@ -1,0 +1,235 @@
+//! A fleet's folder, its drones' files and their processes.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// How long a test waits for what must happen: several times what it takes; only a failing one does.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+pub(crate) const SCENARIO: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/scenarios/hardware/swarm-short.toml"
+);
+
+/// Who leads in that scenario.
+pub(crate) const MASTER: u32 = 2;
+
+/// Five drones on paper: keys, files, and addresses that nobody else uses.
+pub(crate) struct Fleet {
+    folder: TempDir,
+    /// Held so that no other test gets it; the drones' addresses are made of it.
+    _port: UdpSocket,
+}
+
+impl Fleet {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let port = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let number = port.local_addr().unwrap().port();
+        let fleet = Self {
+            folder,
+            _port: port,
+        };
+        fleet.keys(&["fleet", "ours"]);
+        fleet.keys(&["drone", "ours", "0", "1", "2", "3", "4"]);
+        for id in 0..5 {
+            let peers: Vec<_> = (0..5).filter(|peer| *peer != id).collect();
+            let peers: Vec<_> = peers
+                .into_iter()
+                .map(|peer| address(number, peer))
+                .collect();
+            let bind = address(number, id);
+            fs::write(fleet.file(id), drone_file(id, &bind, &peers)).unwrap();
+        }
+        fleet
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn file(&self, id: u32) -> PathBuf {
+        self.path(&format!("drone-{id}.toml"))
+    }
+
+    /// Runs `muster keys`, which must do what it is asked for.
+    pub(crate) fn keys(&self, arguments: &[&str]) {
+        let run = Command::new(env!("CARGO_BIN_EXE_muster"))
+            .current_dir(self.folder.path())
+            .arg("keys")
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(run.status.success(), "{run:?}");
+    }
+
+    pub(crate) fn start(&self, id: u32, arguments: &[&str]) -> Process {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
+        command.arg("--config").arg(self.file(id)).args(arguments);
+        Process::start(id, command)
+    }
+
+    /// Starts a drone that can write no file longer than 2 KiB, which is as good as a full disk.
+    pub(crate) fn start_with_little_disk(&self, id: u32) -> Process {
+        let script = r#"trap "" XFSZ; ulimit -f 4; exec "$0" --config "$1""#;
+        let mut command = Command::new("sh");
+        command.args(["-c", script, env!("CARGO_BIN_EXE_musterd")]);
+        command.arg(self.file(id));
+        Process::start(id, command)
+    }
+
+    /// All five, in the order of their numbers; the one that leads is told to fly.
+    pub(crate) fn fly(&self) -> Vec<Process> {
+        let arguments = |id| if id == MASTER { &["--fly"][..] } else { &[] };
+        (0..5).map(|id| self.start(id, arguments(id))).collect()
+    }
+}
+
+/// An address of a test of its own: 127.0.0.0/16 is for others.
+fn address(number: u16, id: u32) -> String {
+    let [high, low] = number.to_be_bytes();
+    format!("127.{}.{low}.{}:{number}", high.max(1), id + 1)
+}
+
+fn drone_file(id: u32, bind: &str, peers: &[String]) -> String {
+    format!(
+        r#"scenario = "{SCENARIO}"
+id = {id}
+stage = "sim"
+vehicle = "closed-form"
+transport = "udp"
+journal = "journal-{id}"
+log = "json"
+
+[keys]
+drone = "ours/drone-{id}.key"
+fleet = "ours/fleet.pub"
+roster = "ours/roster.toml"
+expelled = "ours/expelled.toml"
+
+[udp]
+bind = "{bind}"
+peers = {peers:?}
+"#
+    )
+}
+
+/// A drone's process, and what it has said so far. It ends with this value.
+pub(crate) struct Process {
+    id: u32,
+    child: Child,
+    lines: Receiver<String>,
+    pub(crate) said: Vec<Value>,
+}
+
+impl Process {
+    pub(crate) fn start(id: u32, mut command: Command) -> Self {
+        let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+        let errors = BufReader::new(child.stderr.take().unwrap());
+        let (sender, lines) = mpsc::channel();
+        std::thread::spawn(move || {
+            for line in errors.lines().map_while(Result::ok) {
+                // Nobody listens any more once the test is over.
+                let _ = sender.send(line);
+            }
+        });
+        Self {
+            id,
+            child,
+            lines,
+            said: Vec::new(),
+        }
+    }
+
+    /// Waits until the process says something of this kind.
+    pub(crate) fn wait_for(&mut self, what: &str, is_it: impl Fn(&Value) -> bool) {
+        let began = Instant::now();
+        if self.said.iter().any(&is_it) {
+            return;
+        }
+        while let Some(left) = PATIENCE.checked_sub(began.elapsed()) {
+            let line = self.lines.recv_timeout(left);
+            let Ok(line) = line else { break };
+            let line = serde_json::from_str(&line).unwrap();
+            let is_found = is_it(&line);
+            self.said.push(line);
+            if is_found {
+                return;
+            }
+        }
+        panic!("drone {} never says {what}: {:#?}", self.id, self.said);
+    }
+
+    /// Waits until its mission is seen to do something, as in `{"State":"TakingOff"}`.
+    pub(crate) fn wait_for_mission(&mut self, event: &Value) {
+        self.wait_for(&event.to_string(), |line| {
+            mission(line).as_ref() == Some(event)
+        });
+    }
+
+    pub(crate) fn signal(&self, name: &str) {
+        let pid = self.child.id();
+        let mut kill = Command::new("sh");
+        kill.args(["-c", &format!("kill -{name} {pid}")]);
+        assert!(kill.status().unwrap().success());
+    }
+
+    /// Waits until it has ended by itself; its exit code, if no signal ended it.
+    pub(crate) fn end(&mut self) -> Option<i32> {
+        let began = Instant::now();
+        // What it says is read meanwhile; its standard error closes when it ends.
+        while let Some(left) = PATIENCE.checked_sub(began.elapsed()) {
+            match self.lines.recv_timeout(left) {
+                Ok(line) => self.said.push(serde_json::from_str(&line).unwrap()),
+                Err(mpsc::RecvTimeoutError::Disconnected) => {
+                    return self.child.wait().unwrap().code();
+                }
+                Err(mpsc::RecvTimeoutError::Timeout) => break,
+            }
+        }
+        panic!("drone {} does not end: {:#?}", self.id, self.said);
+    }
+
+    /// All that its mission was seen to do.
+    pub(crate) fn missions(&self) -> Vec<Value> {
+        self.said.iter().filter_map(mission).collect()
+    }
+
+    /// The ballots that it has obeyed, in order.
+    pub(crate) fn obeyed(&self) -> Vec<Value> {
+        let events = self.missions();
+        events
+            .iter()
+            .filter_map(|event| event.get("Obeys").cloned())
+            .collect()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It has ended by itself otherwise.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What a line of a log says of the drone's mission.
+fn mission(line: &Value) -> Option<Value> {
+    let seen: Value = serde_json::from_str(line.get("seen")?.as_str()?).unwrap();
+    seen.get("Mission").cloned()
+}
+
+/// A file's text with something in it replaced, which must be there.
+pub(crate) fn replace(path: &Path, from: &str, to: &str) {
+    let text = fs::read_to_string(path).unwrap();
+    assert!(text.contains(from), "{text}");
+    fs::write(path, text.replacen(from, to, 1)).unwrap();
+}

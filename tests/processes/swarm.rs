@@ -1,0 +1,122 @@
+//! `muster swarm`: a scenario's drones as processes, from the command line.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// How long a test waits for what must happen; only a failing one does.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn swarm(scenario: &str, out: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
+    let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    command
+        .arg("swarm")
+        .arg(scenarios.join(scenario))
+        .arg("--out")
+        .arg(out);
+    command
+}
+
+/// The command lines of processes that have to do with a folder.
+fn processes_of(folder: &Path) -> Vec<String> {
+    let folder = folder.to_string_lossy();
+    let all = fs::read_dir("/proc").unwrap();
+    let lines = all.filter_map(|it| fs::read_to_string(it.ok()?.path().join("cmdline")).ok());
+    lines
+        .filter(|line| line.contains("musterd") && line.contains(&*folder))
+        .collect()
+}
+
+fn wait_until(what: &str, holds: impl Fn() -> bool) {
+    let since = Instant::now();
+    while !holds() {
+        assert!(
+            since.elapsed() < PATIENCE,
+            "not within {PATIENCE:?}: {what}"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("flight");
+    let run = swarm("hardware/swarm-kill-master.toml", &out)
+        .arg("--json")
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{run:?}");
+    assert_eq!(processes_of(&out), [""; 0]);
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["violations"], Value::Array(Vec::new()));
+    assert_eq!(report["mission_completed"], true);
+    assert!(report.get("engine").is_none() && report.get("trace").is_none());
+    let drones = report["drones"].as_array().unwrap();
+    for (id, drone) in (0..).zip(drones) {
+        let state = drone["state"].as_str().unwrap();
+        if id == 2 {
+            assert_eq!(state, "killed while waypoint 1 reached");
+        } else {
+            assert_eq!(state, "finished", "drone {id}");
+            assert_eq!(drone["waypoints"], 3, "drone {id}");
+        }
+        assert!(drone["messages_sent"].as_u64() > Some(0), "drone {id}");
+        assert!(drone["messages_received"].as_u64() > Some(0), "drone {id}");
+    }
+    // The ends are two hops away, and where the master was killed they are three parts.
+    assert_eq!(drones[0]["hops"], 2);
+    let elections = report["elections"].as_array().unwrap();
+    assert_eq!(elections.len(), 1, "{elections:?}");
+    assert!(elections[0]["settled_after_s"].as_f64() < Some(2.0));
+    assert_eq!(elections[0]["masters"].as_array().unwrap().len(), 2);
+    for file in [
+        "report.html",
+        "report.json",
+        "tracks.csv",
+        "drones/drone-3/log.jsonl",
+    ] {
+        assert!(out.join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn no_process_outlives_whoever_started_it() {
+    let folder = tempfile::tempdir().unwrap();
+    for signal in ["KILL", "INT"] {
+        let out = folder.path().join(signal);
+        let mut command = swarm("hardware/swarm-short.toml", &out);
+        let mut starter = command.stderr(Stdio::null()).spawn().unwrap();
+        wait_until("all five are up", || processes_of(&out).len() == 5);
+        let sent = Command::new("kill")
+            .arg(format!("-{signal}"))
+            .arg(starter.id().to_string())
+            .status();
+        assert!(sent.unwrap().success());
+        starter.wait().unwrap();
+        wait_until("none is left", || processes_of(&out).is_empty());
+    }
+}
+
+#[test]
+fn what_processes_can_not_do_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |scenario: &str, says: &str| {
+        let run = swarm(scenario, &folder.path().join("out"))
+            .output()
+            .unwrap();
+        let said = String::from_utf8(run.stderr).unwrap();
+        let said: Vec<_> = said.split_whitespace().collect();
+        assert_eq!(run.status.code(), Some(2), "{scenario}: {said:?}");
+        assert!(said.join(" ").contains(says), "{scenario}: {said:?}");
+    };
+    refused("two-swarms.toml", "processes fly one swarm");
+    refused("follow-by-hand.toml", "a simulated pilot or operator");
+    refused("hung-mission.toml", "no actor of a process can be made to");
+    refused("returning-drone.toml", "fault 1 can't befall a process");
+    assert!(!folder.path().join("out").exists());
+}

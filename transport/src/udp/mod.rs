@@ -1,0 +1,311 @@
+//! Frames as UDP datagrams, one each, over a real network.
+//!
+//! A drone sends everything from one socket, its own, at which it also gets what is for it alone. Where a network
+//! carries frames for all by multicast or broadcast, a second socket listens there, so that any number of drones may
+//! share one host. Where it does not, each frame for all goes to each of a list of peers.
+//!
+//! Which drone is at which address is learnt, from frames whose signature was right; a frame for a drone that was not
+//! heard yet goes to all. Nothing below acknowledges: what becomes of a frame is never told.
+
+mod open;
+mod overflow;
+mod waiting;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt;
+use std::io;
+use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Source;
+use muster_machines::time::Timestamp;
+
+pub use open::OpenError;
+pub use waiting::Waiting;
+
+use crate::{Arrival, Destination, Event, SendError, Transport};
+
+/// How many datagrams back a [`Source`] is remembered: as many as may come in while one waits to be looked at.
+const SOURCES_MAX: usize = 1_024;
+
+/// How a drone's end of the network is opened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Config {
+    /// Whose it is.
+    pub id: NodeId,
+    /// The address and port of its own socket; port 0 for any.
+    pub bind: SocketAddr,
+    /// How frames for all get to all.
+    pub reach: Reach,
+    /// The network interface that all goes through, as in `wlan0`; as the system routes it otherwise.
+    pub interface: Option<String>,
+    /// The largest datagram, in bytes; a longer one that comes in is counted and dropped unread.
+    pub datagram_max: usize,
+}
+
+/// How frames for all get to all.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reach {
+    /// To a multicast group.
+    Group(SocketAddrV4),
+    /// To a network's broadcast address.
+    Broadcast(SocketAddrV4),
+    /// To each of these.
+    Peers(Vec<SocketAddr>),
+}
+
+/// What a transport has done so far, in datagrams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Handed to the system; one for each peer.
+    pub sent: u64,
+    /// That the system did not take: its buffer was full, or there was no way to go.
+    pub unsent: u64,
+    /// Taken in.
+    pub received: u64,
+    /// Dropped unread because they were too long.
+    pub too_long: u64,
+}
+
+/// Tells what time it is, by the clock of whoever runs the drone.
+pub type Clock = Arc<dyn Fn() -> Timestamp + Send + Sync>;
+
+/// A drone's end of the network.
+pub struct UdpTransport {
+    config: Config,
+    clock: Clock,
+    own: Arc<UdpSocket>,
+    /// Where that one is.
+    address: SocketAddr,
+    /// Where frames for all come in, if that is not the own socket.
+    shared: Option<Arc<UdpSocket>>,
+    /// Where drones were last heard; at most as many as whoever calls [`Transport::learn`] lets in.
+    places: BTreeMap<NodeId, SocketAddr>,
+    sources: Sources,
+    buffer: Box<[u8]>,
+    counters: Counters,
+}
+
+impl fmt::Debug for UdpTransport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("UdpTransport")
+            .field("config", &self.config)
+            .field("counters", &self.counters)
+            .finish_non_exhaustive()
+    }
+}
+
+impl UdpTransport {
+    /// Opens a drone's end of the network. Datagrams are kept by the system from here on.
+    ///
+    /// # Errors
+    /// When a socket can't be had as configured; none is left open then.
+    pub fn open(config: Config, clock: Clock) -> Result<Self, OpenError> {
+        let (own, shared) = open::sockets(&config)?;
+        Ok(Self {
+            address: own.local_addr()?,
+            own: Arc::new(own),
+            shared: shared.map(Arc::new),
+            places: BTreeMap::new(),
+            sources: Sources::default(),
+            // One byte more than is taken tells what is too long.
+            buffer: vec![0; config.datagram_max + 1].into(),
+            counters: Counters::default(),
+            clock,
+            config,
+        })
+    }
+
+    /// The address of its own socket. What comes from there is what it said itself, and dropped; a socket at all of a
+    /// machine's addresses can't tell, so that the radio has to.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// To be told, asynchronously, when datagrams are there. Must be called within a runtime that drives input.
+    ///
+    /// # Errors
+    /// When the runtime can't watch the sockets.
+    pub fn waiting(&self) -> io::Result<Waiting> {
+        Waiting::new(&self.own, self.shared.as_ref())
+    }
+
+    /// What it has done so far.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// How many datagrams the system has dropped because its buffers for these sockets were full; nothing where it does
+    /// not tell.
+    #[must_use]
+    pub fn overflowed(&self) -> Option<u64> {
+        let sockets = [Some(&self.own), self.shared.as_ref()];
+        sockets.into_iter().flatten().map(overflow::drops).sum()
+    }
+
+    fn send_to(&mut self, address: SocketAddr, datagram: &[u8]) -> bool {
+        let is_sent = self.own.send_to(datagram, address).is_ok();
+        if is_sent {
+            self.counters.sent += 1;
+        } else {
+            self.counters.unsent += 1;
+        }
+        is_sent
+    }
+
+    fn send_to_all(&mut self, datagram: &[u8]) {
+        match &self.config.reach {
+            Reach::Group(address) | Reach::Broadcast(address) => {
+                let address = *address;
+                self.send_to(address.into(), datagram);
+            }
+            Reach::Peers(peers) => {
+                for address in peers.clone() {
+                    self.send_to(address, datagram);
+                }
+            }
+        }
+    }
+
+    /// The next datagram of a socket that is not too long.
+    fn receive(&mut self, socket: &UdpSocket) -> Option<(Bytes, SocketAddr)> {
+        loop {
+            match socket.recv_from(&mut self.buffer) {
+                Ok((len, _)) if len > self.config.datagram_max => self.counters.too_long += 1,
+                // What is said to a group comes back from it.
+                Ok((_, address)) if address == self.address => {}
+                Ok((len, address)) => {
+                    self.counters.received += 1;
+                    return Some((Bytes::copy_from_slice(&self.buffer[..len]), address));
+                }
+                // What an earlier datagram came to is told once, in the place of the next.
+                Err(error) if error.kind() != io::ErrorKind::WouldBlock => {}
+                Err(_) => return None,
+            }
+        }
+    }
+}
+
+impl Transport for UdpTransport {
+    fn datagram_max(&self) -> usize {
+        self.config.datagram_max
+    }
+
+    fn send(
+        &mut self,
+        _now: Timestamp,
+        from: NodeId,
+        to: Destination,
+        datagram: &Bytes,
+    ) -> Result<(), SendError> {
+        if from != self.config.id {
+            return Err(SendError::UnknownSender(from));
+        }
+        if datagram.len() > self.config.datagram_max {
+            return Err(SendError::TooLong {
+                len: datagram.len(),
+                max: self.config.datagram_max,
+            });
+        }
+        if let Destination::To(node) = to
+            && let Some(address) = self.places.get(&node).copied()
+        {
+            if self.send_to(address, datagram) {
+                return Ok(());
+            }
+            // It may have another address by now.
+            self.places.remove(&node);
+        }
+        self.send_to_all(datagram);
+        Ok(())
+    }
+
+    fn poll_event(&mut self) -> Option<Event> {
+        let own = Arc::clone(&self.own);
+        let shared = self.shared.clone();
+        let (datagram, address) = self.receive(&own).or_else(|| self.receive(&*shared?))?;
+        Some(Event::Arrival(Arrival {
+            at: (self.clock)(),
+            to: self.config.id,
+            datagram,
+            source: Some(self.sources.name(address)),
+        }))
+    }
+
+    fn learn(&mut self, node: NodeId, source: Source) {
+        if let Some(address) = self.sources.address(source) {
+            self.places.insert(node, address);
+        }
+    }
+}
+
+/// Where the last datagrams came from.
+#[derive(Debug, Default)]
+struct Sources {
+    /// The oldest first.
+    addresses: VecDeque<SocketAddr>,
+    /// How many there were before the oldest.
+    forgotten: u32,
+}
+
+impl Sources {
+    fn name(&mut self, address: SocketAddr) -> Source {
+        if self.addresses.len() == SOURCES_MAX {
+            self.addresses.pop_front();
+            self.forgotten = self.forgotten.wrapping_add(1);
+        }
+        self.addresses.push_back(address);
+        let index = u32::try_from(self.addresses.len()).unwrap_or(u32::MAX);
+        // One name in 4,294,967,296 stands for two.
+        let number = NonZeroU32::new(self.forgotten.wrapping_add(index));
+        Source(number.unwrap_or(NonZeroU32::MIN))
+    }
+
+    fn address(&self, source: Source) -> Option<SocketAddr> {
+        let index = source.0.get().wrapping_sub(self.forgotten).wrapping_sub(1);
+        self.addresses.get(usize::try_from(index).ok()?).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn address(port: u16) -> SocketAddr {
+        SocketAddr::from(([127, 0, 0, 1], port))
+    }
+
+    #[test]
+    fn where_a_datagram_came_from_is_known_until_as_many_others_came() {
+        let mut sources = Sources::default();
+        let first = sources.name(address(1));
+        let names: Vec<_> = (2..=1_024)
+            .map(|port| sources.name(address(port)))
+            .collect();
+        assert_eq!(sources.address(first), Some(address(1)));
+        assert_eq!(sources.address(names[0]), Some(address(2)));
+        let newest = sources.name(address(7));
+        assert_eq!(sources.address(first), None);
+        assert_eq!(sources.address(names[0]), Some(address(2)));
+        assert_eq!(sources.address(newest), Some(address(7)));
+    }
+
+    #[test]
+    fn names_go_round_without_mistaking_one_address_for_another() {
+        let mut sources = Sources {
+            addresses: VecDeque::new(),
+            forgotten: u32::MAX - 2,
+        };
+        let names: Vec<_> = (1..=5)
+            .map(|port| (sources.name(address(port)), port))
+            .collect();
+        for (name, port) in names.into_iter().filter(|(name, _)| name.0.get() > 2) {
+            assert_eq!(sources.address(name), Some(address(port)));
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! What the system dropped before it could be read, as Linux counts it.
+
+use std::net::UdpSocket;
+use std::os::fd::AsRawFd;
+use std::sync::Arc;
+
+/// How many datagrams were dropped because a socket's buffer was full; nothing where the system does not tell.
+pub(super) fn drops(socket: &Arc<UdpSocket>) -> Option<u64> {
+    let link = std::fs::read_link(format!("/proc/self/fd/{}", socket.as_raw_fd())).ok()?;
+    let inode = link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?;
+    let tables = ["/proc/self/net/udp", "/proc/self/net/udp6"];
+    let tables = tables
+        .into_iter()
+        .filter_map(|it| std::fs::read_to_string(it).ok());
+    tables.into_iter().find_map(|table| drops_in(&table, inode))
+}
+
+/// The last column of the line whose tenth is the socket's inode.
+fn drops_in(table: &str, inode: &str) -> Option<u64> {
+    let mut lines = table.lines().skip(1);
+    let line = lines.find(|line| line.split_whitespace().nth(9) == Some(inode))?;
+    line.split_whitespace().next_back()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TABLE: &str = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode ref pointer drops
+  214: 0100007F:B7C1 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 4711 2 0000000000000000 0
+  981: 00000000:0044 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 4712 2 0000000000000000 12
+";
+
+    #[test]
+    fn the_drops_of_the_very_socket_are_found() {
+        assert_eq!(drops_in(TABLE, "4711"), Some(0));
+        assert_eq!(drops_in(TABLE, "4712"), Some(12));
+        assert_eq!(drops_in(TABLE, "471"), None);
+    }
+}

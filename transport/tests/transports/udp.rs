@@ -1,0 +1,254 @@
+//! UDP, over the sockets of this machine. What every transport promises is tried with lists of peers and over a multicast
+//! group on the loopback interface.
+
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_transport::udp::{Config, OpenError, Reach, UdpTransport};
+use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transport};
+
+use crate::suite::{DATAGRAM_MAX, Network, promises};
+
+/// How long a test waits for what must come: only a failing one does.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+const MARKER: &[u8] = b"all before this has arrived";
+
+fn config(id: u32, reach: Reach) -> Config {
+    Config {
+        id: NodeId(id),
+        bind: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+        reach,
+        interface: None,
+        datagram_max: DATAGRAM_MAX,
+    }
+}
+
+fn open(config: Config) -> UdpTransport {
+    UdpTransport::open(config, Arc::new(|| Timestamp::ZERO)).unwrap()
+}
+
+fn datagram(arrival: Option<Event>) -> Option<Arrival> {
+    match arrival? {
+        Event::Arrival(arrival) => Some(arrival),
+        Event::Outcome(outcome) => panic!("UDP knows nothing of {outcome:?}"),
+    }
+}
+
+/// The next datagram at a transport.
+fn next(transport: &mut UdpTransport) -> Arrival {
+    let began = Instant::now();
+    loop {
+        if let Some(arrival) = datagram(transport.poll_event()) {
+            return arrival;
+        }
+        assert!(began.elapsed() < PATIENCE, "nothing comes");
+        std::thread::yield_now();
+    }
+}
+
+struct Udp(Vec<UdpTransport>);
+
+impl Udp {
+    /// Four that have each other's addresses.
+    fn with_peers() -> Self {
+        let (addresses, _held) = free_addresses();
+        let end = |(id, bind): (u32, &SocketAddr)| {
+            let others = addresses.iter().filter(|it| *it != bind).copied();
+            open(Config {
+                bind: *bind,
+                ..config(id, Reach::Peers(others.collect()))
+            })
+        };
+        Self((0..).zip(&addresses).map(end).collect())
+    }
+
+    /// Four in a multicast group of their own.
+    fn in_a_group() -> Self {
+        let (group, _held) = free_group();
+        let end = |id| {
+            open(Config {
+                interface: Some("lo".to_owned()),
+                ..config(id, Reach::Group(group))
+            })
+        };
+        Self((0..4).map(end).collect())
+    }
+}
+
+/// Four addresses of this machine that nobody else uses: they are made of a port that is held meanwhile, and so is theirs.
+fn free_addresses() -> ([SocketAddr; 4], UdpSocket) {
+    let (port, held) = held_port();
+    let [high, low] = port.to_be_bytes();
+    // 127.0.0.0/16 is for others.
+    let address = |id| SocketAddr::from(([127, high.max(1), low, id], port));
+    ([1, 2, 3, 4].map(address), held)
+}
+
+fn held_port() -> (u16, UdpSocket) {
+    let held = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    (held.local_addr().unwrap().port(), held)
+}
+
+/// A multicast group that nobody else uses: its address is made of a port that is held meanwhile, and so is its port.
+fn free_group() -> (SocketAddrV4, UdpSocket) {
+    let (port, held) = held_port();
+    let [high, low] = port.to_be_bytes();
+    (
+        SocketAddrV4::new(Ipv4Addr::new(239, 77, high, low), port),
+        held,
+    )
+}
+
+impl Network for Udp {
+    fn send(&mut self, from: NodeId, to: Destination, datagram: &Bytes) -> Result<(), SendError> {
+        let end = usize::try_from(from.0).unwrap() % self.0.len();
+        self.0[end].send(Timestamp::ZERO, from, to, datagram)
+    }
+
+    /// Each drone sends a marker to all: what was sent before is there once it is, for none overtakes another on one
+    /// machine.
+    fn arrivals(&mut self) -> Vec<Arrival> {
+        for (id, end) in (0..).map(NodeId).zip(&mut self.0) {
+            let marker = Bytes::from_static(MARKER);
+            end.send(Timestamp::ZERO, id, Destination::Broadcast, &marker)
+                .unwrap();
+        }
+        let mut arrivals = Vec::new();
+        let others = self.0.len() - 1;
+        for end in &mut self.0 {
+            let mut markers = 0;
+            while markers < others {
+                let arrival = next(end);
+                if arrival.datagram == MARKER {
+                    markers += 1;
+                } else {
+                    arrivals.push(arrival);
+                }
+            }
+        }
+        arrivals
+    }
+
+    fn outcomes(&mut self) -> Vec<Outcome> {
+        Vec::new()
+    }
+
+    fn learn(&mut self, drone: NodeId, arrival: &Arrival, sender: NodeId) {
+        let source = arrival.source.unwrap();
+        self.0[drone.0 as usize].learn(sender, source);
+    }
+}
+
+mod peers {
+    use super::*;
+
+    promises!(Udp::with_peers());
+}
+
+mod group {
+    use super::*;
+
+    promises!(Udp::in_a_group());
+}
+
+#[test]
+fn what_is_for_a_drone_that_was_found_goes_to_it_alone() {
+    let mut network = Udp::with_peers();
+    let hello = Bytes::from_static(b"hello");
+    let sent = network.send(NodeId(2), Destination::Broadcast, &hello);
+    assert_eq!(sent, Ok(()));
+    for arrival in network.arrivals() {
+        network.learn(arrival.to, &arrival, NodeId(2));
+    }
+    let sent = network.send(NodeId(0), Destination::To(NodeId(2)), &hello);
+    assert_eq!(sent, Ok(()));
+    let receivers: Vec<_> = network.arrivals().iter().map(|it| it.to).collect();
+    assert_eq!(receivers, [NodeId(2)]);
+}
+
+#[test]
+fn what_is_longer_than_a_frame_is_counted_and_dropped_unread() {
+    let mut end = open(config(0, Reach::Peers(Vec::new())));
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let address = end.address();
+    for len in [DATAGRAM_MAX + 1, 60_000, DATAGRAM_MAX] {
+        sender.send_to(&vec![1; len], address).unwrap();
+    }
+    assert_eq!(next(&mut end).datagram.len(), DATAGRAM_MAX);
+    let counters = end.counters();
+    assert_eq!((counters.too_long, counters.received), (2, 1));
+}
+
+#[test]
+fn what_the_system_drops_is_told() {
+    let mut end = open(config(0, Reach::Peers(Vec::new())));
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let address = end.address();
+    assert_eq!(end.overflowed(), Some(0));
+    let sent: u64 = 20_000;
+    for _ in 0..sent {
+        sender.send_to(&[1; 1_000], address).unwrap();
+    }
+    let mut received = 0;
+    while datagram(end.poll_event()).is_some() {
+        received += 1;
+    }
+    assert_eq!(end.overflowed(), Some(sent - received));
+    assert!(received < sent, "its buffer is no larger than that");
+}
+
+#[test]
+fn what_can_not_be_sent_is_counted() {
+    // Nothing leads from the loopback interface there.
+    let peer = SocketAddr::from(([192, 0, 2, 1], 9));
+    let mut end = open(config(0, Reach::Peers(vec![peer])));
+    let frame = Bytes::from_static(b"lost");
+    let sent = end.send(Timestamp::ZERO, NodeId(0), Destination::Broadcast, &frame);
+    assert_eq!(sent, Ok(()));
+    let counters = end.counters();
+    assert_eq!((counters.sent, counters.unsent), (0, 1));
+}
+
+#[test]
+fn what_a_drone_says_to_all_does_not_come_back_to_it() {
+    let mut network = Udp::in_a_group();
+    let frame = Bytes::from_static(b"echo");
+    let sent = network.send(NodeId(1), Destination::Broadcast, &frame);
+    assert_eq!(sent, Ok(()));
+    let arrivals = network.arrivals();
+    assert!(arrivals.iter().all(|it| it.to != NodeId(1)));
+}
+
+#[test]
+fn a_transport_that_does_not_fit_this_machine_is_refused() {
+    let refused = |config| {
+        let opened = UdpTransport::open(config, Arc::new(|| Timestamp::ZERO));
+        opened.map(drop).unwrap_err()
+    };
+    let nobody = || Reach::Peers(Vec::new());
+    let no_interface = Config {
+        interface: Some("nosuch0".to_owned()),
+        ..config(0, nobody())
+    };
+    let refusal = refused(no_interface);
+    assert!(matches!(refusal, OpenError::Interface { .. }), "{refusal}");
+    let not_ours = Config {
+        bind: SocketAddr::from(([192, 0, 2, 1], 0)),
+        ..config(0, nobody())
+    };
+    let refusal = refused(not_ours);
+    assert!(matches!(refusal, OpenError::Bind { .. }), "{refusal}");
+    let (group, held) = free_group();
+    drop(held);
+    let same_port = Config {
+        bind: SocketAddr::from((Ipv4Addr::LOCALHOST, group.port())),
+        ..config(0, Reach::Group(group))
+    };
+    let refusal = refused(same_port);
+    assert!(matches!(refusal, OpenError::SamePort { .. }), "{refusal}");
+}
