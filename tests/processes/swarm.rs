@@ -60,7 +60,7 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
     for (id, drone) in (0..).zip(drones) {
         let state = drone["state"].as_str().unwrap();
         if id == 2 {
-            assert_eq!(state, "killed while waypoint 1 reached");
+            assert_eq!(state, "killed while moving to waypoint 2");
         } else {
             assert_eq!(state, "finished", "drone {id}");
             assert_eq!(drone["waypoints"], 3, "drone {id}");
@@ -68,7 +68,7 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
         assert!(drone["messages_sent"].as_u64() > Some(0), "drone {id}");
         assert!(drone["messages_received"].as_u64() > Some(0), "drone {id}");
     }
-    // The ends are two hops away, and where the master was killed they are three parts.
+    // The ends are two hops away, and without the master they are two parts.
     assert_eq!(drones[0]["hops"], 2);
     let elections = report["elections"].as_array().unwrap();
     assert_eq!(elections.len(), 1, "{elections:?}");
@@ -117,6 +117,6 @@ fn what_processes_can_not_do_is_refused_by_name() {
     refused("two-swarms.toml", "processes fly one swarm");
     refused("follow-by-hand.toml", "a simulated pilot or operator");
     refused("hung-mission.toml", "no actor of a process can be made to");
-    refused("returning-drone.toml", "fault 1 can't befall a process");
+    refused("returning-drone.toml", "fault 2 can't befall a process");
     assert!(!folder.path().join("out").exists());
 }
