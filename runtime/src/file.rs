@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 /// before or all of them.
 ///
 /// # Errors
-/// When the system can't; what was there before is there still, and perhaps a file beside it whose name ends in `.new`.
+/// When the system can't; either what was there before is there still, and perhaps a file beside it whose name ends in
+/// `.new`, or all of the bytes are, which may not outlive a loss of power.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let new = beside(path);
     let mut file = File::create(&new)?;

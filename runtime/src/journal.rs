@@ -63,7 +63,8 @@ impl<S: Storage> Journal<S> {
     /// Opens a journal for another life of the drone's process; what it is built from, and the number of that life.
     ///
     /// # Errors
-    /// When the storage fails; the journal is as it was then.
+    /// When the storage fails, or holds something that does not begin as a journal does: it may have been one, and what it
+    /// said must not be forgotten. The journal is as it was then.
     pub fn open(mut storage: S) -> io::Result<(Self, Checkpoints)> {
         let bytes = storage.read()?;
         let mut checkpoints = Checkpoints::default();
@@ -75,6 +76,10 @@ impl<S: Storage> Journal<S> {
                     checkpoints.keep(checkpoint);
                 }
             }
+        }
+        if boot == 0 && !bytes.is_empty() {
+            let message = "its beginning is damaged: it can't be told what the drone has done";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
         }
         checkpoints.begin_life(boot + 1);
         let mut journal = Self { storage, len: 0 };
@@ -218,6 +223,16 @@ mod tests {
             panic!("{found:?}");
         };
         assert_eq!(mission.opened, Some(u16::MAX - 1));
+    }
+
+    #[test]
+    fn a_journal_whose_beginning_is_damaged_is_refused_and_left_as_it_is() {
+        let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+        keep(&mut journal, &mut all, &mission(3));
+        let mut bytes = journal.into_storage().0;
+        bytes[0] ^= 1;
+        let error = Journal::open(Memory(bytes)).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidData);
     }
 
     proptest! {

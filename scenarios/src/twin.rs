@@ -179,7 +179,7 @@ mod tests {
         }
         let mut now = Timestamp::ZERO;
         while !twin.is_flown() {
-            now = now + Duration::from_millis(10);
+            now += Duration::from_millis(10);
             twin.advance(now);
         }
         let (simulated, _) = summary(scenario, None, &world.finish(), Duration::ZERO);

@@ -55,7 +55,7 @@ fn main() -> ExitCode {
     match daemon::run(config, start) {
         Ok(Ended::Well) => ExitCode::SUCCESS,
         Ok(Ended::Early(_)) => ExitCode::from(4),
-        Ok(Ended::JournalLost) => ExitCode::FAILURE,
+        Ok(Ended::Unable(_) | Ended::Abandoned) => ExitCode::FAILURE,
         Err(error) => complain(&error),
     }
 }

@@ -42,6 +42,8 @@ pub struct DroneConfig {
     pub(crate) id: NodeId,
     pub(crate) swarm: SwarmId,
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
+    /// Whose word counts, from the start to the end of the process.
+    pub(crate) fleet: FleetKey,
     pub(crate) udp: udp::Config,
     pub(crate) journal: PathBuf,
     pub(crate) log: Format,
@@ -73,6 +75,7 @@ impl DroneConfig {
             id,
             swarm: file.swarm()?,
             authenticator: Arc::new(file.authenticator(id)?),
+            fleet: file.fleet()?,
             udp: file.udp(id)?,
             journal: file.beside(&raw.journal),
             log: match raw.log {
@@ -82,12 +85,6 @@ impl DroneConfig {
             level: raw.log_level.into(),
             scenario,
         })
-    }
-
-    /// How it logs.
-    #[must_use]
-    pub const fn log(&self) -> (Format, Level) {
-        (self.log, self.level)
     }
 
     /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
@@ -108,16 +105,15 @@ impl DroneConfig {
     }
 }
 
-/// Reads what may change while a drone flies.
+/// Reads what may change while a drone flies, of the fleet that it belongs to since its start.
 ///
 /// # Errors
 /// As [`DroneConfig::load`], of what is read.
-pub(crate) fn reread(path: &Path) -> Result<Reread, BadInput> {
+pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> {
     let file = File::read(path)?;
-    let fleet = FleetKey::load(&file.beside(&file.raw.keys.fleet))?;
     Ok(Reread {
         level: file.raw.log_level.into(),
-        expelled: Expelled::load(&file.beside(&file.raw.keys.expelled), &fleet)?,
+        expelled: Expelled::load(&file.beside(&file.raw.keys.expelled), fleet)?,
     })
 }
 
@@ -201,9 +197,13 @@ impl<'a> File<'a> {
         }
     }
 
+    fn fleet(&self) -> Result<FleetKey, BadInput> {
+        FleetKey::load(&self.beside(&self.raw.keys.fleet))
+    }
+
     fn authenticator(&self, id: NodeId) -> Result<Ed25519Authenticator, BadInput> {
         let keys = &self.raw.keys;
-        let fleet = FleetKey::load(&self.beside(&keys.fleet))?;
+        let fleet = self.fleet()?;
         let roster = Roster::load(&self.beside(&keys.roster), &fleet)?;
         let expelled = Expelled::load(&self.beside(&keys.expelled), &fleet)?;
         let key = DroneKey::load(&self.beside(keys.drone.get_ref()))?;

@@ -31,15 +31,17 @@ use crate::swarm::READY;
 /// How long a drone that is done goes on listening and repeating its last words.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// How a drone's process ended that could start; the drone is on the ground each time.
+/// How a drone's process ended that could start; the drone is on the ground unless this says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
     /// The mission was flown, or the drone was called down.
     Well,
     /// It came down by itself before the end of the mission.
     Early(LandingReason),
-    /// It came down because its journal could not be written any more.
-    JournalLost,
+    /// It came down because its journal could not be written any more, or its sockets not be watched.
+    Unable(LandingReason),
+    /// Whoever started the process is gone, and its simulated vehicle with it, wherever that was.
+    Abandoned,
 }
 
 /// Why a drone's process could not start: nothing was flown.
@@ -88,14 +90,15 @@ pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
 async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let volume = log::start(config.log, config.level);
     let clock = Clock::start();
-    let (journal, checkpoints) =
-        Journal::open(Folder::open(&config.journal)?).map_err(DaemonError::Journal)?;
-    let life = checkpoints.boot();
+    // A life of the journal's begins last: one that could not even start uses up none.
+    let folder = Folder::open(&config.journal)?;
     let now = Arc::new(move || clock.now());
     let transport = UdpTransport::open(config.udp.clone(), now)?;
     let waiting = transport.waiting().map_err(DaemonError::Runtime)?;
     let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
+    let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
+    let life = checkpoints.boot();
     tracing::info!(drone = config.id.0, life, address = %transport.address(), "starts");
     let process = Process::new(Parts {
         id: config.id,
@@ -111,6 +114,8 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         tracing::warn!(
             "by its journal this drone has landed for good: to fly again it needs another journal"
         );
+        // A service manager that waits for this word would take the end for a failure, and start it again.
+        service::ready();
         return Ok(Ended::Well);
     }
     let drone = start_actors(&config, &process).await?;
@@ -124,6 +129,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         path: config.path.clone(),
         volume,
         authenticator: Arc::clone(&config.authenticator),
+        fleet: config.fleet,
     };
     tokio::spawn(tasks::reread_on(rereading, Arc::clone(&process)));
     if let Some(period) = sd_notify::watchdog_enabled() {
@@ -144,6 +150,9 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let mut state = process.state();
     state.say_talk(clock.now());
     state.report();
+    if state.is_abandoned() {
+        return Ok(Ended::Abandoned);
+    }
     Ok(ended(state.landing()))
 }
 
@@ -177,7 +186,9 @@ fn begin_to_fly(process: &Process, life: u32) {
 fn ended(landing: Option<LandingReason>) -> Ended {
     match landing {
         None | Some(LandingReason::MissionOver | LandingReason::Recalled) => Ended::Well,
-        Some(LandingReason::JournalLost) => Ended::JournalLost,
+        Some(reason @ (LandingReason::JournalLost | LandingReason::NetworkLost)) => {
+            Ended::Unable(reason)
+        }
         Some(reason) => Ended::Early(reason),
     }
 }

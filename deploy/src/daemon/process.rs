@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use muster_actors::{Drone, Environment};
-use muster_machines::cell::{Address, Checkpoints, Reaction, last_resort};
+use muster_machines::cell::{Address, Checkpoints, Effect, Reaction, last_resort};
 use muster_machines::identity::NodeId;
 use muster_machines::mission::LandingReason;
 use muster_machines::supervision::Verdict;
@@ -97,8 +97,12 @@ impl Environment for Process {
         let now = self.clock.now();
         let mut state = self.state();
         state.answered(from);
+        let unwritten = state.unwritten();
         for effect in reaction.effects.drain(..) {
-            state.effect(now, effect);
+            // Nothing is said on account of what could not be written down.
+            if !matches!(effect, Effect::Send { .. }) || state.unwritten() == unwritten {
+                state.effect(now, effect);
+            }
         }
         state.set_timer(from, reaction.deadline);
         drop(state);

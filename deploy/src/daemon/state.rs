@@ -133,6 +133,15 @@ impl State {
         self.is_abandoned = true;
     }
 
+    /// How many records could not be written.
+    pub(super) const fn unwritten(&self) -> u64 {
+        self.counts.unwritten
+    }
+
+    pub(super) const fn is_abandoned(&self) -> bool {
+        self.is_abandoned
+    }
+
     pub(super) fn begin(&mut self, drone: Drone) {
         self.drone = Some(drone);
         for envelope in std::mem::take(&mut self.held) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::mission::LandingReason;
-use muster_runtime::identity::Ed25519Authenticator;
+use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
 use muster_transport::udp::Waiting;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
@@ -41,7 +41,7 @@ pub(super) async fn listen(process: Arc<Process>, waiting: Waiting) {
         tokio::task::yield_now().await;
     }
     tracing::error!("the sockets are not watched any more: the drone comes down");
-    process.come_down(LandingReason::Recalled);
+    process.come_down(LandingReason::NetworkLost);
 }
 
 /// The signals that call the drone down.
@@ -93,6 +93,7 @@ pub(super) struct Rereading {
     pub(super) path: PathBuf,
     pub(super) volume: Volume,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
+    pub(super) fleet: FleetKey,
 }
 
 /// The signal at which files are read again.
@@ -110,7 +111,7 @@ pub(super) async fn reread_on(mut rereading: Rereading, process: Arc<Process>) {
 
 impl Rereading {
     fn reread(&self, process: &Process) {
-        let read = match reread(&self.path) {
+        let read = match reread(&self.path, &self.fleet) {
             Ok(read) => read,
             Err(error) => {
                 let path = self.path.display();

@@ -34,6 +34,7 @@ pub(super) struct DroneProcess {
     pid: Option<Pid>,
     words: mpsc::Sender<String>,
     standing: Standing,
+    is_ready: bool,
 }
 
 impl DroneProcess {
@@ -80,7 +81,18 @@ impl DroneProcess {
             pid,
             words,
             standing: Standing::Runs,
+            is_ready: false,
         })
+    }
+
+    /// It says that its drone is there.
+    pub(super) const fn is_there(&mut self) {
+        self.is_ready = true;
+    }
+
+    /// Whether its drone is there.
+    pub(super) const fn is_ready(&self) -> bool {
+        self.is_ready
     }
 
     /// Makes the process be as it is to be.
@@ -107,7 +119,8 @@ impl DroneProcess {
         self.standing = Standing::Ended;
     }
 
-    pub(super) fn is_ended(&self) -> bool {
+    /// Whether it has ended.
+    pub(super) const fn is_ended(&self) -> bool {
         self.pid.is_none()
     }
 

@@ -1,15 +1,19 @@
 //! The folder of a flight: a fleet's keys, and for each drone its file, its journal and its log.
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
+use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::Fleet;
 use serde::Serialize;
 
 use super::{Request, SwarmError};
+
+/// The file that tells the folder of a flight from any other; locked while the flight is under way.
+const MARK: &str = "flight.lock";
 
 /// The folder of one drone's process.
 #[derive(Debug)]
@@ -22,7 +26,7 @@ pub(super) struct DroneFolder {
 }
 
 #[derive(Serialize)]
-struct File<'a> {
+struct DroneFile<'a> {
     scenario: &'a Path,
     id: u32,
     stage: &'static str,
@@ -49,15 +53,13 @@ struct Udp {
 }
 
 /// Makes all that drones need to start.
-pub(super) fn prepare(request: &Request<'_>) -> Result<Vec<DroneFolder>, SwarmError> {
+pub(super) fn prepare(request: &Request<'_>) -> Result<(Vec<DroneFolder>, File), SwarmError> {
     let write = |path: &Path| {
         let path = path.to_owned();
         |source| SwarmError::Write { path, source }
     };
     let folder = request.folder;
-    if folder.exists() {
-        fs::remove_dir_all(folder).map_err(write(folder))?;
-    }
+    let lock = take(folder)?;
     let fleet = Fleet::create(&folder.join("fleet"))?;
     let scenario = fs::canonicalize(request.path).map_err(write(request.path))?;
     let addresses = free_addresses(request.scenario.nodes()).map_err(SwarmError::Ports)?;
@@ -67,7 +69,7 @@ pub(super) fn prepare(request: &Request<'_>) -> Result<Vec<DroneFolder>, SwarmEr
         let own = folder.join(format!("drone-{id}"));
         fs::create_dir_all(&own).map_err(write(&own))?;
         let key = key.file_name().unwrap_or_default().to_string_lossy();
-        let file = File {
+        let file = DroneFile {
             scenario: &scenario,
             id,
             stage: "sim",
@@ -95,7 +97,39 @@ pub(super) fn prepare(request: &Request<'_>) -> Result<Vec<DroneFolder>, SwarmEr
             log: own.join("log.jsonl"),
         });
     }
-    Ok(drones)
+    Ok((drones, lock))
+}
+
+/// Has the folder for this flight alone, empty but for a mark: what an earlier flight left is removed, and nothing else.
+fn take(folder: &Path) -> Result<File, SwarmError> {
+    let write = |source| SwarmError::Write {
+        path: folder.to_owned(),
+        source,
+    };
+    let refuse = |message: &str, help: &str| {
+        SwarmError::Refused(BadInput::without_excerpt(folder, message, help))
+    };
+    let mark = folder.join(MARK);
+    if folder.exists() && !mark.exists() {
+        let message = "is there already and is not of an earlier flight, so it is left as it is";
+        return Err(refuse(message, "--out takes another folder"));
+    }
+    fs::create_dir_all(folder).map_err(write)?;
+    let lock = File::create(&mark).map_err(write)?;
+    lock.try_lock().map_err(|error| match error {
+        TryLockError::WouldBlock => {
+            let help = "wait for its end, or give another folder with --out";
+            refuse("another flight is under way in this folder", help)
+        }
+        TryLockError::Error(source) => write(source),
+    })?;
+    for entry in fs::read_dir(folder).map_err(write)? {
+        let path = entry.map_err(write)?.path();
+        if path.is_dir() {
+            fs::remove_dir_all(&path).map_err(write)?;
+        }
+    }
+    Ok(lock)
 }
 
 /// So many addresses of this machine's own at which nobody listens.

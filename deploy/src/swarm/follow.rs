@@ -9,7 +9,7 @@ use muster_machines::time::Timestamp;
 use muster_scenarios::report::{Flight, Report};
 use muster_scenarios::twin::{Said, Standing, Twin};
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::mpsc::{self, UnboundedReceiver};
+use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
 
 use super::child::{DroneProcess, News};
@@ -99,6 +99,8 @@ struct Swarm {
     emulates_radio: bool,
     processes: BTreeMap<NodeId, DroneProcess>,
     news: UnboundedReceiver<News>,
+    /// Held so that there may always be news.
+    sender: UnboundedSender<News>,
     /// When the flight began.
     began: Instant,
     /// The same instant by the clock that drones tell.
@@ -109,37 +111,80 @@ struct Swarm {
     /// What each process was told last of what it does not hear.
     told: BTreeMap<NodeId, Losses>,
     losses_as_of: Option<u64>,
+    twin_is_at: Timestamp,
 }
 
 impl Swarm {
     /// Starts all processes, the one that leads last; it is told to fly.
     async fn start(request: &Request<'_>, drones: &[DroneFolder]) -> Result<Self, SwarmError> {
-        let (sender, mut news) = mpsc::unbounded_channel();
-        let mut processes = BTreeMap::new();
-        let leader = request.scenario.centre();
-        let (leaders, others): (Vec<_>, Vec<_>) = drones.iter().partition(|it| it.id == leader);
-        for folder in &others {
-            let process = DroneProcess::start(request.musterd, folder, false, &sender)?;
-            processes.insert(folder.id, process);
-        }
-        wait_until_ready(&mut news, others.iter().map(|it| it.id).collect()).await?;
-        let (began, epoch) = (Instant::now(), since_epoch());
-        for folder in leaders {
-            let process = DroneProcess::start(request.musterd, folder, true, &sender)?;
-            processes.insert(folder.id, process);
-        }
-        Ok(Self {
+        let (sender, news) = mpsc::unbounded_channel();
+        let mut swarm = Self {
             twin: Twin::new(request.scenario, BEHIND),
             emulates_radio: request.emulates_radio,
-            processes,
+            processes: BTreeMap::new(),
             news,
-            began,
-            epoch,
+            sender,
+            began: Instant::now(),
+            epoch: since_epoch(),
             said: BinaryHeap::new(),
             heard: 0,
             told: BTreeMap::new(),
             losses_as_of: None,
-        })
+            twin_is_at: Timestamp::ZERO,
+        };
+        let leader = request.scenario.centre();
+        for folder in drones.iter().filter(|it| it.id != leader) {
+            swarm.add(request, folder, false)?;
+        }
+        swarm.wait_until_ready().await?;
+        (swarm.began, swarm.epoch) = (Instant::now(), since_epoch());
+        for folder in drones.iter().filter(|it| it.id == leader) {
+            swarm.add(request, folder, true)?;
+        }
+        swarm.wait_until_ready().await?;
+        Ok(swarm)
+    }
+
+    /// Starts a drone's process, which is told at once whom it does not hear.
+    fn add(
+        &mut self,
+        request: &Request<'_>,
+        folder: &DroneFolder,
+        fly: bool,
+    ) -> Result<(), SwarmError> {
+        let process = DroneProcess::start(request.musterd, folder, fly, &self.sender)?;
+        self.processes.insert(folder.id, process);
+        if self.emulates_radio {
+            self.tell_losses();
+        }
+        Ok(())
+    }
+
+    /// Waits until all that were started say that they are there.
+    async fn wait_until_ready(&mut self) -> Result<(), SwarmError> {
+        let deadline = Deadline::now() + START_MAX;
+        let mut last_words = BTreeMap::new();
+        loop {
+            let mut waiting = self.processes.iter().filter(|(_, it)| !it.is_ready());
+            let Some((first, _)) = waiting.next() else {
+                return Ok(());
+            };
+            let late = SwarmError::Late(*first);
+            let news = timeout_at(deadline, self.news.recv()).await;
+            let news = news.map_err(|_| late)?;
+            if let Some(News::Said(id, Spoken::Words(words))) = &news {
+                last_words.insert(*id, words.clone());
+            }
+            let ended = match &news {
+                Some(News::Ended(drone)) => Some(*drone),
+                _ => None,
+            };
+            self.hear(news);
+            if let Some(drone) = ended {
+                let last = last_words.remove(&drone).unwrap_or_default();
+                return Err(SwarmError::EndedEarly { drone, last });
+            }
+        }
     }
 
     fn hear(&mut self, news: Option<News>) {
@@ -154,7 +199,12 @@ impl Swarm {
                 let now = Timestamp::ZERO + self.began.elapsed();
                 self.note(now, drone, Said::Ended);
             }
-            Some(News::Said(..)) | None => {}
+            Some(News::Said(drone, Spoken::Ready)) => {
+                if let Some(process) = self.processes.get_mut(&drone) {
+                    process.is_there();
+                }
+            }
+            Some(News::Said(_, Spoken::Words(_))) | None => {}
         }
     }
 
@@ -173,18 +223,23 @@ impl Swarm {
 
     /// Lets the twin go on, and the processes be as it says.
     fn go_on(&mut self) {
-        let now = (Timestamp::ZERO + self.began.elapsed()).since(Timestamp::ZERO + BEHIND);
-        let now = Timestamp::ZERO + now;
-        while let Some(Reverse(entry)) = self.said.peek()
-            && entry.at <= now
-        {
-            if let Some(Reverse(entry)) = self.said.pop() {
-                self.twin.hear(entry.at, entry.drone, entry.said);
+        let until = (Timestamp::ZERO + self.began.elapsed()).since(Timestamp::ZERO + BEHIND);
+        let until = Timestamp::ZERO + until;
+        // Not all at once, should the machine have stood still: what befalls a process is done before the twin is there.
+        while self.twin_is_at < until {
+            let now = until.min(self.twin_is_at + TICK);
+            while let Some(Reverse(entry)) = self.said.peek()
+                && entry.at <= now
+            {
+                if let Some(Reverse(entry)) = self.said.pop() {
+                    self.twin.hear(entry.at, entry.drone, entry.said);
+                }
             }
-        }
-        self.twin.advance(now);
-        for (id, process) in &mut self.processes {
-            process.be(self.twin.process(*id));
+            self.twin.advance(now);
+            self.twin_is_at = now;
+            for (id, process) in &mut self.processes {
+                process.be(self.twin.process(*id));
+            }
         }
         if self.emulates_radio {
             self.tell_losses();
@@ -197,20 +252,26 @@ impl Swarm {
         if self.losses_as_of == as_of {
             return;
         }
-        self.losses_as_of = as_of;
+        let mut are_all_told = true;
         for (to, process) in &self.processes {
-            if self.twin.process(*to) != Standing::Runs {
+            if self.twin.process(*to) == Standing::Hangs {
+                are_all_told = false;
                 continue;
             }
             let others = self.twin.nodes().filter(|from| from != to);
             let losses = Losses::of(others.map(|from| (from, self.twin.loss(from, *to))));
             let known = self.told.get(to);
-            if known.is_none_or(|known| known.differs(&losses, LOSS_STEP))
-                && process.tell(losses.line())
-            {
+            if known.is_some_and(|known| !known.differs(&losses, LOSS_STEP)) {
+                continue;
+            }
+            if process.tell(losses.line()) {
                 self.told.insert(*to, losses);
+            } else {
+                are_all_told &= process.is_ended();
             }
         }
+        self.losses_as_of =
+            as_of.filter(|_| are_all_told && self.told.len() == self.processes.len());
     }
 
     /// Gives the processes time to end by themselves, and hears what they still say; whoever is left is killed.
@@ -228,28 +289,6 @@ impl Swarm {
             self.twin.hear(entry.at, entry.drone, entry.said);
         }
     }
-}
-
-/// Waits until these say that they are there.
-async fn wait_until_ready(
-    news: &mut UnboundedReceiver<News>,
-    mut waiting: Vec<NodeId>,
-) -> Result<(), SwarmError> {
-    let deadline = Deadline::now() + START_MAX;
-    let mut last_words = BTreeMap::new();
-    while let Some(first) = waiting.first().copied() {
-        let heard = timeout_at(deadline, news.recv()).await;
-        match heard.map_err(|_| SwarmError::Late(first))? {
-            Some(News::Said(id, Spoken::Ready)) => waiting.retain(|it| *it != id),
-            Some(News::Said(id, Spoken::Words(words))) => drop(last_words.insert(id, words)),
-            Some(News::Said(_, Spoken::Of(..))) | None => {}
-            Some(News::Ended(drone)) => {
-                let last = last_words.remove(&drone).unwrap_or_default();
-                return Err(SwarmError::EndedEarly { drone, last });
-            }
-        }
-    }
-    Ok(())
 }
 
 fn since_epoch() -> Timestamp {

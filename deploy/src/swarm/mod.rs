@@ -33,7 +33,8 @@ pub struct Request<'a> {
     pub scenario: &'a Scenario,
     /// The program of a drone's process.
     pub musterd: &'a Path,
-    /// The folder for keys, files, journals and logs; a folder a drone. What it holds of an earlier flight is removed.
+    /// The folder for keys, files, journals and logs; a folder a drone. What an earlier flight left there is removed; a
+    /// folder that is not of a flight is refused.
     pub folder: &'a Path,
     /// Whether drones hear each other as the scenario's radio would carry, and not all of the network.
     pub emulates_radio: bool,
@@ -103,7 +104,7 @@ pub fn fly(
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     check(request)?;
-    let drones = folder::prepare(request)?;
+    let (drones, _lock) = folder::prepare(request)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -127,9 +128,9 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
         );
     }
     let unmade = (1..).zip(&scenario.faults);
-    let unmade = unmade.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault, scenario)?)));
-    for (nth, why) in unmade {
-        return refuse(format!("fault {nth} can't befall a process: {why}"));
+    let mut unmade = unmade.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault, scenario)?)));
+    match unmade.next() {
+        Some((nth, why)) => refuse(format!("fault {nth} can't befall a process: {why}")),
+        None => Ok(()),
     }
-    Ok(())
 }

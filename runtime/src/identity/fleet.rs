@@ -1,6 +1,6 @@
 //! A fleet's folder, as its operator keeps it.
 
-use std::fs::DirBuilder;
+use std::fs::{DirBuilder, File};
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
@@ -38,6 +38,8 @@ pub enum KeysError {
 pub struct Fleet {
     folder: PathBuf,
     key: SigningKey,
+    /// Held so that two commands don't sign two different lists with one number.
+    _lock: File,
 }
 
 impl std::fmt::Debug for Fleet {
@@ -60,9 +62,14 @@ impl Fleet {
         })?;
         let key = fresh()?;
         write_secret(&folder.join("fleet.key"), &key)?;
+        let lock = lock(folder)?;
         write_public(&folder.join("fleet.pub"), &key.verifying_key())?;
         let folder = folder.to_owned();
-        let fleet = Self { folder, key };
+        let fleet = Self {
+            folder,
+            key,
+            _lock: lock,
+        };
         fleet.write("roster.toml", &Roster::default().written(&fleet.key))?;
         let mut expelled = Expelled::default();
         expelled.add([]);
@@ -76,8 +83,13 @@ impl Fleet {
     /// When its secret key can't be used.
     pub fn open(folder: &Path) -> Result<Self, KeysError> {
         let key = load_secret(&folder.join("fleet.key"))?;
+        let lock = lock(folder)?;
         let folder = folder.to_owned();
-        Ok(Self { folder, key })
+        Ok(Self {
+            folder,
+            key,
+            _lock: lock,
+        })
     }
 
     /// Makes a drone's key and takes the drone into the roster; the key's file.
@@ -123,4 +135,13 @@ impl Fleet {
         let path = self.folder.join(name);
         replace(&path, text.as_bytes()).map_err(|source| KeysError::Write { path, source })
     }
+}
+
+/// Waits until no other command has a fleet's folder, and has it.
+fn lock(folder: &Path) -> Result<File, KeysError> {
+    let locked = File::open(folder).and_then(|folder| folder.lock().map(|()| folder));
+    locked.map_err(|source| KeysError::Write {
+        path: folder.to_owned(),
+        source,
+    })
 }

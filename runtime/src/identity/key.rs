@@ -49,7 +49,7 @@ impl FleetKey {
     /// # Errors
     /// When the file can't be read or is no public key.
     pub fn load(path: &Path) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
+        let text = read_public(path)?;
         let key = (text.trim().strip_prefix(PUBLIC))
             .and_then(|hex| public_key(hex.trim()))
             .ok_or_else(|| {
@@ -78,6 +78,21 @@ pub(super) fn fresh() -> Result<SigningKey, KeysError> {
 /// Signs what a fleet says.
 pub(super) fn sign(key: &SigningKey, message: &[u8]) -> [u8; 64] {
     key.sign(message).to_bytes()
+}
+
+/// What a file says that anyone may read; one with a secret key was taken for another, and is not shown.
+pub(super) fn read_public(path: &Path) -> Result<String, BadInput> {
+    let text = read_text(path)?;
+    if text.contains(SECRET) {
+        let _wiped = Zeroizing::new(text);
+        let help = "name the file that anyone may read; what is in this one is not shown";
+        return Err(BadInput::without_excerpt(
+            path,
+            "this is a secret key",
+            help,
+        ));
+    }
+    Ok(text)
 }
 
 pub(super) fn load_secret(path: &Path) -> Result<SigningKey, BadInput> {

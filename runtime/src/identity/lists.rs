@@ -12,8 +12,8 @@ use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::FleetKey;
-use super::key::{bytes, hex, public_key, sign};
-use crate::diagnostic::{BadInput, read_text};
+use super::key::{bytes, hex, public_key, read_public, sign};
+use crate::diagnostic::BadInput;
 
 /// What the fleet's signature of a roster begins with, so that it stands for nothing else.
 const ROSTER: &[u8] = b"muster roster 1\0";
@@ -54,7 +54,7 @@ impl Roster {
     /// # Errors
     /// When the file can't be used, names a drone twice, has a key that is none, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
+        let text = read_public(path)?;
         let raw: RawRoster = parse(path, &text, ROSTER_FORM)?;
         let mut roster = Self {
             number: raw.number,
@@ -80,12 +80,6 @@ impl Roster {
         }
         check(path, &text, fleet, &roster.message(), &raw.signature)?;
         Ok(roster)
-    }
-
-    /// A number that rises with each change of the roster.
-    #[must_use]
-    pub const fn number(&self) -> u64 {
-        self.number
     }
 
     /// A drone's public key, if it belongs to the fleet.
@@ -148,7 +142,7 @@ impl Expelled {
     /// # Errors
     /// When the file can't be used, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
+        let text = read_public(path)?;
         let raw: RawExpelled = parse(path, &text, EXPELLED_FORM)?;
         let expelled = Self {
             number: raw.number,

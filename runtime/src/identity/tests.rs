@@ -202,3 +202,21 @@ fn comments_may_be_added_to_a_list() {
     fs::write(&file, format!("# Ours.\n{text}")).unwrap();
     assert_eq!(roster(&folder).drones().count(), 3);
 }
+
+#[test]
+fn a_secret_key_that_is_named_in_the_place_of_a_public_file_is_refused_and_not_shown() {
+    let (folder, _) = fleet();
+    let secret = path(&folder, "fleet.key");
+    let digits = fs::read_to_string(&secret).unwrap();
+    let digits = digits.split_whitespace().last().unwrap().to_owned();
+    let errors = [
+        FleetKey::load(&secret).unwrap_err(),
+        Roster::load(&secret, &public(&folder)).unwrap_err(),
+        Expelled::load(&secret, &public(&folder)).unwrap_err(),
+    ];
+    for error in errors {
+        let shown = error.rendered();
+        assert!(shown.contains("this is a secret key"), "{shown}");
+        assert!(!shown.contains(&digits[..8]), "{shown}");
+    }
+}

@@ -173,6 +173,7 @@ const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::FlightTime => Some("it had flown for as long as it may"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
         LandingReason::Recalled => Some("it was called down"),
+        LandingReason::NetworkLost => Some("its process could not listen any more"),
         LandingReason::JournalLost => Some("its journal could not be written"),
         LandingReason::Controller => Some("its flight controller brought it down"),
     }

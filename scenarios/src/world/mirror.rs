@@ -10,6 +10,7 @@ use muster_machines::msp::Demand;
 use muster_machines::time::Timestamp;
 
 use super::{Envelope, Planned, World};
+use crate::checkers::Violation;
 use crate::scenario::{Mishap, Scenario};
 
 /// How a drone's process is to be.
@@ -79,11 +80,19 @@ impl World {
         self.effect(drone, Effect::Observe(seen));
     }
 
-    /// A drone's process has ended. That of one that is down has done what it was there for.
+    /// A drone's process has ended. That of one that is down has done what it was there for; any other that was not ended
+    /// by the plan has failed.
     pub(crate) fn process_ended(&mut self, at: Timestamp, drone: NodeId) {
         self.advance(at);
         let is_done = self.recorder(drone).state(drone) == State::Finished;
-        if self.drones[drone.0 as usize].runs && !is_done {
+        let is_foreseen = self.foreseen.contains_key(&drone);
+        if self.drones[drone.0 as usize].runs && !is_done && !is_foreseen {
+            self.find(Some(Violation {
+                rule: 9,
+                at: self.now,
+                drones: vec![drone],
+                what: format!("the process of drone {drone} ended in the middle of its flight"),
+            }));
             self.kill(drone);
         }
     }

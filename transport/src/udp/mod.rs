@@ -31,6 +31,9 @@ use crate::{Arrival, Destination, Event, SendError, Transport};
 /// How many datagrams back a [`Source`] is remembered: as many as may come in while one waits to be looked at.
 const SOURCES_MAX: usize = 1_024;
 
+/// How many datagrams in a row are passed over that are of no use.
+const SKIPPED_MAX: usize = 64;
+
 /// How a drone's end of the network is opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Config {
@@ -85,6 +88,8 @@ pub struct UdpTransport {
     /// Where drones were last heard; at most as many as whoever calls [`Transport::learn`] lets in.
     places: BTreeMap<NodeId, SocketAddr>,
     sources: Sources,
+    /// Which of the two sockets is looked at first.
+    own_first: bool,
     buffer: Box<[u8]>,
     counters: Counters,
 }
@@ -111,6 +116,7 @@ impl UdpTransport {
             shared: shared.map(Arc::new),
             places: BTreeMap::new(),
             sources: Sources::default(),
+            own_first: false,
             // One byte more than is taken tells what is too long.
             buffer: vec![0; config.datagram_max + 1].into(),
             counters: Counters::default(),
@@ -174,7 +180,7 @@ impl UdpTransport {
 
     /// The next datagram of a socket that is not too long.
     fn receive(&mut self, socket: &UdpSocket) -> Option<(Bytes, SocketAddr)> {
-        loop {
+        for _ in 0..SKIPPED_MAX {
             match socket.recv_from(&mut self.buffer) {
                 Ok((len, _)) if len > self.config.datagram_max => self.counters.too_long += 1,
                 // What is said to a group comes back from it.
@@ -188,6 +194,7 @@ impl UdpTransport {
                 Err(_) => return None,
             }
         }
+        None
     }
 }
 
@@ -228,7 +235,14 @@ impl Transport for UdpTransport {
     fn poll_event(&mut self) -> Option<Event> {
         let own = Arc::clone(&self.own);
         let shared = self.shared.clone();
-        let (datagram, address) = self.receive(&own).or_else(|| self.receive(&*shared?))?;
+        // Each comes first in turn, so that a flood at one does not keep what comes to the other waiting.
+        self.own_first = !self.own_first;
+        let (first, second) = match (shared, self.own_first) {
+            (None, _) => (own, None),
+            (Some(shared), true) => (own, Some(shared)),
+            (Some(shared), false) => (shared, Some(own)),
+        };
+        let (datagram, address) = (self.receive(&first)).or_else(|| self.receive(&*second?))?;
         Some(Event::Arrival(Arrival {
             at: (self.clock)(),
             to: self.config.id,

@@ -191,6 +191,8 @@ pub enum LandingReason {
     Recalled,
     /// What it must remember could not be written down any more.
     JournalLost,
+    /// Its process could not listen any more.
+    NetworkLost,
 }
 
 /// What can be seen of a mission.
