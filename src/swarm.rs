@@ -18,8 +18,7 @@ use crate::{Ended, Failure, terminal};
 /// other as the scenario's radio would carry, and the rules of a simulation are checked: all but those about what a drone
 /// is told. Ends as it began: with no process left, whatever happens to it.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  muster swarm scenarios/hardware/swarm-short.toml
+#[command(after_help = "Example:
   muster swarm scenarios/hardware/swarm-short.toml --unlimited-range --json | jq .mission_completed")]
 pub(crate) struct Arguments {
     /// The scenario file.

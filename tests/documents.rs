@@ -104,6 +104,7 @@ fn the_examples_in_the_help_run() {
         "thesis",
         "check",
         "keys",
+        "swarm",
         "completions",
     ] {
         let help = Command::cargo_bin("muster")

@@ -58,6 +58,11 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
             "`udp.bind` is the drone's own address",
         ),
         ("peers =", "group = \"239.7.7.7:1\"\npeers =", "one of them"),
+        (
+            "peers = [",
+            "peers = [\"[::1]:4700\", ",
+            "reaches no IPv6 address",
+        ),
         ("[udp]", "[tcp]", "unknown field `tcp`"),
     ] {
         let file = fleet.file(0);

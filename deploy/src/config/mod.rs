@@ -254,7 +254,14 @@ impl<'a> File<'a> {
             peers,
             ..
         } = udp.get_ref();
+        let is_of_other_family = |peer: &SocketAddr| {
+            bind.as_ref()
+                .is_some_and(|bind| bind.get_ref().is_ipv4() != peer.is_ipv4())
+        };
         match (group, broadcast, peers) {
+            (Some(all), None, None) | (None, Some(all), None) if all.get_ref().port() == 0 => {
+                Err(self.error(all.span(), "what is for all needs a port that all know"))
+            }
             (Some(group), None, None) if group.get_ref().ip().is_multicast() => {
                 Ok(Reach::Group(*group.get_ref()))
             }
@@ -269,6 +276,11 @@ impl<'a> File<'a> {
             }
             (None, None, Some(peers)) if bind.is_none() => {
                 let message = "`peers` send to a drone's own address, so it needs `bind`";
+                Err(self.error(peers.span(), message))
+            }
+            (None, None, Some(peers)) if peers.get_ref().iter().any(is_of_other_family) => {
+                let message =
+                    "a drone with an IPv4 address reaches no IPv6 address, nor the other way round";
                 Err(self.error(peers.span(), message))
             }
             (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),

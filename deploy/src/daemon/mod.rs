@@ -20,6 +20,7 @@ use muster_machines::mission::{self, LandingReason};
 use muster_runtime::journal::{Folder, FolderError, Journal};
 use muster_transport::udp::{OpenError, UdpTransport};
 use thiserror::Error;
+use tokio::task::{JoinError, JoinSet};
 
 use self::clock::Clock;
 use self::process::{Parts, Process};
@@ -44,7 +45,7 @@ pub enum Ended {
     Abandoned,
 }
 
-/// Why a drone's process could not start: nothing was flown.
+/// Why a drone's process could not start, so that nothing was flown, or not go on.
 #[derive(Debug, Error)]
 pub enum DaemonError {
     /// Its journal can't be had.
@@ -59,6 +60,9 @@ pub enum DaemonError {
     /// The asynchronous runtime does not start, or does not watch sockets or signals.
     #[error("no runtime for the actors")]
     Runtime(#[source] io::Error),
+    /// What keeps the drone's time, or listens for it, failed in the middle of its flight.
+    #[error("the drone has no time or no ears any more")]
+    Task(#[source] JoinError),
     /// An actor could not be started.
     #[error("an actor could not be started")]
     Spawn(#[from] Box<ractor::SpawnErr>),
@@ -78,7 +82,7 @@ pub struct Start {
 /// Flies a drone until it is on the ground for good.
 ///
 /// # Errors
-/// When it can't start.
+/// When it can't start, or can't go on.
 pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -120,8 +124,9 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     }
     let drone = start_actors(&config, &process).await?;
     process.begin(drone.clone());
-    tokio::spawn(tasks::keep_time(Arc::clone(&process)));
-    tokio::spawn(tasks::listen(Arc::clone(&process), waiting));
+    let mut vital = JoinSet::new();
+    vital.spawn(tasks::keep_time(Arc::clone(&process)));
+    vital.spawn(tasks::listen(Arc::clone(&process), waiting));
     tokio::spawn(tasks::end_on(terminate, Arc::clone(&process)));
     tokio::spawn(tasks::end_on(interrupt, Arc::clone(&process)));
     let rereading = Rereading {
@@ -143,7 +148,10 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     if start.fly {
         begin_to_fly(&process, life);
     }
-    process.done.notified().await;
+    tokio::select! {
+        () = process.done.notified() => {}
+        failure = failure_of(&mut vital) => return Err(DaemonError::Task(failure)),
+    }
     tokio::time::sleep(LAST_WORDS).await;
     service::stopping();
     drone.stop().await;
@@ -154,6 +162,16 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         return Ok(Ended::Abandoned);
     }
     Ok(ended(state.landing()))
+}
+
+/// The first task that fails, if ever one does: a drone without time or ears is not to pass for alive.
+async fn failure_of(tasks: &mut JoinSet<()>) -> JoinError {
+    while let Some(ended) = tasks.join_next().await {
+        if let Err(failure) = ended {
+            return failure;
+        }
+    }
+    std::future::pending().await
 }
 
 async fn start_actors(config: &DroneConfig, process: &Arc<Process>) -> Result<Drone, DaemonError> {

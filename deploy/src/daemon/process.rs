@@ -62,8 +62,7 @@ impl Process {
 
     /// The drone is to come down and stay down.
     pub(super) fn come_down(&self, reason: LandingReason) {
-        let now = self.clock.now();
-        self.state().come_down(now, reason);
+        self.state().come_down(reason);
         self.look_round();
     }
 

@@ -1,9 +1,7 @@
 //! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
 
 use muster_actors::{Drone, Message};
-use muster_machines::cell::{
-    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, last_resort,
-};
+use muster_machines::cell::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
@@ -46,6 +44,8 @@ pub(super) struct State {
     /// Whose frames are not let in, as if they were out of range.
     losses: Losses,
     lots: ChaCha8Rng,
+    /// Why it is to come down, until its mission has been told.
+    called_down: Option<LandingReason>,
     /// Why it began to come down first.
     landing: Option<LandingReason>,
     /// Whether its mission says that it is on the ground for good.
@@ -108,6 +108,7 @@ impl State {
             talk: Talk::default(),
             losses: Losses::default(),
             lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
+            called_down: None,
             landing: None,
             is_finished,
             gave_up: false,
@@ -181,18 +182,21 @@ impl State {
         self.cast(envelope.address(), Stimulus::Input(envelope));
     }
 
-    fn cast(&mut self, address: Address, stimulus: Stimulus<Envelope>) {
+    /// Hands something to an actor; whether it is there and has room, or will get it once all five run.
+    fn cast(&mut self, address: Address, stimulus: Stimulus<Envelope>) -> bool {
         let Some(drone) = &self.drone else {
             if let Stimulus::Input(envelope) = stimulus {
                 self.held.push(envelope);
             }
-            return;
+            return true;
         };
-        if let Err(refused) = drone.book().cast(address, Message::Step(stimulus)) {
+        let cast = drone.book().cast(address, Message::Step(stimulus));
+        if let Err(refused) = &cast {
             // Frames at line rate may be among them.
             self.counts.refused += 1;
             tracing::debug!("{refused}");
         }
+        cast.is_ok()
     }
 
     fn command(&mut self, now: Timestamp, demand: Demand) {
@@ -225,16 +229,22 @@ impl State {
         self.counts.unwritten += 1;
         if self.counts.unwritten == 1 {
             tracing::error!(%error, "the journal can't be written: the drone comes down");
-            self.come_down(now, LandingReason::JournalLost);
+            self.come_down(LandingReason::JournalLost);
         }
     }
 
-    pub(super) fn come_down(&mut self, now: Timestamp, reason: LandingReason) {
-        if self.is_up(Address::Mission) {
-            self.post(Envelope::Mission(mission::Input::ComeDown(reason)));
-        } else {
-            for effect in last_resort(|address| self.is_up(address)) {
-                self.effect(now, effect);
+    /// The drone is to come down: its mission is told or, while that is built anew, will be.
+    pub(super) fn come_down(&mut self, reason: LandingReason) {
+        self.called_down.get_or_insert(reason);
+        self.tell_to_come_down();
+    }
+
+    fn tell_to_come_down(&mut self) {
+        // Where the mission can't be kept alive the drone is on its way down already.
+        if let Some(reason) = self.called_down.filter(|_| !self.gave_up) {
+            let envelope = Envelope::Mission(mission::Input::ComeDown(reason));
+            if self.cast(envelope.address(), Stimulus::Input(envelope)) {
+                self.called_down = None;
             }
         }
     }
@@ -328,6 +338,7 @@ impl State {
                 self.cast(address, Stimulus::Timeout);
             }
         }
+        self.tell_to_come_down();
         let telemetry = self.craft.handle_timeout(now);
         self.tell(telemetry);
         let (due, later) = (self.restarts.iter().copied()).partition(|(at, _)| *at <= now);

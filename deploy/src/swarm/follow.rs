@@ -154,6 +154,7 @@ impl Swarm {
     ) -> Result<(), SwarmError> {
         let process = DroneProcess::start(request.musterd, folder, fly, &self.sender)?;
         self.processes.insert(folder.id, process);
+        self.losses_as_of = None;
         if self.emulates_radio {
             self.tell_losses();
         }

@@ -98,7 +98,7 @@ pub(super) fn read_public(path: &Path) -> Result<String, BadInput> {
 pub(super) fn load_secret(path: &Path) -> Result<SigningKey, BadInput> {
     let text = Zeroizing::new(read_text(path)?);
     let mode = fs::metadata(path).map(|metadata| metadata.mode());
-    if mode.is_ok_and(|mode| mode & OTHERS != 0) {
+    if !mode.is_ok_and(|mode| mode & OTHERS == 0) {
         let message = "others than its owner can read this secret key";
         let help = format!(
             "chmod 600 {}; if anyone may have read it, expel the drone and give it another key",
