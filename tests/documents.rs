@@ -56,90 +56,6 @@ fn fresh_folder() -> tempfile::TempDir {
     folder
 }
 
-#[test]
-fn every_command_in_the_documents_runs() {
-    let folder = fresh_folder();
-    let mut run = 0;
-    for name in DOCUMENTS {
-        for line in blocks(&text(name), "sh")
-            .iter()
-            .flat_map(|block| block.lines())
-        {
-            let command = line.split('#').next().unwrap().trim();
-            if command == BARRIERS || command == KILLED_IN_REAL_TIME {
-                continue;
-            }
-            let arguments = match command.split_once(" -- ") {
-                Some(("cargo run --release", arguments)) => arguments,
-                _ => match command.strip_prefix("muster ") {
-                    Some(arguments) => arguments,
-                    // This very test is part of it.
-                    None if command == "cargo test --workspace" => continue,
-                    // What it compares, the transport's own tests do, too.
-                    None if command.ends_with("-p muster-transport --example radio") => continue,
-                    // It searches for minutes; smaller searches are among the tests of the machines.
-                    None if command.contains("-p muster-machines --example model") => continue,
-                    None => panic!("{name} has a command that nothing runs: {command}"),
-                },
-            };
-            Command::cargo_bin("muster")
-                .unwrap()
-                .current_dir(folder.path())
-                .args(arguments.split_whitespace())
-                .assert()
-                .success();
-            run += 1;
-        }
-    }
-    assert!(run >= 6, "the README shows more commands than {run}");
-}
-
-#[test]
-fn the_examples_in_the_help_run() {
-    let folder = fresh_folder();
-    for subcommand in [
-        "sim",
-        "campaign",
-        "campaign-merge",
-        "thesis",
-        "check",
-        "keys",
-        "swarm",
-        "completions",
-    ] {
-        let help = Command::cargo_bin("muster")
-            .unwrap()
-            .args([subcommand, "--help"])
-            .output()
-            .unwrap();
-        let help = String::from_utf8(help.stdout).unwrap();
-        let examples: Vec<_> = help
-            .lines()
-            .filter_map(|line| line.strip_prefix("  muster "))
-            .map(|line| line.split(['|', '>']).next().unwrap())
-            .collect();
-        assert!(!examples.is_empty(), "{subcommand} shows no example");
-        if subcommand == "campaign-merge" {
-            fly_the_parts_to_merge(folder.path());
-        }
-        for example in examples {
-            // A shell would spread the pattern.
-            let example = example
-                .replace(
-                    "scenarios/thesis-*.toml",
-                    "scenarios/thesis-1.toml scenarios/thesis-2.toml",
-                )
-                .replace("missions/*", "missions/albufera.plan");
-            Command::cargo_bin("muster")
-                .unwrap()
-                .current_dir(folder.path())
-                .args(example.split_whitespace())
-                .assert()
-                .success();
-        }
-    }
-}
-
 fn fly_the_parts_to_merge(folder: &Path) {
     for part in ["1", "2"] {
         Command::cargo_bin("muster")
@@ -274,5 +190,96 @@ fn the_drones_files_in_the_documents_are_accepted() {
             .args(["--config", "drone-2.toml", "--check"])
             .assert()
             .success();
+    }
+}
+
+/// What is named so flies in real time, some of it: `.ci/run` lets it run beside all else.
+mod real_time {
+    use super::*;
+
+    #[test]
+    fn every_command_in_the_documents_runs() {
+        let folder = fresh_folder();
+        let mut run = 0;
+        for name in DOCUMENTS {
+            for line in blocks(&text(name), "sh")
+                .iter()
+                .flat_map(|block| block.lines())
+            {
+                let command = line.split('#').next().unwrap().trim();
+                if command == BARRIERS || command == KILLED_IN_REAL_TIME {
+                    continue;
+                }
+                let arguments = match command.split_once(" -- ") {
+                    Some(("cargo run --release", arguments)) => arguments,
+                    _ => match command.strip_prefix("muster ") {
+                        Some(arguments) => arguments,
+                        // This very test is part of it.
+                        None if command == "cargo test --workspace" => continue,
+                        // What it compares, the transport's own tests do, too.
+                        None if command.ends_with("-p muster-transport --example radio") => {
+                            continue;
+                        }
+                        // It searches for minutes; smaller searches are among the tests of the machines.
+                        None if command.contains("-p muster-machines --example model") => continue,
+                        None => panic!("{name} has a command that nothing runs: {command}"),
+                    },
+                };
+                Command::cargo_bin("muster")
+                    .unwrap()
+                    .current_dir(folder.path())
+                    .args(arguments.split_whitespace())
+                    .assert()
+                    .success();
+                run += 1;
+            }
+        }
+        assert!(run >= 6, "the README shows more commands than {run}");
+    }
+
+    #[test]
+    fn the_examples_in_the_help_run() {
+        let folder = fresh_folder();
+        for subcommand in [
+            "sim",
+            "campaign",
+            "campaign-merge",
+            "thesis",
+            "check",
+            "keys",
+            "swarm",
+            "completions",
+        ] {
+            let help = Command::cargo_bin("muster")
+                .unwrap()
+                .args([subcommand, "--help"])
+                .output()
+                .unwrap();
+            let help = String::from_utf8(help.stdout).unwrap();
+            let examples: Vec<_> = help
+                .lines()
+                .filter_map(|line| line.strip_prefix("  muster "))
+                .map(|line| line.split(['|', '>']).next().unwrap())
+                .collect();
+            assert!(!examples.is_empty(), "{subcommand} shows no example");
+            if subcommand == "campaign-merge" {
+                fly_the_parts_to_merge(folder.path());
+            }
+            for example in examples {
+                // A shell would spread the pattern.
+                let example = example
+                    .replace(
+                        "scenarios/thesis-*.toml",
+                        "scenarios/thesis-1.toml scenarios/thesis-2.toml",
+                    )
+                    .replace("missions/*", "missions/albufera.plan");
+                Command::cargo_bin("muster")
+                    .unwrap()
+                    .current_dir(folder.path())
+                    .args(example.split_whitespace())
+                    .assert()
+                    .success();
+            }
+        }
     }
 }

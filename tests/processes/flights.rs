@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::fleet::{Fleet, MASTER, Process};
+use super::fleet::{Fleet, MASTER, Process};
 
 fn state(name: &str) -> Value {
     json!({ "State": name })

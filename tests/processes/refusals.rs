@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::fleet::{Fleet, replace};
+use super::fleet::{Fleet, replace};
 
 fn check(fleet: &Fleet, id: u32, argument: &str) -> (Option<i32>, String) {
     let run = Command::new(env!("CARGO_BIN_EXE_musterd"))

@@ -4,7 +4,7 @@ use std::os::unix::net::UnixDatagram;
 use std::process::Command;
 use std::time::Duration;
 
-use crate::fleet::{Fleet, Process};
+use super::fleet::{Fleet, Process};
 
 #[test]
 fn the_service_manager_is_told_that_a_drone_runs_what_it_does_and_that_it_is_alive() {

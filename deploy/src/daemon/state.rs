@@ -173,7 +173,7 @@ impl State {
             }
             Effect::Locate { sender, source } => self.transport.learn(sender, source),
             Effect::Command(demand) => self.command(now, demand),
-            Effect::Keep(checkpoint) => self.keep(now, &checkpoint),
+            Effect::Keep(checkpoint) => self.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
         }
     }
@@ -218,7 +218,7 @@ impl State {
 
     /// Keeps what a machine is built anew from, in the journal too. A drone whose journal can't be written comes down:
     /// should its process start anew, it would not know what it has said.
-    fn keep(&mut self, now: Timestamp, checkpoint: &Checkpoint) {
+    fn keep(&mut self, checkpoint: &Checkpoint) {
         if self.checkpoints.holds(checkpoint) {
             return;
         }
