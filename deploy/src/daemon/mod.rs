@@ -3,7 +3,6 @@
 //! Everything runs on one thread. A step's effects are carried out before anything else happens, so a checkpoint that must
 //! last is on the disk before the frame that rests on it leaves.
 
-mod clock;
 mod counts;
 mod process;
 mod service;
@@ -22,9 +21,9 @@ use muster_transport::udp::{OpenError, UdpTransport};
 use thiserror::Error;
 use tokio::task::{JoinError, JoinSet};
 
-use self::clock::Clock;
 use self::process::{Parts, Process};
 use self::tasks::Rereading;
+use crate::clock::Clock;
 use crate::config::DroneConfig;
 use crate::log::{self, Format};
 use crate::swarm::READY;

@@ -13,8 +13,8 @@ use muster_scenarios::Craft;
 use muster_transport::udp::UdpTransport;
 use tokio::sync::Notify;
 
-use super::clock::Clock;
 use super::state::State;
+use crate::clock::Clock;
 
 /// What a drone's actors and the tasks around them share.
 ///

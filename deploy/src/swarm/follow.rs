@@ -1,8 +1,7 @@
 //! A flight of processes, from their start to their end.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
-use std::time::{Duration, Instant, SystemTime};
+use std::collections::BTreeMap;
+use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
@@ -16,6 +15,7 @@ use super::child::{DroneProcess, News};
 use super::folder::DroneFolder;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
+use crate::clock::Clock;
 use crate::tether::Losses;
 
 /// How far the twin is behind the clock.
@@ -52,7 +52,8 @@ pub(super) async fn fly(
         }
     }
     swarm.let_end().await;
-    Ok(swarm.twin.finish(request.scenario, swarm.began.elapsed()))
+    let lasted = swarm.lasted();
+    Ok(swarm.twin.finish(request.scenario, lasted))
 }
 
 fn ends() -> std::io::Result<[Signal; 2]> {
@@ -60,37 +61,6 @@ fn ends() -> std::io::Result<[Signal; 2]> {
         signal(SignalKind::terminate())?,
         signal(SignalKind::interrupt())?,
     ])
-}
-
-/// Something that a drone said, by when.
-#[derive(Debug)]
-struct Entry {
-    at: Timestamp,
-    nth: u64,
-    drone: NodeId,
-    said: Said,
-}
-
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.order() == other.order()
-    }
-}
-impl Eq for Entry {}
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.order().cmp(&other.order())
-    }
-}
-impl Entry {
-    const fn order(&self) -> (Timestamp, u64) {
-        (self.at, self.nth)
-    }
 }
 
 /// A flight under way.
@@ -101,12 +71,10 @@ struct Swarm {
     news: UnboundedReceiver<News>,
     /// Held so that there may always be news.
     sender: UnboundedSender<News>,
-    /// When the flight began.
-    began: Instant,
-    /// The same instant by the clock that drones tell.
-    epoch: Timestamp,
-    /// What was said and is to be told to the twin, the earliest first.
-    said: BinaryHeap<Reverse<Entry>>,
+    /// Started when the flight began.
+    clock: Clock,
+    /// What was said and is to be told to the twin, by when and as the how manieth.
+    said: BTreeMap<(Timestamp, u64), (NodeId, Said)>,
     heard: u64,
     /// What each process was told last of what it does not hear.
     told: BTreeMap<NodeId, Losses>,
@@ -124,9 +92,8 @@ impl Swarm {
             processes: BTreeMap::new(),
             news,
             sender,
-            began: Instant::now(),
-            epoch: since_epoch(),
-            said: BinaryHeap::new(),
+            clock: Clock::start(),
+            said: BTreeMap::new(),
             heard: 0,
             told: BTreeMap::new(),
             losses_as_of: None,
@@ -137,7 +104,7 @@ impl Swarm {
             swarm.add(request, folder, false)?;
         }
         swarm.wait_until_ready().await?;
-        (swarm.began, swarm.epoch) = (Instant::now(), since_epoch());
+        swarm.clock = Clock::start();
         for folder in drones.iter().filter(|it| it.id == leader) {
             swarm.add(request, folder, true)?;
         }
@@ -191,14 +158,17 @@ impl Swarm {
     fn hear(&mut self, news: Option<News>) {
         match news {
             Some(News::Said(drone, Spoken::Of(at, said))) => {
-                self.note(Timestamp::ZERO + at.since(self.epoch), drone, said);
+                self.note(
+                    Timestamp::ZERO + at.since(self.clock.started()),
+                    drone,
+                    said,
+                );
             }
             Some(News::Ended(drone)) => {
                 if let Some(process) = self.processes.get_mut(&drone) {
                     process.has_ended();
                 }
-                let now = Timestamp::ZERO + self.began.elapsed();
-                self.note(now, drone, Said::Ended);
+                self.note(Timestamp::ZERO + self.lasted(), drone, Said::Ended);
             }
             Some(News::Said(drone, Spoken::Ready)) => {
                 if let Some(process) = self.processes.get_mut(&drone) {
@@ -209,32 +179,28 @@ impl Swarm {
         }
     }
 
+    /// For how long the flight has lasted.
+    fn lasted(&self) -> Duration {
+        self.clock.now().since(self.clock.started())
+    }
+
     /// Keeps something for the twin to be told when it is there.
     fn note(&mut self, at: Timestamp, drone: NodeId, said: Said) {
         self.heard += 1;
-        let nth = self.heard;
-        let entry = Entry {
-            at,
-            nth,
-            drone,
-            said,
-        };
-        self.said.push(Reverse(entry));
+        self.said.insert((at, self.heard), (drone, said));
     }
 
     /// Lets the twin go on, and the processes be as it says.
     fn go_on(&mut self) {
-        let until = (Timestamp::ZERO + self.began.elapsed()).since(Timestamp::ZERO + BEHIND);
-        let until = Timestamp::ZERO + until;
+        let until = Timestamp::ZERO + self.lasted().saturating_sub(BEHIND);
         // Not all at once, should the machine have stood still: what befalls a process is done before the twin is there.
         while self.twin_is_at < until {
             let now = until.min(self.twin_is_at + TICK);
-            while let Some(Reverse(entry)) = self.said.peek()
-                && entry.at <= now
+            while let Some(first) = self.said.first_entry()
+                && first.key().0 <= now
             {
-                if let Some(Reverse(entry)) = self.said.pop() {
-                    self.twin.hear(entry.at, entry.drone, entry.said);
-                }
+                let ((at, _), (drone, said)) = first.remove_entry();
+                self.twin.hear(at, drone, said);
             }
             self.twin.advance(now);
             self.twin_is_at = now;
@@ -286,13 +252,8 @@ impl Swarm {
             }
         }
         self.processes.clear();
-        while let Some(Reverse(entry)) = self.said.pop() {
-            self.twin.hear(entry.at, entry.drone, entry.said);
+        while let Some(((at, _), (drone, said))) = self.said.pop_first() {
+            self.twin.hear(at, drone, said);
         }
     }
-}
-
-fn since_epoch() -> Timestamp {
-    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    Timestamp::ZERO + since_epoch.unwrap_or_default()
 }

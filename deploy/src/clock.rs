@@ -6,14 +6,14 @@ use muster_machines::time::Timestamp;
 /// a clock that nobody sets. So times in a journal mean the same to a later life, and logs of drones can be merged as far
 /// as the clocks of their machines agree.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Clock {
+pub(crate) struct Clock {
     started: Instant,
     then: Timestamp,
 }
 
 impl Clock {
     /// A clock that starts now.
-    pub(super) fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         Self {
             started: Instant::now(),
@@ -21,12 +21,17 @@ impl Clock {
         }
     }
 
-    pub(super) fn now(&self) -> Timestamp {
+    /// When it started.
+    pub(crate) const fn started(&self) -> Timestamp {
+        self.then
+    }
+
+    pub(crate) fn now(&self) -> Timestamp {
         self.then + self.started.elapsed()
     }
 
     /// The same instant for those who wait by the runtime's timers.
-    pub(super) fn instant(&self, at: Timestamp) -> tokio::time::Instant {
+    pub(crate) fn instant(&self, at: Timestamp) -> tokio::time::Instant {
         (self.started + at.since(self.then)).into()
     }
 }
