@@ -262,6 +262,7 @@ pub(super) mod tests {
         report.engine = Some(Engine::Events);
         report.elections = vec![crate::report::Election {
             at_s: 100.0,
+            led_after_s: Some(0.4),
             settled_after_s: Some(0.5),
             masters: vec![1, 3],
         }];

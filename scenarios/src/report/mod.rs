@@ -93,6 +93,8 @@ pub struct Report {
 pub struct Election {
     /// When it began, in simulated seconds.
     pub at_s: f64,
+    /// How long it took until the first drone led that was elected meanwhile; nothing if none was.
+    pub led_after_s: Option<f64>,
     /// How long it took until each part had one master that all in it obeyed; nothing if that never came to be.
     pub settled_after_s: Option<f64>,
     /// Who led then, one for each part.

@@ -202,6 +202,9 @@ fn elections(recorder: &Recorder) -> Vec<Election> {
         let settled = election.settled.as_ref();
         Election {
             at_s: election.begun.as_secs_f64(),
+            led_after_s: election
+                .led
+                .map(|at| at.since(election.begun).as_secs_f64()),
             settled_after_s: settled.map(|(at, _)| at.since(election.begun).as_secs_f64()),
             masters: settled.map_or_else(Vec::new, |(_, masters)| {
                 masters.iter().map(|id| id.0).collect()

@@ -17,6 +17,9 @@ pub enum Colour {
     Always,
 }
 
+/// So many elections are told one by one.
+const LISTED_ELECTIONS_MAX: usize = 10;
+
 pub(crate) const STYLE: TableStyle =
     TableStyle::new().header_separator(LineStyle::none().fill('─').junction('─'));
 
@@ -199,8 +202,11 @@ fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
     if let Some(changes) = made_changes(report) {
         lines.push(("changes", changes));
     }
-    for election in &report.elections {
-        lines.push(("election", describe_election(election)));
+    match &report.elections[..] {
+        few if few.len() <= LISTED_ELECTIONS_MAX => {
+            lines.extend(few.iter().map(|it| ("election", describe_election(it))));
+        }
+        many => lines.extend(describe_elections(many)),
     }
     if let Some(beyond) = beyond_the_master(report) {
         lines.push(("relaying", beyond));
@@ -267,6 +273,36 @@ fn made_changes(report: &Report) -> Option<String> {
         format!("all drones there after {made} of {}", plural(of, "change"))
     };
     Some(format!("{made}, {} s at most", figure(longest_s, 1)))
+}
+
+/// How often the swarm had lost its master, and for how long.
+fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
+    let spread = |what: fn(&Election) -> Option<f64>| {
+        let mut times_s: Vec<_> = elections.iter().filter_map(what).collect();
+        times_s.sort_by(f64::total_cmp);
+        let Some(longest_s) = times_s.last() else {
+            return "never".to_owned();
+        };
+        let percentile_s = |percent: usize| times_s[(times_s.len() - 1) * percent / 100];
+        format!(
+            "{} of {} times: after {:.3} s in the median, {:.3} s in 99 of 100, {longest_s:.3} s at most",
+            times_s.len(),
+            elections.len(),
+            percentile_s(50),
+            percentile_s(99),
+        )
+    };
+    [
+        (
+            "elections",
+            format!(
+                "{} times a part of the swarm had no master",
+                elections.len()
+            ),
+        ),
+        ("led again", spread(|it| it.led_after_s)),
+        ("all agreed", spread(|it| it.settled_after_s)),
+    ]
 }
 
 /// When the swarm had lost its master, and who led how much later.

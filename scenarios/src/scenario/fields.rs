@@ -147,7 +147,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "protocol.succession",
         "\"elect\" or \"land\": what drones do whose master is silent",
     ),
-    ("protocol.parameters", "\"quiet\" or \"fast\""),
+    ("protocol.parameters", "\"quiet\", \"fast\" or \"lan\""),
     (
         "protocol.period_ms",
         "milliseconds, a whole number from 1 to 3600000",

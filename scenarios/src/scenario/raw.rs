@@ -293,6 +293,7 @@ pub(super) enum ParametersName {
     #[default]
     Quiet,
     Fast,
+    Lan,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -94,6 +94,8 @@ pub(crate) struct Change {
 #[derive(Debug, Clone)]
 pub(crate) struct Election {
     pub(crate) begun: Timestamp,
+    /// When somebody first led that was elected meanwhile.
+    pub(crate) led: Option<Timestamp>,
     pub(crate) settled: Option<(Timestamp, BTreeSet<NodeId>)>,
 }
 
@@ -269,6 +271,7 @@ impl Recorder {
             }
             (None, None) => self.elections.push(Election {
                 begun: now,
+                led: None,
                 settled: None,
             }),
             (Some(_), None) | (None, Some(_)) => {}
@@ -314,6 +317,10 @@ impl Recorder {
         match *event {
             mission::Event::State(state) => self.enters(now, id, state),
             mission::Event::Landing(reason) => self.record(id).reason = Some(reason),
+            mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == id => {
+                let open = self.elections.last_mut().filter(|it| it.settled.is_none());
+                open.map(|election| election.led.get_or_insert(now));
+            }
             _ => {}
         }
     }

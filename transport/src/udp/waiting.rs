@@ -42,12 +42,10 @@ impl Waiting {
 
     fn poll_ready(&self, context: &mut Context<'_>) -> Poll<io::Result<()>> {
         // All are asked, so that each wakes whoever waits.
-        let polled: Vec<_> = self
-            .sockets
-            .iter()
-            .map(|it| it.poll_recv_ready(context))
-            .collect();
-        let ready = polled.into_iter().find(Poll::is_ready);
-        ready.unwrap_or(Poll::Pending)
+        let asked = self.sockets.iter().map(|it| it.poll_recv_ready(context));
+        asked.fold(Poll::Pending, |first, polled| match first {
+            Poll::Ready(_) => first,
+            Poll::Pending => polled,
+        })
     }
 }

@@ -1,0 +1,127 @@
+//! How long processes are without a master whose own is killed: `cargo bench --bench elections`. Fifty kills of five
+//! processes, fifty of fifteen, in real time; and, where it is at hand, etcd tuned to 10 and 100 ms, in the same run.
+//! Takes a quarter of an hour.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "this is a program that prints a table"
+)]
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// How often etcd's leader is killed; as often as a scenario's.
+const KILLS: &str = "50";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!(
+        "Milliseconds from SIGKILL of the master\n\n{:<24}{:>7}{:>32}{:>32}",
+        "", "", "until another leads", "until all agree"
+    );
+    println!(
+        "{:<24}{:>7}{:>12}{:>10}{:>10}{:>12}{:>10}{:>10}",
+        "", "kills", "median", "99th", "most", "median", "99th", "most"
+    );
+    for processes in [5, 15] {
+        eprint!("\r  killing masters of {processes} processes …\x1b[K");
+        let (led, agreed) = elections(processes)?;
+        eprint!("\r\x1b[K");
+        row(&format!("{processes} processes, lan"), &led, &agreed);
+    }
+    match etcd() {
+        Ok((led, agreed)) => row("etcd, 3 nodes, 10/100", &led, &agreed),
+        Err(why) => println!("etcd is left out: {why}."),
+    }
+    println!(
+        "\nProcesses: a scenario's faults, late by up to 5 ms, which counts; as their logs say it. etcd: as its nodes tell \
+         when they are asked every 2 ms."
+    );
+    Ok(())
+}
+
+/// Of one kind of times: the median, the 99th percentile and the longest, and how many there are.
+struct Times {
+    count: usize,
+    ms: [f64; 3],
+}
+
+impl Times {
+    fn of_seconds(times: impl Iterator<Item = Option<f64>>) -> Option<Self> {
+        let mut times: Vec<f64> = times.collect::<Option<_>>()?;
+        times.sort_by(f64::total_cmp);
+        let last = times.len().checked_sub(1)?;
+        let percentile_ms = |percent: usize| times[last * percent / 100] * 1e3;
+        Some(Self {
+            count: times.len(),
+            ms: [50, 99, 100].map(percentile_ms),
+        })
+    }
+}
+
+fn row(name: &str, led: &Times, agreed: &Times) {
+    let [a, b, c] = led.ms;
+    let [d, e, f] = agreed.ms;
+    let count = led.count;
+    println!("{name:<24}{count:>7}{a:>12.1}{b:>10.1}{c:>10.1}{d:>12.1}{e:>10.1}{f:>10.1}");
+}
+
+/// What a flight of so many processes came to whose master is killed again and again.
+fn elections(processes: u32) -> Result<(Times, Times), Box<dyn Error>> {
+    let scenario = format!("scenarios/hardware/elections-{processes}.toml");
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("elections-{processes}"));
+    let run = Command::new(env!("CARGO_BIN_EXE_muster"))
+        .arg("swarm")
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(&scenario))
+        .args(["--json", "--out"])
+        .arg(&out)
+        .output()?;
+    if !run.status.success() {
+        let said = String::from_utf8_lossy(&run.stderr);
+        return Err(format!("{scenario} was not flown to its end: {said}").into());
+    }
+    let report: Value = serde_json::from_slice(&run.stdout)?;
+    let elections = report["elections"].as_array().ok_or("no elections")?;
+    let times = |field: &str| Times::of_seconds(elections.iter().map(|it| it[field].as_f64()));
+    let led = times("led_after_s").ok_or("a swarm was left without a master")?;
+    let agreed = times("settled_after_s").ok_or("a swarm did not agree")?;
+    Ok((led, agreed))
+}
+
+/// The same of etcd, by a program that is no part of this project.
+fn etcd() -> Result<(Times, Times), Box<dyn Error>> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/peers");
+    let folder = std::env::var_os("MUSTER_PEERS").map_or(beside, PathBuf::from);
+    let program = folder.join("etcd_kill.py");
+    if !program.is_file() {
+        return Err(format!("{} is not there", program.display()).into());
+    }
+    Command::new("etcd")
+        .arg("--version")
+        .output()
+        .map_err(|error| format!("etcd can't be run: {error}"))?;
+    eprint!("\r  killing etcd's leaders …\x1b[K");
+    let run = Command::new("python3")
+        .arg(program)
+        .args(["10", "100", KILLS])
+        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join("etcd"))
+        .output()?;
+    eprint!("\r\x1b[K");
+    let measured: Value = serde_json::from_slice(&run.stdout)
+        .map_err(|_| String::from_utf8_lossy(&run.stderr).into_owned())?;
+    let count = measured["kills"].as_u64().ok_or("no kills")?;
+    let times = |field: &str| -> Result<Times, Box<dyn Error>> {
+        let ms = ["p50", "p99", "max"].map(|it| measured[field][it].as_f64());
+        let [Some(p50), Some(p99), Some(max)] = ms else {
+            return Err("no times".into());
+        };
+        Ok(Times {
+            count: usize::try_from(count)?,
+            ms: [p50, p99, max],
+        })
+    };
+    Ok((times("new_leader_first")?, times("new_leader_both")?))
+}

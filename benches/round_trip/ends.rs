@@ -1,0 +1,272 @@
+//! Two drones that say the same to each other again and again, with all five actors of each, over UDP.
+
+use std::error::Error;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use muster_actors::{Drone, DroneConfig, Environment, Message};
+use muster_machines::cell::{Address, Blueprint, Checkpoints, Effect, Envelope, Reaction};
+use muster_machines::identity::{Ballot, NodeId, NodeSet, SwarmId};
+use muster_machines::machine::Stimulus;
+use muster_machines::radio::{self, Budget};
+use muster_machines::routing::{Packet, Tree};
+use muster_machines::supervision::Verdict;
+use muster_machines::time::Timestamp;
+use muster_machines::{routing, wire};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, Fleet, FleetKey, Roster};
+use muster_scenarios::scenario;
+use muster_transport::udp::{self, Reach, UdpTransport};
+use muster_transport::{Destination, Event, Transport};
+use tokio::sync::Notify;
+
+/// In bytes.
+pub(super) const PAYLOAD_LEN: usize = 64;
+/// With its header, at the most, and its signature.
+pub(super) const FRAME_LEN: usize = wire::HEADER_MAX + PAYLOAD_LEN + wire::AUTHENTICATOR_LEN;
+
+const IDS: [NodeId; 2] = [NodeId(0), NodeId(1)];
+
+/// One of the two.
+pub(super) struct End {
+    pub(super) id: NodeId,
+    pub(super) authenticator: Arc<Ed25519Authenticator>,
+    world: Arc<World>,
+    drone: Drone,
+}
+
+/// All that a drone's actors have.
+struct World {
+    id: NodeId,
+    peer: NodeId,
+    began: Instant,
+    transport: Mutex<UdpTransport>,
+    drone: OnceLock<Drone>,
+    payload: Vec<u8>,
+    ballot: Ballot,
+    /// Whether what comes is answered.
+    answers: bool,
+    /// The routing has taken a frame in.
+    taken_in: Notify,
+}
+
+impl End {
+    /// Two drones that have not flown; the second answers the first.
+    pub(super) async fn pair(folder: &Path) -> Result<[Self; 2], Box<dyn Error>> {
+        let fleet_folder = folder.join("fleet");
+        let fleet = Fleet::create(&fleet_folder)?;
+        let keys = IDS.map(|id| fleet.add_drone(id));
+        let held = IDS.map(|_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)));
+        let mut addresses = Vec::new();
+        for socket in held {
+            addresses.push(socket?.local_addr()?);
+        }
+        let mut ends = Vec::new();
+        for ((id, key), peer) in IDS.into_iter().zip(keys).zip([1, 0]) {
+            let (own, other) = (addresses[id.0 as usize], addresses[peer]);
+            let authenticator = authenticator(id, &key?, &fleet_folder)?;
+            ends.push(Self::open(id, authenticator, own, other).await?);
+        }
+        let [near, far] = <[Self; 2]>::try_from(ends).map_err(|_| "not two")?;
+        Ok([near, far])
+    }
+
+    async fn open(
+        id: NodeId,
+        authenticator: Arc<Ed25519Authenticator>,
+        own: SocketAddr,
+        other: SocketAddr,
+    ) -> Result<Self, Box<dyn Error>> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let path = root.join("scenarios/hardware/swarm-short.toml");
+        let scenario = scenario::load(&path, &[])?;
+        let blueprint = scenario.blueprint(SwarmId(1), id);
+        let config = udp::Config {
+            id,
+            bind: own,
+            reach: Reach::Peers(vec![other]),
+            interface: None,
+            datagram_max: wire::DATAGRAM_MAX,
+        };
+        let began = Instant::now();
+        let transport = UdpTransport::open(config, Arc::new(move || timestamp(began)))?;
+        let waiting = transport.waiting()?;
+        let peer = NodeId(1 - id.0);
+        let world = Arc::new(World {
+            id,
+            peer,
+            began,
+            transport: Mutex::new(transport),
+            drone: OnceLock::new(),
+            payload: payload(),
+            ballot: Ballot {
+                term: 1,
+                rank: 0,
+                master: IDS[0],
+            },
+            answers: id == IDS[1],
+            taken_in: Notify::new(),
+        });
+        let actors = DroneConfig {
+            blueprint: Blueprint {
+                authenticator: Arc::clone(&authenticator) as _,
+                radio: radio::Config {
+                    budget: Budget {
+                        interval: Duration::from_nanos(1),
+                        burst: 1_000,
+                    },
+                    ..blueprint.radio.clone()
+                },
+                ..blueprint
+            },
+            restarts: scenario.limits.restarts,
+            waiting_max: 1_000,
+        };
+        let environment = Arc::clone(&world) as _;
+        let drone = Drone::start(actors, environment).await?;
+        let _ = world.drone.set(drone.clone());
+        let listener = Arc::clone(&world);
+        tokio::spawn(async move {
+            while waiting.datagrams(|| listener.drain()).await.is_ok() {
+                tokio::task::yield_now().await;
+            }
+        });
+        Ok(Self {
+            id,
+            authenticator,
+            world,
+            drone,
+        })
+    }
+
+    /// Says something to the other, and waits until its answer was taken in.
+    pub(super) async fn round_trip(&mut self) {
+        self.world.speak();
+        self.world.taken_in.notified().await;
+    }
+
+    pub(super) async fn stop(self) {
+        self.drone.stop().await;
+    }
+}
+
+impl World {
+    fn transport(&self) -> MutexGuard<'_, UdpTransport> {
+        self.transport.lock().expect("nobody panics meanwhile")
+    }
+
+    /// Lets the radio say it.
+    fn speak(&self) {
+        self.cast(Envelope::Radio(radio::Input::Send {
+            to: Some(self.peer),
+            ballot: self.ballot,
+            payload: self.payload.clone(),
+            keep_alive: false,
+        }));
+    }
+
+    fn cast(&self, envelope: Envelope) {
+        if let Some(drone) = self.drone.get() {
+            let address = envelope.address();
+            let message = Message::Step(Stimulus::Input(envelope));
+            let cast = drone.book().cast(address, message);
+            cast.expect("its actors run and have little to do");
+        }
+    }
+
+    /// Takes in what has come; whether that was all.
+    fn drain(&self) -> bool {
+        loop {
+            let event = self.transport().poll_event();
+            match event {
+                Some(Event::Arrival(arrival)) => {
+                    self.cast(Envelope::Radio(radio::Input::Received {
+                        datagram: arrival.datagram,
+                        source: arrival.source,
+                    }));
+                }
+                Some(Event::Outcome(_)) => {}
+                None => return true,
+            }
+        }
+    }
+}
+
+impl Environment for World {
+    fn now(&self) -> Timestamp {
+        timestamp(self.began)
+    }
+
+    fn seed(&self) -> u64 {
+        1
+    }
+
+    fn checkpoints(&self) -> Checkpoints {
+        Checkpoints::default()
+    }
+
+    /// What the routing would say by itself is left out: it would be measured, too.
+    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
+        for effect in reaction.effects.drain(..) {
+            match effect {
+                Effect::Send { to, frame, .. } => {
+                    let to = to.map_or(Destination::Broadcast, Destination::To);
+                    let sent = self.transport().send(Timestamp::ZERO, self.id, to, &frame);
+                    sent.expect("it is a frame of its own");
+                }
+                Effect::Locate { sender, source } => self.transport().learn(sender, source),
+                Effect::Post(envelope @ Envelope::Routing(routing::Input::Heard { .. })) => {
+                    self.cast(envelope);
+                }
+                _ => {}
+            }
+        }
+        if from == Address::Routing && self.drone.get().is_some() {
+            if self.answers {
+                self.speak();
+            } else {
+                self.taken_in.notify_one();
+            }
+        }
+    }
+
+    fn failed(&self, address: Address, _verdict: Verdict) {
+        unreachable!("nothing makes the {address} actor fail");
+    }
+
+    fn starting(&self, _address: Address) {}
+}
+
+fn timestamp(began: Instant) -> Timestamp {
+    Timestamp::ZERO + began.elapsed()
+}
+
+/// What a drone of policy `tree` says, of 64 bytes: an order makes it as long as that.
+fn payload() -> Vec<u8> {
+    let with_order = |len: usize| {
+        let own = NodeSet::from(0..1);
+        wire::encode_packet(&Packet::Tree(Tree {
+            alive: own.clone(),
+            acknowledged: own,
+            order: Some(Bytes::from(vec![0; len])),
+            ..Tree::default()
+        }))
+    };
+    let mut lengths = (1..PAYLOAD_LEN).map(with_order);
+    let payload = lengths.find(|payload| payload.len() == PAYLOAD_LEN);
+    payload.expect("a byte more of an order is a byte more")
+}
+
+fn authenticator(
+    id: NodeId,
+    key: &Path,
+    folder: &Path,
+) -> Result<Arc<Ed25519Authenticator>, Box<dyn Error>> {
+    let fleet = FleetKey::load(&folder.join("fleet.pub"))?;
+    let roster = Roster::load(&folder.join("roster.toml"), &fleet)?;
+    let expelled = Expelled::load(&folder.join("expelled.toml"), &fleet)?;
+    let authenticator = Ed25519Authenticator::new(id, DroneKey::load(key)?, roster, expelled)?;
+    Ok(Arc::new(authenticator))
+}
