@@ -1,40 +1,30 @@
 //! How a process is tied to whoever started it: it ends when its standard input does, and reads there whom it does not
-//! hear, so that machines on one network hear each other as if they were spread out.
+//! hear, so that machines on one network hear each other as if they were spread out, and what its vehicle is doing, if
+//! that has gone on without it.
 
 use std::collections::BTreeMap;
 
 use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_scenarios::VehicleState;
 use serde::{Deserialize, Serialize};
 
-/// The chance that a frame of each other drone's is not let in, 0 to 1; of those that are not there, none is lost.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub(crate) struct Losses {
-    losses: BTreeMap<u32, f64>,
+/// What a starter lets a process know, a line each.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Word {
+    /// Whom it does not hear from now on.
+    Losses(Losses),
+    /// What its vehicle is doing, whatever the process has told it; times count from `epoch`, by the process's clock.
+    Vehicle {
+        /// When the flight began.
+        epoch: Timestamp,
+        /// What it is doing.
+        state: Box<VehicleState>,
+    },
 }
 
-impl Losses {
-    /// Of these.
-    pub(crate) fn of(losses: impl Iterator<Item = (NodeId, f64)>) -> Self {
-        let losses = losses.filter(|(_, loss)| *loss > 0.0);
-        Self {
-            losses: losses.map(|(id, loss)| (id.0, loss)).collect(),
-        }
-    }
-
-    /// The chance for a frame of this drone's.
-    pub(crate) fn from(&self, id: NodeId) -> f64 {
-        self.losses.get(&id.0).copied().unwrap_or_default()
-    }
-
-    /// Whether some chance differs by more than `step`, or is none or certain in one of the two only.
-    pub(crate) fn differs(&self, other: &Self, step: f64) -> bool {
-        let mut ids = self.losses.keys().chain(other.losses.keys());
-        ids.any(|id| {
-            let (a, b) = (self.from(NodeId(*id)), other.from(NodeId(*id)));
-            (a - b).abs() > step || (a >= 1.0) != (b >= 1.0) || (a > 0.0) != (b > 0.0)
-        })
-    }
-
+impl Word {
     /// As a line for a process.
     pub(crate) fn line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("numbers have a form in JSON");
@@ -48,6 +38,33 @@ impl Losses {
     }
 }
 
+/// The chance that a frame of each other drone's is not let in, 0 to 1; of those that are not there, none is lost.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(crate) struct Losses(BTreeMap<u32, f64>);
+
+impl Losses {
+    /// Of these.
+    pub(crate) fn of(losses: impl Iterator<Item = (NodeId, f64)>) -> Self {
+        let losses = losses.filter(|(_, loss)| *loss > 0.0);
+        Self(losses.map(|(id, loss)| (id.0, loss)).collect())
+    }
+
+    /// The chance for a frame of this drone's.
+    pub(crate) fn from(&self, id: NodeId) -> f64 {
+        self.0.get(&id.0).copied().unwrap_or_default()
+    }
+
+    /// Whether some chance differs by more than `step`, or is none or certain in one of the two only.
+    pub(crate) fn differs(&self, other: &Self, step: f64) -> bool {
+        let mut ids = self.0.keys().chain(other.0.keys());
+        ids.any(|id| {
+            let (a, b) = (self.from(NodeId(*id)), other.from(NodeId(*id)));
+            (a - b).abs() > step || (a >= 1.0) != (b >= 1.0) || (a > 0.0) != (b > 0.0)
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -57,8 +74,9 @@ mod tests {
         let losses =
             |pairs: &[(u32, f64)]| Losses::of(pairs.iter().map(|(id, it)| (NodeId(*id), *it)));
         let some = losses(&[(1, 0.25), (2, 1.0), (3, 0.0)]);
-        assert_eq!(Losses::read(&some.line()), Some(some.clone()));
-        assert_eq!(Losses::read("off"), None);
+        let read = Word::read(&Word::Losses(some.clone()).line());
+        assert!(matches!(read, Some(Word::Losses(losses)) if losses == some));
+        assert!(Word::read("off").is_none());
         assert!((some.from(NodeId(1)) - 0.25).abs() < 1e-12);
         assert!(some.from(NodeId(3)).abs() < 1e-12);
         assert!(!some.differs(&losses(&[(1, 0.255), (2, 1.0)]), 0.01));

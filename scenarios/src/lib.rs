@@ -14,7 +14,7 @@ pub mod twin;
 mod vehicle;
 mod world;
 
-pub use vehicle::Craft;
+pub use vehicle::{Craft, VehicleState};
 
 /// The examples of the page for contributors.
 #[cfg(doctest)]

@@ -14,7 +14,9 @@ use muster_machines::time::Timestamp;
 
 use crate::engine::Progress;
 use crate::report::{Flight, Report, summary};
-use crate::scenario::{Fault, FaultKind, Mishap, Scenario};
+use crate::scenario::Scenario;
+use crate::scenario::{Fault, FaultKind, Mishap};
+use crate::vehicle::VehicleState;
 pub use crate::world::Standing;
 use crate::world::World;
 
@@ -42,6 +44,8 @@ pub enum Said {
         /// Let in.
         let_in: u64,
     },
+    /// Its process has started, and its actors are about to be built.
+    Started,
     /// Its process has ended.
     Ended,
 }
@@ -69,6 +73,7 @@ impl Twin {
         match said {
             Said::Seen(seen) => self.world.was_seen(at, drone, seen),
             Said::Commanded(demand) => self.world.was_commanded(at, drone, demand),
+            Said::Started => self.world.process_started(at, drone),
             Said::Ended => self.world.process_ended(at, drone),
             Said::Talked {
                 news,
@@ -90,6 +95,17 @@ impl Twin {
     #[must_use]
     pub fn process(&self, drone: NodeId) -> Standing {
         self.world.process(drone)
+    }
+
+    /// Whether a drone's vehicle does something else than its process told it, which hung meanwhile; told once.
+    pub fn is_overruled(&mut self, drone: NodeId) -> bool {
+        self.world.is_overruled(drone)
+    }
+
+    /// What a drone's vehicle is doing, for a process that is started again or was overruled.
+    #[must_use]
+    pub fn vehicle(&self, drone: NodeId) -> VehicleState {
+        self.world.vehicle(drone)
     }
 
     /// The chance that a frame from one drone would not reach another where they are, 0 to 1.
@@ -129,22 +145,15 @@ impl Twin {
 
 /// Why a fault can't befall a process whose vehicle is simulated in it; nothing if it can.
 #[must_use]
-pub fn refuses(fault: &Fault, scenario: &Scenario) -> Option<&'static str> {
+pub fn refuses(fault: &Fault) -> Option<&'static str> {
     let FaultKind::Drone(_, mishap) = fault.kind else {
         return match fault.kind {
             FaultKind::Tamper(_) => Some("nobody tampers with frames between processes"),
             FaultKind::Drone(..) | FaultKind::Links(..) | FaultKind::Jam { .. } => None,
         };
     };
-    let most = scenario.limits.controller.min(scenario.limits.watchdog);
     match mishap {
-        Mishap::Kill => None,
-        Mishap::Hang(None) if fault.lasts.is_some_and(|lasts| lasts < most) => None,
-        Mishap::Hang(None) => Some(
-            "a process that hangs for longer than its service manager or the flight controller waits is ended, and its \
-             simulated vehicle with it",
-        ),
-        Mishap::Restart => Some("a simulated vehicle ends with its process"),
+        Mishap::Kill | Mishap::Restart | Mishap::Hang(None) => None,
         Mishap::CrashActor(_) => Some("no actor of a process can be made to fail"),
         Mishap::Hang(Some(_)) => Some("no actor of a process can be made to hang"),
         Mishap::CrashAircraft | Mishap::Drain(_) | Mishap::LoseGps => {
@@ -215,6 +224,13 @@ mod tests {
     #[test]
     fn a_twin_kills_and_judges_as_the_simulation_does() {
         for name in ["kill-at-waypoint.toml", "cut-in-two.toml"] {
+            compare(&scenario(name, &[]));
+        }
+    }
+
+    #[test]
+    fn a_twin_follows_processes_that_start_again() {
+        for name in ["returning-drone.toml", "hardware/swarm-restart.toml"] {
             compare(&scenario(name, &[]));
         }
     }

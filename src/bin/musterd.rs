@@ -29,8 +29,11 @@ struct Arguments {
     /// End when standard input does, and read there whom the drone does not hear, as `muster swarm` writes it.
     #[arg(long)]
     tied: bool,
+    /// Go on with a simulated vehicle that has flown on without this process, as standard input's first line has it.
+    #[arg(long, requires = "tied", conflicts_with = "fly")]
+    resume: bool,
     /// Check the drone's file and all that it names, and fly nothing.
-    #[arg(long, conflicts_with_all = ["fly", "tied"])]
+    #[arg(long, conflicts_with_all = ["fly", "tied", "resume"])]
     check: bool,
 }
 
@@ -51,6 +54,7 @@ fn main() -> ExitCode {
     let start = Start {
         fly: arguments.fly,
         tied: arguments.tied,
+        resume: arguments.resume,
     };
     match daemon::run(config, start) {
         Ok(Ended::Well) => ExitCode::SUCCESS,

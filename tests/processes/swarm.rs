@@ -84,6 +84,28 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
 }
 
 #[test]
+fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("flight");
+    let run = swarm("hardware/swarm-restart.toml", &out)
+        .arg("--json")
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{run:?}");
+    assert_eq!(processes_of(&out), [""; 0]);
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["violations"], Value::Array(Vec::new()));
+    assert_eq!(report["mission_completed"], true);
+    for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
+        assert_eq!(drone["state"], "finished", "drone {id}");
+        assert_eq!(drone["waypoints"], 3, "drone {id}");
+        let lives = fs::read_to_string(out.join(format!("drones/drone-{id}/log.jsonl"))).unwrap();
+        let lives = lives.lines().filter(|line| line.contains("\"starts\""));
+        assert_eq!(lives.count(), if [0, 2].contains(&id) { 2 } else { 1 });
+    }
+}
+
+#[test]
 fn no_process_outlives_whoever_started_it() {
     let folder = tempfile::tempdir().unwrap();
     for signal in ["KILL", "INT"] {
@@ -116,7 +138,7 @@ fn what_processes_can_not_do_is_refused_by_name() {
     refused("two-swarms.toml", "processes fly one swarm");
     refused("follow-by-hand.toml", "a simulated pilot or operator");
     refused("hung-mission.toml", "no actor of a process can be made to");
-    refused("returning-drone.toml", "fault 2 can't befall a process");
+    refused("failsafe-gps.toml", "a vehicle that is simulated in a process");
     assert!(!folder.path().join("out").exists());
     // Nor is anything removed that is not of a flight.
     let own = folder.path().join("out/drones/own.txt");

@@ -26,7 +26,8 @@ use self::tasks::Rereading;
 use crate::clock::Clock;
 use crate::config::DroneConfig;
 use crate::log::{self, Format};
-use crate::swarm::READY;
+use crate::swarm::{READY, STARTS};
+use crate::tether::Word;
 
 /// How long a drone that is done goes on listening and repeating its last words.
 const LAST_WORDS: Duration = Duration::from_millis(500);
@@ -62,6 +63,9 @@ pub enum DaemonError {
     /// What keeps the drone's time, or listens for it, failed in the middle of its flight.
     #[error("the drone has no time or no ears any more")]
     Task(#[source] JoinError),
+    /// It was to go on with a vehicle, and was not told with which.
+    #[error("standard input does not begin with what the vehicle is doing")]
+    NoVehicle,
     /// An actor could not be started.
     #[error("an actor could not be started")]
     Spawn(#[from] Box<ractor::SpawnErr>),
@@ -76,6 +80,8 @@ pub struct Start {
     /// Whether the process ends when its standard input does, and reads there, as [`crate::swarm`] writes it, whom it does
     /// not hear. Only a drone whose vehicle is simulated can be tied.
     pub tied: bool,
+    /// Whether a tied process goes on with a vehicle that has flown on without it, which it is told first.
+    pub resume: bool,
 }
 
 /// Flies a drone until it is on the ground for good.
@@ -102,15 +108,25 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
     let life = checkpoints.boot();
-    tracing::info!(drone = config.id.0, life, address = %transport.address(), "starts");
+    let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
+    tracing::info!(drone, at_ns, life, address = %transport.address(), "{STARTS}");
+    let mut craft = (config.scenario.craft(config.id, clock.now().as_nanos()))
+        .expect("the configuration has a number of the scenario's");
+    let mut tether = start.tied.then(tasks::tether);
+    if let Some(tether) = tether.as_mut().filter(|_| start.resume) {
+        match tether.recv().await {
+            Some(Word::Vehicle { epoch, state }) => craft.resume(*state, epoch, clock.now()),
+            Some(Word::Losses(_)) => return Err(DaemonError::NoVehicle),
+            None => return Ok(Ended::Abandoned),
+        }
+    }
     let process = Process::new(Parts {
         id: config.id,
         clock,
         checkpoints,
         journal,
         transport,
-        craft: (config.scenario.craft(config.id, clock.now().as_nanos()))
-            .expect("the configuration has a number of the scenario's"),
+        craft,
         for_programs: config.log == Format::Json,
     });
     if process.state().is_done() {
@@ -141,8 +157,8 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     }
     service::ready();
     tracing::info!("{READY}");
-    if start.tied {
-        tokio::spawn(tasks::heed(tasks::tether(), Arc::clone(&process)));
+    if let Some(tether) = tether {
+        tokio::spawn(tasks::heed(tether, Arc::clone(&process)));
     }
     if start.fly {
         begin_to_fly(&process, life);

@@ -9,7 +9,7 @@ use muster_machines::msp::{self, Demand, Telemetry};
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
 use muster_runtime::journal::{Folder, Journal};
-use muster_scenarios::Craft;
+use muster_scenarios::{Craft, VehicleState};
 use muster_transport::udp::UdpTransport;
 use muster_transport::{Destination, Event, Transport};
 use rand::{RngExt, SeedableRng};
@@ -39,6 +39,8 @@ pub(super) struct State {
     restarts: Vec<(Timestamp, Address)>,
     /// When those who keep time wake.
     wakes: Option<Timestamp>,
+    /// How many datagrams were taken in.
+    taken_in: u64,
     counts: Counts,
     talk: Talk,
     /// Whose frames are not let in, as if they were out of range.
@@ -104,6 +106,7 @@ impl State {
             seats: [Seat::default(); 5],
             restarts: Vec::new(),
             wakes: None,
+            taken_in: 0,
             counts: Counts::default(),
             talk: Talk::default(),
             losses: Losses::default(),
@@ -280,6 +283,13 @@ impl State {
         self.losses = losses;
     }
 
+    /// The vehicle does something else than it was told.
+    pub(super) fn overrule(&mut self, now: Timestamp, state: VehicleState, epoch: Timestamp) {
+        self.craft.resume(state, epoch, now);
+        let telemetry = self.craft.obey(now, Demand::Report);
+        self.tell(telemetry);
+    }
+
     /// Whether a datagram is one of those that would not have got here.
     fn is_lost(&mut self, datagram: &[u8]) -> bool {
         let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
@@ -304,12 +314,20 @@ impl State {
         }
     }
 
+    /// Takes in datagrams; whether there were any.
+    pub(super) fn drain_some(&mut self) -> bool {
+        let before = self.taken_in;
+        self.drain();
+        self.taken_in != before
+    }
+
     /// Takes in datagrams; whether there are no more for now.
     pub(super) fn drain(&mut self) -> bool {
         for _ in 0..DRAIN_MAX {
             let Some(event) = self.transport.poll_event() else {
                 return true;
             };
+            self.taken_in = self.taken_in.wrapping_add(1);
             let input = match event {
                 Event::Arrival(arrival) if self.is_lost(&arrival.datagram) => {
                     self.counts.out_of_range += 1;

@@ -15,11 +15,16 @@ use super::process::Process;
 use super::service;
 use crate::config::reread;
 use crate::log::Volume;
-use crate::tether::Losses;
+use crate::tether::Word;
 
 /// Wakes whoever waits for a time.
 pub(super) async fn keep_time(process: Arc<Process>) {
     loop {
+        // What has come in counts before anybody finds that nothing came: a process that was kept from running is no
+        // sign that others are silent. Whatever it wakes has run by then.
+        if process.state().drain_some() {
+            tokio::task::yield_now().await;
+        }
         let now = process.clock.now();
         let next = process.state().wake(now);
         process.look_round();
@@ -61,13 +66,13 @@ pub(super) async fn end_on(mut signal: Signal, process: Arc<Process>) {
 }
 
 /// What comes of standard input, by which the process is tied to whoever started it.
-pub(super) fn tether() -> mpsc::UnboundedReceiver<Losses> {
+pub(super) fn tether() -> mpsc::UnboundedReceiver<Word> {
     let (sender, receiver) = mpsc::unbounded_channel();
     // Nothing can end a thread that reads, but the end of the process.
     std::thread::spawn(move || {
         for line in io::stdin().lines().map_while(Result::ok) {
-            match Losses::read(&line) {
-                Some(losses) => drop(sender.send(losses)),
+            match Word::read(&line) {
+                Some(word) => drop(sender.send(word)),
                 None => tracing::warn!("standard input has a line that is none of a starter's"),
             }
         }
@@ -76,9 +81,14 @@ pub(super) fn tether() -> mpsc::UnboundedReceiver<Losses> {
 }
 
 /// Does as whoever started the process says; once that is gone, so is the process.
-pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Losses>, process: Arc<Process>) {
-    while let Some(losses) = tether.recv().await {
-        process.state().lose(losses);
+pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc<Process>) {
+    while let Some(word) = tether.recv().await {
+        let now = process.clock.now();
+        match word {
+            Word::Losses(losses) => process.state().lose(losses),
+            Word::Vehicle { epoch, state } => process.state().overrule(now, *state, epoch),
+        }
+        process.look_round();
     }
     tracing::warn!(
         "whoever started this process is gone: it ends, and its simulated vehicle with it"

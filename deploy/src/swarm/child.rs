@@ -1,6 +1,6 @@
 //! The process of one drone, as whoever started it holds it: it ends with its starter.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::Path;
 use std::process::Stdio;
@@ -15,6 +15,7 @@ use tokio::sync::mpsc::{self, UnboundedSender};
 use super::SwarmError;
 use super::folder::DroneFolder;
 use super::said::{Spoken, read};
+use crate::tether::Word;
 
 /// How many words to a process may wait that does not read them, as one that is stopped.
 const WAITING_MAX: usize = 64;
@@ -28,10 +29,23 @@ pub(super) enum News {
     Ended(NodeId),
 }
 
+/// As what a process begins.
+#[derive(Debug)]
+pub(super) enum Begin {
+    /// As a drone that waits on the ground.
+    Waiting,
+    /// As the drone that leads, which is told to fly.
+    Leading,
+    /// As a drone whose process was ended, with what its vehicle is doing.
+    Again(Word),
+}
+
 /// A drone's process.
 #[derive(Debug)]
 pub(super) struct DroneProcess {
     pid: Option<Pid>,
+    /// Whether the plan ended it.
+    was_ended: bool,
     words: mpsc::Sender<String>,
     standing: Standing,
     is_ready: bool,
@@ -46,13 +60,15 @@ impl DroneProcess {
     pub(super) fn start(
         musterd: &Path,
         folder: &DroneFolder,
-        fly: bool,
+        begin: Begin,
         news: &UnboundedSender<News>,
     ) -> Result<Self, SwarmError> {
         let mut command = Command::new(musterd);
         command.arg("--config").arg(&folder.config).arg("--tied");
-        if fly {
-            command.arg("--fly");
+        match begin {
+            Begin::Waiting => {}
+            Begin::Leading => drop(command.arg("--fly")),
+            Begin::Again(_) => drop(command.arg("--resume")),
         }
         // What is typed at the terminal is for the starter, which ends the drones in its own way.
         let started = command
@@ -66,7 +82,12 @@ impl DroneProcess {
             program: musterd.to_owned(),
             source,
         })?;
-        let log = File::create(&folder.log).map_err(|source| SwarmError::Write {
+        let mut kept = OpenOptions::new();
+        match begin {
+            Begin::Waiting | Begin::Leading => kept.create(true).write(true).truncate(true),
+            Begin::Again(_) => kept.append(true),
+        };
+        let log = (kept.open(&folder.log)).map_err(|source| SwarmError::Write {
             path: folder.log.clone(),
             source,
         })?;
@@ -77,8 +98,13 @@ impl DroneProcess {
         }
         let stderr = child.stderr.take();
         tokio::spawn(listen(folder.id, child, stderr, log, news.clone()));
+        if let Begin::Again(word) = begin {
+            // There is room for the first one.
+            let _ = words.try_send(word.line());
+        }
         Ok(Self {
             pid,
+            was_ended: false,
             words,
             standing: Standing::Runs,
             is_ready: false,
@@ -95,22 +121,30 @@ impl DroneProcess {
         self.is_ready
     }
 
-    /// Makes the process be as it is to be.
-    pub(super) fn be(&mut self, standing: Standing) {
+    /// Makes the process be as it is to be, as long as it is there; whether it goes on after a hang.
+    pub(super) fn be(&mut self, standing: Standing) -> bool {
         if self.standing == standing || self.standing == Standing::Ended {
-            return;
+            return false;
         }
+        let goes_on = self.standing == Standing::Hangs && standing == Standing::Runs;
+        self.was_ended = standing == Standing::Ended;
         self.signal(match standing {
             Standing::Runs => Signal::CONT,
             Standing::Hangs => Signal::STOP,
             Standing::Ended => Signal::KILL,
         });
         self.standing = standing;
+        goes_on
     }
 
     /// Lets the process know something, unless it has too much to read already; whether it will know.
-    pub(super) fn tell(&self, words: String) -> bool {
-        self.words.try_send(words).is_ok()
+    pub(super) fn tell(&self, word: &Word) -> bool {
+        self.words.try_send(word.line()).is_ok()
+    }
+
+    /// Whether the plan ended it, and the system is done with it.
+    pub(super) const fn can_start_again(&self) -> bool {
+        self.was_ended && self.pid.is_none()
     }
 
     /// It has ended: nothing is sent to whoever has its number now.

@@ -11,17 +11,17 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
 
-use super::child::{DroneProcess, News};
+use super::child::{Begin, DroneProcess, News};
 use super::folder::DroneFolder;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use crate::clock::Clock;
-use crate::tether::Losses;
+use crate::tether::{Losses, Word};
 
 /// How far the twin is behind the clock.
 const BEHIND: Duration = Duration::from_millis(50);
 /// How often the twin goes on.
-const TICK: Duration = Duration::from_millis(10);
+const TICK: Duration = Duration::from_millis(5);
 /// How long processes may take to end by themselves, once their drones are down.
 const END_MAX: Duration = Duration::from_secs(3);
 /// By how much a chance to be lost must have changed for a process to be told.
@@ -44,7 +44,7 @@ pub(super) async fn fly(
             _ = interrupt.recv() => return Err(SwarmError::Interrupted),
             news = swarm.news.recv() => swarm.hear(news),
             _ = ticks.tick() => {
-                swarm.go_on();
+                swarm.go_on()?;
                 if let Some(watcher) = &mut watcher {
                     watcher(swarm.twin.progress());
                 }
@@ -64,9 +64,10 @@ fn ends() -> std::io::Result<[Signal; 2]> {
 }
 
 /// A flight under way.
-struct Swarm {
+struct Swarm<'a> {
+    request: &'a Request<'a>,
+    drones: &'a [DroneFolder],
     twin: Twin,
-    emulates_radio: bool,
     processes: BTreeMap<NodeId, DroneProcess>,
     news: UnboundedReceiver<News>,
     /// Held so that there may always be news.
@@ -82,13 +83,17 @@ struct Swarm {
     twin_is_at: Timestamp,
 }
 
-impl Swarm {
+impl<'a> Swarm<'a> {
     /// Starts all processes, the one that leads last; it is told to fly.
-    async fn start(request: &Request<'_>, drones: &[DroneFolder]) -> Result<Self, SwarmError> {
+    async fn start(
+        request: &'a Request<'a>,
+        drones: &'a [DroneFolder],
+    ) -> Result<Self, SwarmError> {
         let (sender, news) = mpsc::unbounded_channel();
         let mut swarm = Self {
             twin: Twin::new(request.scenario, BEHIND),
-            emulates_radio: request.emulates_radio,
+            request,
+            drones,
             processes: BTreeMap::new(),
             news,
             sender,
@@ -101,31 +106,35 @@ impl Swarm {
         };
         let leader = request.scenario.centre();
         for folder in drones.iter().filter(|it| it.id != leader) {
-            swarm.add(request, folder, false)?;
+            swarm.add(folder, Begin::Waiting)?;
         }
         swarm.wait_until_ready().await?;
         swarm.clock = Clock::start();
         for folder in drones.iter().filter(|it| it.id == leader) {
-            swarm.add(request, folder, true)?;
+            swarm.add(folder, Begin::Leading)?;
         }
         swarm.wait_until_ready().await?;
         Ok(swarm)
     }
 
     /// Starts a drone's process, which is told at once whom it does not hear.
-    fn add(
-        &mut self,
-        request: &Request<'_>,
-        folder: &DroneFolder,
-        fly: bool,
-    ) -> Result<(), SwarmError> {
-        let process = DroneProcess::start(request.musterd, folder, fly, &self.sender)?;
+    fn add(&mut self, folder: &DroneFolder, begin: Begin) -> Result<(), SwarmError> {
+        let process = DroneProcess::start(self.request.musterd, folder, begin, &self.sender)?;
         self.processes.insert(folder.id, process);
+        self.told.remove(&folder.id);
         self.losses_as_of = None;
-        if self.emulates_radio {
+        if self.request.emulates_radio {
             self.tell_losses();
         }
         Ok(())
+    }
+
+    /// What a drone's vehicle is doing, for its process.
+    fn vehicle(&self, drone: NodeId) -> Word {
+        Word::Vehicle {
+            epoch: self.clock.started(),
+            state: Box::new(self.twin.vehicle(drone)),
+        }
     }
 
     /// Waits until all that were started say that they are there.
@@ -191,7 +200,10 @@ impl Swarm {
     }
 
     /// Lets the twin go on, and the processes be as it says.
-    fn go_on(&mut self) {
+    ///
+    /// # Errors
+    /// When a process can't be started again.
+    fn go_on(&mut self) -> Result<(), SwarmError> {
         let until = Timestamp::ZERO + self.lasted().saturating_sub(BEHIND);
         // Not all at once, should the machine have stood still: what befalls a process is done before the twin is there.
         while self.twin_is_at < until {
@@ -204,13 +216,29 @@ impl Swarm {
             }
             self.twin.advance(now);
             self.twin_is_at = now;
-            for (id, process) in &mut self.processes {
-                process.be(self.twin.process(*id));
-            }
+            self.let_processes_be()?;
         }
-        if self.emulates_radio {
+        if self.request.emulates_radio {
             self.tell_losses();
         }
+        Ok(())
+    }
+
+    fn let_processes_be(&mut self) -> Result<(), SwarmError> {
+        for folder in self.drones {
+            let id = folder.id;
+            let standing = self.twin.process(id);
+            let Some(process) = self.processes.get_mut(&id) else {
+                continue;
+            };
+            if process.be(standing) && self.twin.is_overruled(id) {
+                let vehicle = self.vehicle(id);
+                self.processes[&id].tell(&vehicle);
+            } else if standing == Standing::Runs && process.can_start_again() {
+                self.add(folder, Begin::Again(self.vehicle(id)))?;
+            }
+        }
+        Ok(())
     }
 
     /// Lets each process know whom it does not hear, if that has changed.
@@ -231,7 +259,7 @@ impl Swarm {
             if known.is_some_and(|known| !known.differs(&losses, LOSS_STEP)) {
                 continue;
             }
-            if process.tell(losses.line()) {
+            if process.tell(&Word::Losses(losses.clone())) {
                 self.told.insert(*to, losses);
             } else {
                 are_all_told &= process.is_ended();

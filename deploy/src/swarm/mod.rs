@@ -22,7 +22,7 @@ use muster_scenarios::scenario::Scenario;
 use muster_scenarios::twin;
 use thiserror::Error;
 
-pub(crate) use self::said::READY;
+pub(crate) use self::said::{READY, STARTS};
 
 /// What is to be flown, and with what.
 #[derive(Debug)]
@@ -128,7 +128,7 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
         );
     }
     let unmade = (1..).zip(&scenario.faults);
-    let mut unmade = unmade.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault, scenario)?)));
+    let mut unmade = unmade.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault)?)));
     match unmade.next() {
         Some((nth, why)) => refuse(format!("fault {nth} can't befall a process: {why}")),
         None => Ok(()),

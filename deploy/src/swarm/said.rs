@@ -32,6 +32,9 @@ pub(super) enum Spoken {
 /// The message with which a process says that its drone is there.
 pub(crate) const READY: &str = "ready";
 
+/// The message with which it says that its actors are about to be built.
+pub(crate) const STARTS: &str = "starts";
+
 /// What a line says; a line that is none of a drone's log is for people.
 pub(super) fn read(line: &str) -> Spoken {
     let Ok(said) = serde_json::from_str::<Line>(line) else {
@@ -46,6 +49,9 @@ pub(super) fn read(line: &str) -> Spoken {
 
 impl Line {
     fn of_drone(&self) -> Option<Said> {
+        if self.message == STARTS {
+            return Some(Said::Started);
+        }
         if let Some(seen) = &self.seen {
             return Some(Said::Seen(serde_json::from_str::<Observation>(seen).ok()?));
         }
@@ -86,6 +92,8 @@ mod tests {
         };
         assert_eq!(read(talked), Spoken::Of(at, said));
         assert_eq!(read(r#"{"message":"ready"}"#), Spoken::Ready);
+        let starts = r#"{"message":"starts","at_ns":17,"life":2}"#;
+        assert_eq!(read(starts), Spoken::Of(at, Said::Started));
         for words in ["thread panicked", r#"{"message":"thread panicked"}"#] {
             assert_eq!(read(words), Spoken::Words("thread panicked".to_owned()));
         }

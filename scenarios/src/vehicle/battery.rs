@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use muster_machines::time::Timestamp;
+use serde::{Deserialize, Serialize};
 
 /// How many times a full battery says of itself that there is less in it: each hundredth.
 const STEPS: f64 = 100.0;
@@ -8,7 +9,7 @@ const STEPS: f64 = 100.0;
 const ROUNDING: Duration = Duration::from_micros(1);
 
 /// A battery in closed form: it drains evenly from when it is first drawn from.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Battery {
     /// How long a full one lasts; it does not drain by itself without.
     endurance: Option<Duration>,

@@ -6,14 +6,21 @@ use muster_machines::msp::{Demand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use super::Vehicle;
+
+/// What a vehicle in closed form is doing, for whoever goes on with it: times count from the start of the flight.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct VehicleState(pub(crate) Vehicle);
 
 /// One vehicle in closed form, with what it does by itself: it comes to rest, and its battery drains. It owns no clock:
 /// whoever runs it says what time it is, and wakes it when it asks for that.
 #[derive(Debug)]
 pub struct Craft {
     vehicle: Vehicle,
+    /// When the vehicle's time began.
+    epoch: Timestamp,
     /// How long it takes at most to come to rest at the end of a leg.
     settle: Duration,
     rng: ChaCha8Rng,
@@ -29,6 +36,7 @@ impl Craft {
     pub(crate) fn new(vehicle: Vehicle, settle: Duration, seed: u64) -> Self {
         Self {
             vehicle,
+            epoch: Timestamp::ZERO,
             settle,
             rng: ChaCha8Rng::seed_from_u64(seed),
             rests_at: None,
@@ -36,8 +44,22 @@ impl Craft {
         }
     }
 
+    /// Goes on with what another was doing, whose flight began at `epoch`; what it was doing itself is forgotten.
+    pub fn resume(&mut self, state: VehicleState, epoch: Timestamp, now: Timestamp) {
+        (self.vehicle, self.epoch) = (state.0, epoch);
+        let now = self.own_time(now);
+        self.rests_at = self.vehicle.motion().end_time();
+        self.drained_at = self.vehicle.battery().next_step(now);
+    }
+
+    /// By the vehicle's time.
+    const fn own_time(&self, at: Timestamp) -> Timestamp {
+        Timestamp::from_nanos(at.as_nanos().saturating_sub(self.epoch.as_nanos()))
+    }
+
     /// Obeys a demand; what it says of itself then, unless it moves and says so at the end.
     pub fn obey(&mut self, now: Timestamp, demand: Demand) -> Option<Telemetry> {
+        let now = self.own_time(now);
         let was_armed = self.vehicle.is_armed();
         let moves = self.vehicle.obey(now, demand);
         if self.vehicle.is_armed() && !was_armed {
@@ -57,11 +79,13 @@ impl Craft {
     /// When [`Self::handle_timeout`] is to be called next.
     #[must_use]
     pub fn next_timeout(&self) -> Option<Timestamp> {
-        self.rests_at.into_iter().chain(self.drained_at).min()
+        let next = self.rests_at.into_iter().chain(self.drained_at).min();
+        next.map(|at| self.epoch + at.since(Timestamp::ZERO))
     }
 
     /// Does what is due; what it says of itself if anything was. With an empty battery it comes down on the spot.
     pub fn handle_timeout(&mut self, now: Timestamp) -> Option<Telemetry> {
+        let (at, now) = (now, self.own_time(now));
         let is_due = |at: &mut Option<Timestamp>| at.take_if(|at| *at <= now).is_some();
         let rests = is_due(&mut self.rests_at);
         let drains = is_due(&mut self.drained_at);
@@ -71,7 +95,7 @@ impl Craft {
         if drains && self.vehicle.is_armed() {
             self.drained_at = self.vehicle.battery().next_step(now);
             if self.vehicle.battery().charge(now) <= 0.0 {
-                self.obey(now, Demand::Land);
+                self.obey(at, Demand::Land);
             }
         }
         (rests || drains).then(|| self.vehicle.telemetry(now))
@@ -155,5 +179,22 @@ mod tests {
         assert!(charges.is_sorted_by(|a, b| a >= b), "{charges:?}");
         assert!(said.iter().any(|it| it.landing));
         assert!(!craft.is_armed());
+    }
+
+    #[test]
+    fn whoever_goes_on_with_it_flies_the_same_way_by_a_clock_of_its_own() {
+        let mut first = craft(Some(Duration::from_secs(100)));
+        first.obey(Timestamp::ZERO, Demand::Arm);
+        first.obey(Timestamp::ZERO, leg(10.0));
+        let written = serde_json::to_string(&VehicleState(first.vehicle.clone())).unwrap();
+        let state = serde_json::from_str(&written).unwrap();
+        let epoch = Timestamp::from_secs_f64(1_000.0);
+        let mut second = craft(None);
+        second.resume(state, epoch, epoch + Duration::from_secs(1));
+        let (up_at, said) = run_out(&mut first);
+        let (also_at, also_said) = run_out(&mut second);
+        assert_eq!(also_at.since(epoch), up_at.since(Timestamp::ZERO));
+        assert_eq!(also_said.last(), said.last());
+        assert!(!second.is_armed() && said.len() > 1);
     }
 }

@@ -10,13 +10,14 @@ use std::time::Duration;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::msp::{Demand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
+use serde::{Deserialize, Serialize};
 
 use self::battery::Battery;
-pub use craft::Craft;
+pub use craft::{Craft, VehicleState};
 pub(crate) use motion::{Motion, Piece};
 
 /// How a vehicle comes down by itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Landing {
     /// Downwards, in m/s, as far as the final height.
     pub descent_mps: f64,
@@ -32,7 +33,7 @@ pub struct Landing {
 const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 
 /// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Vehicle {
     /// From where its drone reckons.
     home: Ned,

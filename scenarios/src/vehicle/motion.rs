@@ -3,21 +3,39 @@ use std::time::Duration;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Standard gravity, in m/s².
 const GRAVITY_MPS2: f64 = 9.806_65;
 
+/// How a vector is written down: its three numbers.
+mod vector {
+    use nalgebra::Vector3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(it: &Vector3<f64>, to: S) -> Result<S::Ok, S::Error> {
+        <[f64; 3]>::from(*it).serialize(to)
+    }
+
+    pub(super) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Vector3<f64>, D::Error> {
+        <[f64; 3]>::deserialize(from).map(Vector3::from)
+    }
+}
+
 /// A motion under constant acceleration.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Piece {
     /// When it begins.
     pub(crate) start: Timestamp,
     /// When it ends.
     pub(crate) end: Timestamp,
+    #[serde(with = "vector")]
     from: Vector3<f64>,
     /// At the start, in m/s.
+    #[serde(with = "vector")]
     velocity: Vector3<f64>,
     /// In m/s².
+    #[serde(with = "vector")]
     acceleration: Vector3<f64>,
 }
 
@@ -51,8 +69,9 @@ impl Piece {
 }
 
 /// Where a vehicle was and will be: pieces one after the other, at rest before, between and after.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Motion {
+    #[serde(with = "vector")]
     start: Vector3<f64>,
     /// The acceleration of the leg that is flown, in m/s², with which it can brake.
     pub(super) braking_mps2: f64,

@@ -12,6 +12,7 @@ use muster_machines::time::Timestamp;
 use super::{Envelope, Planned, World};
 use crate::checkers::Violation;
 use crate::scenario::{Mishap, Scenario};
+use crate::vehicle::VehicleState;
 
 /// How a drone's process is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,12 +47,12 @@ impl World {
                 break;
             };
             self.now = self.now.max(at);
-            if let Some(task) = self.happen(planned)
-                && matches!(task.what, super::What::Boot)
-            {
-                for address in Address::ALL {
-                    self.starting(task.drone, address);
-                }
+            if let Planned::Boot { drone, life } = planned {
+                // It is there once it says so.
+                let is_awaited = self.drone(drone).lives == life;
+                self.booting.extend(is_awaited.then_some(drone));
+            } else {
+                self.happen(planned);
             }
         }
         self.now = self.now.max(now);
@@ -80,13 +81,25 @@ impl World {
         self.effect(drone, Effect::Observe(seen));
     }
 
+    /// A drone's process has started, again if that was foreseen: its actors are about to be built.
+    pub(crate) fn process_started(&mut self, at: Timestamp, drone: NodeId) {
+        self.advance(at);
+        let life = self.drone(drone).lives;
+        if self.booting.remove(&drone) && self.boot(drone, life).is_some() {
+            for address in Address::ALL {
+                self.starting(drone, address);
+            }
+        }
+    }
+
     /// A drone's process has ended. That of one that is down has done what it was there for; any other that was not ended
     /// by the plan has failed.
     pub(crate) fn process_ended(&mut self, at: Timestamp, drone: NodeId) {
         self.advance(at);
         let is_done = self.recorder(drone).state(drone) == State::Finished;
         let is_foreseen = self.foreseen.contains_key(&drone);
-        if self.drones[drone.0 as usize].runs && !is_done && !is_foreseen {
+        let is_there = self.drones[drone.0 as usize].runs || self.booting.remove(&drone);
+        if is_there && !is_done && !is_foreseen {
             self.find(Some(Violation {
                 rule: 9,
                 at: self.now,
@@ -144,10 +157,20 @@ impl World {
         }
         let state = &self.drones[drone.0 as usize];
         match () {
-            () if !state.runs => Standing::Ended,
+            () if !state.runs && !self.booting.contains(&drone) => Standing::Ended,
             () if state.is_hung(Address::Radio) => Standing::Hangs,
             () => Standing::Runs,
         }
+    }
+
+    /// Whether a drone's vehicle does something else than its process told it, which hung meanwhile; told once.
+    pub(crate) fn is_overruled(&mut self, drone: NodeId) -> bool {
+        self.overruled.remove(&drone)
+    }
+
+    /// What a drone's vehicle is doing.
+    pub(crate) fn vehicle(&self, drone: NodeId) -> VehicleState {
+        VehicleState(self.vehicles[drone.0 as usize].clone())
     }
 
     /// The chance that a frame from one drone is not to be let in by another, 0 to 1.

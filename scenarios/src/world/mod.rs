@@ -226,6 +226,10 @@ pub(crate) struct World {
     behind: Option<Duration>,
     /// How processes elsewhere are about to be.
     foreseen: BTreeMap<NodeId, Standing>,
+    /// Whose processes elsewhere are being started again.
+    booting: BTreeSet<NodeId>,
+    /// Whose vehicles were brought down by their flight controllers while their processes elsewhere hang.
+    overruled: BTreeSet<NodeId>,
     election: ElectionChecker,
     admission: AdmissionChecker,
     obedience: ObedienceChecker,
@@ -305,6 +309,8 @@ impl World {
             checks: !scenario.unchecked,
             behind: None,
             foreseen: BTreeMap::new(),
+            booting: BTreeSet::new(),
+            overruled: BTreeSet::new(),
             election: ElectionChecker::new(nodes as usize),
             admission: AdmissionChecker::default(),
             obedience: ObedienceChecker::default(),

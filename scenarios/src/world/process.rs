@@ -67,12 +67,16 @@ impl World {
 
     /// A flight controller has not heard of its drone's process for too long, and brings the aircraft down.
     pub(super) fn forsaken(&mut self, drone: NodeId, by: Silence) {
+        let runs = self.drone(drone).runs || self.booting.contains(&drone);
         let state = self.drone(drone);
         let is_silent = match by {
-            Silence::End { life } => state.lives == life && !state.runs,
+            Silence::End { life } => state.lives == life && !runs,
             Silence::Hang(hang) => state.is_held_by(hang),
         };
         if is_silent {
+            if matches!(by, Silence::Hang(_)) && self.behind.is_some() {
+                self.overruled.insert(drone);
+            }
             self.command(drone, Demand::Land);
         }
     }
@@ -84,6 +88,9 @@ impl World {
         }
         self.standings += 1;
         self.drone(drone).begin();
+        #[cfg(test)]
+        self.said
+            .push((self.now, drone, crate::twin::Said::Started));
         self.recorder(drone).rebooted(drone);
         self.arming.boots(drone);
         Some(Task {
