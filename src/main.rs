@@ -6,6 +6,7 @@ mod check;
 mod completions;
 mod keys;
 mod sim;
+mod status;
 mod swarm;
 mod terminal;
 mod thesis;
@@ -47,6 +48,7 @@ enum Command {
     Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
     Swarm(swarm::Arguments),
+    Status(status::Arguments),
     Check(check::Arguments),
     Keys(keys::Arguments),
     Completions(completions::Arguments),
@@ -84,6 +86,8 @@ enum Failure {
     Write(#[from] WriteError),
     #[error("no flight")]
     Swarm(#[source] Box<SwarmError>),
+    #[error("{0} of {1} drones do not answer")]
+    NoAnswer(usize, usize),
     #[error("no keys")]
     Keys(#[source] KeysError),
     /// What was just written can't be read back.
@@ -122,6 +126,7 @@ fn main() -> ExitCode {
         Command::Chaos(arguments) => chaos::run(&arguments),
         Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Swarm(arguments) => swarm::run(&arguments),
+        Command::Status(arguments) => status::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),

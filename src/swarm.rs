@@ -63,6 +63,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         folder: &out.join("drones"),
         emulates_radio: !arguments.unlimited_range,
     };
+    // On a terminal only.
+    bar.println(format!(
+        "muster status {} --watch shows each drone meanwhile",
+        out.display()
+    ));
     let flown = swarm::fly(&request, Some(&mut watcher));
     bar.finish_and_clear();
     let (report, flight) = flown?;

@@ -70,6 +70,19 @@ impl AddressBook {
             .map_err(|_| Refused::Down(address))
     }
 
+    /// How many messages may wait for any actor.
+    #[must_use]
+    pub const fn waiting_max(&self) -> usize {
+        self.waiting_max
+    }
+
+    /// How many messages wait for an actor; nothing for one that is not running.
+    #[must_use]
+    pub fn waiting(&self, address: Address) -> Option<usize> {
+        let entry = self.entry(address);
+        Some(entry.as_ref()?.waiting.load(Ordering::Relaxed))
+    }
+
     /// Enters an actor in the place of the one before; `waiting` is what it takes one from for each message.
     pub(crate) fn enter(
         &self,

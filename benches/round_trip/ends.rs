@@ -267,6 +267,7 @@ fn authenticator(
     let fleet = FleetKey::load(&folder.join("fleet.pub"))?;
     let roster = Roster::load(&folder.join("roster.toml"), &fleet)?;
     let expelled = Expelled::load(&folder.join("expelled.toml"), &fleet)?;
-    let authenticator = Ed25519Authenticator::new(id, DroneKey::load(key)?, roster, expelled)?;
+    let authenticator =
+        Ed25519Authenticator::new(id, DroneKey::load(key)?, fleet, roster, expelled)?;
     Ok(Arc::new(authenticator))
 }

@@ -5,5 +5,6 @@ mod clock;
 pub mod config;
 pub mod daemon;
 pub mod log;
+pub mod status;
 pub mod swarm;
 mod tether;

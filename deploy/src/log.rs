@@ -2,6 +2,7 @@
 
 use std::io::{self, IsTerminal};
 
+use tracing_appender::non_blocking::{ErrorCounter, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::filter::{LevelFilter, filter_fn};
 use tracing_subscriber::fmt;
 use tracing_subscriber::layer::SubscriberExt;
@@ -32,14 +33,47 @@ impl Volume {
     }
 }
 
-/// Begins to say things, for the whole process. Does nothing but return a volume where somebody else has begun before.
+/// How many lines may wait to be read; some hundred bytes each.
+const WAITING_MAX: usize = 4_096;
+
+/// How many lines were lost because nobody read them.
+#[derive(Debug, Clone)]
+pub struct Lost(ErrorCounter);
+
+impl Lost {
+    /// So many until now.
+    #[must_use]
+    pub fn lines(&self) -> u64 {
+        self.0.dropped_lines() as u64
+    }
+}
+
+/// A process's log. What was said last is still written when this value goes, for a second at most.
+#[derive(Debug)]
+pub struct Log {
+    /// Changes how much is said.
+    pub volume: Volume,
+    /// What was said to nobody.
+    pub lost: Lost,
+    _worker: WorkerGuard,
+}
+
+/// Begins to say things, for the whole process. Whoever says something does not wait for whoever reads it: lines wait for a
+/// thread of their own to write them, and those for which there is no room are counted. Where somebody else has begun
+/// before, nothing is said by this log.
 #[must_use]
-pub fn start(format: Format, level: Level) -> Volume {
+pub fn start(format: Format, level: Level) -> Log {
     let (filter, handle) = reload::Layer::new(level);
     // Which actor of the library's it was that said something is of no use to anybody.
     let events = filter_fn(|said| said.is_event());
     let registry = tracing_subscriber::registry().with(filter).with(events);
-    let lines = fmt::layer().with_writer(io::stderr).with_target(false);
+    let (writer, worker) = NonBlockingBuilder::default()
+        .buffered_lines_limit(WAITING_MAX)
+        .lossy(true)
+        .thread_name("log")
+        .finish(io::stderr());
+    let lost = Lost(writer.error_counter());
+    let lines = fmt::layer().with_writer(writer).with_target(false);
     let begun = match format {
         Format::Human => {
             let wants_colour = std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
@@ -54,5 +88,9 @@ pub fn start(format: Format, level: Level) -> Volume {
     };
     // Tests begin more than once.
     let _ = begun;
-    Volume(handle)
+    Log {
+        volume: Volume(handle),
+        lost,
+        _worker: worker,
+    }
 }

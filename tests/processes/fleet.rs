@@ -1,8 +1,8 @@
 //! A fleet's folder, its drones' files and their processes.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::net::{Ipv4Addr, UdpSocket};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver};
@@ -26,7 +26,7 @@ pub(crate) const MASTER: u32 = 2;
 pub(crate) struct Fleet {
     folder: TempDir,
     /// Held so that no other test gets it; the drones' addresses are made of it.
-    _port: UdpSocket,
+    port: UdpSocket,
 }
 
 impl Fleet {
@@ -34,10 +34,7 @@ impl Fleet {
         let folder = tempfile::tempdir().unwrap();
         let port = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let number = port.local_addr().unwrap().port();
-        let fleet = Self {
-            folder,
-            _port: port,
-        };
+        let fleet = Self { folder, port };
         fleet.keys(&["fleet", "ours"]);
         fleet.keys(&["drone", "ours", "0", "1", "2", "3", "4"]);
         for id in 0..5 {
@@ -71,9 +68,31 @@ impl Fleet {
         assert!(run.status.success(), "{run:?}");
     }
 
-    pub(crate) fn start(&self, id: u32, arguments: &[&str]) -> Process {
+    /// The address and port of a drone.
+    pub(crate) fn address(&self, id: u32) -> String {
+        address(self.port.local_addr().unwrap().port(), id)
+    }
+
+    /// Gives each drone a list of the expelled of its own, as it is now; where that of a drone is.
+    pub(crate) fn divide_lists(&self) -> impl Fn(u32) -> PathBuf {
+        let path = |id| format!("expelled-{id}.toml");
+        for id in 0..5 {
+            fs::copy(self.path("ours/expelled.toml"), self.path(&path(id))).unwrap();
+            replace(&self.file(id), "ours/expelled.toml", &path(id));
+        }
+        let folder = self.folder.path().to_owned();
+        move |id| folder.join(path(id))
+    }
+
+    pub(crate) fn command(&self, id: u32) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
-        command.arg("--config").arg(self.file(id)).args(arguments);
+        command.arg("--config").arg(self.file(id));
+        command
+    }
+
+    pub(crate) fn start(&self, id: u32, arguments: &[&str]) -> Process {
+        let mut command = self.command(id);
+        command.args(arguments);
         Process::start(id, command)
     }
 
@@ -84,6 +103,46 @@ impl Fleet {
         command.args(["-c", script, env!("CARGO_BIN_EXE_musterd")]);
         command.arg(self.file(id));
         Process::start(id, command)
+    }
+
+    /// Asks a drone for one of its pages; the code and the text of the answer.
+    pub(crate) fn ask(&self, id: u32, page: &str) -> (u16, String) {
+        let mut stream = TcpStream::connect(self.address(id)).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        write!(stream, "GET {page} HTTP/1.1\r\nHost: drone\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        let code = answer.split(' ').nth(1).unwrap().parse().unwrap();
+        let (_, text) = answer.split_once("\r\n\r\n").unwrap();
+        (code, text.to_owned())
+    }
+
+    /// What a drone tells of itself.
+    pub(crate) fn status(&self, id: u32) -> Value {
+        let (code, text) = self.ask(id, "/status");
+        assert_eq!(code, 200, "{text}");
+        serde_json::from_str(&text).unwrap()
+    }
+
+    /// Asks a drone until what it tells of itself is as is said.
+    pub(crate) fn wait_for_status(
+        &self,
+        id: u32,
+        what: &str,
+        is_it: impl Fn(&Value) -> bool,
+    ) -> Value {
+        let began = Instant::now();
+        loop {
+            let status = self.status(id);
+            if is_it(&status) {
+                return status;
+            }
+            assert!(
+                began.elapsed() < PATIENCE,
+                "drone {id} is never {what}: {status:#}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     /// All five, in the order of their numbers; the one that leads is told to fly.
@@ -118,6 +177,9 @@ expelled = "ours/expelled.toml"
 [udp]
 bind = "{bind}"
 peers = {peers:?}
+
+[observe]
+http = "{bind}"
 "#
     )
 }
@@ -168,6 +230,20 @@ impl Process {
         panic!("drone {} never says {what}: {:#?}", self.id, self.said);
     }
 
+    /// Waits until the process says something of this kind once more than so many times.
+    pub(crate) fn wait_for_more(
+        &mut self,
+        times: usize,
+        what: &str,
+        is_it: impl Fn(&Value) -> bool,
+    ) {
+        let seen = std::cell::Cell::new(0);
+        self.wait_for(what, |line| {
+            seen.set(seen.get() + usize::from(is_it(line)));
+            seen.get() > times
+        });
+    }
+
     /// Waits until its mission is seen to do something, as in `{"State":"TakingOff"}`.
     pub(crate) fn wait_for_mission(&mut self, event: &Value) {
         self.wait_for(&event.to_string(), |line| {
@@ -196,6 +272,13 @@ impl Process {
             }
         }
         panic!("drone {} does not end: {:#?}", self.id, self.said);
+    }
+
+    /// So much of its memory as the system tells, in KiB: `VmRSS` now, `VmHWM` at the most until now.
+    pub(crate) fn memory_kib(&self, what: &str) -> u64 {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status.lines().find(|line| line.starts_with(what)).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
     /// All that its mission was seen to do.

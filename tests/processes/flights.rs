@@ -96,6 +96,11 @@ fn drones_that_are_called_down_or_expelled_or_can_not_write_come_down_and_the_ot
         drones[id].wait_for("that it read its files again", |line| line["number"] == 2);
     }
 
+    drones[1].wait_for("that it can't write", |line| line["level"] == "ERROR");
+    let (code, said) = fleet.ask(1, "/health");
+    assert_eq!(code, 503);
+    assert!(said.contains("the journal can't be written"), "{said}");
+
     let codes: Vec<_> = drones.iter_mut().map(Process::end).collect();
     assert_eq!(codes, [0, 1, 0, 0, 0].map(Some));
     for (id, reason) in (0..).zip([

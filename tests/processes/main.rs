@@ -6,8 +6,12 @@
 /// What is named so flies in real time: it mostly waits, so that `.ci/run` lets it run beside all else.
 #[path = "."]
 mod real_time {
+    mod attack;
     mod fleet;
     mod flights;
+    mod hostile;
+    mod identity;
+    mod observe;
     mod refusals;
     mod service;
     mod swarm;

@@ -64,6 +64,13 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
             "reaches no IPv6 address",
         ),
         ("[udp]", "[tcp]", "unknown field `tcp`"),
+        ("http = \"", "http = \"x", "`observe.http` is an address"),
+        ("http =", "port =", "unknown field `port`"),
+        (
+            "http = \"127.",
+            "http = \"127.0.0.1:0\" # \"127.",
+            "port 0 is any",
+        ),
     ] {
         let file = fleet.file(0);
         let before = std::fs::read_to_string(&file).unwrap();
@@ -94,4 +101,17 @@ fn an_expelled_drone_does_not_start() {
     let (code, said) = check(&fleet, 3, "--check");
     assert_eq!(code, Some(2));
     assert!(said.contains("drone 3 was expelled"), "{said}");
+}
+
+#[test]
+fn a_list_of_the_expelled_that_was_kept_and_can_not_be_read_is_not_passed_over() {
+    let fleet = Fleet::new();
+    std::fs::create_dir(fleet.path("journal-3")).unwrap();
+    std::fs::write(fleet.path("journal-3/expelled.toml"), "number = 7").unwrap();
+    let (code, said) = check(&fleet, 3, "--check");
+    assert_eq!(code, Some(2));
+    assert!(
+        said.contains("a list of the expelled has `number`"),
+        "{said}"
+    );
 }

@@ -113,6 +113,13 @@ fn no_process_outlives_whoever_started_it() {
         let mut command = swarm("hardware/swarm-short.toml", &out);
         let mut starter = command.stderr(Stdio::null()).spawn().unwrap();
         wait_until("all five are up", || processes_of(&out).len() == 5);
+        wait_until("all five answer", || {
+            let mut status = Command::new(env!("CARGO_BIN_EXE_muster"));
+            let asked = status.arg("status").arg(&out).output().unwrap();
+            let table = String::from_utf8(asked.stdout).unwrap();
+            // Two lines of headings and one below them.
+            table.lines().count() >= 8 && asked.status.success()
+        });
         let sent = Command::new("kill")
             .arg(format!("-{signal}"))
             .arg(starter.id().to_string())
@@ -138,7 +145,10 @@ fn what_processes_can_not_do_is_refused_by_name() {
     refused("two-swarms.toml", "processes fly one swarm");
     refused("follow-by-hand.toml", "a simulated pilot or operator");
     refused("hung-mission.toml", "no actor of a process can be made to");
-    refused("failsafe-gps.toml", "a vehicle that is simulated in a process");
+    refused(
+        "failsafe-gps.toml",
+        "a vehicle that is simulated in a process",
+    );
     assert!(!folder.path().join("out").exists());
     // Nor is anything removed that is not of a flight.
     let own = folder.path().join("out/drones/own.txt");

@@ -87,7 +87,8 @@ pub struct Arrival {
     pub to: NodeId,
     /// What.
     pub datagram: Bytes,
-    /// From where, on a network whose drones have addresses; good for [`Transport::learn`] soon after.
+    /// From where, on a network whose drones have addresses; good for [`Transport::learn`] soon after. What comes from where
+    /// a drone was found by that has one name, as long as it is to be found there.
     pub source: Option<Source>,
 }
 

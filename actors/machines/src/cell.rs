@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use crate::identity::NodeId;
+use crate::identity::{Ballot, NodeId};
 use crate::machine::{Machine, Said, Stimulus, step};
 use crate::radio::{Authenticator, Radio};
 use crate::time::Timestamp;
@@ -207,6 +207,19 @@ impl Checkpoints {
         }
     }
 
+    /// Whom the drone obeys, if anybody: a relay as its routing has it, for its mission is told nothing.
+    #[must_use]
+    pub fn ballot(&self) -> Option<Ballot> {
+        let obeyed = self.mission.as_ref().and_then(|it| it.obeyed.ballot());
+        obeyed.or_else(|| self.routing.as_ref()?.ballot())
+    }
+
+    /// What the drone is doing.
+    #[must_use]
+    pub fn state(&self) -> mission::State {
+        (self.mission.as_ref()).map_or(mission::State::default(), |it| it.state)
+    }
+
     /// Which life of the drone's process this is, from 1.
     #[must_use]
     pub const fn boot(&self) -> u32 {
@@ -295,6 +308,7 @@ impl Blueprint {
                 Arc::clone(&self.authenticator),
                 checkpoints.boot,
                 checkpoints.radio,
+                seed,
             ))),
             Address::Routing => Cell::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),

@@ -44,6 +44,8 @@ pub enum Flaw {
     ObeysOneWayNeighbours,
     /// Frames of a sender's earlier lives are let in.
     AcceptsEarlierLives,
+    /// A radio that was started anew lets frames in of senders that have not signed its nonce.
+    BelievesTheUnproven,
     /// Of two ballots of masters that were elected the worse one wins.
     TurnsToWorseBallots,
     /// A master that was elected opens again the waypoint that the swarm is at.

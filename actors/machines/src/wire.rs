@@ -12,6 +12,8 @@
 //! postcard numbers the variants of an enum by position, so enums on the wire grow at the end only; golden bytes
 //! in the tests hold them to it.
 
+mod kind;
+mod radio;
 mod reader;
 mod tree;
 mod writer;
@@ -21,6 +23,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use self::kind::PacketKind;
+pub use self::radio::{decode_radio_packet, encode_radio_packet};
 use self::reader::Reader;
 pub use self::tree::{Runs, TreeFrame, TreeFront};
 use self::writer::Writer;
@@ -54,7 +58,7 @@ pub struct Header {
     pub boot: u32,
     /// Rises with each frame of a life.
     pub counter: u64,
-    /// Whom the sender obeys.
+    /// Whom the sender obeys; of what its radio says by itself, nobody.
     pub ballot: Ballot,
 }
 
@@ -155,7 +159,8 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
 #[error("not a payload of this version")]
 pub struct PayloadError;
 
-/// What packets begin with, by their kind; as postcard numbers the variants of an enum.
+/// What packets of the routing begin with, by their kind; as postcard numbers the variants of an enum. The numbers from 4 on
+/// are the radio's.
 const HELLO: u8 = 0;
 const HOP_UPDATE: u8 = 1;
 const FLOOD: u8 = 2;

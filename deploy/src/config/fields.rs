@@ -80,4 +80,12 @@ pub(super) const FIELDS: &Fields = &[
         "udp.interface",
         "the name of a network interface, as in \"wlan0\"",
     ),
+    (
+        "observe",
+        "a table with `http`, where whoever is to know is told what the drone is doing; nobody is without",
+    ),
+    (
+        "observe.http",
+        "an address of this machine's and a port, as in \"127.0.0.1:9100\"; whoever reaches it can ask",
+    ),
 ];

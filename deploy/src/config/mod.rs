@@ -21,6 +21,9 @@ use self::fields::FIELDS;
 use self::raw::{LevelName, LogName, Raw, StageName, TransportName, Udp, VehicleName};
 use crate::log::{Format, Level};
 
+/// What the newest list of the expelled is kept in that a drone has taken, in its journal's folder.
+const KEPT_LIST: &str = "expelled.toml";
+
 /// The most peers of a drone.
 const PEERS_MAX: usize = 1_000;
 
@@ -48,6 +51,8 @@ pub struct DroneConfig {
     pub(crate) journal: PathBuf,
     pub(crate) log: Format,
     pub(crate) level: Level,
+    /// Where it is asked what it is doing, if anywhere.
+    pub(crate) observed_at: Option<SocketAddr>,
 }
 
 /// What is read again while a drone flies.
@@ -83,8 +88,14 @@ impl DroneConfig {
                 LogName::Json => Format::Json,
             },
             level: raw.log_level.into(),
+            observed_at: file.observed_at()?,
             scenario,
         })
+    }
+
+    /// Where it keeps the newest list of the expelled that it has taken, for its next life.
+    pub(crate) fn kept_list(&self) -> PathBuf {
+        self.journal.join(KEPT_LIST)
     }
 
     /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
@@ -93,12 +104,17 @@ impl DroneConfig {
         self.id == self.scenario.centre()
     }
 
+    /// Whether it flies no mission and only passes on.
+    pub(crate) fn is_relay(&self) -> bool {
+        self.id.0 >= self.scenario.layout.formation().drones()
+    }
+
     /// What it is, in a few words.
     #[must_use]
     pub fn description(&self) -> String {
         let part = match () {
             () if self.leads() => ", which leads",
-            () if self.id.0 >= self.scenario.layout.formation().drones() => ", a relay",
+            () if self.is_relay() => ", a relay",
             () => "",
         };
         format!("number {}{part}: {}", self.id, self.scenario.description())
@@ -115,6 +131,21 @@ pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> 
         level: file.raw.log_level.into(),
         expelled: Expelled::load(&file.beside(&file.raw.keys.expelled), fleet)?,
     })
+}
+
+/// Which drone a file is of, and where it is asked what it is doing; nothing else of the file is looked into.
+///
+/// # Errors
+/// As [`DroneConfig::load`], and when the drone tells nobody.
+pub(crate) fn observed(path: &Path) -> Result<(NodeId, SocketAddr), BadInput> {
+    let file = File::read(path)?;
+    let id = NodeId(*file.raw.id.get_ref());
+    file.observed_at()?
+        .map(|address| (id, address))
+        .ok_or_else(|| {
+            let message = "this drone tells nobody what it does: its file has no table `[observe]`";
+            file.error(file.raw.id.span(), message)
+        })
 }
 
 impl From<LevelName> for Level {
@@ -187,6 +218,17 @@ impl<'a> File<'a> {
         Ok(())
     }
 
+    fn observed_at(&self) -> Result<Option<SocketAddr>, BadInput> {
+        let Some(observe) = &self.raw.observe else {
+            return Ok(None);
+        };
+        if observe.http.get_ref().port() == 0 {
+            let message = "port 0 is any, and whoever asks must know which";
+            return Err(self.error(observe.http.span(), message));
+        }
+        Ok(Some(*observe.http.get_ref()))
+    }
+
     fn swarm(&self) -> Result<SwarmId, BadInput> {
         match &self.raw.swarm {
             None => Ok(Scenario::FIRST_SWARM),
@@ -205,10 +247,25 @@ impl<'a> File<'a> {
         let keys = &self.raw.keys;
         let fleet = self.fleet()?;
         let roster = Roster::load(&self.beside(&keys.roster), &fleet)?;
-        let expelled = Expelled::load(&self.beside(&keys.expelled), &fleet)?;
+        let expelled = self.expelled(&fleet)?;
         let key = DroneKey::load(&self.beside(keys.drone.get_ref()))?;
-        Ed25519Authenticator::new(id, key, roster, expelled)
+        Ed25519Authenticator::new(id, key, fleet, roster, expelled)
             .map_err(|error| self.error(keys.drone.span(), &error.to_string()))
+    }
+
+    /// The newer one of the list that the file names and the one that was kept.
+    fn expelled(&self, fleet: &FleetKey) -> Result<Expelled, BadInput> {
+        let named = Expelled::load(&self.beside(&self.raw.keys.expelled), fleet)?;
+        let path = self.beside(&self.raw.journal).join(KEPT_LIST);
+        if let Ok(false) = path.try_exists() {
+            return Ok(named);
+        }
+        let kept = Expelled::load(&path, fleet)?;
+        Ok(if kept.number() > named.number() {
+            kept
+        } else {
+            named
+        })
     }
 
     fn udp(&self, id: NodeId) -> Result<udp::Config, BadInput> {

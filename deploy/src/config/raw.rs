@@ -22,6 +22,7 @@ pub(super) struct Raw {
     pub(super) log_level: LevelName,
     pub(super) keys: Keys,
     pub(super) udp: Option<Spanned<Udp>>,
+    pub(super) observe: Option<Observe>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -83,4 +84,10 @@ pub(super) struct Udp {
     pub(super) broadcast: Option<Spanned<SocketAddrV4>>,
     pub(super) peers: Option<Spanned<Vec<SocketAddr>>>,
     pub(super) interface: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[observe]`")]
+pub(super) struct Observe {
+    pub(super) http: Spanned<SocketAddr>,
 }

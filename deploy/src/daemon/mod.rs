@@ -4,23 +4,28 @@
 //! last is on the disk before the frame that rests on it leaves.
 
 mod counts;
+mod endpoint;
+mod metrics;
 mod process;
 mod service;
 mod state;
 mod tasks;
 
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::cell::{Blueprint, Envelope};
 use muster_machines::mission::{self, LandingReason};
+use muster_machines::radio;
 use muster_runtime::journal::{Folder, FolderError, Journal};
 use muster_transport::udp::{OpenError, UdpTransport};
 use thiserror::Error;
 use tokio::task::{JoinError, JoinSet};
 
+use self::endpoint::Endpoint;
 use self::process::{Parts, Process};
 use self::tasks::Rereading;
 use crate::clock::Clock;
@@ -57,6 +62,15 @@ pub enum DaemonError {
     /// Its end of the network can't be opened.
     #[error("no network")]
     Network(#[from] OpenError),
+    /// It can't be asked where its file says.
+    #[error("can't be asked at {address}")]
+    Endpoint {
+        /// As configured.
+        address: SocketAddr,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
     /// The asynchronous runtime does not start, or does not watch sockets or signals.
     #[error("no runtime for the actors")]
     Runtime(#[source] io::Error),
@@ -97,13 +111,20 @@ pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
 }
 
 async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
-    let volume = log::start(config.log, config.level);
+    let log = log::start(config.log, config.level);
     let clock = Clock::start();
     // A life of the journal's begins last: one that could not even start uses up none.
     let folder = Folder::open(&config.journal)?;
     let now = Arc::new(move || clock.now());
     let transport = UdpTransport::open(config.udp.clone(), now)?;
     let waiting = transport.waiting().map_err(DaemonError::Runtime)?;
+    let endpoint = match config.observed_at {
+        Some(address) => Some(
+            (Endpoint::open(address).await)
+                .map_err(|source| DaemonError::Endpoint { address, source })?,
+        ),
+        None => None,
+    };
     let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
@@ -122,12 +143,17 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     }
     let process = Process::new(Parts {
         id: config.id,
+        swarm: config.swarm,
+        is_relay: config.is_relay(),
         clock,
         checkpoints,
         journal,
         transport,
+        authenticator: Arc::clone(&config.authenticator),
+        kept_list: config.kept_list(),
         craft,
         for_programs: config.log == Format::Json,
+        lines_lost: log.lost.clone(),
     });
     if process.state().is_done() {
         tracing::warn!(
@@ -147,13 +173,15 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let rereading = Rereading {
         signal: hang_up,
         path: config.path.clone(),
-        volume,
+        volume: log.volume.clone(),
         authenticator: Arc::clone(&config.authenticator),
         fleet: config.fleet,
     };
     tokio::spawn(tasks::reread_on(rereading, Arc::clone(&process)));
-    if let Some(period) = sd_notify::watchdog_enabled() {
-        tokio::spawn(tasks::watch(Arc::clone(&process), period));
+    let watchdog = sd_notify::watchdog_enabled();
+    tokio::spawn(tasks::watch(Arc::clone(&process), watchdog));
+    if let Some(endpoint) = endpoint {
+        tokio::spawn(endpoint.answer(Arc::clone(&process)));
     }
     service::ready();
     tracing::info!("{READY}");
@@ -191,10 +219,16 @@ async fn failure_of(tasks: &mut JoinSet<()>) -> JoinError {
 
 async fn start_actors(config: &DroneConfig, process: &Arc<Process>) -> Result<Drone, DaemonError> {
     let scenario = &config.scenario;
+    let simulated = scenario.blueprint(config.swarm, config.id);
     let actors = ActorsConfig {
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
-            ..scenario.blueprint(config.swarm, config.id)
+            radio: radio::Config {
+                // What the others say may have been recorded on an earlier flight.
+                asks_from_the_start: true,
+                ..simulated.radio
+            },
+            ..simulated
         },
         restarts: scenario.limits.restarts,
         waiting_max: scenario.limits.waiting_max,

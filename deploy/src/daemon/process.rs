@@ -1,13 +1,15 @@
 //! A drone's process as its actors see it: their environment in real time.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use muster_actors::{Drone, Environment};
 use muster_machines::cell::{Address, Checkpoints, Effect, Reaction, last_resort};
-use muster_machines::identity::NodeId;
+use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
+use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::Craft;
 use muster_transport::udp::UdpTransport;
@@ -15,6 +17,8 @@ use tokio::sync::Notify;
 
 use super::state::State;
 use crate::clock::Clock;
+use crate::log::Lost;
+use crate::status::Status;
 
 /// What a drone's actors and the tasks around them share.
 ///
@@ -31,13 +35,21 @@ pub(super) struct Process {
 /// What a process is made of.
 pub(super) struct Parts {
     pub(super) id: NodeId,
+    pub(super) swarm: SwarmId,
+    /// Whether it flies no mission and only passes on.
+    pub(super) is_relay: bool,
     pub(super) clock: Clock,
     pub(super) checkpoints: Checkpoints,
     pub(super) journal: Journal<Folder>,
     pub(super) transport: UdpTransport,
+    pub(super) authenticator: Arc<Ed25519Authenticator>,
+    /// Where the newest list of the expelled is kept.
+    pub(super) kept_list: PathBuf,
     pub(super) craft: Craft,
     /// Whether everything that is seen of the drone is to be told in a form for programs.
     pub(super) for_programs: bool,
+    /// What is lost of what is told.
+    pub(super) lines_lost: Lost,
 }
 
 impl Process {
@@ -53,6 +65,11 @@ impl Process {
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         // A panic under this lock is an actor's, whose step is given up with it.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it tells of itself.
+    pub(super) fn status(&self) -> Status {
+        self.state().status(self.clock.now())
     }
 
     /// The five actors run: they are told what was posted meanwhile.
@@ -84,7 +101,7 @@ impl Environment for Process {
     }
 
     fn seed(&self) -> u64 {
-        // What is drawn here spreads load, and is no secret.
+        // What is drawn here is no secret: it spreads load, and as a nonce it is never to come twice.
         getrandom::u64().unwrap_or_else(|_| self.clock.now().as_nanos())
     }
 

@@ -1,13 +1,19 @@
 //! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use muster_actors::{Drone, Message};
 use muster_machines::cell::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
-use muster_machines::identity::NodeId;
+use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::msp::{self, Demand, Telemetry};
+use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
+use muster_runtime::file;
+use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::{Craft, VehicleState};
 use muster_transport::udp::UdpTransport;
@@ -16,19 +22,29 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::counts::Counts;
+use super::counts::{Counts, Talk};
 use super::process::Parts;
 use super::service;
+use crate::log::Lost;
 use crate::tether::Losses;
+
+mod tell;
+
+pub(super) use self::tell::STATES;
 
 /// How many datagrams are taken in before the actors get their turn.
 const DRAIN_MAX: usize = 64;
 
 pub(super) struct State {
     id: NodeId,
+    swarm: SwarmId,
+    is_relay: bool,
+    started: Timestamp,
     checkpoints: Checkpoints,
     journal: Journal<Folder>,
     transport: UdpTransport,
+    authenticator: Arc<Ed25519Authenticator>,
+    kept_list: PathBuf,
     craft: Craft,
     for_programs: bool,
     /// The actors, once all five run.
@@ -41,8 +57,15 @@ pub(super) struct State {
     wakes: Option<Timestamp>,
     /// How many datagrams were taken in.
     taken_in: u64,
+    /// When the actors were last asked whether they are there.
+    asked_at: Option<Timestamp>,
+    /// The way to the master.
+    routes: Routes,
     counts: Counts,
+    /// What was last said of how much was sent and let in.
     talk: Talk,
+    /// Lines of the log that were lost.
+    lines_lost: Lost,
     /// Whose frames are not let in, as if they were out of range.
     losses: Losses,
     lots: ChaCha8Rng,
@@ -58,26 +81,6 @@ pub(super) struct State {
     is_abandoned: bool,
 }
 
-/// How much was sent and let in, in frames.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct Talk {
-    /// Because something had changed or was missed.
-    news: u64,
-    /// Only because the time had come.
-    keep_alives: u64,
-    let_in: u64,
-}
-
-impl Talk {
-    const fn sent(&mut self, keep_alive: bool) {
-        if keep_alive {
-            self.keep_alives += 1;
-        } else {
-            self.news += 1;
-        }
-    }
-}
-
 /// What is kept of one of the five actors.
 #[derive(Debug, Clone, Copy, Default)]
 struct Seat {
@@ -85,6 +88,14 @@ struct Seat {
     deadline: Option<Timestamp>,
     /// Whether it has done anything since it was last asked.
     has_answered: bool,
+    starts: u64,
+    failures: u64,
+}
+
+impl Seat {
+    const fn restarts(&self) -> u64 {
+        self.starts.saturating_sub(1)
+    }
 }
 
 impl State {
@@ -96,9 +107,14 @@ impl State {
         });
         Self {
             id: parts.id,
+            swarm: parts.swarm,
+            is_relay: parts.is_relay,
+            started: parts.clock.started(),
             checkpoints: parts.checkpoints,
             journal: parts.journal,
             transport: parts.transport,
+            authenticator: parts.authenticator,
+            kept_list: parts.kept_list,
             craft: parts.craft,
             for_programs: parts.for_programs,
             drone: None,
@@ -107,8 +123,11 @@ impl State {
             restarts: Vec::new(),
             wakes: None,
             taken_in: 0,
+            asked_at: None,
+            routes: Routes::default(),
             counts: Counts::default(),
             talk: Talk::default(),
+            lines_lost: parts.lines_lost,
             losses: Losses::default(),
             lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
             called_down: None,
@@ -157,10 +176,12 @@ impl State {
     pub(super) fn effect(&mut self, now: Timestamp, effect: Effect) {
         match effect {
             Effect::Post(envelope) => {
-                self.talk.let_in += u64::from(matches!(
-                    envelope,
-                    Envelope::Routing(routing::Input::Heard { .. })
-                ));
+                if let Envelope::Routing(routing::Input::Heard {
+                    sender, payload, ..
+                }) = &envelope
+                {
+                    self.counts.let_in(now, *sender, payload);
+                }
                 self.post(envelope);
             }
             Effect::Send {
@@ -168,13 +189,16 @@ impl State {
                 frame,
                 keep_alive,
             } => {
-                self.talk.sent(keep_alive);
+                self.counts.sent(&frame, keep_alive);
                 let to = to.map_or(Destination::Broadcast, Destination::To);
                 self.transport
                     .send(now, self.id, to, &frame)
                     .expect("a radio sends no more than a datagram, and in its own name");
             }
-            Effect::Locate { sender, source } => self.transport.learn(sender, source),
+            Effect::Locate { sender, source } => {
+                self.counts.admitted += 1;
+                self.transport.learn(sender, source);
+            }
             Effect::Command(demand) => self.command(now, demand),
             Effect::Keep(checkpoint) => self.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
@@ -193,10 +217,15 @@ impl State {
             }
             return true;
         };
+        let is_frame = matches!(
+            stimulus,
+            Stimulus::Input(Envelope::Radio(radio::Input::Received { .. }))
+        );
         let cast = drone.book().cast(address, Message::Step(stimulus));
         if let Err(refused) = &cast {
             // Frames at line rate may be among them.
-            self.counts.refused += 1;
+            self.counts.no_room += u64::from(is_frame);
+            self.counts.refused += u64::from(!is_frame);
             tracing::debug!("{refused}");
         }
         cast.is_ok()
@@ -255,6 +284,10 @@ impl State {
     fn observe(&mut self, now: Timestamp, seen: &Observation) {
         match seen {
             Observation::Radio(radio::Event::Dropped(reason)) => self.counts.dropped(*reason),
+            Observation::Routing(routing::Event::Routes(routes)) => self.routes.clone_from(routes),
+            Observation::Routing(routing::Event::Ignored(_)) => self.counts.ignored += 1,
+            Observation::Mission(mission::Event::Refused) => self.counts.orders_refused += 1,
+            Observation::Radio(radio::Event::Expelled { .. }) => self.has_new_list(),
             Observation::Mission(mission::Event::State(state)) => {
                 self.say_talk(now);
                 service::status(&state.to_string());
@@ -268,12 +301,35 @@ impl State {
         self.say(now, seen);
     }
 
+    /// There is a newer list of the expelled, which is obeyed already: it is kept for the next life, and passed on.
+    pub(super) fn has_new_list(&mut self) {
+        let list = self.authenticator.expelled();
+        let number = list.number();
+        if let Err(error) = file::replace(&self.kept_list, list.written().as_bytes()) {
+            tracing::error!(%error, number, "the list of the expelled can't be kept: the next life must be given it");
+        }
+        if !list.can_be_passed_on() {
+            tracing::warn!(
+                number,
+                "the list of the expelled is too long to be passed on to others"
+            );
+        }
+        if self.authenticator.is_expelled() {
+            tracing::error!(number, "this drone was expelled: it comes down");
+            self.come_down(LandingReason::Recalled);
+        }
+        self.cast(Address::Radio, Stimulus::Timeout);
+    }
+
     /// Says to programs how much was sent and let in since this was last said.
     pub(super) fn say_talk(&mut self, now: Timestamp) {
         let (drone, at_ns) = (self.id.0, now.as_nanos());
-        let talk = std::mem::take(&mut self.talk);
-        if self.for_programs && talk != Talk::default() {
-            let (news, keep_alives, let_in) = (talk.news, talk.keep_alives, talk.let_in);
+        let talk = self.counts.talk();
+        let before = std::mem::replace(&mut self.talk, talk);
+        if self.for_programs && talk != before {
+            let news = talk.news - before.news;
+            let keep_alives = talk.keep_alives - before.keep_alives;
+            let let_in = talk.let_in - before.let_in;
             tracing::info!(drone, at_ns, news, keep_alives, let_in, "talked");
         }
     }
@@ -303,7 +359,7 @@ impl State {
         let (drone, at_ns) = (self.id.0, now.as_nanos());
         let is_of_peers = matches!(
             seen,
-            Observation::Radio(_)
+            Observation::Radio(radio::Event::Dropped(_))
                 | Observation::Routing(muster_machines::routing::Event::Ignored(_))
         );
         match (self.for_programs, is_of_peers) {
@@ -321,11 +377,11 @@ impl State {
         self.taken_in != before
     }
 
-    /// Takes in datagrams; whether there are no more for now.
+    /// Takes in datagrams, no more than the radio has room for; whether there are no more for now.
     pub(super) fn drain(&mut self) -> bool {
-        for _ in 0..DRAIN_MAX {
+        for _ in 0..self.room_for_datagrams() {
             let Some(event) = self.transport.poll_event() else {
-                return true;
+                return self.transport.is_drained();
             };
             self.taken_in = self.taken_in.wrapping_add(1);
             let input = match event {
@@ -346,6 +402,17 @@ impl State {
             self.post(Envelope::Radio(input));
         }
         false
+    }
+
+    /// How many datagrams may be taken in: what does not come off the network is not lost, as long as it has room there.
+    /// While the radio is built anew they come off, and are counted.
+    fn room_for_datagrams(&self) -> usize {
+        let book = self.drone.as_ref().map(Drone::book);
+        let room = book.and_then(|book| {
+            // Half of it is for what the drone itself sends.
+            Some((book.waiting_max() / 2).saturating_sub(book.waiting(Address::Radio)?))
+        });
+        room.unwrap_or(DRAIN_MAX).min(DRAIN_MAX)
     }
 
     /// Does what is due; when something will be next.
@@ -399,16 +466,17 @@ impl State {
     }
 
     pub(super) const fn bring_up(&mut self, address: Address) {
-        self.seats[address as usize].is_up = true;
+        let seat = &mut self.seats[address as usize];
+        seat.is_up = true;
+        seat.starts += 1;
     }
 
     pub(super) const fn take_down(&mut self, address: Address) {
-        self.seats[address as usize] = Seat {
-            is_up: false,
-            deadline: None,
-            has_answered: false,
-        };
-        self.counts.failures += 1;
+        let seat = &mut self.seats[address as usize];
+        seat.is_up = false;
+        seat.deadline = None;
+        seat.has_answered = false;
+        seat.failures += 1;
     }
 
     pub(super) fn give_up(&mut self) {
@@ -422,9 +490,12 @@ impl State {
 
     /// Whether all actors that run have done something since this was last asked; then they are asked again. What is due
     /// is all that they do when they are woken, so to be woken early does no harm.
-    pub(super) fn ask_actors(&mut self) -> bool {
+    pub(super) fn ask_actors(&mut self, now: Timestamp) -> bool {
         let up = self.seats.iter().filter(|seat| seat.is_up);
         let have_answered = up.clone().all(|seat| seat.has_answered);
+        if have_answered {
+            self.asked_at = Some(now);
+        }
         for address in Address::ALL {
             if have_answered && self.is_up(address) {
                 self.seats[address as usize].has_answered = false;
@@ -436,7 +507,13 @@ impl State {
 
     pub(super) fn report(&self) {
         let overflowed = self.transport.overflowed();
-        self.counts.report(self.transport.counters(), overflowed);
+        let failures = self.seats.iter().map(|seat| seat.failures).sum();
+        let transport = self.transport.counters();
+        (self.counts).report(transport, overflowed, failures, self.lines_lost());
+    }
+
+    fn lines_lost(&self) -> u64 {
+        self.lines_lost.lines()
     }
 }
 
@@ -458,6 +535,9 @@ fn in_words(seen: &Observation) -> String {
             format!("comes down: {reason:?}")
         }
         Observation::Radio(radio::Event::Dropped(reason)) => format!("drops a frame: {reason}"),
+        Observation::Radio(radio::Event::Expelled { list }) => {
+            format!("list {list} of the expelled was passed on to this drone")
+        }
         Observation::Mission(event) => format!("{event:?}"),
         Observation::Routing(event) => format!("{event:?}"),
         Observation::Radio(event) => format!("{event:?}"),

@@ -132,26 +132,31 @@ impl Rereading {
         self.volume.set(read.level);
         let number = read.expelled.number();
         match self.authenticator.expel(read.expelled) {
-            Ok(false) => tracing::info!(
-                number,
-                "read again: log_level and the list of the expelled; all else is read at the start only"
-            ),
-            Ok(true) => {
-                tracing::error!(number, "this drone was expelled: it comes down");
-                process.come_down(LandingReason::Recalled);
+            Ok(()) => {
+                tracing::info!(
+                    number,
+                    "read again: log_level and the list of the expelled; all else is read at the start only"
+                );
+                process.state().has_new_list();
+                process.look_round();
             }
             Err(error) => tracing::error!(%error, "log_level was read again; the list stays"),
         }
     }
 }
 
-/// Tells the service manager that the process is alive, as long as its actors answer, four times in each period after
-/// which it would end the process.
-pub(super) async fn watch(process: Arc<Process>, period: Duration) {
+/// How often the actors are asked whether they are there, unless a service manager wants to know it sooner.
+const ASK_PERIOD: Duration = Duration::from_secs(1);
+
+/// Asks the actors whether they are there, and tells the service manager as long as they answer: four times in each period
+/// after which it would end the process.
+pub(super) async fn watch(process: Arc<Process>, watchdog: Option<Duration>) {
+    let period = watchdog.map_or(ASK_PERIOD, |it| (it / 4).min(ASK_PERIOD));
     loop {
-        if process.state().ask_actors() {
+        let now = process.clock.now();
+        if process.state().ask_actors(now) {
             service::alive();
         }
-        tokio::time::sleep(period / 4).await;
+        tokio::time::sleep(period).await;
     }
 }

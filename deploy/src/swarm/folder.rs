@@ -2,7 +2,7 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
@@ -36,6 +36,7 @@ struct DroneFile<'a> {
     log: &'static str,
     keys: Keys,
     udp: Udp,
+    observe: Observe,
 }
 
 #[derive(Serialize)]
@@ -52,6 +53,11 @@ struct Udp {
     peers: Vec<SocketAddr>,
 }
 
+#[derive(Serialize)]
+struct Observe {
+    http: SocketAddr,
+}
+
 /// Makes all that drones need to start.
 pub(super) fn prepare(request: &Request<'_>) -> Result<(Vec<DroneFolder>, File), SwarmError> {
     let write = |path: &Path| {
@@ -62,9 +68,11 @@ pub(super) fn prepare(request: &Request<'_>) -> Result<(Vec<DroneFolder>, File),
     let lock = take(folder)?;
     let fleet = Fleet::create(&folder.join("fleet"))?;
     let scenario = fs::canonicalize(request.path).map_err(write(request.path))?;
-    let addresses = free_addresses(request.scenario.nodes()).map_err(SwarmError::Ports)?;
+    let nodes = request.scenario.nodes();
+    let addresses = free_addresses(nodes).map_err(SwarmError::Ports)?;
+    let endpoints = free_endpoints(nodes).map_err(SwarmError::Ports)?;
     let mut drones = Vec::new();
-    for (id, bind) in (0..).zip(&addresses) {
+    for ((id, bind), http) in (0..).zip(&addresses).zip(endpoints) {
         let key = fleet.add_drone(NodeId(id))?;
         let own = folder.join(format!("drone-{id}"));
         fs::create_dir_all(&own).map_err(write(&own))?;
@@ -87,6 +95,7 @@ pub(super) fn prepare(request: &Request<'_>) -> Result<(Vec<DroneFolder>, File),
                 bind: *bind,
                 peers: addresses.iter().filter(|it| *it != bind).copied().collect(),
             },
+            observe: Observe { http },
         };
         let text = toml::to_string(&file).expect("a drone's file has a form in TOML");
         let config = own.join("drone.toml");
@@ -137,4 +146,11 @@ fn free_addresses(nodes: u32) -> io::Result<Vec<SocketAddr>> {
     let sockets = (0..nodes).map(|_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)));
     let sockets = sockets.collect::<io::Result<Vec<_>>>()?;
     sockets.iter().map(UdpSocket::local_addr).collect()
+}
+
+/// So many addresses of this machine's own at which nobody is asked anything.
+fn free_endpoints(nodes: u32) -> io::Result<Vec<SocketAddr>> {
+    let listeners = (0..nodes).map(|_| TcpListener::bind((Ipv4Addr::LOCALHOST, 0)));
+    let listeners = listeners.collect::<io::Result<Vec<_>>>()?;
+    listeners.iter().map(TcpListener::local_addr).collect()
 }

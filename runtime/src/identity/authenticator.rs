@@ -1,12 +1,14 @@
-use std::sync::{PoisonError, RwLock};
+use std::cmp::Ordering;
+use std::sync::{PoisonError, RwLock, RwLockReadGuard};
 
+use bytes::Bytes;
 use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use muster_machines::identity::NodeId;
-use muster_machines::radio::Authenticator;
+use muster_machines::radio::{Authenticator, Offer};
 use muster_machines::wire::AUTHENTICATOR_LEN;
 use thiserror::Error;
 
-use super::{DroneKey, Expelled, Roster};
+use super::{DroneKey, Expelled, FleetKey, Roster};
 
 /// Signs a drone's frames with its own key and checks those of others by the roster: no drone speaks for another.
 ///
@@ -15,6 +17,8 @@ use super::{DroneKey, Expelled, Roster};
 pub struct Ed25519Authenticator {
     id: NodeId,
     key: SigningKey,
+    /// What it has signed is believed.
+    fleet: FleetKey,
     roster: Roster,
     expelled: RwLock<Expelled>,
 }
@@ -52,13 +56,14 @@ pub struct OlderList {
 }
 
 impl Ed25519Authenticator {
-    /// What a drone signs and checks with.
+    /// What a drone of a fleet signs and checks with.
     ///
     /// # Errors
     /// When the roster does not name the drone with this very key, or it was expelled.
     pub fn new(
         id: NodeId,
         key: DroneKey,
+        fleet: FleetKey,
         roster: Roster,
         expelled: Expelled,
     ) -> Result<Self, Untrusted> {
@@ -72,16 +77,17 @@ impl Ed25519Authenticator {
         Ok(Self {
             id,
             key: key.0,
+            fleet,
             roster,
             expelled: RwLock::new(expelled),
         })
     }
 
-    /// Takes a newer list of the expelled, or the same again; whether this very drone is on it.
+    /// Takes a newer list of the expelled, or the same again.
     ///
     /// # Errors
     /// When it is older than the one that is known, which stays.
-    pub fn expel(&self, list: Expelled) -> Result<bool, OlderList> {
+    pub fn expel(&self, list: Expelled) -> Result<(), OlderList> {
         let mut expelled = self
             .expelled
             .write()
@@ -91,7 +97,23 @@ impl Ed25519Authenticator {
             return Err(OlderList { known, offered });
         }
         *expelled = list;
-        Ok(expelled.has(self.id))
+        Ok(())
+    }
+
+    /// The list of the expelled that is known.
+    #[must_use]
+    pub fn expelled(&self) -> Expelled {
+        self.read_expelled().clone()
+    }
+
+    /// Whether this very drone was expelled.
+    #[must_use]
+    pub fn is_expelled(&self) -> bool {
+        self.read_expelled().has(self.id)
+    }
+
+    fn read_expelled(&self) -> RwLockReadGuard<'_, Expelled> {
+        self.expelled.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn key(&self, id: NodeId) -> Option<&VerifyingKey> {
@@ -101,8 +123,7 @@ impl Ed25519Authenticator {
 
 impl Authenticator for Ed25519Authenticator {
     fn is_trusted(&self, sender: NodeId) -> bool {
-        let expelled = self.expelled.read().unwrap_or_else(PoisonError::into_inner);
-        !expelled.has(sender)
+        !self.read_expelled().has(sender)
     }
 
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
@@ -118,5 +139,26 @@ impl Authenticator for Ed25519Authenticator {
         let signature = Signature::from_bytes(authenticator);
         self.key(sender)
             .is_some_and(|key| key.verify_strict(covered, &signature).is_ok())
+    }
+
+    fn list_number(&self) -> u64 {
+        self.read_expelled().number()
+    }
+
+    fn list(&self) -> Option<Bytes> {
+        self.read_expelled().to_bytes()
+    }
+
+    fn take_list(&self, list: &[u8]) -> Offer {
+        let Some(offered) = Expelled::from_bytes(list, &self.fleet) else {
+            return Offer::Unsigned;
+        };
+        let known = self.list_number();
+        match offered.number().cmp(&known) {
+            Ordering::Less => Offer::Older,
+            Ordering::Equal => Offer::Same,
+            Ordering::Greater if self.expel(offered).is_ok() => Offer::Newer,
+            Ordering::Greater => Offer::Older,
+        }
     }
 }

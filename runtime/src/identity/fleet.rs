@@ -71,9 +71,7 @@ impl Fleet {
             _lock: lock,
         };
         fleet.write("roster.toml", &Roster::default().written(&fleet.key))?;
-        let mut expelled = Expelled::default();
-        expelled.add([]);
-        fleet.write("expelled.toml", &expelled.written(&fleet.key))?;
+        fleet.write("expelled.toml", &Expelled::new(&fleet.key).written())?;
         Ok(fleet)
     }
 
@@ -122,9 +120,14 @@ impl Fleet {
             return Err(BadInput::without_excerpt(&roster_path, message, help).into());
         }
         let mut expelled = Expelled::load(&self.folder.join("expelled.toml"), &self.public())?;
-        expelled.add(ids.iter().copied());
-        self.write("expelled.toml", &expelled.written(&self.key))?;
+        expelled.add(ids.iter().copied(), &self.key);
+        self.write("expelled.toml", &expelled.written())?;
         Ok(expelled)
+    }
+
+    #[cfg(test)]
+    pub(super) const fn key(&self) -> &SigningKey {
+        &self.key
     }
 
     fn public(&self) -> FleetKey {

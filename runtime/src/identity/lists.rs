@@ -5,14 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
+use bytes::Bytes;
 use ed25519_dalek::{SigningKey, VerifyingKey};
-use muster_machines::identity::NodeId;
+use muster_machines::identity::{NodeId, NodeSet};
+use muster_machines::wire::PAYLOAD_MAX;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::FleetKey;
-use super::key::{bytes, hex, public_key, read_public, sign};
+use super::key::{hex, public_key, read_public, sign};
 use crate::diagnostic::BadInput;
 
 /// What the fleet's signature of a roster begins with, so that it stands for nothing else.
@@ -102,7 +104,7 @@ impl Roster {
     /// The file that says this.
     pub(super) fn written(&self, fleet: &SigningKey) -> String {
         let mut text = heading("Who belongs to the fleet", self.number, "");
-        sign_into(&mut text, fleet, &self.message());
+        put_signature(&mut text, &sign(fleet, &self.message()));
         for (id, key) in &self.keys {
             let key = hex(key.as_bytes());
             let written = write!(text, "\n[[drones]]\nid = {id}\nkey = \"{key}\"\n");
@@ -121,11 +123,16 @@ impl Roster {
     }
 }
 
+/// How many drones are on a list that is passed on from drone to drone, at most: far more than such a list names.
+const PASSED_ON_MAX: usize = 10_000;
+
 /// Who is not believed any more.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Expelled {
     number: u64,
     drones: BTreeSet<NodeId>,
+    /// The fleet's, of both.
+    signature: [u8; 64],
 }
 
 #[derive(Deserialize)]
@@ -144,15 +151,61 @@ impl Expelled {
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
         let text = read_public(path)?;
         let raw: RawExpelled = parse(path, &text, EXPELLED_FORM)?;
-        let expelled = Self {
+        let mut expelled = Self {
             number: raw.number,
             drones: raw.drones.into_iter().map(NodeId).collect(),
+            signature: [0; 64],
         };
-        check(path, &text, fleet, &expelled.message(), &raw.signature)?;
+        expelled.signature = check(path, &text, fleet, &expelled.message(), &raw.signature)?;
         Ok(expelled)
     }
 
-    /// A number that rises with each change of the list; 0 for the list of nobody that no fleet has signed.
+    /// A list of nobody, the first that a fleet has.
+    pub(super) fn new(fleet: &SigningKey) -> Self {
+        let mut expelled = Self {
+            number: 0,
+            drones: BTreeSet::new(),
+            signature: [0; 64],
+        };
+        expelled.add([], fleet);
+        expelled
+    }
+
+    /// Reads a list that another drone has passed on; nothing if the fleet has not signed it.
+    pub(super) fn from_bytes(passed_on: &[u8], fleet: &FleetKey) -> Option<Self> {
+        let (signature, list) = passed_on.split_first_chunk::<64>()?;
+        let (number, drones): (u64, NodeSet) = postcard::from_bytes(list).ok()?;
+        if drones.len() > PASSED_ON_MAX {
+            return None;
+        }
+        let expelled = Self {
+            number,
+            drones: drones.iter().collect(),
+            signature: *signature,
+        };
+        let is_signed = fleet.has_signed(&expelled.message(), signature);
+        is_signed.then_some(expelled)
+    }
+
+    /// The list as it is passed on from drone to drone; nothing if it would not fit a datagram.
+    pub(super) fn to_bytes(&self) -> Option<Bytes> {
+        let drones: NodeSet = self.drones.iter().copied().collect();
+        if drones.len() > PASSED_ON_MAX {
+            return None;
+        }
+        let list = postcard::to_stdvec(&(self.number, drones)).expect("a list has a binary form");
+        let passed_on = [&self.signature[..], &list].concat();
+        // A packet begins with its kind.
+        (passed_on.len() < PAYLOAD_MAX).then(|| passed_on.into())
+    }
+
+    /// Whether it can be passed on from drone to drone: it fits a datagram.
+    #[must_use]
+    pub fn can_be_passed_on(&self) -> bool {
+        self.to_bytes().is_some()
+    }
+
+    /// A number that rises with each change of the list, from 1.
     #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
@@ -169,18 +222,20 @@ impl Expelled {
         self.drones.iter().copied()
     }
 
-    /// Puts another drone on it, or nobody; the list changes.
-    pub(super) fn add(&mut self, ids: impl IntoIterator<Item = NodeId>) {
+    /// Puts other drones on it, or nobody; the list changes, and is signed.
+    pub(super) fn add(&mut self, ids: impl IntoIterator<Item = NodeId>, fleet: &SigningKey) {
         self.number += 1;
         self.drones.extend(ids);
+        self.signature = sign(fleet, &self.message());
     }
 
     /// The file that says this.
-    pub(super) fn written(&self, fleet: &SigningKey) -> String {
+    #[must_use]
+    pub fn written(&self) -> String {
         let ids: Vec<_> = self.drones.iter().map(ToString::to_string).collect();
         let drones = format!("drones = [{}]\n", ids.join(", "));
         let mut text = heading("Who was expelled from the fleet", self.number, &drones);
-        sign_into(&mut text, fleet, &self.message());
+        put_signature(&mut text, &self.signature);
         text
     }
 
@@ -201,8 +256,8 @@ fn heading(what: &str, number: u64, more: &str) -> String {
     )
 }
 
-fn sign_into(text: &mut String, fleet: &SigningKey, message: &[u8]) {
-    let signature = hex(&sign(fleet, message));
+fn put_signature(text: &mut String, signature: &[u8; 64]) {
+    let signature = hex(signature);
     writeln!(text, "signature = \"{signature}\"").expect(NEVER_FAILS);
 }
 
@@ -214,17 +269,17 @@ fn parse<T: DeserializeOwned>(path: &Path, text: &str, form: &str) -> Result<T, 
     })
 }
 
+/// The signature, if it is the fleet's.
 fn check(
     path: &Path,
     text: &str,
     fleet: &FleetKey,
     message: &[u8],
     signature: &Spanned<String>,
-) -> Result<(), BadInput> {
-    let is_right =
-        bytes::<64>(signature.get_ref()).is_some_and(|it| fleet.has_signed(message, &it));
-    if is_right {
-        return Ok(());
+) -> Result<[u8; 64], BadInput> {
+    let bytes = super::key::bytes::<64>(signature.get_ref());
+    if let Some(bytes) = bytes.filter(|it| fleet.has_signed(message, it)) {
+        return Ok(bytes);
     }
     let message = "this is not the fleet's signature of what is listed here";
     let help = "take the files as `muster keys` wrote them, all from one fleet's folder, and change nothing in them";

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use miette::Diagnostic;
 use muster_machines::identity::NodeId;
-use muster_machines::radio::Authenticator;
+use muster_machines::radio::{Authenticator, Offer};
+use muster_machines::wire::PAYLOAD_MAX;
 use tempfile::TempDir;
 
 use super::*;
@@ -37,9 +38,18 @@ fn key(folder: &TempDir, id: u32) -> DroneKey {
     DroneKey::load(&path(folder, &format!("drone-{id}.key"))).unwrap()
 }
 
+fn expelled(folder: &TempDir) -> Expelled {
+    Expelled::load(&path(folder, "expelled.toml"), &public(folder)).unwrap()
+}
+
+/// With the list of the expelled that the fleet has now.
 fn authenticator(folder: &TempDir, id: u32) -> Ed25519Authenticator {
-    let key = key(folder, id);
-    Ed25519Authenticator::new(NodeId(id), key, roster(folder), Expelled::default()).unwrap()
+    identified(folder, id, key(folder, id)).unwrap()
+}
+
+fn identified(folder: &TempDir, id: u32, key: DroneKey) -> Result<Ed25519Authenticator, Untrusted> {
+    let (roster, expelled) = (roster(folder), expelled(folder));
+    Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, expelled)
 }
 
 #[test]
@@ -66,39 +76,82 @@ fn a_drone_of_another_fleet_is_not_believed() {
 
 #[test]
 fn a_drone_that_is_not_who_the_roster_says_does_not_start() {
-    let (folder, _) = fleet();
-    let refused = |id, key, expelled| {
-        Ed25519Authenticator::new(NodeId(id), key, roster(&folder), expelled).unwrap_err()
-    };
-    let nobody = Expelled::default;
-    let refusal = refused(7, key(&folder, 0), nobody());
-    assert_eq!(refusal, Untrusted::NotListed(NodeId(7)));
-    let refusal = refused(1, key(&folder, 0), nobody());
-    assert_eq!(refusal, Untrusted::OtherKey(NodeId(1)));
-    let mut expelled = nobody();
-    expelled.add([NodeId(0)]);
-    let refusal = refused(0, key(&folder, 0), expelled);
+    let (folder, fleet) = fleet();
+    let refused = |id| identified(&folder, id, key(&folder, 0)).unwrap_err();
+    assert_eq!(refused(7), Untrusted::NotListed(NodeId(7)));
+    assert_eq!(refused(1), Untrusted::OtherKey(NodeId(1)));
+    fleet.expel(&[NodeId(0)]).unwrap();
+    let refusal = refused(0);
     assert_eq!(refusal, Untrusted::Expelled(NodeId(0)));
 }
 
 #[test]
 fn whoever_is_expelled_is_trusted_no_more_and_an_older_list_takes_nothing_back() {
     let (folder, fleet) = fleet();
-    let load = || Expelled::load(&path(&folder, "expelled.toml"), &public(&folder)).unwrap();
+    let load = || expelled(&folder);
     let before = load();
     let listener = authenticator(&folder, 0);
     assert!(listener.is_trusted(NodeId(1)));
     fleet.expel(&[NodeId(1)]).unwrap();
     let after = load();
     assert!(after.number() > before.number());
-    assert_eq!(listener.expel(after), Ok(false));
-    assert!(!listener.is_trusted(NodeId(1)));
+    assert_eq!(listener.expel(after), Ok(()));
+    assert!(!listener.is_trusted(NodeId(1)) && !listener.is_expelled());
     assert!(listener.is_trusted(NodeId(2)));
     let refusal = listener.expel(before).unwrap_err();
     assert!(refusal.offered < refusal.known);
     assert!(!listener.is_trusted(NodeId(1)));
     fleet.expel(&[NodeId(0)]).unwrap();
-    assert_eq!(listener.expel(load()), Ok(true), "it is this drone's turn");
+    assert_eq!(listener.expel(load()), Ok(()));
+    assert!(listener.is_expelled());
+}
+
+#[test]
+fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if_it_is_newer() {
+    let (folder, fleet) = fleet();
+    let listener = authenticator(&folder, 0);
+    let older = listener.list().unwrap();
+    assert_eq!(listener.take_list(&older), Offer::Same);
+    fleet.expel(&[NodeId(2)]).unwrap();
+    let newer = authenticator(&folder, 1).list().unwrap();
+    for at in 0..newer.len() {
+        let mut altered = newer.to_vec();
+        altered[at] ^= 1;
+        assert_eq!(listener.take_list(&altered), Offer::Unsigned, "{at}");
+        assert_eq!(listener.take_list(&newer[..at]), Offer::Unsigned, "{at}");
+    }
+    assert_eq!(listener.take_list(&newer), Offer::Newer);
+    assert_eq!(listener.list_number(), 2);
+    assert!(!listener.is_trusted(NodeId(2)) && !listener.is_expelled());
+    assert_eq!(listener.take_list(&older), Offer::Older);
+    assert!(!listener.is_trusted(NodeId(2)));
+    // What was passed on is as good as the operator's file.
+    assert_eq!(listener.expelled(), expelled(&folder));
+    assert_eq!(listener.list(), Some(newer));
+
+    let (theirs, _) = self::fleet();
+    let strange = authenticator(&theirs, 0).list().unwrap();
+    assert_eq!(listener.take_list(&strange), Offer::Unsigned);
+    let claims = [&[0; 64][..], &[1, 2, 0, 0xff, 0xff, 0xff, 0xff, 0x0f]].concat();
+    assert_eq!(
+        listener.take_list(&claims),
+        Offer::Unsigned,
+        "of all drones"
+    );
+}
+
+#[test]
+fn a_list_that_does_not_fit_a_datagram_is_not_passed_on() {
+    let (folder, fleet) = fleet();
+    for (drones, apart, fits) in [(400, 10_000, true), (600, 2, true), (700, 2, false)] {
+        let mut list = expelled(&folder);
+        list.add((0..drones).map(|id| NodeId(apart * id)), fleet.key());
+        assert_eq!(list.can_be_passed_on(), fits, "{drones} drones");
+        let bytes = list.to_bytes();
+        assert!(bytes.as_ref().is_none_or(|it| it.len() < PAYLOAD_MAX));
+        let read = bytes.map(|it| Expelled::from_bytes(&it, &public(&folder)));
+        assert_eq!(read, fits.then_some(Some(list)));
+    }
 }
 
 #[test]

@@ -120,8 +120,7 @@ pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<F
         rng,
     };
     let number = drawing.rng.random_range(1..=most);
-    let faults = (0..number).map(|_| drawing.fault()).collect();
-    sound(faults)
+    (0..number).map(|_| drawing.fault()).collect()
 }
 
 struct Drawing<'a, R> {
@@ -242,46 +241,6 @@ impl<R: Rng> Drawing<'_, R> {
     }
 }
 
-/// Leaves out what nobody could tell apart: a radio that was started anew does not know what it let in before, and so
-/// can't know a replay until senders sign its fresh number. So where a radio is started anew its own frames are the ones
-/// that are replayed, and where several are, or frames are doubled, none.
-fn sound(mut faults: Vec<Fault>) -> Vec<Fault> {
-    let mut restarted: Vec<Target> = faults
-        .iter()
-        .filter_map(|fault| restarts_radio(&fault.kind))
-        .collect();
-    restarted.dedup();
-    faults.retain_mut(|fault| match &mut fault.kind {
-        FaultKind::Drone(of, Mishap::Replay) => match restarted[..] {
-            [] => true,
-            [only @ Target::Drone(_)] => {
-                *of = only;
-                true
-            }
-            _ => false,
-        },
-        FaultKind::Tamper(Tampered {
-            how: Distortion::Duplicate,
-            ..
-        }) => restarted.is_empty(),
-        _ => true,
-    });
-    faults
-}
-
-/// Whose radio a fault starts anew, at once or by a watchdog.
-const fn restarts_radio(kind: &FaultKind) -> Option<Target> {
-    match kind {
-        FaultKind::Drone(
-            target,
-            Mishap::Restart
-            | Mishap::Hang(None | Some(Address::Radio))
-            | Mishap::CrashActor(Address::Radio),
-        ) => Some(*target),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -330,21 +289,5 @@ mod tests {
             });
             assert_eq!(read.unwrap().faults, faults);
         }
-    }
-
-    #[test]
-    fn only_the_frames_of_whoever_was_started_anew_are_replayed() {
-        let one = |drone, mishap| {
-            let kind = FaultKind::Drone(Target::Drone(NodeId(drone)), mishap);
-            Fault::at(Timestamp::ZERO, kind)
-        };
-        let faults = vec![one(1, Mishap::Replay), one(2, Mishap::Restart)];
-        assert_eq!(sound(faults)[0], one(2, Mishap::Replay));
-        let three = [
-            one(1, Mishap::Replay),
-            one(2, Mishap::Restart),
-            one(3, Mishap::Restart),
-        ];
-        assert_eq!(sound(three.to_vec()), three[1..]);
     }
 }

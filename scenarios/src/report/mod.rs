@@ -17,7 +17,7 @@ use std::fmt;
 pub use figures::Kind;
 pub use html::page;
 pub use html::scaling::{Scaling, scaling};
-pub use table::{Colour, table};
+pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
 pub use write::{REPORT_HTML, REPORT_JSON, TRACKS_CSV, WriteError, Written, write};
 

@@ -20,7 +20,8 @@ pub enum Colour {
 /// So many elections are told one by one.
 const LISTED_ELECTIONS_MAX: usize = 10;
 
-pub(crate) const STYLE: TableStyle =
+/// How tables on a terminal are ruled.
+pub const STYLE: TableStyle =
     TableStyle::new().header_separator(LineStyle::none().fill('─').junction('─'));
 
 /// The columns, named in two lines, and whether each holds numbers.

@@ -274,6 +274,8 @@ impl Scenario {
                     burst: BUDGET_BURST,
                 },
                 members: self.nodes(),
+                // All begin at once: nobody has said anything before.
+                asks_from_the_start: false,
             },
             authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),

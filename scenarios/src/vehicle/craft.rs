@@ -101,6 +101,12 @@ impl Craft {
         (rests || drains).then(|| self.vehicle.telemetry(now))
     }
 
+    /// How it is.
+    #[must_use]
+    pub fn telemetry(&self, now: Timestamp) -> Telemetry {
+        self.vehicle.telemetry(now)
+    }
+
     /// Whether its motors are armed.
     #[must_use]
     pub const fn is_armed(&self) -> bool {

@@ -12,7 +12,7 @@ use muster_scenarios::scenario;
 const PLANS: u64 = 2_000;
 const FAULTS_MAX: usize = 3;
 
-const PLANTED: [Flaw; 12] = [
+const PLANTED: [Flaw; 13] = [
     Flaw::NeverStepsDown,
     Flaw::CountsEchoes,
     Flaw::ObeysAnyMaster,
@@ -25,6 +25,7 @@ const PLANTED: [Flaw; 12] = [
     Flaw::BelievesAnySender,
     Flaw::LeavesWhatFails,
     Flaw::NeverClaims,
+    Flaw::BelievesTheUnproven,
 ];
 
 /// What takes hundreds of plans to be found.

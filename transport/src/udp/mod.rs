@@ -2,7 +2,8 @@
 //!
 //! A drone sends everything from one socket, its own, at which it also gets what is for it alone. Where a network
 //! carries frames for all by multicast or broadcast, a second socket listens there, so that any number of drones may
-//! share one host. Where it does not, each frame for all goes to each of a list of peers.
+//! share one host. Where it does not, each frame for all goes to each of a list of peers, and what comes from each of them
+//! has a buffer of its own with the system, which nobody at another address can fill.
 //!
 //! Which drone is at which address is learnt, from frames whose signature was right; a frame for a drone that was not
 //! heard yet goes to all. Nothing below acknowledges: what becomes of a frame is never told.
@@ -28,11 +29,15 @@ pub use waiting::Waiting;
 
 use crate::{Arrival, Destination, Event, SendError, Transport};
 
-/// How many datagrams back a [`Source`] is remembered: as many as may come in while one waits to be looked at.
+/// How many addresses back a [`Source`] is remembered at which no drone was found: no more datagrams than that wait to be
+/// looked at.
 const SOURCES_MAX: usize = 1_024;
 
 /// How many datagrams in a row are passed over that are of no use.
 const SKIPPED_MAX: usize = 64;
+
+/// How many datagrams of one socket come before the others get their turn.
+const IN_A_ROW_MAX: usize = 16;
 
 /// How a drone's end of the network is opened.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,13 +88,17 @@ pub struct UdpTransport {
     own: Arc<UdpSocket>,
     /// Where that one is.
     address: SocketAddr,
-    /// Where frames for all come in, if that is not the own socket.
-    shared: Option<Arc<UdpSocket>>,
+    /// Where frames come in; the own socket is the first.
+    sockets: Vec<Arc<UdpSocket>>,
     /// Where drones were last heard; at most as many as whoever calls [`Transport::learn`] lets in.
-    places: BTreeMap<NodeId, SocketAddr>,
+    places: BTreeMap<NodeId, Place>,
     sources: Sources,
-    /// Which of the two sockets is looked at first.
-    own_first: bool,
+    /// Which of the sockets is looked at.
+    turn: usize,
+    /// How many datagrams have come from it in its turn.
+    in_a_row: usize,
+    /// Whether datagrams were passed over, and more may be there.
+    has_skipped: bool,
     buffer: Box<[u8]>,
     counters: Counters,
 }
@@ -109,14 +118,18 @@ impl UdpTransport {
     /// # Errors
     /// When a socket can't be had as configured; none is left open then.
     pub fn open(config: Config, clock: Clock) -> Result<Self, OpenError> {
-        let (own, shared) = open::sockets(&config)?;
+        let (own, others) = open::sockets(&config)?;
+        let (address, own) = (own.local_addr()?, Arc::new(own));
+        let others = others.into_iter().map(Arc::new);
         Ok(Self {
-            address: own.local_addr()?,
-            own: Arc::new(own),
-            shared: shared.map(Arc::new),
+            address,
+            sockets: std::iter::once(Arc::clone(&own)).chain(others).collect(),
+            own,
             places: BTreeMap::new(),
             sources: Sources::default(),
-            own_first: false,
+            turn: 0,
+            in_a_row: 0,
+            has_skipped: false,
             // One byte more than is taken tells what is too long.
             buffer: vec![0; config.datagram_max + 1].into(),
             counters: Counters::default(),
@@ -137,7 +150,7 @@ impl UdpTransport {
     /// # Errors
     /// When the runtime can't watch the sockets.
     pub fn waiting(&self) -> io::Result<Waiting> {
-        Waiting::new(&self.own, self.shared.as_ref())
+        Waiting::new(&self.sockets)
     }
 
     /// What it has done so far.
@@ -150,8 +163,14 @@ impl UdpTransport {
     /// not tell.
     #[must_use]
     pub fn overflowed(&self) -> Option<u64> {
-        let sockets = [Some(&self.own), self.shared.as_ref()];
-        sockets.into_iter().flatten().map(overflow::drops).sum()
+        overflow::drops(&self.sockets)
+    }
+
+    /// Whether all that had come in was taken when [`Transport::poll_event`] last returned nothing; otherwise it passed over
+    /// as much of no use as it may in one call.
+    #[must_use]
+    pub const fn is_drained(&self) -> bool {
+        !self.has_skipped
     }
 
     fn send_to(&mut self, address: SocketAddr, datagram: &[u8]) -> bool {
@@ -178,6 +197,25 @@ impl UdpTransport {
         }
     }
 
+    /// The next datagram; each socket has its turn, so that a flood at one keeps what comes to another waiting for a few
+    /// datagrams only.
+    fn next_datagram(&mut self) -> Option<(Bytes, SocketAddr)> {
+        // One more than there are, for the first may have had its turn.
+        for _ in 0..=self.sockets.len() {
+            if self.in_a_row < IN_A_ROW_MAX {
+                let socket = Arc::clone(&self.sockets[self.turn]);
+                let datagram = self.receive(&socket);
+                if datagram.is_some() {
+                    self.in_a_row += 1;
+                    return datagram;
+                }
+            }
+            self.turn = (self.turn + 1) % self.sockets.len();
+            self.in_a_row = 0;
+        }
+        None
+    }
+
     /// The next datagram of a socket that is not too long.
     fn receive(&mut self, socket: &UdpSocket) -> Option<(Bytes, SocketAddr)> {
         for _ in 0..SKIPPED_MAX {
@@ -194,6 +232,7 @@ impl UdpTransport {
                 Err(_) => return None,
             }
         }
+        self.has_skipped = true;
         None
     }
 }
@@ -220,29 +259,22 @@ impl Transport for UdpTransport {
             });
         }
         if let Destination::To(node) = to
-            && let Some(address) = self.places.get(&node).copied()
+            && let Some(place) = self.places.get(&node).copied()
         {
-            if self.send_to(address, datagram) {
+            if self.send_to(place.address, datagram) {
                 return Ok(());
             }
             // It may have another address by now.
             self.places.remove(&node);
+            self.sources.leave(place.address);
         }
         self.send_to_all(datagram);
         Ok(())
     }
 
     fn poll_event(&mut self) -> Option<Event> {
-        let own = Arc::clone(&self.own);
-        let shared = self.shared.clone();
-        // Each comes first in turn, so that a flood at one does not keep what comes to the other waiting.
-        self.own_first = !self.own_first;
-        let (first, second) = match (shared, self.own_first) {
-            (None, _) => (own, None),
-            (Some(shared), true) => (own, Some(shared)),
-            (Some(shared), false) => (shared, Some(own)),
-        };
-        let (datagram, address) = (self.receive(&first)).or_else(|| self.receive(&*second?))?;
+        self.has_skipped = false;
+        let (datagram, address) = self.next_datagram()?;
         Some(Event::Arrival(Arrival {
             at: (self.clock)(),
             to: self.config.id,
@@ -252,37 +284,99 @@ impl Transport for UdpTransport {
     }
 
     fn learn(&mut self, node: NodeId, source: Source) {
-        if let Some(address) = self.sources.address(source) {
-            self.places.insert(node, address);
+        if self.places.get(&node).is_some_and(|it| it.source == source) {
+            return;
+        }
+        let Some(address) = self.sources.address(source) else {
+            return;
+        };
+        self.sources.stay(address);
+        if let Some(before) = self.places.insert(node, Place { address, source }) {
+            self.sources.leave(before.address);
         }
     }
 }
 
-/// Where the last datagrams came from.
+/// Where a drone is.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    address: SocketAddr,
+    source: Source,
+}
+
+/// The names of addresses: of those at which drones are, and of the last others that datagrams came from. An address has one
+/// name as long as it is known.
 #[derive(Debug, Default)]
 struct Sources {
-    /// The oldest first.
-    addresses: VecDeque<SocketAddr>,
+    names: BTreeMap<SocketAddr, Name>,
+    /// The last that were named, the oldest first.
+    newest: VecDeque<SocketAddr>,
     /// How many there were before the oldest.
     forgotten: u32,
 }
 
+#[derive(Debug)]
+struct Name {
+    source: Source,
+    /// How many drones are there.
+    drones: u32,
+}
+
 impl Sources {
     fn name(&mut self, address: SocketAddr) -> Source {
-        if self.addresses.len() == SOURCES_MAX {
-            self.addresses.pop_front();
-            self.forgotten = self.forgotten.wrapping_add(1);
+        if let Some(name) = self.names.get(&address) {
+            return name.source;
         }
-        self.addresses.push_back(address);
-        let index = u32::try_from(self.addresses.len()).unwrap_or(u32::MAX);
+        if self.newest.len() == SOURCES_MAX {
+            self.forget_oldest();
+        }
+        self.newest.push_back(address);
+        let index = u32::try_from(self.newest.len()).unwrap_or(u32::MAX);
         // One name in 4,294,967,296 stands for two.
         let number = NonZeroU32::new(self.forgotten.wrapping_add(index));
-        Source(number.unwrap_or(NonZeroU32::MIN))
+        let source = Source(number.unwrap_or(NonZeroU32::MIN));
+        self.names.insert(address, Name { source, drones: 0 });
+        source
+    }
+
+    fn forget_oldest(&mut self) {
+        self.forgotten = self.forgotten.wrapping_add(1);
+        let oldest = self.newest.pop_front();
+        if let Some(oldest) = oldest.filter(|it| !self.has_drones(it)) {
+            self.names.remove(&oldest);
+        }
     }
 
     fn address(&self, source: Source) -> Option<SocketAddr> {
         let index = source.0.get().wrapping_sub(self.forgotten).wrapping_sub(1);
-        self.addresses.get(usize::try_from(index).ok()?).copied()
+        let newest = usize::try_from(index)
+            .ok()
+            .and_then(|it| self.newest.get(it));
+        let named = || self.names.iter().find(|(_, name)| name.source == source);
+        newest.or_else(|| Some(named()?.0)).copied()
+    }
+
+    fn has_drones(&self, address: &SocketAddr) -> bool {
+        self.names.get(address).is_some_and(|name| name.drones > 0)
+    }
+
+    /// A drone is there, and so the address keeps its name.
+    fn stay(&mut self, address: SocketAddr) {
+        if let Some(name) = self.names.get_mut(&address) {
+            name.drones += 1;
+        }
+    }
+
+    /// It is there no more.
+    fn leave(&mut self, address: SocketAddr) {
+        let Some(name) = self.names.get_mut(&address) else {
+            return;
+        };
+        name.drones = name.drones.saturating_sub(1);
+        let is_left = name.drones == 0;
+        if is_left && !self.newest.contains(&address) {
+            self.names.remove(&address);
+        }
     }
 }
 
@@ -303,17 +397,38 @@ mod tests {
             .collect();
         assert_eq!(sources.address(first), Some(address(1)));
         assert_eq!(sources.address(names[0]), Some(address(2)));
-        let newest = sources.name(address(7));
+        assert_eq!(sources.name(address(1)), first);
+        let newest = sources.name(address(2_000));
         assert_eq!(sources.address(first), None);
         assert_eq!(sources.address(names[0]), Some(address(2)));
-        assert_eq!(sources.address(newest), Some(address(7)));
+        assert_eq!(sources.address(newest), Some(address(2_000)));
+    }
+
+    #[test]
+    fn an_address_keeps_its_name_as_long_as_a_drone_is_there() {
+        let mut sources = Sources::default();
+        let home = sources.name(address(1));
+        sources.stay(address(1));
+        let pass_by = |sources: &mut Sources| {
+            for port in 2..3_000 {
+                sources.name(address(port));
+            }
+        };
+        pass_by(&mut sources);
+        assert_eq!(sources.name(address(1)), home);
+        assert_eq!(sources.address(home), Some(address(1)));
+        assert_eq!(sources.names.len(), SOURCES_MAX + 1);
+        sources.leave(address(1));
+        assert_ne!(sources.name(address(1)), home);
+        pass_by(&mut sources);
+        assert_eq!(sources.names.len(), SOURCES_MAX);
     }
 
     #[test]
     fn names_go_round_without_mistaking_one_address_for_another() {
         let mut sources = Sources {
-            addresses: VecDeque::new(),
             forgotten: u32::MAX - 2,
+            ..Sources::default()
         };
         let names: Vec<_> = (1..=5)
             .map(|port| (sources.name(address(port)), port))

@@ -4,15 +4,18 @@ use std::net::UdpSocket;
 use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
-/// How many datagrams were dropped because a socket's buffer was full; nothing where the system does not tell.
-pub(super) fn drops(socket: &Arc<UdpSocket>) -> Option<u64> {
-    let link = std::fs::read_link(format!("/proc/self/fd/{}", socket.as_raw_fd())).ok()?;
-    let inode = link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?;
+/// How many datagrams were dropped because these sockets' buffers were full; nothing where the system does not tell.
+pub(super) fn drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
     let tables = ["/proc/self/net/udp", "/proc/self/net/udp6"];
-    let tables = tables
-        .into_iter()
-        .filter_map(|it| std::fs::read_to_string(it).ok());
-    tables.into_iter().find_map(|table| drops_in(&table, inode))
+    let tables: Vec<_> = (tables.into_iter())
+        .filter_map(|it| std::fs::read_to_string(it).ok())
+        .collect();
+    let drops = sockets.iter().map(|socket| {
+        let link = std::fs::read_link(format!("/proc/self/fd/{}", socket.as_raw_fd())).ok()?;
+        let inode = link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?;
+        tables.iter().find_map(|table| drops_in(table, inode))
+    });
+    drops.sum()
 }
 
 /// The last column of the line whose tenth is the socket's inode.

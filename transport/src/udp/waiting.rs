@@ -14,11 +14,10 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    pub(super) fn new(own: &Arc<UdpSocket>, shared: Option<&Arc<UdpSocket>>) -> io::Result<Self> {
-        let sockets = std::iter::once(own).chain(shared);
+    pub(super) fn new(sockets: &[Arc<UdpSocket>]) -> io::Result<Self> {
         let watch = |socket: &Arc<UdpSocket>| tokio::net::UdpSocket::from_std(socket.try_clone()?);
         Ok(Self {
-            sockets: sockets.map(watch).collect::<io::Result<_>>()?,
+            sockets: sockets.iter().map(watch).collect::<io::Result<_>>()?,
         })
     }
 

@@ -185,6 +185,47 @@ fn what_is_longer_than_a_frame_is_counted_and_dropped_unread() {
 }
 
 #[test]
+fn what_a_peer_says_is_heard_through_a_flood_from_elsewhere() {
+    let ([own, peer, ..], _held) = free_addresses();
+    let mut end = open(Config {
+        bind: own,
+        ..config(0, Reach::Peers(vec![peer]))
+    });
+    let (peer, stranger) = (
+        UdpSocket::bind(peer).unwrap(),
+        UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap(),
+    );
+    for number in 0..20_000_u32 {
+        stranger.send_to(&[1; 1_000], own).unwrap();
+        if number % 2_000 == 0 {
+            peer.send_to(&[2], own).unwrap();
+        }
+    }
+    let heard: Vec<_> = std::iter::from_fn(|| datagram(end.poll_event())).collect();
+    let of_peer = |it: &&Arrival| it.datagram[..] == [2];
+    assert_eq!(heard.iter().filter(of_peer).count(), 10);
+    assert!(heard.len() < 20_000, "there was no flood");
+    assert!(
+        heard.iter().take(40).any(|it| of_peer(&it)),
+        "it comes last"
+    );
+    let overflowed = end.overflowed().unwrap();
+    assert_eq!(overflowed, 20_010 - heard.len() as u64);
+}
+
+#[test]
+fn nobody_else_gets_a_drones_address() {
+    let ([own, peer, ..], _held) = free_addresses();
+    let config = Config {
+        bind: own,
+        ..config(0, Reach::Peers(vec![peer]))
+    };
+    let _end = open(config.clone());
+    let second = UdpTransport::open(config, Arc::new(|| Timestamp::ZERO));
+    assert!(matches!(second, Err(OpenError::Bind { .. })), "{second:?}");
+}
+
+#[test]
 fn what_the_system_drops_is_told() {
     let mut end = open(config(0, Reach::Peers(Vec::new())));
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();

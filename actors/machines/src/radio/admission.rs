@@ -1,27 +1,19 @@
 use std::hint::black_box;
 use std::num::NonZeroU64;
-use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::Source;
+use super::budget::{Account, Budget, Forgeries};
 use crate::flaw::{self, Flaw};
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::roster::Roster;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
 
 /// How far behind the newest counter of a sender a frame may be, in frames.
 const WINDOW: u64 = 64;
-
-/// How many frames of one sender are let in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Budget {
-    /// How long it takes to earn one frame.
-    pub interval: Duration,
-    /// How many frames may come at once.
-    pub burst: u32,
-}
 
 /// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
 #[derive(
@@ -52,12 +44,21 @@ pub enum DropReason {
     /// Of an earlier life of the sender, seen before, or too old to tell.
     #[error("replayed")]
     Replayed,
+    /// Of a sender that has not signed this radio's nonce yet: it may have been recorded before the radio was there.
+    #[error("unproven")]
+    Unproven,
     /// More frames than the sender's budget.
     #[error("over budget")]
     OverBudget,
+    /// Not looked at, for too many forged ones came from there, or in all.
+    #[error("unverified")]
+    Unverified,
     /// Not signed by the sender that it names.
     #[error("forged")]
     Forged,
+    /// A list of the expelled that the fleet has not signed.
+    #[error("unsigned list")]
+    UnsignedList,
 }
 
 impl From<FrameError> for DropReason {
@@ -75,17 +76,42 @@ impl From<FrameError> for DropReason {
 pub struct Admission {
     budget: Budget,
     members: u32,
+    /// Whether a sender of whom nothing was let in yet must sign a nonce first.
+    asks: bool,
     senders: Roster<Sender>,
+    forgeries: Forgeries,
 }
 
-/// Where a sender stands in the table, as [`Admission::check`] found it.
+/// Where a sender stands in the table, as [`Admission::find`] found it.
 #[derive(Debug, Clone, Copy)]
-pub struct Place(usize);
+pub struct Place {
+    at: usize,
+    standing: Standing,
+}
+
+/// What is known of whoever a frame names as its sender.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Standing {
+    /// It must sign a nonce first.
+    Unproven,
+    /// The frame does not come from where the last one came from that it had signed.
+    Elsewhere,
+    /// The frame comes from there.
+    Home,
+}
+
+impl Place {
+    /// Whether the sender has signed the radio's nonce, or need not.
+    #[must_use]
+    pub fn is_proven(&self) -> bool {
+        self.standing != Standing::Unproven
+    }
+}
 
 #[derive(Debug)]
 struct Sender {
-    /// When the whole burst will have been earned back.
-    full_at: Timestamp,
+    /// Of frames that it has signed, and of those in its name that come from where it is.
+    account: Account,
     /// Nothing yet, or the newest life and counter.
     newest: Option<Newest>,
 }
@@ -93,6 +119,8 @@ struct Sender {
 #[derive(Debug, Clone, Copy)]
 struct Newest {
     boot: u32,
+    /// Where the last frame came from that was let in.
+    source: Option<Source>,
     counter: u64,
     /// A bit for each counter, the newest in the lowest.
     seen: NonZeroU64,
@@ -100,16 +128,20 @@ struct Newest {
 
 /// Only the newest counter was seen.
 const ONLY_NEWEST: NonZeroU64 = NonZeroU64::MIN;
+/// All before it may have been.
+const ALL: NonZeroU64 = NonZeroU64::MAX;
 
 impl Admission {
     /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
-    /// place in it.
+    /// place in it. If it `asks`, a sender of whom nothing was let in yet is unproven.
     #[must_use]
-    pub fn new(budget: Budget, members: u32) -> Self {
+    pub fn new(budget: Budget, members: u32, asks: bool) -> Self {
         Self {
             budget,
             members,
+            asks,
             senders: Roster::new(),
+            forgeries: Forgeries::new(),
         }
     }
 
@@ -119,55 +151,101 @@ impl Admission {
         self.senders.len()
     }
 
+    /// The members that are unproven.
+    #[must_use]
+    pub fn unproven(&self) -> NodeSet {
+        let is_proven = |id: &NodeId| self.senders.get(*id).is_some_and(|it| it.newest.is_some());
+        let members = (0..self.members).map(NodeId);
+        members.filter(|id| !is_proven(id)).collect()
+    }
+
     /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
     pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
         let known = sender.and_then(|sender| self.senders.get(sender));
-        black_box((self.members, self.budget.burst, known.map(|it| it.full_at)));
+        black_box((self.members, self.budget.burst, known.map(|it| it.account)));
     }
 
-    /// Whether a frame may go on to the costly check of its signature; charges the sender's budget.
+    /// What is known of a frame's sender.
     ///
     /// # Errors
-    /// With the reason for which the frame is to be dropped.
+    /// With the reason for which the frame is to be dropped: a replay, which uses up nothing of what its sender may say,
+    /// or a stranger.
     #[inline]
-    pub fn check(&mut self, now: Timestamp, header: &Header) -> Result<Place, DropReason> {
+    pub fn find(&mut self, header: &Header, source: Option<Source>) -> Result<Place, DropReason> {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
         }
         let at = self.senders.find(header.sender).unwrap_or_else(|at| {
             let sender = Sender {
-                full_at: now,
+                account: Account::FULL,
                 newest: None,
             };
             self.senders.insert(at, header.sender, sender);
             at
         });
-        let sender = self.senders.at(at);
-        // A replay is not to use up what its sender may say.
-        if sender.newest.is_some_and(|newest| newest.has_seen(header)) {
-            return Err(DropReason::Replayed);
-        }
-        let full_at = sender.full_at.max(now) + self.budget.interval;
-        if full_at.since(now) > self.budget.interval * self.budget.burst {
-            return Err(DropReason::OverBudget);
-        }
-        sender.full_at = full_at;
-        Ok(Place(at))
+        let standing = match &self.senders.at(at).newest {
+            Some(newest) if newest.has_seen(header) => return Err(DropReason::Replayed),
+            Some(newest) if source.is_some() && newest.source == source => Standing::Home,
+            None if self.asks && !flaw::has(Flaw::BelievesTheUnproven) => Standing::Unproven,
+            _ => Standing::Elsewhere,
+        };
+        Ok(Place { at, standing })
     }
 
-    /// Marks a frame, whose signature was right, as seen.
+    /// Whether a frame may go on to the costly check of its signature.
+    ///
+    /// # Errors
+    /// With the reason for which the frame is to be dropped.
     ///
     /// # Panics
-    /// When another table than this one found the place.
+    /// When another table than this one found the place; so do the others.
     #[inline]
-    pub fn admit(&mut self, place: Place, header: &Header) {
-        match &mut self.senders.at(place.0).newest {
-            Some(newest) if newest.boot == header.boot => newest.mark(header.counter),
+    pub fn check(
+        &mut self,
+        now: Timestamp,
+        place: Place,
+        source: Option<Source>,
+    ) -> Result<(), DropReason> {
+        if !self
+            .senders
+            .at(place.at)
+            .account
+            .has_left(now, &self.budget)
+        {
+            return Err(DropReason::OverBudget);
+        }
+        if place.standing != Standing::Home && !self.forgeries.has_left(now, source) {
+            return Err(DropReason::Unverified);
+        }
+        Ok(())
+    }
+
+    /// Takes in that a frame was looked at in vain: its signature was wrong, or it came of an unproven sender and proved
+    /// nothing. What its sender may say is less by that only if it came from where the sender is.
+    pub fn refuse(&mut self, now: Timestamp, place: Place, source: Option<Source>) {
+        match place.standing {
+            Standing::Home => self.senders.at(place.at).account.charge(now, &self.budget),
+            Standing::Unproven | Standing::Elsewhere => self.forgeries.charge(now, source),
+        }
+    }
+
+    /// Marks a frame, whose signature was right, as seen, and charges its sender's budget. Where the sender was unproven all
+    /// that it said before is taken for seen, for it may have been.
+    #[inline]
+    pub fn admit(&mut self, now: Timestamp, place: Place, header: &Header, source: Option<Source>) {
+        let sender = self.senders.at(place.at);
+        sender.account.charge(now, &self.budget);
+        match &mut sender.newest {
+            Some(newest) if newest.boot == header.boot => {
+                newest.source = source;
+                newest.mark(header.counter);
+            }
             newest => {
                 *newest = Some(Newest {
                     boot: header.boot,
+                    source,
                     counter: header.counter,
-                    seen: ONLY_NEWEST,
+                    seen: if place.is_proven() { ONLY_NEWEST } else { ALL },
                 });
             }
         }

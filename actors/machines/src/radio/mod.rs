@@ -1,7 +1,11 @@
-//! What is let in from the air and what goes out: admission, counters, signatures.
+//! What is let in from the air and what goes out: admission, counters, signatures, and what radios say to each other.
 
 mod admission;
 mod authenticator;
+mod budget;
+mod freshness;
+mod lists;
+mod packet;
 
 use std::convert::Infallible;
 use std::hint::black_box;
@@ -9,19 +13,33 @@ use std::num::NonZeroU32;
 
 use bytes::{Buf, Bytes};
 
-pub use admission::{Admission, Budget, DropReason, Place};
-pub use authenticator::{Authenticator, IdealAuthenticator};
+pub use admission::{Admission, DropReason, Place};
+pub use authenticator::{Authenticator, IdealAuthenticator, Offer};
+pub use budget::Budget;
+pub use packet::Packet;
 
 use serde::{Deserialize, Serialize};
 
+use self::freshness::{Challenger, Responder};
+use self::lists::{Gossip, Saying};
 use crate::flaw::{self, Flaw};
-use crate::identity::{Ballot, NodeId, SwarmId};
+use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
 use crate::wire::{self, AUTHENTICATOR_LEN, HEADER_MAX, Header, PAYLOAD_MAX};
 
 /// How many counters are reserved at once, so that a restart never uses one twice and a journal is not worn.
 const COUNTER_BLOCK: u64 = 1_024;
+
+/// How many runs of ids a challenge names, so that it fits a datagram; where there are more, it names all.
+const CHALLENGED_RUNS_MAX: usize = 64;
+
+/// What stands for a ballot in frames that a radio sends by itself: it does not know whom its drone obeys.
+const NOBODY: Ballot = Ballot {
+    term: 0,
+    rank: 0,
+    master: NodeId(0),
+};
 
 /// What a radio is built with.
 #[derive(Debug, Clone)]
@@ -34,9 +52,13 @@ pub struct Config {
     pub budget: Budget,
     /// How many members the swarm has, relays included; ids run from 0 to one below.
     pub members: u32,
+    /// Whether senders must prove themselves to it in the first life of its drone too, and not only from the second on:
+    /// where somebody may have recorded what they said before.
+    pub asks_from_the_start: bool,
 }
 
-/// Where a datagram came from: a name that a transport gives to an address of its own, for as long as it says.
+/// Where a datagram came from: a name that a transport gives to an address of its own, for as long as it says. What comes
+/// from an address at which a drone was found has the same name as long as it is to be found there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Source(pub NonZeroU32);
 
@@ -123,6 +145,11 @@ pub enum Event {
     },
     /// What a restarted radio is built from.
     Checkpoint(Checkpoint),
+    /// A newer list of the expelled came in, and was taken.
+    Expelled {
+        /// The list's number.
+        list: u64,
+    },
 }
 
 /// What outlives a radio: the counters it may already have used.
@@ -142,21 +169,39 @@ pub struct Radio<A> {
     counter: u64,
     reserved: u64,
     outbox: Outbox<Transmit, Event>,
+    /// Where senders must prove themselves.
+    challenger: Option<Box<Challenger>>,
+    /// Once somebody has asked.
+    responder: Option<Box<Responder>>,
+    /// Where there are lists of the expelled.
+    gossip: Option<Box<Gossip>>,
 }
 
 impl<A: Authenticator> Radio<A> {
-    /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window, in the
-    /// `boot`th life of the drone's process.
+    /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window, in the `boot`th life
+    /// of the drone's process. One that has lived before can't know what it has heard: it believes a sender only once that
+    /// has signed `nonce`, which must never have been used before.
     #[must_use]
-    pub fn new(config: Config, authenticator: A, boot: u32, checkpoint: Checkpoint) -> Self {
-        let admission = Admission::new(config.budget, config.members);
+    pub fn new(
+        config: Config,
+        authenticator: A,
+        boot: u32,
+        checkpoint: Checkpoint,
+        nonce: u64,
+    ) -> Self {
+        let has_lived = boot > 1 || checkpoint != Checkpoint::default();
+        let asks = has_lived || config.asks_from_the_start;
+        let list = authenticator.list_number();
         Self {
-            admission,
+            admission: Admission::new(config.budget, config.members, asks),
             authenticator,
             boot,
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
             outbox: Outbox::new(),
+            challenger: asks.then(|| Box::new(Challenger::new(nonce))),
+            responder: None,
+            gossip: (list > 0).then(|| Box::new(Gossip::new(list))),
             config,
         }
     }
@@ -180,11 +225,7 @@ impl<A: Authenticator> Radio<A> {
             self.outbox.event(Event::Oversized { len });
             return None;
         }
-        if self.counter == self.reserved {
-            self.reserved += COUNTER_BLOCK;
-            let counter = self.reserved;
-            self.outbox.event(Event::Checkpoint(Checkpoint { counter }));
-        }
+        self.reserve();
         let header = Header {
             swarm: self.config.swarm,
             sender: self.config.id,
@@ -198,6 +239,15 @@ impl<A: Authenticator> Radio<A> {
         let authenticator = self.authenticator.sign(&frame);
         frame.extend_from_slice(&authenticator);
         Some(frame.into())
+    }
+
+    /// Has a counter that may be used.
+    fn reserve(&mut self) {
+        if self.counter == self.reserved {
+            self.reserved += COUNTER_BLOCK;
+            let counter = self.reserved;
+            self.outbox.event(Event::Checkpoint(Checkpoint { counter }));
+        }
     }
 
     fn receive(
@@ -214,31 +264,174 @@ impl<A: Authenticator> Radio<A> {
         if header.sender == self.config.id {
             return Err(DropReason::OwnEcho);
         }
-        if !self.authenticator.is_trusted(header.sender) {
+        let sender = header.sender;
+        if !self.authenticator.is_trusted(sender) {
+            self.hears_expelled(now);
             return Err(DropReason::Expelled);
         }
-        let place = self.admission.check(now, &header)?;
-        let is_genuine =
-            self.authenticator
-                .verify(header.sender, frame.covered, frame.authenticator);
+        let place = self.admission.find(&header, source)?;
+        if !place.is_proven() && !self.proves_or_asks(frame.payload) {
+            self.hears_unproven(now);
+            return Err(DropReason::Unproven);
+        }
+        self.admission.check(now, place, source)?;
+        let is_genuine = self
+            .authenticator
+            .verify(sender, frame.covered, frame.authenticator);
         if !is_genuine && !flaw::has(Flaw::BelievesAnySender) {
+            self.admission.refuse(now, place, source);
             return Err(DropReason::Forged);
         }
-        self.admission.admit(place, &header);
+        let packet = wire::decode_radio_packet(frame.payload);
+        if let (false, Some(Packet::Challenge { nonce, of })) = (place.is_proven(), &packet) {
+            // It may be an old one, sent again: to answer it does no harm, and the sender is to prove itself.
+            self.admission.refuse(now, place, source);
+            self.is_asked(now, sender, *nonce, of);
+            self.hears_unproven(now);
+            return Ok(());
+        }
+        self.admission.admit(now, place, &header, source);
+        if let Some(source) = source {
+            self.outbox.transmit(Transmit::Locate { sender, source });
+        }
+        if let Some(packet) = packet {
+            return self.take(now, sender, packet);
+        }
         let end = frame.covered.len();
         let begin = end - frame.payload.len();
         datagram.truncate(end);
         datagram.advance(begin);
-        if let Some(source) = source {
-            let sender = header.sender;
-            self.outbox.transmit(Transmit::Locate { sender, source });
-        }
         self.outbox.transmit(Transmit::Heard {
-            sender: header.sender,
+            sender,
             ballot: header.ballot,
             payload: datagram,
         });
         Ok(())
+    }
+
+    /// Whether it is worth looking at the signature of this payload of an unproven sender: it is what proves the sender, or
+    /// asks for the same.
+    fn proves_or_asks(&self, payload: &[u8]) -> bool {
+        match wire::decode_radio_packet(payload) {
+            Some(Packet::Response(answered)) => {
+                let nonce = self.challenger.as_ref().map(|it| it.nonce());
+                nonce.is_some_and(|nonce| answered.contains(&(self.config.id, nonce)))
+            }
+            Some(Packet::Challenge { of, .. }) => of.contains(self.config.id),
+            _ => false,
+        }
+    }
+
+    /// Takes in what another radio says to this one.
+    fn take(&mut self, now: Timestamp, sender: NodeId, packet: Packet) -> Result<(), DropReason> {
+        match packet {
+            Packet::Challenge { nonce, of } => self.is_asked(now, sender, nonce, &of),
+            // What it was to prove is proved.
+            Packet::Response(_) => {}
+            Packet::ListNumber(theirs) => {
+                let own = self.authenticator.list_number();
+                if let Some(gossip) = &mut self.gossip {
+                    gossip.hears_number(theirs, own);
+                }
+                self.pass_on_lists(now);
+            }
+            Packet::List(list) => match self.authenticator.take_list(&list) {
+                Offer::Unsigned => return Err(DropReason::UnsignedList),
+                Offer::Older => {}
+                Offer::Same => {
+                    if let Some(gossip) = &mut self.gossip {
+                        gossip.hears_list(now);
+                    }
+                }
+                Offer::Newer => {
+                    let list = self.authenticator.list_number();
+                    self.outbox.event(Event::Expelled { list });
+                    self.pass_on_lists(now);
+                }
+            },
+        }
+        Ok(())
+    }
+
+    fn is_asked(&mut self, now: Timestamp, by: NodeId, nonce: u64, of: &NodeSet) {
+        if of.contains(self.config.id) {
+            let responder = self.responder.get_or_insert_default();
+            responder.asks(by, nonce);
+            self.respond(now);
+        }
+    }
+
+    fn hears_unproven(&mut self, now: Timestamp) {
+        if let Some(challenger) = &mut self.challenger {
+            challenger.hears();
+            self.challenge(now);
+        }
+    }
+
+    fn hears_expelled(&mut self, now: Timestamp) {
+        if let Some(gossip) = &mut self.gossip {
+            gossip.hears_expelled(now);
+            self.pass_on_lists(now);
+        }
+    }
+
+    /// Asks those who are unproven, if it is time.
+    fn challenge(&mut self, now: Timestamp) {
+        let Some(challenger) = self.challenger.as_mut().filter(|it| it.is_due(now)) else {
+            return;
+        };
+        let mut of = self.admission.unproven();
+        of = of.difference(&self.config.id.into());
+        if of.is_empty() {
+            return challenger.rest();
+        }
+        if of.runs().len() > CHALLENGED_RUNS_MAX {
+            of = NodeSet::from(0..self.config.members);
+        }
+        let nonce = challenger.sends(now);
+        self.say(&Packet::Challenge { nonce, of });
+    }
+
+    /// Answers those who ask, if it is time.
+    fn respond(&mut self, now: Timestamp) {
+        let answered = self.responder.as_mut().map(|it| it.due(now));
+        if let Some(answered) = answered.filter(|it| !it.is_empty()) {
+            self.say(&Packet::Response(answered));
+        }
+    }
+
+    /// Says what it has for a list of the expelled, if it is time.
+    fn pass_on_lists(&mut self, now: Timestamp) {
+        let own = self.authenticator.list_number();
+        while let Some(saying) = self.gossip.as_mut().and_then(|it| it.due(now, own)) {
+            let packet = match saying {
+                Saying::Number => Some(Packet::ListNumber(own)),
+                Saying::List => self.authenticator.list().map(Packet::List),
+            };
+            if let Some(packet) = packet {
+                self.say(&packet);
+            }
+        }
+    }
+
+    /// Says something to all other radios.
+    fn say(&mut self, packet: &Packet) {
+        let payload = wire::encode_radio_packet(packet);
+        if let Some(frame) = self.frame(NOBODY, &payload) {
+            self.outbox.transmit(Transmit::Send {
+                to: None,
+                frame,
+                keep_alive: matches!(packet, Packet::ListNumber(_)),
+            });
+        }
+    }
+
+    fn deadline(&self) -> Option<Timestamp> {
+        let challenge = self.challenger.as_ref().and_then(|it| it.deadline());
+        let response = self.responder.as_ref().and_then(|it| it.deadline());
+        let list = self.gossip.as_ref().map(|it| it.deadline());
+        let times = [challenge, response, list];
+        times.into_iter().flatten().min()
     }
 }
 
@@ -286,10 +479,16 @@ impl<A: Authenticator> Machine for Radio<A> {
         Ok(())
     }
 
-    fn handle_timeout(&mut self, _now: Timestamp) {}
+    fn handle_timeout(&mut self, now: Timestamp) {
+        // From its first step on there is a checkpoint, which tells a later radio that this one was there.
+        self.reserve();
+        self.challenge(now);
+        self.respond(now);
+        self.pass_on_lists(now);
+    }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(None)
+        self.outbox.poll(self.deadline())
     }
 }
 

@@ -223,6 +223,15 @@ pub enum Checkpoint {
 }
 
 impl Checkpoint {
+    /// Whom the drone obeys, if anybody.
+    #[must_use]
+    pub const fn ballot(&self) -> Option<Ballot> {
+        match self {
+            Self::Flood(own) => own.reign.ballot(),
+            Self::Tree(own) => own.reign.ballot(),
+        }
+    }
+
     /// Whether what must never fall back has changed since `before`: whom the drone obeys, which numbers it may have
     /// used, whether it is done.
     pub(crate) fn is_news(&self, before: &Self) -> bool {

@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::identity::NodeSet;
+use crate::radio;
 use crate::routing::Tree;
 
 const HEADER: Header = Header {
@@ -85,6 +86,21 @@ fn a_packet_of_policy_tree_has_these_bytes() {
         hex(&encode_packet(&tree)),
         "03ac02010101070203000002010104000108010001020201010500010101"
     );
+}
+
+#[test]
+fn packets_of_the_radio_have_these_bytes() {
+    let challenge = radio::Packet::Challenge {
+        nonce: 300,
+        of: [NodeId(1), NodeId(2)].into_iter().collect(),
+    };
+    assert_eq!(hex(&encode_radio_packet(&challenge)), "04ac02020102");
+    let response = radio::Packet::Response(vec![(NodeId(3), 300), (NodeId(200), 1)]);
+    assert_eq!(hex(&encode_radio_packet(&response)), "050203ac02c80101");
+    let number = radio::Packet::ListNumber(300);
+    assert_eq!(hex(&encode_radio_packet(&number)), "06ac02");
+    let list = radio::Packet::List(bytes::Bytes::from_static(&[0xc0, 0xff]));
+    assert_eq!(hex(&encode_radio_packet(&list)), "07c0ff");
 }
 
 #[test]
@@ -290,6 +306,18 @@ fn any_packet() -> impl Strategy<Value = Packet> {
     prop_oneof![hello, hop_update, flood, tree]
 }
 
+fn any_radio_packet() -> impl Strategy<Value = radio::Packet> {
+    let challenge = (any::<u64>(), ids_below_200()).prop_map(|(nonce, of)| {
+        let of = of.into_iter().collect();
+        radio::Packet::Challenge { nonce, of }
+    });
+    let answered = (any::<u32>().prop_map(NodeId), any::<u64>());
+    let response = prop::collection::vec(answered, 0..70).prop_map(radio::Packet::Response);
+    let number = any::<u64>().prop_map(radio::Packet::ListNumber);
+    let list = any::<Vec<u8>>().prop_map(|list| radio::Packet::List(list.into()));
+    prop_oneof![challenge, response, number, list]
+}
+
 proptest! {
     #[test]
     fn a_set_of_drones_is_a_set(
@@ -326,10 +354,23 @@ proptest! {
     }
 
     #[test]
+    fn any_packet_of_a_radio_is_read_back(packet in any_radio_packet()) {
+        let bytes = encode_radio_packet(&packet);
+        prop_assert_eq!(decode_packet(&bytes), Err(PayloadError), "none of the routing's");
+        prop_assert_eq!(decode_radio_packet(&bytes), Some(packet));
+    }
+
+    #[test]
+    fn what_is_the_routings_is_none_of_a_radios(packet in any_packet()) {
+        prop_assert_eq!(decode_radio_packet(&encode_packet(&packet)), None);
+    }
+
+    #[test]
     fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..1_600)) {
         let _ = decode_frame(&bytes);
         let _ = decode_packet(&bytes);
         let _ = decode_order(&bytes);
+        let _ = decode_radio_packet(&bytes);
     }
 
     #[test]

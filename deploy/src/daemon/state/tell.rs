@@ -1,0 +1,198 @@
+//! What a drone's process knows of itself, for whoever asks.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use muster_machines::cell::Address;
+use muster_machines::mission;
+use muster_machines::time::Timestamp;
+use muster_machines::wire::PacketKind;
+
+use super::State;
+use crate::status::{
+    ActorStatus, Datagrams, Doing, Frames, Heard, Reign, Role, Sent, Status, VehicleStatus,
+};
+
+/// How long an actor may take to answer before it counts as hung. A busy machine takes a tenth of it.
+const ANSWER_MAX: Duration = Duration::from_secs(2);
+
+/// The names of a mission's states, for programs.
+pub(in crate::daemon) const STATES: [&str; 13] = [
+    "start",
+    "set_up",
+    "taking_off",
+    "neighbour_discovery",
+    "hop_update",
+    "waypoint_reached",
+    "moving_to_waypoint",
+    "changing_formation",
+    "following",
+    "assembling",
+    "moving_to_land",
+    "landing",
+    "finished",
+];
+
+impl State {
+    /// What it tells of itself.
+    pub(in crate::daemon) fn status(&self, now: Timestamp) -> Status {
+        let ballot = self.checkpoints.ballot();
+        let role = match ballot {
+            _ if self.is_relay => Role::Relay,
+            None => Role::None,
+            Some(ballot) if ballot.master == self.id => Role::Master,
+            Some(_) => Role::Member,
+        };
+        Status {
+            drone: self.id.0,
+            swarm: self.swarm.0,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            life: self.checkpoints.boot(),
+            up_s: now.since(self.started).as_secs_f64(),
+            faults: self.faults(now),
+            state: doing(self.checkpoints.state()),
+            role,
+            ballot: ballot.map(|ballot| Reign {
+                term: ballot.term,
+                rank: ballot.rank,
+                master: ballot.master.0,
+            }),
+            hops: self.routes.hops,
+            parent: self.routes.parent.map(|id| id.0),
+            heard: self.heard(now),
+            vehicle: self.vehicle(now),
+            actors: self.actors(),
+            frames: self.frames(),
+            datagrams: self.datagrams(),
+            messages_refused: self.counts.refused,
+            journal_unwritten: self.counts.unwritten,
+            log_lines_lost: self.lines_lost(),
+        }
+    }
+
+    /// What keeps it from its work; nothing if all five actors run and have answered when they were last asked, and what
+    /// must be remembered is.
+    pub(in crate::daemon) fn faults(&self, now: Timestamp) -> Vec<String> {
+        let mut faults = Vec::new();
+        if self.gave_up {
+            faults.push("an actor could not be kept alive: the drone comes down".to_owned());
+        }
+        let asked_for = self.asked_at.map_or(Duration::ZERO, |at| now.since(at));
+        for address in Address::ALL {
+            let seat = &self.seats[address as usize];
+            if !seat.is_up {
+                faults.push(format!("the {address} actor does not run"));
+            } else if !seat.has_answered && asked_for > ANSWER_MAX {
+                let seconds = asked_for.as_secs_f64();
+                faults.push(format!(
+                    "the {address} actor has not answered for {seconds:.1} s"
+                ));
+            }
+        }
+        if self.counts.unwritten > 0 {
+            faults.push("the journal can't be written: the drone comes down".to_owned());
+        }
+        faults
+    }
+
+    fn heard(&self, now: Timestamp) -> BTreeMap<u32, Heard> {
+        let heard = self.counts.heard.iter().map(|(id, heard)| {
+            let heard = Heard {
+                frames: heard.frames,
+                silent_s: now.since(heard.last).as_secs_f64(),
+            };
+            (id.0, heard)
+        });
+        heard.collect()
+    }
+
+    fn vehicle(&self, now: Timestamp) -> VehicleStatus {
+        let telemetry = self.craft.telemetry(now);
+        VehicleStatus {
+            north_m: telemetry.position.north_m(),
+            east_m: telemetry.position.east_m(),
+            altitude_m: telemetry.position.altitude_m(),
+            position_lost_s: telemetry.position_lost_for.map(|it| it.as_secs_f64()),
+            charge: telemetry.charge,
+            armed: telemetry.armed,
+        }
+    }
+
+    fn actors(&self) -> BTreeMap<String, ActorStatus> {
+        let book = self.drone.as_ref().map(muster_actors::Drone::book);
+        let number = |len: Option<usize>| u32::try_from(len.unwrap_or(0)).unwrap_or(u32::MAX);
+        let actors = Address::ALL.into_iter().map(|address| {
+            let seat = &self.seats[address as usize];
+            let actor = ActorStatus {
+                up: seat.is_up,
+                waiting: number(book.and_then(|book| book.waiting(address))),
+                waiting_max: number(book.map(muster_actors::AddressBook::waiting_max)),
+                failures: seat.failures,
+                restarts: seat.restarts(),
+            };
+            (address.to_string(), actor)
+        });
+        actors.collect()
+    }
+
+    fn frames(&self) -> Frames {
+        let counts = &self.counts;
+        let sent = counts.sent.iter().map(|(kind, sent)| {
+            let sent = Sent {
+                news: sent.news,
+                keep_alives: sent.keep_alives,
+            };
+            (kind.to_string(), sent)
+        });
+        let let_in = counts.let_in.iter().map(|(kind, n)| (*kind, *n));
+        let let_in = let_in.chain([(PacketKind::Radio, counts.for_radio())]);
+        let by_radio = counts.dropped.iter();
+        let by_radio = by_radio.map(|(why, n)| (why.to_string().replace(' ', "_"), *n));
+        let before_it = [
+            ("out_of_range".to_owned(), counts.out_of_range),
+            ("no_room".to_owned(), counts.no_room),
+        ];
+        Frames {
+            sent: sent.collect(),
+            let_in: let_in.map(|(kind, n)| (kind.to_string(), n)).collect(),
+            dropped: by_radio.chain(before_it).collect(),
+            ignored: counts.ignored,
+            orders_refused: counts.orders_refused,
+        }
+    }
+
+    fn datagrams(&self) -> Datagrams {
+        let counters = self.transport.counters();
+        Datagrams {
+            sent: counters.sent,
+            unsent: counters.unsent,
+            received: counters.received,
+            too_long: counters.too_long,
+            overflowed: self.transport.overflowed(),
+        }
+    }
+}
+
+fn doing(state: mission::State) -> Doing {
+    use mission::State as Is;
+    let (index, waypoint) = match state {
+        Is::Start => (0, None),
+        Is::SetUp => (1, None),
+        Is::TakingOff => (2, None),
+        Is::NeighbourDiscovery => (3, None),
+        Is::HopUpdate => (4, None),
+        Is::WaypointReached { waypoint } => (5, Some(waypoint)),
+        Is::MovingToWaypoint { waypoint } => (6, Some(waypoint)),
+        Is::ChangingFormation { .. } => (7, None),
+        Is::Following => (8, None),
+        Is::Assembling => (9, None),
+        Is::MovingToLand => (10, None),
+        Is::Landing => (11, None),
+        Is::Finished => (12, None),
+    };
+    Doing {
+        name: STATES[index].to_owned(),
+        words: state.to_string(),
+        waypoint,
+    }
+}

@@ -1,0 +1,152 @@
+//! What drones tell of themselves, as a table for people.
+
+use comfy_table::{Attribute, Cell, CellAlignment, Table};
+use muster_scenarios::report::{Colour, TABLE_STYLE};
+
+use super::{AskError, Role, Status, Target};
+
+/// What came of asking a drone.
+#[derive(Debug)]
+pub struct Answer {
+    /// Who was asked.
+    pub target: Target,
+    /// What it said.
+    pub status: Result<Status, AskError>,
+}
+
+/// The columns, named in two lines, and whether each holds numbers.
+const COLUMNS: [(&str, bool); 13] = [
+    ("\ndrone", true),
+    ("\nstate", false),
+    ("\nrole", false),
+    ("\nobeys", true),
+    ("\nterm", true),
+    ("\nhops", true),
+    ("neigh-\nbours", true),
+    ("height\nm", true),
+    ("north, east\nm", true),
+    ("battery\n%", true),
+    ("\nrestarts", true),
+    ("frames\ndropped", true),
+    ("\nup", true),
+];
+
+const NOTHING: &str = "–";
+
+/// A row a drone, the lowest number first, and a remark on each that asks for one; it ends with a line feed.
+#[must_use]
+pub fn table(answers: &[Answer], colour: Colour) -> String {
+    let mut answers: Vec<_> = answers.iter().collect();
+    answers.sort_by_key(|answer| number(answer).unwrap_or(u32::MAX));
+    let mut table = Table::new();
+    table.force_no_tty().load_style(TABLE_STYLE);
+    if colour == Colour::Always {
+        table.enforce_styling();
+    }
+    table.set_header(COLUMNS.map(|(name, _)| Cell::new(name).add_attribute(Attribute::Bold)));
+    for (column, (_, numbers)) in table.column_iter_mut().zip(COLUMNS) {
+        column.set_padding((1, 0));
+        if numbers {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    for answer in &answers {
+        table.add_row(match &answer.status {
+            Ok(status) => row(status),
+            Err(_) => without_answer(answer),
+        });
+    }
+    let lines = table.lines().map(|line| format!("{}\n", line.trim_end()));
+    let mut text: String = lines.collect();
+    let remarks: Vec<_> = answers.into_iter().flat_map(remarks).collect();
+    if !remarks.is_empty() {
+        text.push('\n');
+    }
+    for (who, remark) in remarks {
+        text.push_str(&format!(" {who:<11}  {remark}\n"));
+    }
+    text
+}
+
+fn number(answer: &Answer) -> Option<u32> {
+    answer
+        .status
+        .as_ref()
+        .map_or(answer.target.drone, |it| Some(it.drone))
+}
+
+fn row(status: &Status) -> Vec<String> {
+    let leads = if status.role == Role::Master {
+        "▸ "
+    } else {
+        ""
+    };
+    let vehicle = &status.vehicle;
+    let of_ballot = |it: fn(&super::Reign) -> u32| or_nothing(status.ballot.as_ref().map(it));
+    vec![
+        format!("{leads}{}", status.drone),
+        status.state.words.clone(),
+        status.role.name().to_owned(),
+        of_ballot(|it| it.master),
+        of_ballot(|it| it.term),
+        or_nothing(status.hops),
+        status.neighbours().count().to_string(),
+        format!("{:.1}", shown(vehicle.altitude_m)),
+        format!(
+            "{:.1}, {:.1}",
+            shown(vehicle.north_m),
+            shown(vehicle.east_m)
+        ),
+        format!("{:.0}", vehicle.charge * 100.0),
+        status.restarts().to_string(),
+        status.dropped().to_string(),
+        duration(status.up_s),
+    ]
+}
+
+/// Without a sign where nothing but zeros is shown.
+fn shown(metres: f64) -> f64 {
+    if metres.abs() < 0.05 { 0.0 } else { metres }
+}
+
+fn without_answer(answer: &Answer) -> Vec<String> {
+    let mut cells = vec![NOTHING.to_owned(); COLUMNS.len()];
+    cells[0] = or_nothing(answer.target.drone);
+    cells[1] = "no answer".to_owned();
+    cells
+}
+
+/// What is wrong with a drone, or with asking it.
+fn remarks(answer: &Answer) -> Vec<(String, String)> {
+    let who =
+        number(answer).map_or_else(|| answer.target.address.clone(), |id| format!("drone {id}"));
+    let said = match &answer.status {
+        Ok(status) => status.faults.clone(),
+        Err(error) if number(answer).is_some() => {
+            vec![format!("{}: {error}", answer.target.address)]
+        }
+        Err(error) => vec![error.to_string()],
+    };
+    said.into_iter().map(|it| (who.clone(), it)).collect()
+}
+
+fn or_nothing(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), |it| it.to_string())
+}
+
+/// As in "42 s", "12 min" and "3 h 20 min".
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates, whatever a drone says"
+)]
+fn duration(seconds: f64) -> String {
+    match seconds.max(0.0) as u64 {
+        seconds @ 0..120 => format!("{seconds} s"),
+        seconds @ 120..7_200 => format!("{} min", seconds / 60),
+        seconds => format!("{} h {} min", seconds / 3_600, seconds / 60 % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,96 @@
+use super::*;
+use crate::status::{ActorStatus, Datagrams, Doing, Frames, Heard, Reign, VehicleStatus};
+
+fn status(drone: u32) -> Status {
+    let actor = ActorStatus {
+        up: true,
+        waiting: 0,
+        waiting_max: 64,
+        failures: 1,
+        restarts: 1,
+    };
+    let heard = |silent_s| Heard {
+        frames: 7,
+        silent_s,
+    };
+    Status {
+        drone,
+        swarm: 1,
+        version: "0.1.0".to_owned(),
+        life: 1,
+        up_s: 12.7,
+        faults: Vec::new(),
+        state: Doing {
+            name: "moving_to_waypoint".to_owned(),
+            words: "moving to waypoint 2".to_owned(),
+            waypoint: Some(2),
+        },
+        role: Role::Member,
+        ballot: Some(Reign {
+            term: 1,
+            rank: 0,
+            master: 2,
+        }),
+        hops: Some(1),
+        parent: Some(2),
+        heard: [(0, heard(0.4)), (2, heard(2.9)), (3, heard(3.1))].into(),
+        vehicle: VehicleStatus {
+            north_m: 20.04,
+            east_m: -0.01,
+            altitude_m: 19.96,
+            position_lost_s: None,
+            charge: 0.994,
+            armed: true,
+        },
+        actors: [("radio".to_owned(), actor)].into(),
+        frames: Frames {
+            dropped: [("forged".to_owned(), 40), ("replayed".to_owned(), 2)].into(),
+            ..Frames::default()
+        },
+        datagrams: Datagrams {
+            too_long: 3,
+            overflowed: Some(5),
+            ..Datagrams::default()
+        },
+        messages_refused: 0,
+        journal_unwritten: 0,
+        log_lines_lost: 0,
+    }
+}
+
+fn answer(drone: Option<u32>, status: Result<Status, AskError>) -> Answer {
+    Answer {
+        target: Target {
+            drone,
+            address: format!("127.0.0.1:910{}", drone.unwrap_or(9)),
+        },
+        status,
+    }
+}
+
+#[test]
+fn drones_are_rows_by_number_and_those_that_do_not_answer_say_so() {
+    let master = Status {
+        role: Role::Master,
+        hops: Some(0),
+        up_s: 12_000.0,
+        ..status(2)
+    };
+    let idle = Status {
+        ballot: None,
+        hops: None,
+        role: Role::None,
+        faults: vec!["the mission actor does not run".to_owned()],
+        up_s: 300.0,
+        ..status(1)
+    };
+    let nobody = || Err(AskError::NoAnswer(Box::new(ureq::Error::ConnectionFailed)));
+    let answers = [
+        answer(None, nobody()),
+        answer(Some(2), Ok(master)),
+        answer(None, Ok(idle)),
+        answer(Some(0), Ok(status(0))),
+        answer(Some(3), nobody()),
+    ];
+    insta::assert_snapshot!(table(&answers, Colour::Never));
+}

@@ -1,0 +1,96 @@
+//! Writes the kept corpus of the targets that read bytes, from what drones say to each other in a flight: run it in
+//! `fuzz/` when the frame changes, as CONTRIBUTING.md says.
+
+use std::collections::BTreeSet;
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use muster_fuzz::{Drone, Op, scenarios, scratch};
+use muster_machines::identity::NodeId;
+use muster_machines::wire::{PacketKind, decode_frame};
+
+/// How far the clock goes between two looks at what drones have sent.
+const STEP: Duration = Duration::from_millis(40);
+/// For how long they fly.
+const FLIGHT: Duration = Duration::from_secs(120);
+/// How long a kept piece of a flight is, at the most, in bytes.
+const PIECE_MAX: usize = 1_500;
+/// How many pieces of each flight are kept, and how many frames.
+const KEPT: usize = 5;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
+    for target in ["frames", "drone", "lists"] {
+        fs::create_dir_all(corpus.join(target))?;
+    }
+    for (which, _) in scenarios().iter().enumerate() {
+        let (pieces, frames) = fly(which);
+        for (nth, piece) in pieces.iter().enumerate() {
+            fs::write(corpus.join(format!("drone/flight-{which}-{nth}")), piece)?;
+        }
+        for (nth, frame) in frames.iter().enumerate() {
+            fs::write(corpus.join(format!("frames/flight-{which}-{nth}")), frame)?;
+        }
+    }
+    for list in ["roster", "expelled"] {
+        let file = scratch().join(format!("fleet/{list}.toml"));
+        fs::copy(file, corpus.join("lists").join(list))?;
+    }
+    Ok(())
+}
+
+/// Flies a scenario's drones, all of whom hear each other; pieces of what befell one of them, and frames of all sizes.
+fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
+    let scenario = &scenarios()[which];
+    let leader = scenario.centre();
+    let ids: Vec<_> = (0..scenario.nodes().min(8)).map(NodeId).collect();
+    let watched = ids.iter().position(|id| *id != leader).unwrap_or(0);
+    let mut drones: Vec<_> = ids
+        .iter()
+        .map(|id| Drone::new(scenario, *id, false))
+        .collect();
+    for (id, drone) in ids.iter().zip(&mut drones) {
+        if *id == leader {
+            drone.happen(Op::Fly);
+        }
+    }
+    let head = [
+        u8::try_from(which).unwrap_or(0),
+        u8::try_from(ids[watched].0).unwrap_or(0),
+    ];
+    let (mut pieces, mut frames) = (Vec::new(), Vec::new());
+    let mut known = BTreeSet::new();
+    let mut piece = head.to_vec();
+    let steps = FLIGHT.as_millis() / STEP.as_millis();
+    for step in 0..steps {
+        drones
+            .iter_mut()
+            .for_each(|drone| drone.happen(Op::Wait(STEP)));
+        Op::Wait(STEP).write(&mut piece);
+        let sent: Vec<_> = drones
+            .iter_mut()
+            .map(|it| std::mem::take(&mut it.sent))
+            .collect();
+        for (from, frames_of_one) in sent.iter().enumerate() {
+            for frame in frames_of_one {
+                for (to, drone) in drones.iter_mut().enumerate().filter(|(to, _)| *to != from) {
+                    drone.happen(Op::Datagram(frame.clone()));
+                    if to == watched && piece.len() + frame.len() < PIECE_MAX {
+                        Op::Datagram(frame.clone()).write(&mut piece);
+                    }
+                }
+                let kind = decode_frame(frame).map(|it| PacketKind::of(it.payload));
+                if known.insert((format!("{kind:?}"), frame.len() / 40)) && frames.len() < 2 * KEPT
+                {
+                    frames.push(frame.to_vec());
+                }
+            }
+        }
+        if (step + 1) % (steps / KEPT as u128) == 0 {
+            pieces.push(std::mem::replace(&mut piece, head.to_vec()));
+        }
+    }
+    (pieces, frames)
+}

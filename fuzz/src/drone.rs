@@ -1,0 +1,262 @@
+use std::collections::VecDeque;
+use std::path::Path;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use bytes::Bytes;
+use muster_machines::cell::{Address, Blueprint, Cell, Checkpoints, Effect, Envelope, Reaction};
+use muster_machines::identity::{Ballot, NodeId};
+use muster_machines::machine::Stimulus;
+use muster_machines::mission::LandingReason;
+use muster_machines::radio::{Authenticator, IdealAuthenticator};
+use muster_machines::time::Timestamp;
+use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
+use muster_machines::{mission, msp, radio};
+use muster_scenarios::Craft;
+use muster_scenarios::scenario::{self, Override, Scenario};
+
+use crate::SCENARIOS;
+
+/// What one thing that happens to a drone may bring about at the most, in messages between its machines.
+const MESSAGES_MAX: usize = 10_000;
+
+/// Something that happens to a drone.
+#[derive(Debug, Clone)]
+pub enum Op {
+    /// These bytes come in.
+    Datagram(Bytes),
+    /// A frame comes in that a member has signed.
+    Frame(Header, Vec<u8>),
+    /// Time passes.
+    Wait(Duration),
+    /// Its operator tells it to fly.
+    Fly,
+    /// Its operator calls it down.
+    ComeDown,
+}
+
+impl Op {
+    /// As [`ops`] reads it; only what a drone's neighbours and its clock do.
+    ///
+    /// # Panics
+    /// When it is something else.
+    pub fn write(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Datagram(bytes) => {
+                out.push(0);
+                out.extend_from_slice(
+                    &u16::try_from(bytes.len()).unwrap_or(u16::MAX).to_le_bytes(),
+                );
+                out.extend_from_slice(bytes);
+            }
+            Self::Wait(time) => {
+                out.push(2);
+                out.push(u8::try_from(time.as_millis() / 4).unwrap_or(u8::MAX));
+            }
+            Self::Fly => out.push(3),
+            Self::ComeDown | Self::Frame(..) => unreachable!("no corpus is made of {self:?}"),
+        }
+    }
+}
+
+/// What happens to a drone, as bytes tell it; whatever they are.
+pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
+    let mut counter = 0;
+    std::iter::from_fn(move || {
+        let (kind, rest) = bytes.split_first()?;
+        bytes = rest;
+        Some(match kind % 5 {
+            0 => Op::Datagram(take_run(&mut bytes)?),
+            1 => {
+                let (fields, rest) = bytes.split_first_chunk::<7>()?;
+                bytes = rest;
+                let [sender, boot, ahead, term, rank, master, swarm] = fields.map(u32::from);
+                counter += u64::from(ahead);
+                let header = Header {
+                    swarm: muster_machines::identity::SwarmId(1 + swarm / 255),
+                    sender: NodeId(sender),
+                    boot,
+                    counter,
+                    ballot: Ballot {
+                        term,
+                        rank,
+                        master: NodeId(master),
+                    },
+                };
+                Op::Frame(header, take_run(&mut bytes)?.to_vec())
+            }
+            2 => {
+                let (pause, rest) = bytes.split_first()?;
+                bytes = rest;
+                Op::Wait(Duration::from_millis(u64::from(*pause) * 4))
+            }
+            3 => Op::Fly,
+            _ => Op::ComeDown,
+        })
+    })
+}
+
+/// A length of two bytes, and so many bytes, or as many as there are.
+fn take_run(bytes: &mut &[u8]) -> Option<Bytes> {
+    let (len, rest) = bytes.split_first_chunk()?;
+    let len = usize::from(u16::from_le_bytes(*len)).min(rest.len());
+    let (run, rest) = rest.split_at(len);
+    *bytes = rest;
+    Some(Bytes::copy_from_slice(run))
+}
+
+/// A scenario for each policy and protocol, with five drones and a relay or without.
+pub fn scenarios() -> &'static [Scenario] {
+    static ALL: OnceLock<Vec<Scenario>> = OnceLock::new();
+    ALL.get_or_init(|| {
+        let load = |file: &str, set: &[&str]| {
+            let set: Vec<Override> = set.iter().map(|it| it.parse().expect("a field")).collect();
+            let path = Path::new(SCENARIOS).join(file);
+            scenario::load(&path, &set).expect("a shipped scenario")
+        };
+        vec![
+            load("hardware/swarm-short.toml", &[]),
+            load("thesis-1.toml", &[]),
+            load("relay.toml", &[]),
+            load("follow.toml", &[]),
+            load("shake-up.toml", &[]),
+        ]
+    })
+}
+
+/// A drone's five machines and its vehicle, with a clock that stands still.
+pub struct Drone {
+    id: NodeId,
+    cells: Vec<Cell>,
+    deadlines: [Option<Timestamp>; 5],
+    craft: Option<Craft>,
+    checkpoints: Checkpoints,
+    reaction: Reaction,
+    now: Timestamp,
+    queue: VecDeque<Envelope>,
+    /// The frames that it has sent.
+    pub sent: Vec<Bytes>,
+}
+
+impl Drone {
+    /// One drone of a scenario, on the ground; whether it believes nobody who has not signed its nonce.
+    pub fn new(scenario: &Scenario, id: NodeId, asks: bool) -> Self {
+        let mut blueprint: Blueprint = scenario.blueprint(Scenario::FIRST_SWARM, id);
+        blueprint.radio.asks_from_the_start = asks;
+        let now = Timestamp::ZERO;
+        let checkpoints = Checkpoints::default();
+        let build = |address| blueprint.build(address, 1, now, &checkpoints);
+        let mut drone = Self {
+            id,
+            cells: Address::ALL.map(build).into(),
+            deadlines: [None; 5],
+            craft: scenario.craft(id, 1),
+            checkpoints,
+            reaction: Reaction::default(),
+            now,
+            queue: VecDeque::new(),
+            sent: Vec::new(),
+        };
+        for address in Address::ALL {
+            drone.step(address, Stimulus::Timeout);
+        }
+        drone.run();
+        drone
+    }
+
+    /// Lets something happen to it.
+    pub fn happen(&mut self, op: Op) {
+        let received = |datagram| {
+            Envelope::Radio(radio::Input::Received {
+                datagram,
+                source: None,
+            })
+        };
+        let envelope = match op {
+            Op::Datagram(datagram) => received(datagram),
+            Op::Frame(header, mut payload) => {
+                payload.truncate(PAYLOAD_MAX);
+                let mut frame = wire::encode_covered(&header, &payload, Vec::new());
+                let word = IdealAuthenticator.sign(&frame);
+                frame.extend_from_slice(&word);
+                received(frame.into())
+            }
+            Op::Wait(time) => return self.wait(time),
+            Op::Fly => Envelope::Mission(mission::Input::Fly),
+            Op::ComeDown => Envelope::Mission(mission::Input::ComeDown(LandingReason::Recalled)),
+        };
+        self.queue.push_back(envelope);
+        self.run();
+    }
+
+    fn wait(&mut self, time: Duration) {
+        let end = self.now + time;
+        for _ in 0..MESSAGES_MAX {
+            let craft = self.craft.as_ref().and_then(Craft::next_timeout);
+            let next = self.deadlines.iter().flatten().copied().chain(craft).min();
+            let Some(next) = next.filter(|next| *next <= end) else {
+                self.now = end;
+                return;
+            };
+            self.now = self.now.max(next);
+            for address in Address::ALL {
+                let deadline = &mut self.deadlines[address as usize];
+                if deadline.take_if(|it| *it <= self.now).is_some() {
+                    self.step(address, Stimulus::Timeout);
+                }
+            }
+            let telemetry = self
+                .craft
+                .as_mut()
+                .and_then(|it| it.handle_timeout(self.now));
+            self.tell(telemetry);
+            self.run();
+        }
+        panic!("drone {} wakes for ever within {time:?}", self.id);
+    }
+
+    fn run(&mut self) {
+        for _ in 0..MESSAGES_MAX {
+            let Some(envelope) = self.queue.pop_front() else {
+                return;
+            };
+            self.step(envelope.address(), Stimulus::Input(envelope));
+        }
+        panic!(
+            "the machines of drone {} talk to each other for ever",
+            self.id
+        );
+    }
+
+    fn step(&mut self, address: Address, stimulus: Stimulus<Envelope>) {
+        let cell = &mut self.cells[address as usize];
+        cell.react(self.now, stimulus, &mut self.reaction);
+        self.deadlines[address as usize] = self.reaction.deadline;
+        let occupancy = self.reaction.occupancy;
+        assert!(occupancy.len <= occupancy.max, "{address}: {occupancy:?}");
+        for effect in std::mem::take(&mut self.reaction.effects) {
+            match effect {
+                Effect::Post(envelope) => self.queue.push_back(envelope),
+                Effect::Send { frame, .. } => {
+                    assert!(frame.len() <= DATAGRAM_MAX);
+                    self.sent.push(frame);
+                }
+                Effect::Command(demand) => {
+                    let telemetry = self.craft.as_mut().and_then(|it| it.obey(self.now, demand));
+                    self.tell(telemetry);
+                }
+                Effect::Keep(checkpoint) => {
+                    self.checkpoints.keep(checkpoint);
+                }
+                Effect::Locate { .. } | Effect::Observe(_) => {}
+            }
+        }
+    }
+
+    fn tell(&mut self, telemetry: Option<msp::Telemetry>) {
+        if let Some(telemetry) = telemetry {
+            let input = Box::new(msp::Input::Telemetry(telemetry));
+            self.queue.push_back(Envelope::Msp(input));
+        }
+    }
+}

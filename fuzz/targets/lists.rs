@@ -1,0 +1,37 @@
+//! Rosters and lists of the expelled, from files and off the air: whatever they say is refused, for nobody else has the
+//! fleet's key.
+#![no_main]
+
+use std::sync::OnceLock;
+
+use libfuzzer_sys::fuzz_target;
+use muster_fuzz::{scratch, with_file};
+use muster_machines::identity::NodeId;
+use muster_machines::radio::{Authenticator, Offer};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
+
+/// Drone 2 of a fleet.
+fn drone() -> &'static Ed25519Authenticator {
+    static DRONE: OnceLock<Ed25519Authenticator> = OnceLock::new();
+    DRONE.get_or_init(|| {
+        let fleet = scratch().join("fleet");
+        let key = FleetKey::load(&fleet.join("fleet.pub")).expect("the fleet's key");
+        let roster = Roster::load(&fleet.join("roster.toml"), &key).expect("the roster");
+        let expelled = Expelled::load(&fleet.join("expelled.toml"), &key).expect("the list");
+        let own = DroneKey::load(&fleet.join("drone-2.key")).expect("its key");
+        Ed25519Authenticator::new(NodeId(2), own, key, roster, expelled).expect("they fit")
+    })
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let fleet = FleetKey::load(&scratch().join("fleet/fleet.pub")).expect("the fleet's key");
+    assert_eq!(drone().take_list(bytes), Offer::Unsigned);
+    with_file("list.toml", bytes, |path| {
+        let roster = Roster::load(path, &fleet).expect_err("it is not signed");
+        let expelled = Expelled::load(path, &fleet).expect_err("it is not signed");
+        assert!(!roster.rendered().is_empty() && !expelled.rendered().is_empty());
+        if let Err(error) = FleetKey::load(path) {
+            assert!(!error.rendered().is_empty());
+        }
+    });
+});

@@ -1,0 +1,19 @@
+//! Missions, in both formats: whatever a file says, it is a route within its bounds or refused with its place.
+#![no_main]
+
+use std::path::Path;
+
+use libfuzzer_sys::fuzz_target;
+use muster_runtime::mission_file::{HEIGHT_MAX_M, WAYPOINTS_MAX, parse};
+
+fuzz_target!(|text: &str| {
+    match parse(Path::new("mission"), text) {
+        Ok(mission) => {
+            let waypoints = mission.waypoints();
+            assert!((3..=WAYPOINTS_MAX).contains(&waypoints.len()));
+            let is_low = |height: f64| height > 0.0 && height <= HEIGHT_MAX_M;
+            assert!(waypoints.iter().all(|it| is_low(it.altitude_m())));
+        }
+        Err(error) => assert!(!error.rendered().is_empty()),
+    }
+});

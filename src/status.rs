@@ -1,0 +1,85 @@
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use muster_deploy::status::{Answer, Target, ask_all, table, targets};
+use serde_json::{Value, json};
+
+use crate::{Ended, Failure, terminal};
+
+/// How often it is asked again while somebody watches.
+const PERIOD: Duration = Duration::from_secs(1);
+/// What makes a terminal begin anew at its top.
+const CLEAR: &str = "\x1b[H\x1b[2J\x1b[3J";
+
+/// Show what drones' processes are doing.
+///
+/// A row a drone: its state, whom it obeys, how far from its master and where it is, how it is, and what was dropped of what
+/// it heard. Asked are those whose file has a table `[observe]`, each for two seconds at most; one that does not answer is a
+/// row that says so, and makes this command end with exit code 1.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  muster status 127.0.0.1:9100 pi-3.local:9100
+  muster status runs/swarm-short-swarm --watch")]
+pub(crate) struct Arguments {
+    /// Addresses with their ports, drones' files, or folders of flights as muster swarm makes them.
+    #[arg(required = true, value_name = "ADDRESS|FILE|FOLDER")]
+    drones: Vec<PathBuf>,
+    /// Print one JSON object with all that each drone tells, and nothing else.
+    #[arg(long)]
+    json: bool,
+    /// Ask again each second, until interrupted.
+    #[arg(long)]
+    watch: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+    let targets = all_targets(arguments)?;
+    loop {
+        let answers = ask_all(&targets);
+        show(arguments, &answers)?;
+        if !arguments.watch {
+            return match answers.iter().filter(|it| it.status.is_err()).count() {
+                0 => Ok(Ended::Well),
+                silent => Err(Failure::NoAnswer(silent, answers.len())),
+            };
+        }
+        std::thread::sleep(PERIOD);
+    }
+}
+
+fn all_targets(arguments: &Arguments) -> Result<Vec<Target>, Failure> {
+    let (mut all, mut unusable) = (Vec::new(), Vec::new());
+    for argument in &arguments.drones {
+        match targets(argument) {
+            Ok(found) => all.extend(found),
+            Err(error) => unusable.push(error),
+        }
+    }
+    if unusable.is_empty() {
+        Ok(all)
+    } else {
+        Err(Failure::Input(unusable))
+    }
+}
+
+fn show(arguments: &Arguments, answers: &[Answer]) -> io::Result<()> {
+    if arguments.json {
+        let drones: Vec<_> = answers.iter().map(in_json).collect();
+        return terminal::print(&format!("{}\n", json!({ "drones": drones })));
+    }
+    let repaints = arguments.watch && io::stdout().is_terminal();
+    let clear = if repaints { CLEAR } else { "" };
+    let table = table(answers, terminal::colour(&io::stdout()));
+    terminal::print(&format!("{clear}{table}"))
+}
+
+fn in_json(answer: &Answer) -> Value {
+    let error = answer.status.as_ref().err().map(ToString::to_string);
+    json!({
+        "address": answer.target.address,
+        "status": answer.status.as_ref().ok(),
+        "error": error,
+    })
+}

@@ -1,0 +1,39 @@
+//! A short attack; `cargo bench --bench hostile` makes a long one and tells more.
+
+use std::time::Duration;
+
+use super::attack::{self, Attack};
+
+#[test]
+fn what_is_hostile_is_counted_and_not_obeyed_and_what_is_not_gets_through() {
+    let outcome = attack::fly(Attack {
+        volleys: 50,
+        datagrams: 1_000,
+        pause: Duration::from_millis(100),
+    });
+    assert_eq!(outcome.hostile(), 50_000);
+    assert!(
+        outcome.lasted < Duration::from_secs(20),
+        "this was no flood"
+    );
+    assert!(outcome.is_balanced(), "{outcome:#?}");
+    assert!(outcome.let_in <= *outcome.genuine.end(), "{outcome:#?}");
+    assert!(outcome.delivery[1] >= 0.9, "{outcome:#?}");
+    for reason in [
+        "too_long",
+        "other_version",
+        "other_swarm",
+        "stranger",
+        "replayed",
+    ] {
+        assert!(outcome.counted[reason] > 0, "{reason}: {outcome:#?}");
+    }
+    let [before, most] = outcome.memory_kib;
+    assert!(most < before + 4_096, "{outcome:#?}");
+    assert_eq!(outcome.orders_refused, 0);
+    assert_eq!(outcome.exit_codes, [Some(0); 5], "{outcome:#?}");
+    for obeyed in &outcome.obeyed {
+        assert_eq!(obeyed.len(), 1, "{outcome:#?}");
+        assert_eq!(obeyed[0]["term"], 1);
+    }
+}

@@ -1,0 +1,173 @@
+//! Who is believed: recorded frames, forged ones, and lists of the expelled that drones pass on.
+
+use std::fs;
+use std::net::{Ipv4Addr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use muster_machines::wire::{self, AUTHENTICATOR_LEN, Header};
+use serde_json::{Value, json};
+
+use super::fleet::{Fleet, MASTER, Process, replace};
+
+/// How long a test waits for what must come; only a failing one does.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Somebody who has no key, and hears what a drone says to all.
+fn stranger(fleet: &Fleet, overhears: u32) -> UdpSocket {
+    let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    stranger.set_read_timeout(Some(PATIENCE)).unwrap();
+    let address = stranger.local_addr().unwrap();
+    let peers = format!("peers = [\"{address}\", ");
+    replace(&fleet.file(overhears), "peers = [", &peers);
+    stranger
+}
+
+/// The next so many frames that are overheard and for the routing; what radios say to each other is left out.
+fn record(stranger: &UdpSocket, frames: usize) -> Vec<Vec<u8>> {
+    let mut buffer = [0; wire::DATAGRAM_MAX];
+    let overheard = std::iter::from_fn(|| {
+        let len = stranger.recv(&mut buffer).unwrap();
+        Some(buffer[..len].to_vec())
+    });
+    let is_for_routing = |frame: &Vec<u8>| {
+        let payload = wire::decode_frame(frame).unwrap().payload;
+        wire::decode_radio_packet(payload).is_none()
+    };
+    overheard.filter(is_for_routing).take(frames).collect()
+}
+
+/// What a drone has counted by now of the frames that it dropped, by reason.
+fn dropped(drone: &mut Process) -> Vec<(String, usize)> {
+    let is_counted = |line: &&Value| line["message"] == "counted";
+    let before = drone.said.iter().filter(is_counted).count();
+    drone.signal("HUP");
+    drone.wait_for_more(before, "what it has counted", |line| is_counted(&line));
+    let counted = drone.said.iter().rfind(is_counted).unwrap();
+    let dropped = counted["dropped"].as_str().unwrap();
+    let reasons = dropped.split(", ").filter(|it| !it.is_empty());
+    let reasons = reasons.map(|it| it.rsplit_once(' ').unwrap());
+    reasons
+        .map(|(reason, n)| (reason.to_owned(), n.parse().unwrap()))
+        .collect()
+}
+
+/// Waits until a drone has dropped so many frames in all; by reason.
+fn wait_until_dropped(drone: &mut Process, frames: usize) -> Vec<(String, usize)> {
+    let began = Instant::now();
+    loop {
+        let dropped = dropped(drone);
+        let in_all: usize = dropped.iter().map(|(_, n)| n).sum();
+        if in_all >= frames {
+            return dropped;
+        }
+        assert!(began.elapsed() < PATIENCE, "{frames}: {dropped:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn frames_that_were_recorded_before_a_drone_started_are_not_let_in() {
+    const FRAMES: usize = 5;
+    let fleet = Fleet::new();
+    let stranger = stranger(&fleet, MASTER);
+    let mut first_life = fleet.start(1, &[]);
+    first_life.wait_for("that it is ready", is_ready);
+    drop(first_life);
+    // Orders, which the others would obey.
+    let master = fleet.start(MASTER, &["--fly"]);
+    let orders = record(&stranger, FRAMES);
+    drop(master);
+    // In its next life, and in the first of another journal: it is all the same to it.
+    for journal in ["journal-1", "journal-new"] {
+        replace(&fleet.file(1), "journal-1", journal);
+        let mut drone = fleet.start(1, &[]);
+        drone.wait_for("that it is ready", is_ready);
+        for frame in &orders {
+            stranger.send_to(frame, fleet.address(1)).unwrap();
+        }
+        let dropped = wait_until_dropped(&mut drone, FRAMES);
+        assert_eq!(dropped, [("unproven".to_owned(), FRAMES)], "{journal}");
+        drone.signal("TERM");
+        assert_eq!(drone.end(), Some(0));
+        let let_in = |line: &&Value| line["let_in"].as_u64() > Some(0);
+        assert_eq!(drone.said.iter().find(let_in), None, "{journal}");
+    }
+}
+
+fn is_ready(line: &Value) -> bool {
+    line["message"] == "ready"
+}
+
+#[test]
+fn a_drone_in_whose_name_frames_are_forged_is_heard_all_the_same() {
+    const FORGERIES: usize = 20_000;
+    let fleet = Fleet::new();
+    let stranger = stranger(&fleet, MASTER);
+    let mut drones = fleet.fly();
+    let recorded = record(&stranger, 1).pop().unwrap();
+    let moving = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
+    drones[0].wait_for_mission(&moving);
+    let forged = forged_from(&recorded);
+    for nth in 0..FORGERIES {
+        stranger.send_to(&forged, fleet.address(0)).unwrap();
+        if nth % 50 == 0 {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    for (id, drone) in drones.iter_mut().enumerate() {
+        assert_eq!(drone.end(), Some(0), "drone {id}");
+    }
+    let is_counted = |line: &&Value| line["message"] == "counted";
+    let counted = drones[0].said.iter().rfind(is_counted).unwrap();
+    let dropped = counted["dropped"].as_str().unwrap();
+    assert!(dropped.contains("unverified"), "{dropped}");
+    assert!(!dropped.contains("over budget"), "{dropped}");
+    assert_eq!(drones[0].obeyed().len(), 1, "it never missed its master");
+}
+
+/// Made of a frame that was overheard: with a counter that is yet to come, so that it does not pass for a replay.
+fn forged_from(frame: &[u8]) -> Vec<u8> {
+    let read = wire::decode_frame(frame).unwrap();
+    let header = Header {
+        counter: u64::MAX,
+        ..read.header
+    };
+    let mut later = wire::encode_covered(&header, read.payload, Vec::new());
+    later.extend_from_slice(&[0x5a; AUTHENTICATOR_LEN]);
+    later
+}
+
+#[test]
+fn a_list_of_the_expelled_is_passed_on_obeyed_and_not_forgotten() {
+    const EXPELLED: u32 = 0;
+    let fleet = Fleet::new();
+    let list_of = fleet.divide_lists();
+    let old = fs::read(list_of(EXPELLED)).unwrap();
+    let mut drones = fleet.fly();
+    drones[3].wait_for_mission(&json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } }));
+    fleet.keys(&["expel", "ours", "0"]);
+    fs::copy(fleet.path("ours/expelled.toml"), list_of(3)).unwrap();
+    drones[3].signal("HUP");
+    let passed_on = r#"{"Radio":{"Expelled":{"list":2}}}"#;
+    for (id, drone) in (0..).zip(&mut drones).filter(|(id, _)| *id != 3) {
+        drone.wait_for("that a list was passed on to it", |line| {
+            line["seen"] == passed_on
+        });
+        assert_eq!(fs::read(list_of(id)).unwrap(), old, "drone {id}");
+    }
+    for (id, drone) in (0..).zip(&mut drones) {
+        assert_eq!(drone.end(), Some(0), "drone {id}");
+        let reason = if id == EXPELLED {
+            "Recalled"
+        } else {
+            "MissionOver"
+        };
+        let landing = json!({ "Landing": reason });
+        assert!(drone.missions().contains(&landing), "drone {id}");
+    }
+    // Its file is as old as it was.
+    let again = fleet.command(EXPELLED).output().unwrap();
+    let said = String::from_utf8(again.stderr).unwrap();
+    assert_eq!(again.status.code(), Some(2), "{said}");
+    assert!(said.contains("drone 0 was expelled"), "{said}");
+}
