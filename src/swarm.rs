@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::ProgressBar;
-use muster_deploy::swarm::{self, Request, SwarmError};
+use muster_deploy::swarm::{self, Hosts, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario;
@@ -13,7 +13,8 @@ use crate::{Ended, Failure, terminal};
 
 /// Fly a scenario with a process for each drone, in real time.
 ///
-/// Each drone is a musterd of its own on this machine, which speaks UDP with the others, signed; its vehicle is simulated.
+/// Each drone is a musterd of its own on this machine or, by --hosts, on others, which speaks UDP with the others, signed; its
+/// vehicle is simulated.
 /// The scenario's faults befall the processes (one that is killed gets SIGKILL, one that hangs SIGSTOP), drones hear each
 /// other as the scenario's radio would carry, and the rules of a simulation are checked: all but those about what a drone
 /// is told. Ends as it began: with no process left, whatever happens to it.
@@ -26,6 +27,9 @@ pub(crate) struct Arguments {
     /// Let every drone hear every other, whatever the scenario's radio would carry.
     #[arg(long)]
     unlimited_range: bool,
+    /// A file that says which drones' processes run on which other machines, and how those are reached
+    #[arg(long, value_name = "FILE")]
+    hosts: Option<PathBuf>,
     /// Print one JSON object on standard output, and nothing else there.
     #[arg(long)]
     json: bool,
@@ -48,6 +52,9 @@ impl From<SwarmError> for Failure {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let scenario = scenario::load(&arguments.scenario, &[])?;
+    let hosts = arguments.hosts.as_deref();
+    let hosts = hosts.map(|path| Hosts::load(path, scenario.nodes()));
+    let hosts = hosts.transpose()?;
     let out = arguments
         .out
         .clone()
@@ -60,6 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         path: &arguments.scenario,
         scenario: &scenario,
         musterd: &musterd,
+        hosts: hosts.as_ref(),
         folder: &out.join("drones"),
         emulates_radio: !arguments.unlimited_range,
     };

@@ -134,7 +134,8 @@ fn the_page_on_scenarios_describes_every_field_and_no_other() {
 
 #[test]
 fn the_page_on_drones_describes_every_field_and_no_other() {
-    let all: Vec<_> = muster_deploy::config::fields().collect();
+    let of_drones = muster_deploy::config::fields();
+    let all: Vec<_> = of_drones.chain(muster_deploy::swarm::fields()).collect();
     assert_describes("deploy/README.md", &all);
 }
 
@@ -190,6 +191,21 @@ fn the_drones_files_in_the_documents_are_accepted() {
             .args(["--config", "drone-2.toml", "--check"])
             .assert()
             .success();
+    }
+}
+
+#[test]
+fn the_hosts_files_in_the_documents_are_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hosts.toml");
+    let files = DOCUMENTS
+        .iter()
+        .flat_map(|name| blocks(&text(name), "toml hosts"));
+    let files: Vec<_> = files.collect();
+    assert_eq!(files.len(), 1);
+    for text in files {
+        fs::write(&file, text).unwrap();
+        muster_deploy::swarm::Hosts::load(&file, 5).unwrap();
     }
 }
 

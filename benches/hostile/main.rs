@@ -13,6 +13,9 @@ mod attack;
 #[path = "../../tests/processes/fleet.rs"]
 #[expect(dead_code, reason = "tests of processes use all of it")]
 mod fleet;
+#[path = "../../tests/processes/network.rs"]
+#[expect(dead_code, reason = "its drones are on one machine")]
+mod network;
 
 use std::process::ExitCode;
 use std::time::Duration;

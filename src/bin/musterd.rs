@@ -1,9 +1,10 @@
 //! The daemon: one drone as a process. Arguments and exit codes, nothing else.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+use muster_deploy::agent;
 use muster_deploy::config::DroneConfig;
 use muster_deploy::daemon::{self, Ended, Start};
 use muster_runtime::diagnostic::BadInput;
@@ -21,8 +22,8 @@ use muster_runtime::diagnostic::BadInput;
 )]
 struct Arguments {
     /// The drone's file.
-    #[arg(long, value_name = "FILE")]
-    config: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "agent")]
+    config: Option<PathBuf>,
     /// Tell the swarm to fly, as its operator; for the drone that leads, and in the first life of its journal only.
     #[arg(long)]
     fly: bool,
@@ -35,20 +36,26 @@ struct Arguments {
     /// Check the drone's file and all that it names, and fly nothing.
     #[arg(long, conflicts_with_all = ["fly", "tied", "resume"])]
     check: bool,
+    /// Fly nothing, but start drones on this host for a `muster swarm` at the other end of standard input and output, and
+    /// end them when it ends.
+    #[arg(long, exclusive = true)]
+    agent: bool,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let config = match load(&arguments) {
+    let Some(path) = &arguments.config else {
+        return match agent::run() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => complain(&error),
+        };
+    };
+    let config = match load(path, &arguments) {
         Ok(config) => config,
         Err(input) => return refuse(&input),
     };
     if arguments.check {
-        say(&format!(
-            "{}: {}",
-            arguments.config.display(),
-            config.description()
-        ));
+        say(&format!("{}: {}", path.display(), config.description()));
         return ExitCode::SUCCESS;
     }
     let start = Start {
@@ -64,13 +71,13 @@ fn main() -> ExitCode {
     }
 }
 
-fn load(arguments: &Arguments) -> Result<DroneConfig, BadInput> {
-    let config = DroneConfig::load(&arguments.config)?;
+fn load(path: &Path, arguments: &Arguments) -> Result<DroneConfig, BadInput> {
+    let config = DroneConfig::load(path)?;
     if arguments.fly && !config.leads() {
         let message = "this drone does not lead its swarm, so it can't be told to `--fly`";
         let help =
             "give --fly to the drone that leads, which `musterd --check` and `muster check` tell";
-        return Err(BadInput::without_excerpt(&arguments.config, message, help));
+        return Err(BadInput::without_excerpt(path, message, help));
     }
     Ok(config)
 }

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use super::network::{GROUP, Network};
+
 /// How long a test waits for what must happen: several times what it takes; only a failing one does.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -22,29 +24,42 @@ pub(crate) const SCENARIO: &str = concat!(
 /// Who leads in that scenario.
 pub(crate) const MASTER: u32 = 2;
 
-/// Five drones on paper: keys, files, and addresses that nobody else uses.
+/// Five drones on paper: keys and files.
 pub(crate) struct Fleet {
     folder: TempDir,
-    /// Held so that no other test gets it; the drones' addresses are made of it.
-    port: UdpSocket,
+    /// Held so that no other test gets it; the drones' addresses are made of it. None where they talk over a network.
+    port: Option<UdpSocket>,
 }
 
 impl Fleet {
+    /// On this machine, with addresses that nobody else uses.
     pub(crate) fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
         let port = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let number = port.local_addr().unwrap().port();
-        let fleet = Self { folder, port };
+        Self::with(Some(port), |id| {
+            let others = (0..5).filter(|peer| *peer != id);
+            let peers: Vec<_> = others.map(|peer| address(number, peer)).collect();
+            let bind = address(number, id);
+            format!("bind = \"{bind}\"\npeers = {peers:?}\n\n[observe]\nhttp = \"{bind}\"")
+        })
+    }
+
+    /// On the hosts of a network, one each.
+    pub(crate) fn on_hosts() -> Self {
+        Self::with(None, |_| {
+            format!("group = \"{GROUP}\"\ninterface = \"eth0\"")
+        })
+    }
+
+    fn with(port: Option<UdpSocket>, udp: impl Fn(u32) -> String) -> Self {
+        let fleet = Self {
+            folder: tempfile::tempdir().unwrap(),
+            port,
+        };
         fleet.keys(&["fleet", "ours"]);
         fleet.keys(&["drone", "ours", "0", "1", "2", "3", "4"]);
         for id in 0..5 {
-            let peers: Vec<_> = (0..5).filter(|peer| *peer != id).collect();
-            let peers: Vec<_> = peers
-                .into_iter()
-                .map(|peer| address(number, peer))
-                .collect();
-            let bind = address(number, id);
-            fs::write(fleet.file(id), drone_file(id, &bind, &peers)).unwrap();
+            fs::write(fleet.file(id), drone_file(id, &udp(id))).unwrap();
         }
         fleet
     }
@@ -70,7 +85,8 @@ impl Fleet {
 
     /// The address and port of a drone.
     pub(crate) fn address(&self, id: u32) -> String {
-        address(self.port.local_addr().unwrap().port(), id)
+        let port = self.port.as_ref().expect("its drones are on this machine");
+        address(port.local_addr().unwrap().port(), id)
     }
 
     /// Gives each drone a list of the expelled of its own, as it is now; where that of a drone is.
@@ -85,13 +101,24 @@ impl Fleet {
     }
 
     pub(crate) fn command(&self, id: u32) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
+        self.told(Command::new(env!("CARGO_BIN_EXE_musterd")), id)
+    }
+
+    fn told(&self, mut command: Command, id: u32) -> Command {
         command.arg("--config").arg(self.file(id));
         command
     }
 
     pub(crate) fn start(&self, id: u32, arguments: &[&str]) -> Process {
         let mut command = self.command(id);
+        command.args(arguments);
+        Process::start(id, command)
+    }
+
+    /// Starts a drone on the host of its number.
+    pub(crate) fn start_on(&self, network: &Network, id: u32, arguments: &[&str]) -> Process {
+        let command = network.command(id, env!("CARGO_BIN_EXE_musterd"));
+        let mut command = self.told(command, id);
         command.args(arguments);
         Process::start(id, command)
     }
@@ -147,9 +174,20 @@ impl Fleet {
 
     /// All five, in the order of their numbers; the one that leads is told to fly.
     pub(crate) fn fly(&self) -> Vec<Process> {
-        let arguments = |id| if id == MASTER { &["--fly"][..] } else { &[] };
-        (0..5).map(|id| self.start(id, arguments(id))).collect()
+        (0..5).map(|id| self.start(id, told(id))).collect()
     }
+
+    /// Likewise, each on the host of its number.
+    pub(crate) fn fly_on(&self, network: &Network) -> Vec<Process> {
+        (0..5)
+            .map(|id| self.start_on(network, id, told(id)))
+            .collect()
+    }
+}
+
+/// What a drone is told at its start.
+fn told(id: u32) -> &'static [&'static str] {
+    if id == MASTER { &["--fly"] } else { &[] }
 }
 
 /// An address of a test of its own: 127.0.0.0/16 is for others.
@@ -158,7 +196,7 @@ fn address(number: u16, id: u32) -> String {
     format!("127.{}.{low}.{}:{number}", high.max(1), id + 1)
 }
 
-fn drone_file(id: u32, bind: &str, peers: &[String]) -> String {
+fn drone_file(id: u32, udp: &str) -> String {
     format!(
         r#"scenario = "{SCENARIO}"
 id = {id}
@@ -175,11 +213,7 @@ roster = "ours/roster.toml"
 expelled = "ours/expelled.toml"
 
 [udp]
-bind = "{bind}"
-peers = {peers:?}
-
-[observe]
-http = "{bind}"
+{udp}
 "#
     )
 }
@@ -281,6 +315,22 @@ impl Process {
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
+    /// Takes in what it has said meanwhile.
+    pub(crate) fn take_in(&mut self) {
+        let lines = self.lines.try_iter();
+        self.said
+            .extend(lines.map(|line| serde_json::from_str::<Value>(&line).unwrap()));
+    }
+
+    /// How many frames its radio has dropped for this reason, as it says at its end and at each HUP.
+    pub(crate) fn dropped(&self, reason: &str) -> u64 {
+        let counted = |line: &&Value| line["message"] == "counted";
+        let counted = self.said.iter().rfind(counted).unwrap();
+        let all = counted["dropped"].as_str().unwrap().split(", ");
+        let numbers = all.filter_map(|it| it.strip_prefix(reason)?.trim().parse::<u64>().ok());
+        numbers.sum()
+    }
+
     /// All that its mission was seen to do.
     pub(crate) fn missions(&self) -> Vec<Value> {
         self.said.iter().filter_map(mission).collect()
@@ -306,8 +356,30 @@ impl Drop for Process {
 
 /// What a line of a log says of the drone's mission.
 fn mission(line: &Value) -> Option<Value> {
-    let seen: Value = serde_json::from_str(line.get("seen")?.as_str()?).unwrap();
-    seen.get("Mission").cloned()
+    seen(line)?.get("Mission").cloned()
+}
+
+/// What a line of a log says that was seen of the drone.
+pub(crate) fn seen(line: &Value) -> Option<Value> {
+    Some(serde_json::from_str(line.get("seen")?.as_str()?).unwrap())
+}
+
+/// Waits until what drones say together comes true.
+pub(crate) fn wait_until(
+    what: &str,
+    drones: &mut [&mut Process],
+    holds: impl Fn(&[&mut Process]) -> bool,
+) {
+    let began = Instant::now();
+    while !holds(drones) {
+        let said: Vec<_> = drones.iter().map(|it| it.missions()).collect();
+        assert!(
+            began.elapsed() < PATIENCE,
+            "it never comes true that {what}: {said:#?}"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+        drones.iter_mut().for_each(|drone| drone.take_in());
+    }
 }
 
 /// A file's text with something in it replaced, which must be there.

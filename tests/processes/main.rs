@@ -10,7 +10,10 @@ mod real_time {
     mod fleet;
     mod flights;
     mod hostile;
+    mod hosts;
     mod identity;
+    mod line;
+    mod network;
     mod observe;
     mod refusals;
     mod service;

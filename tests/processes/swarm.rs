@@ -1,16 +1,18 @@
 //! `muster swarm`: a scenario's drones as processes, from the command line.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+use super::fleet::SCENARIO;
+
 /// How long a test waits for what must happen; only a failing one does.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-fn swarm(scenario: &str, out: &Path) -> Command {
+pub(crate) fn swarm(scenario: &str, out: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
     let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
     command
@@ -21,17 +23,45 @@ fn swarm(scenario: &str, out: &Path) -> Command {
     command
 }
 
-/// The command lines of processes that have to do with a folder.
-fn processes_of(folder: &Path) -> Vec<String> {
+/// The processes of drones that have to do with a folder, by number.
+fn processes_of(folder: &Path) -> Vec<u32> {
     let folder = folder.to_string_lossy();
     let all = fs::read_dir("/proc").unwrap();
-    let lines = all.filter_map(|it| fs::read_to_string(it.ok()?.path().join("cmdline")).ok());
-    lines
-        .filter(|line| line.contains("musterd") && line.contains(&*folder))
-        .collect()
+    let numbers = all.filter_map(|it| it.ok()?.file_name().to_str()?.parse().ok());
+    let has_to_do = |pid: &u32| {
+        let line = fs::read_to_string(format!("/proc/{pid}/cmdline"));
+        line.is_ok_and(|line| line.contains("musterd") && line.contains(&*folder))
+    };
+    numbers.filter(has_to_do).collect()
 }
 
-fn wait_until(what: &str, holds: impl Fn() -> bool) {
+/// Whether a process has been stopped by a signal.
+pub(crate) fn stopped(pid: u32) -> bool {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat"));
+    // What stands in parentheses is the program's name.
+    stat.is_ok_and(|stat| stat.rsplit(')').next().unwrap().starts_with(" T"))
+}
+
+/// A scenario in whose flight a drone's process is stopped for some seconds.
+pub(crate) fn hanging(folder: &Path) -> PathBuf {
+    let text = fs::read_to_string(SCENARIO).unwrap();
+    let missions = Path::new(SCENARIO)
+        .parent()
+        .unwrap()
+        .parent()
+        .unwrap()
+        .join("missions");
+    let text = text.replace("../missions", missions.to_str().unwrap());
+    let path = folder.join("hanging.toml");
+    fs::write(
+        &path,
+        text + "\n[[faults]]\nat_s = 2\nhang = 0\nfor_s = 2.9\n",
+    )
+    .unwrap();
+    path
+}
+
+pub(crate) fn wait_until(what: &str, holds: impl Fn() -> bool) {
     let since = Instant::now();
     while !holds() {
         assert!(
@@ -51,7 +81,7 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
         .output()
         .unwrap();
     assert!(run.status.success(), "{run:?}");
-    assert_eq!(processes_of(&out), [""; 0]);
+    assert_eq!(processes_of(&out), [0; 0]);
     let report: Value = serde_json::from_slice(&run.stdout).unwrap();
     assert_eq!(report["violations"], Value::Array(Vec::new()));
     assert_eq!(report["mission_completed"], true);
@@ -92,7 +122,7 @@ fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on() {
         .output()
         .unwrap();
     assert!(run.status.success(), "{run:?}");
-    assert_eq!(processes_of(&out), [""; 0]);
+    assert_eq!(processes_of(&out), [0; 0]);
     let report: Value = serde_json::from_slice(&run.stdout).unwrap();
     assert_eq!(report["violations"], Value::Array(Vec::new()));
     assert_eq!(report["mission_completed"], true);
@@ -108,9 +138,10 @@ fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on() {
 #[test]
 fn no_process_outlives_whoever_started_it() {
     let folder = tempfile::tempdir().unwrap();
+    let scenario = hanging(folder.path());
     for signal in ["KILL", "INT"] {
         let out = folder.path().join(signal);
-        let mut command = swarm("hardware/swarm-short.toml", &out);
+        let mut command = swarm(scenario.to_str().unwrap(), &out);
         let mut starter = command.stderr(Stdio::null()).spawn().unwrap();
         wait_until("all five are up", || processes_of(&out).len() == 5);
         wait_until("all five answer", || {
@@ -119,6 +150,9 @@ fn no_process_outlives_whoever_started_it() {
             let table = String::from_utf8(asked.stdout).unwrap();
             // Two lines of headings and one below them.
             table.lines().count() >= 8 && asked.status.success()
+        });
+        wait_until("one stands still", || {
+            processes_of(&out).into_iter().any(stopped)
         });
         let sent = Command::new("kill")
             .arg(format!("-{signal}"))

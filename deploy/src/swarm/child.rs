@@ -1,24 +1,15 @@
-//! The process of one drone, as whoever started it holds it: it ends with its starter.
-
-use std::fs::{File, OpenOptions};
-use std::io::Write;
-use std::path::Path;
-use std::process::Stdio;
+//! The process of one drone, as whoever started it holds it.
 
 use muster_machines::identity::NodeId;
 use muster_scenarios::twin::Standing;
-use rustix::process::{Pid, Signal, kill_process};
-use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
-use tokio::process::{Child, ChildStderr, ChildStdin, Command};
-use tokio::sync::mpsc::{self, UnboundedSender};
+use tokio::sync::mpsc;
 
-use super::SwarmError;
+use super::Request;
 use super::folder::DroneFolder;
-use super::said::{Spoken, read};
+use super::host::Agent;
+use super::said::Spoken;
+use crate::agent::words::{Order, Sent};
 use crate::tether::Word;
-
-/// How many words to a process may wait that does not read them, as one that is stopped.
-const WAITING_MAX: usize = 64;
 
 /// What comes of a drone's process.
 #[derive(Debug)]
@@ -27,6 +18,13 @@ pub(super) enum News {
     Said(NodeId, Spoken),
     /// It has ended.
     Ended(NodeId),
+    /// Nothing more will be heard of a host.
+    Lost {
+        /// What it is called.
+        host: String,
+        /// What its agent, or what ran it there, said last.
+        last: String,
+    },
 }
 
 /// As what a process begins.
@@ -40,75 +38,47 @@ pub(super) enum Begin {
     Again(Word),
 }
 
-/// A drone's process.
+/// A drone's process, in the hand of the agent on its host.
 #[derive(Debug)]
 pub(super) struct DroneProcess {
-    pid: Option<Pid>,
+    drone: u32,
+    agent: mpsc::Sender<Order>,
     /// Whether the plan ended it.
     was_ended: bool,
-    words: mpsc::Sender<String>,
     standing: Standing,
     is_ready: bool,
+    has_ended: bool,
 }
 
 impl DroneProcess {
-    /// Starts a drone's process; `news` gets what comes of it. It is killed when the runtime that it was started in ends,
-    /// and ends by itself when its starter does.
-    ///
-    /// # Errors
-    /// When it can't be started, or its log can't be written.
+    /// Starts a drone's process: that it could not be started is among what comes of it.
     pub(super) fn start(
-        musterd: &Path,
+        request: &Request<'_>,
+        agent: &Agent,
         folder: &DroneFolder,
         begin: Begin,
-        news: &UnboundedSender<News>,
-    ) -> Result<Self, SwarmError> {
-        let mut command = Command::new(musterd);
-        command.arg("--config").arg(&folder.config).arg("--tied");
-        match begin {
-            Begin::Waiting => {}
-            Begin::Leading => drop(command.arg("--fly")),
-            Begin::Again(_) => drop(command.arg("--resume")),
-        }
-        // What is typed at the terminal is for the starter, which ends the drones in its own way.
-        let started = command
-            .process_group(0)
-            .kill_on_drop(true)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn();
-        let mut child = started.map_err(|source| SwarmError::Start {
-            program: musterd.to_owned(),
-            source,
-        })?;
-        let mut kept = OpenOptions::new();
-        match begin {
-            Begin::Waiting | Begin::Leading => kept.create(true).write(true).truncate(true),
-            Begin::Again(_) => kept.append(true),
-        };
-        let log = (kept.open(&folder.log)).map_err(|source| SwarmError::Write {
-            path: folder.log.clone(),
-            source,
-        })?;
-        let (words, heard) = mpsc::channel(WAITING_MAX);
-        let pid = child.id().and_then(|pid| Pid::from_raw(pid.cast_signed()));
-        if let Some(stdin) = child.stdin.take() {
-            tokio::spawn(tell(stdin, heard));
-        }
-        let stderr = child.stderr.take();
-        tokio::spawn(listen(folder.id, child, stderr, log, news.clone()));
-        if let Begin::Again(word) = begin {
-            // There is room for the first one.
-            let _ = words.try_send(word.line());
-        }
-        Ok(Self {
-            pid,
+    ) -> Self {
+        agent.start_drone(
+            request,
+            folder,
+            match begin {
+                Begin::Waiting => &[],
+                Begin::Leading => &["--fly"],
+                Begin::Again(_) => &["--resume"],
+            },
+        );
+        let process = Self {
+            drone: folder.id.0,
+            agent: agent.orders(),
             was_ended: false,
-            words,
             standing: Standing::Runs,
             is_ready: false,
-        })
+            has_ended: false,
+        };
+        if let Begin::Again(word) = begin {
+            process.tell(&word);
+        }
+        process
     }
 
     /// It says that its drone is there.
@@ -129,75 +99,39 @@ impl DroneProcess {
         let goes_on = self.standing == Standing::Hangs && standing == Standing::Runs;
         self.was_ended = standing == Standing::Ended;
         self.signal(match standing {
-            Standing::Runs => Signal::CONT,
-            Standing::Hangs => Signal::STOP,
-            Standing::Ended => Signal::KILL,
+            Standing::Runs => Sent::Continue,
+            Standing::Hangs => Sent::Stop,
+            Standing::Ended => Sent::Kill,
         });
         self.standing = standing;
         goes_on
     }
 
-    /// Lets the process know something, unless it has too much to read already; whether it will know.
+    /// Lets the process know something, unless its host has too much to do already; whether it will know.
     pub(super) fn tell(&self, word: &Word) -> bool {
-        self.words.try_send(word.line()).is_ok()
+        let (drone, line) = (self.drone, word.line());
+        self.agent.try_send(Order::Tell { drone, line }).is_ok()
     }
 
     /// Whether the plan ended it, and the system is done with it.
     pub(super) const fn can_start_again(&self) -> bool {
-        self.was_ended && self.pid.is_none()
+        self.was_ended && self.has_ended
     }
 
-    /// It has ended: nothing is sent to whoever has its number now.
+    /// It has ended.
     pub(super) const fn has_ended(&mut self) {
-        self.pid = None;
+        self.has_ended = true;
         self.standing = Standing::Ended;
     }
 
     /// Whether it has ended.
     pub(super) const fn is_ended(&self) -> bool {
-        self.pid.is_none()
+        self.has_ended
     }
 
-    fn signal(&self, signal: Signal) {
-        if let Some(pid) = self.pid {
-            // It can only have ended by itself.
-            let _ = kill_process(pid, signal);
-        }
+    fn signal(&self, signal: Sent) {
+        let drone = self.drone;
+        // A host that takes no orders any more has ended its drones.
+        let _ = self.agent.try_send(Order::Signal { drone, signal });
     }
-}
-
-impl Drop for DroneProcess {
-    fn drop(&mut self) {
-        self.signal(Signal::KILL);
-    }
-}
-
-/// Hands a process what it is told.
-async fn tell(mut stdin: ChildStdin, mut heard: mpsc::Receiver<String>) {
-    while let Some(words) = heard.recv().await {
-        if stdin.write_all(words.as_bytes()).await.is_err() {
-            return;
-        }
-    }
-}
-
-/// Reads and keeps what a process says, until it ends.
-async fn listen(
-    id: NodeId,
-    mut child: Child,
-    stderr: Option<ChildStderr>,
-    mut log: File,
-    news: UnboundedSender<News>,
-) {
-    if let Some(stderr) = stderr {
-        let mut lines = BufReader::new(stderr).lines();
-        while let Ok(Some(line)) = lines.next_line().await {
-            // A log that can't be kept is no reason to end a flight.
-            let _ = writeln!(log, "{line}");
-            let _ = news.send(News::Said(id, read(&line)));
-        }
-    }
-    // It can't be told why it ended where the system has lost it.
-    let _ = child.wait().await;
-    let _ = news.send(News::Ended(id));
 }

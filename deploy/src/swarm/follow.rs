@@ -13,12 +13,14 @@ use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at}
 
 use super::child::{Begin, DroneProcess, News};
 use super::folder::DroneFolder;
+use super::host::{Agent, end_agents, start_agents};
+use super::hosts::Hosts;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use crate::clock::Clock;
 use crate::tether::{Losses, Word};
 
-/// How far the twin is behind the clock.
+/// How far the twin is behind the clock, beside what it takes to hear of other hosts and is not known of their clocks.
 const BEHIND: Duration = Duration::from_millis(50);
 /// How often the twin goes on.
 const TICK: Duration = Duration::from_millis(5);
@@ -30,10 +32,40 @@ const LOSS_STEP: f64 = 0.01;
 /// Flies the drones; see [`super::fly`].
 pub(super) async fn fly(
     request: &Request<'_>,
-    drones: &[DroneFolder],
+    (hosts, drones): (&Hosts, &[DroneFolder]),
+    watcher: Option<Watcher<'_>>,
+) -> Result<(Report, Flight), SwarmError> {
+    let (sender, news) = mpsc::unbounded_channel();
+    let agents = start_agents(request, &hosts.hosts, drones, &sender).await?;
+    let crew = Crew {
+        by_drone: (hosts.hosts.iter().zip(&agents))
+            .flat_map(|(host, agent)| host.drones.keys().map(move |id| (*id, agent)))
+            .collect(),
+        _sender: sender,
+        news,
+    };
+    let flown = fly_with(request, drones, crew, watcher).await;
+    let uncertainty = end_agents(agents).await;
+    let (mut report, flight) = flown?;
+    report.clock_uncertainty_s = uncertainty.map(|it| it.as_secs_f64());
+    Ok((report, flight))
+}
+
+/// Who does on the hosts what is to be done.
+struct Crew<'a> {
+    by_drone: BTreeMap<NodeId, &'a Agent>,
+    /// Held so that there may always be news.
+    _sender: UnboundedSender<News>,
+    news: UnboundedReceiver<News>,
+}
+
+async fn fly_with<'a>(
+    request: &'a Request<'a>,
+    drones: &'a [DroneFolder],
+    crew: Crew<'a>,
     mut watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
-    let mut swarm = Swarm::start(request, drones).await?;
+    let mut swarm = Swarm::start(request, drones, crew).await?;
     let [mut terminate, mut interrupt] = ends().map_err(SwarmError::Runtime)?;
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -42,9 +74,9 @@ pub(super) async fn fly(
             biased;
             _ = terminate.recv() => return Err(SwarmError::Interrupted),
             _ = interrupt.recv() => return Err(SwarmError::Interrupted),
-            news = swarm.news.recv() => swarm.hear(news),
+            news = swarm.crew.news.recv() => swarm.hear(news)?,
             _ = ticks.tick() => {
-                swarm.go_on()?;
+                swarm.go_on();
                 if let Some(watcher) = &mut watcher {
                     watcher(swarm.twin.progress());
                 }
@@ -68,10 +100,10 @@ struct Swarm<'a> {
     request: &'a Request<'a>,
     drones: &'a [DroneFolder],
     twin: Twin,
+    /// How far the twin is behind the clock.
+    behind: Duration,
+    crew: Crew<'a>,
     processes: BTreeMap<NodeId, DroneProcess>,
-    news: UnboundedReceiver<News>,
-    /// Held so that there may always be news.
-    sender: UnboundedSender<News>,
     /// Started when the flight began.
     clock: Clock,
     /// What was said and is to be told to the twin, by when and as the how manieth.
@@ -88,15 +120,17 @@ impl<'a> Swarm<'a> {
     async fn start(
         request: &'a Request<'a>,
         drones: &'a [DroneFolder],
+        crew: Crew<'a>,
     ) -> Result<Self, SwarmError> {
-        let (sender, news) = mpsc::unbounded_channel();
+        let lags = crew.by_drone.values().map(|agent| agent.lag);
+        let behind = BEHIND + lags.max().unwrap_or_default();
         let mut swarm = Self {
-            twin: Twin::new(request.scenario, BEHIND),
             request,
             drones,
+            twin: Twin::new(request.scenario, behind),
+            behind,
+            crew,
             processes: BTreeMap::new(),
-            news,
-            sender,
             clock: Clock::start(),
             said: BTreeMap::new(),
             heard: 0,
@@ -106,33 +140,33 @@ impl<'a> Swarm<'a> {
         };
         let leader = request.scenario.centre();
         for folder in drones.iter().filter(|it| it.id != leader) {
-            swarm.add(folder, Begin::Waiting)?;
+            swarm.add(folder, Begin::Waiting);
         }
         swarm.wait_until_ready().await?;
         swarm.clock = Clock::start();
         for folder in drones.iter().filter(|it| it.id == leader) {
-            swarm.add(folder, Begin::Leading)?;
+            swarm.add(folder, Begin::Leading);
         }
         swarm.wait_until_ready().await?;
         Ok(swarm)
     }
 
     /// Starts a drone's process, which is told at once whom it does not hear.
-    fn add(&mut self, folder: &DroneFolder, begin: Begin) -> Result<(), SwarmError> {
-        let process = DroneProcess::start(self.request.musterd, folder, begin, &self.sender)?;
+    fn add(&mut self, folder: &DroneFolder, begin: Begin) {
+        let agent = self.crew.by_drone[&folder.id];
+        let process = DroneProcess::start(self.request, agent, folder, begin);
         self.processes.insert(folder.id, process);
         self.told.remove(&folder.id);
         self.losses_as_of = None;
         if self.request.emulates_radio {
             self.tell_losses();
         }
-        Ok(())
     }
 
     /// What a drone's vehicle is doing, for its process.
     fn vehicle(&self, drone: NodeId) -> Word {
         Word::Vehicle {
-            epoch: self.clock.started(),
+            epoch: self.crew.by_drone[&drone].theirs(self.clock.started()),
             state: Box::new(self.twin.vehicle(drone)),
         }
     }
@@ -147,7 +181,7 @@ impl<'a> Swarm<'a> {
                 return Ok(());
             };
             let late = SwarmError::Late(*first);
-            let news = timeout_at(deadline, self.news.recv()).await;
+            let news = timeout_at(deadline, self.crew.news.recv()).await;
             let news = news.map_err(|_| late)?;
             if let Some(News::Said(id, Spoken::Words(words))) = &news {
                 last_words.insert(*id, words.clone());
@@ -156,7 +190,7 @@ impl<'a> Swarm<'a> {
                 Some(News::Ended(drone)) => Some(*drone),
                 _ => None,
             };
-            self.hear(news);
+            self.hear(news)?;
             if let Some(drone) = ended {
                 let last = last_words.remove(&drone).unwrap_or_default();
                 return Err(SwarmError::EndedEarly { drone, last });
@@ -164,7 +198,11 @@ impl<'a> Swarm<'a> {
         }
     }
 
-    fn hear(&mut self, news: Option<News>) {
+    /// Takes in what comes of processes.
+    ///
+    /// # Errors
+    /// When it is that a host is lost: what its drones do is not known, and what the others do can't be judged.
+    fn hear(&mut self, news: Option<News>) -> Result<(), SwarmError> {
         match news {
             Some(News::Said(drone, Spoken::Of(at, said))) => {
                 self.note(
@@ -184,8 +222,10 @@ impl<'a> Swarm<'a> {
                     process.is_there();
                 }
             }
+            Some(News::Lost { host, last }) => return Err(SwarmError::HostLost { host, last }),
             Some(News::Said(_, Spoken::Words(_))) | None => {}
         }
+        Ok(())
     }
 
     /// For how long the flight has lasted.
@@ -200,11 +240,8 @@ impl<'a> Swarm<'a> {
     }
 
     /// Lets the twin go on, and the processes be as it says.
-    ///
-    /// # Errors
-    /// When a process can't be started again.
-    fn go_on(&mut self) -> Result<(), SwarmError> {
-        let until = Timestamp::ZERO + self.lasted().saturating_sub(BEHIND);
+    fn go_on(&mut self) {
+        let until = Timestamp::ZERO + self.lasted().saturating_sub(self.behind);
         // Not all at once, should the machine have stood still: what befalls a process is done before the twin is there.
         while self.twin_is_at < until {
             let now = until.min(self.twin_is_at + TICK);
@@ -216,15 +253,14 @@ impl<'a> Swarm<'a> {
             }
             self.twin.advance(now);
             self.twin_is_at = now;
-            self.let_processes_be()?;
+            self.let_processes_be();
         }
         if self.request.emulates_radio {
             self.tell_losses();
         }
-        Ok(())
     }
 
-    fn let_processes_be(&mut self) -> Result<(), SwarmError> {
+    fn let_processes_be(&mut self) {
         for folder in self.drones {
             let id = folder.id;
             let standing = self.twin.process(id);
@@ -235,10 +271,9 @@ impl<'a> Swarm<'a> {
                 let vehicle = self.vehicle(id);
                 self.processes[&id].tell(&vehicle);
             } else if standing == Standing::Runs && process.can_start_again() {
-                self.add(folder, Begin::Again(self.vehicle(id)))?;
+                self.add(folder, Begin::Again(self.vehicle(id)));
             }
         }
-        Ok(())
     }
 
     /// Lets each process know whom it does not hear, if that has changed.
@@ -269,17 +304,17 @@ impl<'a> Swarm<'a> {
             as_of.filter(|_| are_all_told && self.told.len() == self.processes.len());
     }
 
-    /// Gives the processes time to end by themselves, and hears what they still say; whoever is left is killed.
+    /// Gives the processes time to end by themselves, and hears what they still say; their agents kill whoever is left.
     async fn let_end(&mut self) {
         let deadline = Deadline::now() + END_MAX;
         let runs = |it: &DroneProcess| !it.is_ended();
         while self.processes.values().any(runs) {
-            match timeout_at(deadline, self.news.recv()).await {
-                Ok(news) => self.hear(news),
+            match timeout_at(deadline, self.crew.news.recv()).await {
+                // All drones are down: a host that is lost now is missed no more.
+                Ok(news) => drop(self.hear(news)),
                 Err(_) => break,
             }
         }
-        self.processes.clear();
         while let Some(((at, _), (drone, said))) = self.said.pop_first() {
             self.twin.hear(at, drone, said);
         }

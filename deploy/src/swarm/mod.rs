@@ -1,4 +1,4 @@
-//! The drones of a scenario as processes on this machine: started, followed, hit by the scenario's faults, judged by the
+//! The drones of a scenario as processes on this machine or on others: started, followed, hit by the scenario's faults, judged by the
 //! rules of a simulation, and ended, however this ends.
 //!
 //! Nothing but the twin of the swarm ([`muster_scenarios::twin`]) knows where vehicles are and what is to befall whom; the
@@ -7,6 +7,10 @@
 mod child;
 mod folder;
 mod follow;
+mod host;
+mod hosts;
+mod link;
+mod offset;
 mod said;
 
 use std::io;
@@ -22,6 +26,9 @@ use muster_scenarios::scenario::Scenario;
 use muster_scenarios::twin;
 use thiserror::Error;
 
+use crate::agent::words::VERSION;
+
+pub use self::hosts::{Hosts, fields};
 pub(crate) use self::said::{READY, STARTS};
 
 /// What is to be flown, and with what.
@@ -31,8 +38,10 @@ pub struct Request<'a> {
     pub path: &'a Path,
     /// What it says.
     pub scenario: &'a Scenario,
-    /// The program of a drone's process.
+    /// The daemon's program on this machine, for drones that fly here.
     pub musterd: &'a Path,
+    /// Where its drones fly; all on this machine, over its loopback, without.
+    pub hosts: Option<&'a Hosts>,
     /// The folder for keys, files, journals and logs; a folder a drone. What an earlier flight left there is removed; a
     /// folder that is not of a flight is refused.
     pub folder: &'a Path,
@@ -60,6 +69,42 @@ pub enum SwarmError {
         /// Why.
         #[source]
         source: io::Error,
+    },
+    /// A file could not be read that is to be carried to a host.
+    #[error("can't read {}", path.display())]
+    Read {
+        /// Which one.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
+    /// A host's agent, or what was to run it there, ended at once.
+    #[error("no drones can be started by `{host}`: {last}")]
+    HostGone {
+        /// The command that runs others there.
+        host: String,
+        /// What it said last.
+        last: String,
+    },
+    /// A host was not heard any more in the middle of the flight. Its agent ends what it started there.
+    #[error("`{host}` is not heard any more, so the flight was ended before it was over: {last}")]
+    HostLost {
+        /// The command that runs others there.
+        host: String,
+        /// What it said last.
+        last: String,
+    },
+    /// A host's agent did not answer in time.
+    #[error("`{0}` does not answer within {START_MAX:?}")]
+    HostLate(String),
+    /// A host's daemon is of another version.
+    #[error("the musterd that `{host}` runs is of version {theirs}, and this is {VERSION}")]
+    OtherVersion {
+        /// The command that runs others there.
+        host: String,
+        /// Of which it is.
+        theirs: String,
     },
     /// There are no ports for the drones.
     #[error("no ports for the drones")]
@@ -104,12 +149,21 @@ pub fn fly(
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     check(request)?;
-    let (drones, _lock) = folder::prepare(request)?;
+    let here;
+    let hosts = match request.hosts {
+        Some(hosts) => hosts,
+        None => {
+            here = Hosts::here(request.scenario.nodes(), request.musterd)
+                .map_err(SwarmError::Ports)?;
+            &here
+        }
+    };
+    let (drones, _lock) = folder::prepare(request, hosts)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(SwarmError::Runtime)?;
-    runtime.block_on(follow::fly(request, &drones, watcher))
+    runtime.block_on(follow::fly(request, (hosts, &drones), watcher))
 }
 
 /// Refuses what processes can't do.

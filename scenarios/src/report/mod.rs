@@ -53,6 +53,10 @@ pub struct Report {
     pub simulated_s: f64,
     /// How long it took.
     pub wall_s: f64,
+    /// By how much the clocks of the machines that flew may have differed at most from what was reckoned with, in seconds:
+    /// how far apart in time things on two of them happened is known to twice that. Nothing where there was one clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_uncertainty_s: Option<f64>,
     /// Each drone, in the order of their ids.
     pub drones: Vec<DroneReport>,
     /// Each pure relay, in the order of their ids.

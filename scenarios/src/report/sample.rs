@@ -45,6 +45,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         trace: Some("9f2d6c1b7a4e80353c5d1f6e8b9a07d24c3f5e6a1b8d9c0e7f2a4b6c8d0e1f35".to_owned()),
         simulated_s: script.end_s,
         wall_s: 1.87,
+        clock_uncertainty_s: None,
         bridges: [
             (master.wrapping_sub(1), 0..master.saturating_sub(1)),
             (master + 1, master + 2..drones),

@@ -44,6 +44,7 @@ pub(crate) fn summary(
             trace: engine.map(|_| outcome.trace.clone()),
             simulated_s: outcome.ended.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
+            clock_uncertainty_s: None,
             means: means(&drones),
             drones,
             relays: relays(swarm, joins, flown),

@@ -177,6 +177,10 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
             format!("{lasted} s in real time, each drone a process of its own"),
         ),
     }];
+    if let Some(uncertainty_s) = report.clock_uncertainty_s {
+        let uncertainty_ms = figure(uncertainty_s * 1e3, 2);
+        lines.push(("clocks", format!("known to {uncertainty_ms} ms")));
+    }
     if let Some(separation_m) = report.min_separation_m {
         lines.push((
             "separation",

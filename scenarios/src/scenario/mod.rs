@@ -40,6 +40,7 @@ pub use load::load;
 pub(crate) use load::{load_from, mission_file};
 pub use settling::Settling;
 pub use variation::Variation;
+pub use written::side_by_side;
 pub(crate) use written::written;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.

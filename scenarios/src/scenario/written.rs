@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
-use muster_runtime::diagnostic::BadInput;
+use muster_runtime::diagnostic::{BadInput, read_text};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value, value};
 
 use super::file::{Override, Source};
+use super::load::mission_file;
 use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
 
 /// A scenario file's text with fields set, faults added to its own, another name for its mission's file, and without
@@ -39,6 +40,26 @@ pub(crate) fn written(
         document.insert("faults", Item::ArrayOfTables(all));
     }
     Ok(document.to_string())
+}
+
+/// A scenario's file and that of its mission as they would be in one folder, for a machine that has neither: name and text
+/// of each. What a search may choose is left out.
+///
+/// # Errors
+/// When either file can't be read, or the scenario's is none.
+pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
+    let name = |path: &Path| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    let text = read_text(path)?;
+    let mission = mission_file((path, &text), &[])?;
+    let mission = path.parent().unwrap_or(Path::new("")).join(mission);
+    let scenario = written((path, &text), &[], &[], &name(&mission))?;
+    Ok([
+        (name(path), scenario),
+        (name(&mission), read_text(&mission)?),
+    ])
 }
 
 /// A fault as a scenario file has it.

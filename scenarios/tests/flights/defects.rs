@@ -6,7 +6,7 @@ use muster_machines::flaw::{Flaw, plant};
 use muster_scenarios::engine::Engine;
 
 use crate::support::{fly, scenario};
-use crate::{election, shipped};
+use crate::{election, faults, shipped};
 
 /// Without that guard the test fails and says all of this; with it, it is one of the tests that pass.
 fn assert_found(flaw: Flaw, test: fn(), says: &[&str]) {
@@ -119,4 +119,14 @@ fn defect_9_slots_go_by_number() {
     let test = shipped::forty_drones_have_forty_places;
     let says = ["big-matrix", "over the limit of 120 m"];
     assert_found(Flaw::TakesSlotsByNumber, test, &says);
+}
+
+/// None of the ancestor's, which had no counters to begin with.
+#[test]
+fn what_was_recorded_before_a_radio_was_started_anew_is_let_in() {
+    assert_found(
+        Flaw::BelievesTheUnproven,
+        faults::a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_before,
+        &["rule: 2", "let in a frame"],
+    );
 }

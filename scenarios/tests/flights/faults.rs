@@ -130,7 +130,7 @@ fn nothing_that_is_done_to_frames_is_obeyed() {
 }
 
 #[test]
-fn a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_before() {
+pub(crate) fn a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_before() {
     for faults in [
         r#"{ at_s = 70, restart = 4 }, { at_s = 70.9, replay = "master" }"#,
         r#"{ at_s = 70, crash = 2, actor = "radio" }, { at_s = 70, replay = "master" }"#,

@@ -75,6 +75,9 @@ fn head(report: &Report) -> Markup {
                     }
                 } @else {
                     div { dt { "Took" } dd { (figure(report.simulated_s, 1)) " s " span.aside { "in real time" } } }
+                    @if let Some(uncertainty_s) = report.clock_uncertainty_s {
+                        div { dt { "Clocks known to" } dd { (figure(uncertainty_s * 1e3, 2)) " ms" } }
+                    }
                 }
             }
         }

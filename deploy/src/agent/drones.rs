@@ -1,0 +1,155 @@
+//! The processes of drones on one host.
+
+use std::collections::BTreeMap;
+use std::os::fd::OwnedFd;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
+use tokio::process::{Child, ChildStderr, ChildStdin, Command};
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::timeout;
+
+use super::words::{Reply, Sent};
+
+/// How many lines to a process may wait that does not read them, as one that is stopped. More are lost to it.
+const UNREAD_MAX: usize = 64;
+
+/// How long the system may take to end processes that were killed.
+const END_MAX: Duration = Duration::from_secs(2);
+
+/// The processes of drones on one host.
+pub(super) struct Drones {
+    processes: BTreeMap<u32, Process>,
+    listeners: JoinSet<()>,
+    replies: mpsc::Sender<Reply>,
+}
+
+/// A drone's process; it has ended, perhaps.
+struct Process {
+    /// Names this very process, even when another one has got its number.
+    handle: OwnedFd,
+    lines: mpsc::Sender<String>,
+}
+
+impl Drones {
+    pub(super) fn new(replies: mpsc::Sender<Reply>) -> Self {
+        Self {
+            processes: BTreeMap::new(),
+            listeners: JoinSet::new(),
+            replies,
+        }
+    }
+
+    /// Starts a drone's process in the place of any that it has; what comes of it is told the starter. It is killed when
+    /// the runtime ends, and ends by itself when the agent does.
+    pub(super) fn start(&mut self, drone: u32, config: &Path, arguments: &[String]) {
+        let spawned = spawn(config, arguments).and_then(|mut child| {
+            let pid = child.id().and_then(|pid| Pid::from_raw(pid.cast_signed()));
+            let pid = pid.expect("nobody has waited for it yet");
+            let handle = pidfd_open(pid, PidfdFlags::empty())?;
+            let (lines, unread) = mpsc::channel(UNREAD_MAX);
+            if let Some(stdin) = child.stdin.take() {
+                tokio::spawn(tell(stdin, unread));
+            }
+            Ok((Process { handle, lines }, child))
+        });
+        match spawned {
+            Ok((process, mut child)) => {
+                if let Some(former) = self.processes.insert(drone, process) {
+                    former.signal(Signal::KILL);
+                }
+                let stderr = child.stderr.take();
+                let replies = self.replies.clone();
+                self.listeners.spawn(listen(drone, child, stderr, replies));
+            }
+            Err(error) => {
+                let line = format!("can't start the process: {error}");
+                let replies = self.replies.clone();
+                self.listeners.spawn(async move {
+                    let _ = replies.send(Reply::Said { drone, line }).await;
+                    let _ = replies.send(Reply::Ended { drone }).await;
+                });
+            }
+        }
+    }
+
+    pub(super) fn signal(&self, drone: u32, signal: Sent) {
+        if let Some(process) = self.processes.get(&drone) {
+            process.signal(match signal {
+                Sent::Stop => Signal::STOP,
+                Sent::Continue => Signal::CONT,
+                Sent::Kill => Signal::KILL,
+            });
+        }
+    }
+
+    pub(super) fn tell(&self, drone: u32, line: String) {
+        if let Some(process) = self.processes.get(&drone) {
+            let _ = process.lines.try_send(line);
+        }
+    }
+
+    /// Kills all that are left, and waits until they have ended.
+    pub(super) async fn end(&mut self) {
+        for process in self.processes.values() {
+            process.signal(Signal::KILL);
+        }
+        let all = async { while self.listeners.join_next().await.is_some() {} };
+        // A starter that does not read what they have said can't hold it up.
+        let _ = timeout(END_MAX, all).await;
+    }
+}
+
+impl Process {
+    fn signal(&self, signal: Signal) {
+        // It can only have ended.
+        let _ = pidfd_send_signal(&self.handle, signal);
+    }
+}
+
+fn spawn(config: &Path, arguments: &[String]) -> std::io::Result<Child> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command
+        .arg("--config")
+        .arg(config)
+        .arg("--tied")
+        .args(arguments)
+        .process_group(0)
+        .kill_on_drop(true)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+}
+
+/// Hands a process what it is told.
+async fn tell(mut stdin: ChildStdin, mut lines: mpsc::Receiver<String>) {
+    while let Some(line) = lines.recv().await {
+        if stdin.write_all(line.as_bytes()).await.is_err() {
+            return;
+        }
+    }
+}
+
+/// Passes on what a process says, until it ends.
+async fn listen(
+    drone: u32,
+    mut child: Child,
+    stderr: Option<ChildStderr>,
+    replies: mpsc::Sender<Reply>,
+) {
+    if let Some(stderr) = stderr {
+        let mut lines = BufReader::new(stderr).lines();
+        while let Ok(Some(line)) = lines.next_line().await {
+            // Nobody may listen any more; the process is read from nevertheless.
+            let _ = replies.send(Reply::Said { drone, line }).await;
+        }
+    }
+    // It can't be told why it ended where the system has lost it.
+    let _ = child.wait().await;
+    let _ = replies.send(Reply::Ended { drone }).await;
+}

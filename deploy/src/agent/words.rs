@@ -1,0 +1,74 @@
+//! What a starter and its agent on a host say to each other: an object a line, over the agent's standard input and output.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// What a starter asks of an agent.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Order {
+    /// Say what time it is.
+    Ping(u64),
+    /// Keep a file, readable by its owner only, at a path within the agent's own folder.
+    Write { path: PathBuf, text: String },
+    /// Start a drone's process with its file, as seen from the agent's own folder, and these arguments.
+    Start {
+        drone: u32,
+        config: PathBuf,
+        arguments: Vec<String>,
+    },
+    /// Send a drone's process a signal.
+    Signal { drone: u32, signal: Sent },
+    /// Hand a drone's process a line on its standard input.
+    Tell { drone: u32, line: String },
+}
+
+/// A signal that a process may be sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Sent {
+    /// SIGSTOP.
+    Stop,
+    /// SIGCONT.
+    Continue,
+    /// SIGKILL.
+    Kill,
+}
+
+/// What an agent tells its starter.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Reply {
+    /// It is there, and of this version.
+    Here { version: String },
+    /// What time it was on its host when it read this ping, in nanoseconds since the Unix epoch.
+    Pong { ping: u64, at_ns: u64 },
+    /// A drone's process said something on its standard error.
+    Said { drone: u32, line: String },
+    /// A drone's process has ended, or could not be started.
+    Ended { drone: u32 },
+}
+
+/// The version that both must be of: what they say to each other is no format to be kept.
+pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Something said, as a line; it ends with a line feed.
+pub(crate) fn line(said: &impl Serialize) -> String {
+    let mut line = serde_json::to_string(said).expect("what is said has a form in JSON");
+    line.push('\n');
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_told_arrives_as_it_was_whatever_is_in_it() {
+        let order = Order::Tell {
+            drone: 3,
+            line: "{\"losses\":{}}\n".to_owned(),
+        };
+        let written = line(&order);
+        assert_eq!(written.matches('\n').count(), 1);
+        assert_eq!(serde_json::from_str::<Order>(&written).unwrap(), order);
+    }
+}
