@@ -4,6 +4,7 @@ mod campaign;
 mod chaos;
 mod check;
 mod completions;
+mod drone;
 mod keys;
 mod sim;
 mod status;
@@ -16,6 +17,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use muster_deploy::operator::OperatorError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
@@ -51,6 +53,7 @@ enum Command {
     Status(status::Arguments),
     Check(check::Arguments),
     Keys(keys::Arguments),
+    Drone(drone::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -90,6 +93,8 @@ enum Failure {
     NoAnswer(usize, usize),
     #[error("no keys")]
     Keys(#[source] KeysError),
+    #[error(transparent)]
+    Drone(OperatorError),
     /// What was just written can't be read back.
     #[error("can't read {}", path.display())]
     Read {
@@ -129,6 +134,7 @@ fn main() -> ExitCode {
         Command::Status(arguments) => status::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
+        Command::Drone(arguments) => drone::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {
@@ -137,6 +143,10 @@ fn main() -> ExitCode {
         Ok(Ended::MissionIncomplete) => ExitCode::from(4),
         Err(Failure::Input(inputs)) => {
             inputs.iter().for_each(show);
+            ExitCode::from(2)
+        }
+        Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => {
+            complain(&error);
             ExitCode::from(2)
         }
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {

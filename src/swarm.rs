@@ -1,8 +1,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
+use muster_deploy::config::TransportName;
 use muster_deploy::swarm::{self, Hosts, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
@@ -13,7 +14,7 @@ use crate::{Ended, Failure, terminal};
 
 /// Fly a scenario with a process for each drone, in real time.
 ///
-/// Each drone is a musterd of its own on this machine or, by --hosts, on others, which speaks UDP with the others, signed; its
+/// Each drone is a musterd of its own on this machine or, by --hosts, on others, which speaks UDP or QUIC with the others, signed; its
 /// vehicle is simulated.
 /// The scenario's faults befall the processes (one that is killed gets SIGKILL, one that hangs SIGSTOP), drones hear each
 /// other as the scenario's radio would carry, and the rules of a simulation are checked: all but those about what a drone
@@ -24,6 +25,9 @@ use crate::{Ended, Failure, terminal};
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
+    /// How frames move: datagrams to each other drone, or a connection with each.
+    #[arg(long, value_enum, default_value_t = Transport::Udp)]
+    transport: Transport,
     /// Let every drone hear every other, whatever the scenario's radio would carry.
     #[arg(long)]
     unlimited_range: bool,
@@ -39,6 +43,21 @@ pub(crate) struct Arguments {
     /// The program that drones run [default: the musterd beside this program]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Transport {
+    Udp,
+    Quic,
+}
+
+impl From<Transport> for TransportName {
+    fn from(transport: Transport) -> Self {
+        match transport {
+            Transport::Udp => Self::Udp,
+            Transport::Quic => Self::Quic,
+        }
+    }
 }
 
 impl From<SwarmError> for Failure {
@@ -68,6 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         scenario: &scenario,
         musterd: &musterd,
         hosts: hosts.as_ref(),
+        transport: arguments.transport.into(),
         folder: &out.join("drones"),
         emulates_radio: !arguments.unlimited_range,
     };

@@ -1,10 +1,13 @@
-//! What a drone's process says of itself, on standard error.
+//! What a drone's process says of itself, on standard error; the last of it is kept for operators who ask.
 
-use std::io::{self, IsTerminal};
+use std::collections::VecDeque;
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tracing_appender::non_blocking::{ErrorCounter, NonBlockingBuilder, WorkerGuard};
+use tokio::sync::watch;
+use tracing_appender::non_blocking::{ErrorCounter, NonBlocking, NonBlockingBuilder, WorkerGuard};
 use tracing_subscriber::filter::{LevelFilter, filter_fn};
-use tracing_subscriber::fmt;
+use tracing_subscriber::fmt::{self, MakeWriter};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::Registry;
 use tracing_subscriber::reload;
@@ -55,7 +58,104 @@ pub struct Log {
     pub volume: Volume,
     /// What was said to nobody.
     pub lost: Lost,
+    /// The last that was said.
+    pub recent: Recent,
     _worker: WorkerGuard,
+}
+
+/// How much of what was said is kept, in bytes.
+const RECENT_MAX: usize = 256 * 1_024;
+
+/// The last that was said.
+#[derive(Debug, Clone, Default)]
+pub struct Recent(Arc<Ring>);
+
+#[derive(Debug, Default)]
+struct Ring {
+    lines: Mutex<Lines>,
+    /// How many lines were said.
+    said: watch::Sender<u64>,
+}
+
+#[derive(Debug, Default)]
+struct Lines {
+    /// The oldest first.
+    kept: VecDeque<Box<[u8]>>,
+    bytes: usize,
+    said: u64,
+}
+
+impl Recent {
+    fn keep(&self, line: &[u8]) {
+        let mut lines = self.lock();
+        lines.bytes += line.len();
+        lines.kept.push_back(line.into());
+        while lines.bytes > RECENT_MAX
+            && let Some(oldest) = lines.kept.pop_front()
+        {
+            lines.bytes -= oldest.len();
+        }
+        lines.said += 1;
+        let said = lines.said;
+        drop(lines);
+        self.0.said.send_replace(said);
+    }
+
+    /// All that is kept of what was said after so many lines, and how many lines were said by its end.
+    pub(crate) fn after(&self, lines: u64) -> (Vec<u8>, u64) {
+        let known = self.lock();
+        let oldest = known.said - known.kept.len() as u64;
+        let passed = usize::try_from(lines.saturating_sub(oldest)).unwrap_or(usize::MAX);
+        let kept: Vec<_> = known.kept.iter().skip(passed).cloned().collect();
+        (kept.concat(), known.said)
+    }
+
+    /// Returns once more than so many lines were said.
+    pub(crate) async fn more_than(&self, lines: u64) {
+        // Whoever says things is this very value.
+        let _ = (self.0.said.subscribe())
+            .wait_for(|said| *said > lines)
+            .await;
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Lines> {
+        self.0.lines.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Hands a line on to whoever writes it, and keeps it.
+#[derive(Debug)]
+struct Kept<'a> {
+    recent: &'a Recent,
+    writer: NonBlocking,
+}
+
+impl Write for Kept<'_> {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        self.recent.keep(line);
+        self.writer.write(line)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+#[derive(Debug)]
+struct Keeping {
+    recent: Recent,
+    writer: NonBlocking,
+}
+
+impl<'a> MakeWriter<'a> for Keeping {
+    type Writer = Kept<'a>;
+
+    fn make_writer(&'a self) -> Kept<'a> {
+        Kept {
+            recent: &self.recent,
+            writer: self.writer.clone(),
+        }
+    }
 }
 
 /// Begins to say things, for the whole process. Whoever says something does not wait for whoever reads it: lines wait for a
@@ -72,8 +172,14 @@ pub fn start(format: Format, level: Level) -> Log {
         .lossy(true)
         .thread_name("log")
         .finish(io::stderr());
+    let recent = Recent::default();
     let lost = Lost(writer.error_counter());
-    let lines = fmt::layer().with_writer(writer).with_target(false);
+    let lines = fmt::layer()
+        .with_writer(Keeping {
+            recent: recent.clone(),
+            writer,
+        })
+        .with_target(false);
     let begun = match format {
         Format::Human => {
             let wants_colour = std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
@@ -91,6 +197,26 @@ pub fn start(format: Format, level: Level) -> Log {
     Log {
         volume: Volume(handle),
         lost,
+        recent,
         _worker: worker,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_that_was_said_is_kept_and_no_more() {
+        let recent = Recent::default();
+        let line = |number: usize| format!("{number:0>1023}\n").into_bytes();
+        (0..300).for_each(|number| recent.keep(&line(number)));
+        let (kept, said) = recent.after(0);
+        assert_eq!(said, 300);
+        assert_eq!(kept.len(), RECENT_MAX);
+        assert!(kept.ends_with(&line(299)));
+        assert_eq!(recent.after(298).0, [line(298), line(299)].concat());
+        assert_eq!(recent.after(300), (Vec::new(), 300));
+        assert_eq!(recent.after(17).0, kept, "what is gone is gone");
     }
 }

@@ -126,7 +126,15 @@ impl Diagnostic for BadInput {
 /// When there is no such file, when it is a directory or a device, can't be read, is too large, is not UTF-8, has
 /// control characters as only binary files do, or has nothing but white space.
 pub fn read_text(path: &Path) -> Result<String, BadInput> {
-    let bytes = read_bytes(path)?;
+    text_of(path, read_bytes(path)?)
+}
+
+/// The text that bytes are, likewise; `path` is what errors call them.
+///
+/// # Errors
+///
+/// Those of [`read_text`], of what is read.
+pub fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, BadInput> {
     let text = String::from_utf8(bytes).map_err(|error| {
         let place = error.utf8_error().valid_up_to();
         not_text(path, format_args!("byte {place} is not UTF-8"))

@@ -28,15 +28,20 @@ pub(crate) const MASTER: u32 = 2;
 pub(crate) struct Fleet {
     folder: TempDir,
     /// Held so that no other test gets it; the drones' addresses are made of it. None where they talk over a network.
-    port: Option<UdpSocket>,
+    _port: Option<UdpSocket>,
 }
 
 impl Fleet {
     /// On this machine, with addresses that nobody else uses.
     pub(crate) fn new() -> Self {
+        Self::over("udp")
+    }
+
+    /// Likewise, drones that speak over this transport.
+    pub(crate) fn over(transport: &str) -> Self {
         let port = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let number = port.local_addr().unwrap().port();
-        Self::with(Some(port), |id| {
+        Self::with(transport, Some(port), |id| {
             let others = (0..5).filter(|peer| *peer != id);
             let peers: Vec<_> = others.map(|peer| address(number, peer)).collect();
             let bind = address(number, id);
@@ -46,20 +51,20 @@ impl Fleet {
 
     /// On the hosts of a network, one each.
     pub(crate) fn on_hosts() -> Self {
-        Self::with(None, |_| {
+        Self::with("udp", None, |_| {
             format!("group = \"{GROUP}\"\ninterface = \"eth0\"")
         })
     }
 
-    fn with(port: Option<UdpSocket>, udp: impl Fn(u32) -> String) -> Self {
+    fn with(transport: &str, port: Option<UdpSocket>, network: impl Fn(u32) -> String) -> Self {
         let fleet = Self {
             folder: tempfile::tempdir().unwrap(),
-            port,
+            _port: port,
         };
         fleet.keys(&["fleet", "ours"]);
         fleet.keys(&["drone", "ours", "0", "1", "2", "3", "4"]);
         for id in 0..5 {
-            fs::write(fleet.file(id), drone_file(id, &udp(id))).unwrap();
+            fs::write(fleet.file(id), drone_file(transport, id, &network(id))).unwrap();
         }
         fleet
     }
@@ -72,6 +77,11 @@ impl Fleet {
         self.path(&format!("drone-{id}.toml"))
     }
 
+    /// A drone's own address and port.
+    pub(crate) fn address(&self, id: u32) -> String {
+        bind_of(&self.file(id))
+    }
+
     /// Runs `muster keys`, which must do what it is asked for.
     pub(crate) fn keys(&self, arguments: &[&str]) {
         let run = Command::new(env!("CARGO_BIN_EXE_muster"))
@@ -81,12 +91,6 @@ impl Fleet {
             .output()
             .unwrap();
         assert!(run.status.success(), "{run:?}");
-    }
-
-    /// The address and port of a drone.
-    pub(crate) fn address(&self, id: u32) -> String {
-        let port = self.port.as_ref().expect("its drones are on this machine");
-        address(port.local_addr().unwrap().port(), id)
     }
 
     /// Gives each drone a list of the expelled of its own, as it is now; where that of a drone is.
@@ -190,19 +194,26 @@ fn told(id: u32) -> &'static [&'static str] {
     if id == MASTER { &["--fly"] } else { &[] }
 }
 
+/// What a file of a drone has as its own address.
+fn bind_of(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("bind = "));
+    line.unwrap().trim_matches('"').to_owned()
+}
+
 /// An address of a test of its own: 127.0.0.0/16 is for others.
 fn address(number: u16, id: u32) -> String {
     let [high, low] = number.to_be_bytes();
     format!("127.{}.{low}.{}:{number}", high.max(1), id + 1)
 }
 
-fn drone_file(id: u32, udp: &str) -> String {
+fn drone_file(transport: &str, id: u32, network: &str) -> String {
     format!(
         r#"scenario = "{SCENARIO}"
 id = {id}
 stage = "sim"
 vehicle = "closed-form"
-transport = "udp"
+transport = "{transport}"
 journal = "journal-{id}"
 log = "json"
 
@@ -212,8 +223,8 @@ fleet = "ours/fleet.pub"
 roster = "ours/roster.toml"
 expelled = "ours/expelled.toml"
 
-[udp]
-{udp}
+[{transport}]
+{network}
 "#
     )
 }

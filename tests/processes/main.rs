@@ -15,6 +15,7 @@ mod real_time {
     mod line;
     mod network;
     mod observe;
+    mod operator;
     mod refusals;
     mod service;
     mod swarm;

@@ -40,7 +40,8 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
             "\"msp\"",
             "no link to a flight controller yet",
         ),
-        ("\"udp\"", "\"quic\"", "QUIC is not there yet"),
+        ("\"udp\"", "\"quic\"", "needs a table `[quic]`"),
+        ("\"udp\"", "\"tcp\"", "`transport` is \"udp\" or \"quic\""),
         ("\"json\"", "\"xml\"", "`log` is \"human\""),
         ("swarm-short", "swarm-none", "there is no such file"),
         ("journal =", "journey =", "unknown field `journey`"),
@@ -71,6 +72,7 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
             "http = \"127.0.0.1:0\" # \"127.",
             "port 0 is any",
         ),
+        ("[udp]", "[quic]", "needs a table `[udp]`"),
     ] {
         let file = fleet.file(0);
         let before = std::fs::read_to_string(&file).unwrap();

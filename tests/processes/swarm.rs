@@ -136,6 +136,40 @@ fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on() {
 }
 
 #[test]
+fn a_mission_is_flown_over_connections_between_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("flight");
+    let run = swarm("hardware/swarm-short.toml", &out)
+        .args(["--transport", "quic", "--json"])
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{run:?}");
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["violations"], Value::Array(Vec::new()));
+    assert_eq!(report["mission_completed"], true);
+    let mut connections = Vec::new();
+    for id in 0..5 {
+        let own = out.join(format!("drones/drone-{id}"));
+        let file = fs::read_to_string(own.join("drone.toml")).unwrap();
+        assert!(file.contains("[quic]") && !file.contains("[udp]"), "{file}");
+        let log = fs::read_to_string(own.join("log.jsonl")).unwrap();
+        let lines = log.lines().map(|line| serde_json::from_str(line).unwrap());
+        let mut counted = lines.filter(|line: &Value| line["message"] == "counted");
+        let counted = counted.next_back().unwrap();
+        let count = |name: &str| counted[name].as_u64().unwrap();
+        assert!(count("sent") > 0 && count("received") > 0, "{counted}");
+        assert_eq!(count("too_long"), 0, "{counted}");
+        connections.push(count("connections"));
+        assert_eq!(
+            counted["dropped"], "",
+            "each frame was one's of the fleet: {counted}"
+        );
+    }
+    // Whoever ends last has nobody left.
+    assert_eq!(connections.iter().max(), Some(&4), "{connections:?}");
+}
+
+#[test]
 fn no_process_outlives_whoever_started_it() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = hanging(folder.path());

@@ -1,5 +1,6 @@
 //! How a drone's datagrams move: one trait, and what stands behind it.
 
+pub mod quic;
 pub mod sim;
 pub mod udp;
 

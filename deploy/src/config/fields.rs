@@ -22,7 +22,10 @@ pub(super) const FIELDS: &Fields = &[
         "vehicle",
         "\"closed-form\": a vehicle that is computed in real time; \"msp\", a flight controller, is not there yet",
     ),
-    ("transport", "\"udp\"; \"quic\" is not there yet"),
+    (
+        "transport",
+        "\"udp\" or \"quic\", each with a table of its name",
+    ),
     (
         "journal",
         "the path of a folder for this drone alone, as seen from this file's folder; it is made if it is not there",
@@ -87,5 +90,30 @@ pub(super) const FIELDS: &Fields = &[
     (
         "observe.http",
         "an address of this machine's and a port, as in \"127.0.0.1:9100\"; whoever reaches it can ask",
+    ),
+    (
+        "quic",
+        "a table with one of `group`, `broadcast` and `peers`",
+    ),
+    (
+        "quic.bind",
+        "the drone's own address and port, as in \"10.0.0.7:4700\"; port 0 for any, which is no use to those that have it \
+         among their `peers`",
+    ),
+    (
+        "quic.group",
+        "a multicast group's IPv4 address and port, as in \"239.77.0.1:4700\"",
+    ),
+    (
+        "quic.broadcast",
+        "a network's IPv4 broadcast address and a port, as in \"10.0.0.255:4700\"",
+    ),
+    (
+        "quic.peers",
+        "the addresses and ports of the other drones, at most 1000, as in `[\"10.0.0.8:4700\", \"10.0.0.9:4700\"]`",
+    ),
+    (
+        "quic.interface",
+        "the name of a network interface, as in \"wlan0\"",
     ),
 ];

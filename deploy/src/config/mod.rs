@@ -15,10 +15,11 @@ use muster_runtime::diagnostic::{BadInput, accepted, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
 use muster_scenarios::scenario::{self, Scenario};
 use muster_transport::udp::{self, Reach};
+use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use self::fields::FIELDS;
-use self::raw::{LevelName, LogName, Raw, StageName, TransportName, Udp, VehicleName};
+use self::raw::{LevelName, LogName, Network, Raw, StageName, VehicleName};
 use crate::log::{Format, Level};
 
 /// What the newest list of the expelled is kept in that a drone has taken, in its journal's folder.
@@ -36,24 +37,40 @@ pub fn fields() -> impl Iterator<Item = &'static str> {
     FIELDS.iter().map(|(field, _)| *field)
 }
 
+/// How drones' frames move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TransportName {
+    /// As datagrams to all of a network or to a list of addresses.
+    Udp,
+    /// Over a connection with each other drone.
+    Quic,
+}
+
 /// A drone that can be flown: its file, and all that it names, fit together.
 #[derive(Debug)]
 pub struct DroneConfig {
     /// The file, to be read again when that is asked for.
     pub(crate) path: PathBuf,
+    pub(crate) scenario_path: PathBuf,
     pub(crate) scenario: Scenario,
     pub(crate) id: NodeId,
     pub(crate) swarm: SwarmId,
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
     /// Whose word counts, from the start to the end of the process.
     pub(crate) fleet: FleetKey,
-    pub(crate) udp: udp::Config,
+    pub(crate) transport: TransportName,
+    /// Its sockets, and how others are reached.
+    pub(crate) network: udp::Config,
     pub(crate) journal: PathBuf,
     pub(crate) log: Format,
     pub(crate) level: Level,
     /// Where it is asked what it is doing, if anywhere.
     pub(crate) observed_at: Option<SocketAddr>,
 }
+
+/// What the file at a path says.
+pub(crate) type Read<'a> = &'a dyn Fn(&Path) -> Result<String, BadInput>;
 
 /// What is read again while a drone flies.
 #[derive(Debug)]
@@ -69,19 +86,30 @@ impl DroneConfig {
     /// When a file can't be used or they do not fit together: the error names the file, shows the place and says what
     /// would be accepted.
     pub fn load(path: &Path) -> Result<Self, BadInput> {
+        Self::load_from(path, &read_text)
+    }
+
+    /// Likewise, with the text of the scenario's files from `read`.
+    ///
+    /// # Errors
+    /// As [`Self::load`], and what `read` refuses.
+    pub(crate) fn load_from(path: &Path, read: Read<'_>) -> Result<Self, BadInput> {
         let file = File::read(path)?;
         let raw = &file.raw;
         file.check_vehicle()?;
-        let scenario = scenario::load(&file.beside(raw.scenario.get_ref()), &[])?;
+        let scenario_path = file.beside(raw.scenario.get_ref());
+        let scenario = scenario::load_from(&scenario_path, &[], read)?;
         file.check_scenario(&scenario)?;
         let id = NodeId(*raw.id.get_ref());
         Ok(Self {
             path: path.to_owned(),
+            scenario_path,
             id,
             swarm: file.swarm()?,
             authenticator: Arc::new(file.authenticator(id)?),
             fleet: file.fleet()?,
-            udp: file.udp(id)?,
+            transport: *raw.transport.get_ref(),
+            network: file.network(id)?,
             journal: file.beside(&raw.journal),
             log: match raw.log {
                 LogName::Human => Format::Human,
@@ -268,21 +296,25 @@ impl<'a> File<'a> {
         })
     }
 
-    fn udp(&self, id: NodeId) -> Result<udp::Config, BadInput> {
+    /// What the table of the chosen transport says; that of another waits for another choice.
+    fn network(&self, id: NodeId) -> Result<udp::Config, BadInput> {
         let transport = &self.raw.transport;
-        if *transport.get_ref() == TransportName::Quic {
-            return Err(self.error(transport.span(), "QUIC is not there yet"));
-        }
-        let Some(udp) = &self.raw.udp else {
-            let message = "this transport needs a table `[udp]`, which says how frames get to all";
-            return Err(self.error(transport.span(), message));
+        let (table, name) = match transport.get_ref() {
+            TransportName::Udp => (&self.raw.udp, "udp"),
+            TransportName::Quic => (&self.raw.quic, "quic"),
         };
-        let reach = self.reach(udp)?;
-        let udp = udp.get_ref();
-        let bind = udp.bind.as_ref().map(|it| *it.get_ref());
+        let Some(network) = table else {
+            let message = format!(
+                "this transport needs a table `[{name}]`, which says how others are reached"
+            );
+            return Err(self.error(transport.span(), &message));
+        };
+        let reach = self.reach(network)?;
+        let network = network.get_ref();
+        let bind = network.bind.as_ref().map(|it| *it.get_ref());
         let bind = bind.unwrap_or(SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)));
         if let Reach::Group(all) | Reach::Broadcast(all) = reach
-            && let Some(own) = &udp.bind
+            && let Some(own) = &network.bind
         {
             if own.get_ref().port() == all.port() {
                 let message = "a drone's own port must be another than that of what is for all";
@@ -298,19 +330,19 @@ impl<'a> File<'a> {
             id,
             bind,
             reach,
-            interface: udp.interface.clone(),
+            interface: network.interface.clone(),
             datagram_max: wire::DATAGRAM_MAX,
         })
     }
 
-    fn reach(&self, udp: &Spanned<Udp>) -> Result<Reach, BadInput> {
-        let Udp {
+    fn reach(&self, network: &Spanned<Network>) -> Result<Reach, BadInput> {
+        let Network {
             bind,
             group,
             broadcast,
             peers,
             ..
-        } = udp.get_ref();
+        } = network.get_ref();
         let is_of_other_family = |peer: &SocketAddr| {
             bind.as_ref()
                 .is_some_and(|bind| bind.get_ref().is_ipv4() != peer.is_ipv4())
@@ -342,8 +374,8 @@ impl<'a> File<'a> {
             }
             (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),
             _ => {
-                let message = "frames for all go to a `group`, to a `broadcast` address or to `peers`: one of them";
-                Err(self.error(udp.span(), message))
+                let message = "others are reached by a `group`, by a `broadcast` address or as `peers`: one of them";
+                Err(self.error(network.span(), message))
             }
         }
     }

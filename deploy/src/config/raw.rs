@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::TransportName;
+
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
@@ -21,7 +23,8 @@ pub(super) struct Raw {
     #[serde(default)]
     pub(super) log_level: LevelName,
     pub(super) keys: Keys,
-    pub(super) udp: Option<Spanned<Udp>>,
+    pub(super) udp: Option<Spanned<Network>>,
+    pub(super) quic: Option<Spanned<Network>>,
     pub(super) observe: Option<Observe>,
 }
 
@@ -39,13 +42,6 @@ pub(super) enum StageName {
 pub(super) enum VehicleName {
     ClosedForm,
     Msp,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum TransportName {
-    Udp,
-    Quic,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
@@ -77,8 +73,8 @@ pub(super) struct Keys {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields, expecting = "a table, `[udp]`")]
-pub(super) struct Udp {
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub(super) struct Network {
     pub(super) bind: Option<Spanned<SocketAddr>>,
     pub(super) group: Option<Spanned<SocketAddrV4>>,
     pub(super) broadcast: Option<Spanned<SocketAddrV4>>,

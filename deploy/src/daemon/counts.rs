@@ -1,10 +1,12 @@
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 use muster_machines::identity::NodeId;
 use muster_machines::radio::DropReason;
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, PacketKind};
-use muster_transport::udp::Counters;
+
+use super::network::Network;
 
 /// What a drone's process has counted since its start, each in one place: for its log and for whoever asks.
 #[derive(Debug, Default)]
@@ -97,25 +99,21 @@ impl Counts {
     }
 
     /// Says all of it, with what the transport has counted, how often actors failed and how much of the log was lost.
-    pub(super) fn report(
-        &self,
-        transport: Counters,
-        overflowed: Option<u64>,
-        failures: u64,
-        lines_lost: u64,
-    ) {
-        let dropped: Vec<_> = self
-            .dropped
-            .iter()
-            .map(|(why, n)| format!("{why} {n}"))
-            .collect();
+    pub(super) fn report(&self, network: &Network, failures: u64, lines_lost: u64) {
+        let transport = network.counters();
+        // Nothing of it is said where there are no connections.
+        let connections = network.connections();
+        let connections = connections.as_ref();
         tracing::info!(
             sent = transport.sent,
             unsent = transport.unsent,
             received = transport.received,
             too_long = transport.too_long,
-            overflowed,
-            dropped = dropped.join(", "),
+            overflowed = network.overflowed(),
+            connections = connections.map(|it| it.open),
+            connections_refused = connections.map(|it| in_words(&it.refused)),
+            beacons_refused = connections.map(|it| it.beacons_refused),
+            dropped = in_words(&self.dropped),
             out_of_range = self.out_of_range,
             no_room = self.no_room,
             ignored = self.ignored,
@@ -126,4 +124,11 @@ impl Counts {
             "counted"
         );
     }
+}
+
+fn in_words(counts: &BTreeMap<impl Display, u64>) -> String {
+    let counts: Vec<_> = (counts.iter())
+        .map(|(what, n)| format!("{what} {n}"))
+        .collect();
+    counts.join(", ")
 }

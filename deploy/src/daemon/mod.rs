@@ -6,6 +6,8 @@
 mod counts;
 mod endpoint;
 mod metrics;
+mod network;
+mod operators;
 mod process;
 mod service;
 mod state;
@@ -21,11 +23,13 @@ use muster_machines::cell::{Blueprint, Envelope};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::radio;
 use muster_runtime::journal::{Folder, FolderError, Journal};
-use muster_transport::udp::{OpenError, UdpTransport};
+use muster_transport::udp::OpenError;
 use thiserror::Error;
 use tokio::task::{JoinError, JoinSet};
 
 use self::endpoint::Endpoint;
+use self::network::Network;
+use self::operators::Desk;
 use self::process::{Parts, Process};
 use self::tasks::Rereading;
 use crate::clock::Clock;
@@ -116,8 +120,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     // A life of the journal's begins last: one that could not even start uses up none.
     let folder = Folder::open(&config.journal)?;
     let now = Arc::new(move || clock.now());
-    let transport = UdpTransport::open(config.udp.clone(), now)?;
-    let waiting = transport.waiting().map_err(DaemonError::Runtime)?;
+    let mut network = Network::open(&config, now)?;
     let endpoint = match config.observed_at {
         Some(address) => Some(
             (Endpoint::open(address).await)
@@ -129,8 +132,9 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
     let life = checkpoints.boot();
+    let waiting = network.begin(life).map_err(DaemonError::Runtime)?;
     let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
-    tracing::info!(drone, at_ns, life, address = %transport.address(), "{STARTS}");
+    tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
     let mut craft = (config.scenario.craft(config.id, clock.now().as_nanos()))
         .expect("the configuration has a number of the scenario's");
     let mut tether = start.tied.then(tasks::tether);
@@ -148,7 +152,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         clock,
         checkpoints,
         journal,
-        transport,
+        network,
         authenticator: Arc::clone(&config.authenticator),
         kept_list: config.kept_list(),
         craft,
@@ -183,6 +187,18 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     if let Some(endpoint) = endpoint {
         tokio::spawn(endpoint.answer(Arc::clone(&process)));
     }
+    if let Some(streams) = process.state().streams() {
+        let desk = Desk {
+            config: config.path.clone(),
+            scenario: config.scenario_path.clone(),
+            recent: log.recent.clone(),
+        };
+        tokio::spawn(operators::serve(
+            streams,
+            Arc::new(desk),
+            Arc::clone(&process),
+        ));
+    }
     service::ready();
     tracing::info!("{READY}");
     if let Some(tether) = tether {
@@ -198,13 +214,18 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     tokio::time::sleep(LAST_WORDS).await;
     service::stopping();
     drone.stop().await;
-    let mut state = process.state();
-    state.say_talk(clock.now());
-    state.report();
-    if state.is_abandoned() {
-        return Ok(Ended::Abandoned);
-    }
-    Ok(ended(state.landing()))
+    let (farewell, ended) = {
+        let mut state = process.state();
+        state.say_talk(clock.now());
+        state.report();
+        let ended = match state.is_abandoned() {
+            true => Ended::Abandoned,
+            false => ended(state.landing()),
+        };
+        (state.farewell(), ended)
+    };
+    farewell.await;
+    Ok(ended)
 }
 
 /// The first task that fails, if ever one does: a drone without time or ears is not to pass for alive.

@@ -12,9 +12,9 @@ use muster_machines::time::Timestamp;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::Craft;
-use muster_transport::udp::UdpTransport;
 use tokio::sync::Notify;
 
+use super::network::Network;
 use super::state::State;
 use crate::clock::Clock;
 use crate::log::Lost;
@@ -41,7 +41,7 @@ pub(super) struct Parts {
     pub(super) clock: Clock,
     pub(super) checkpoints: Checkpoints,
     pub(super) journal: Journal<Folder>,
-    pub(super) transport: UdpTransport,
+    pub(super) network: Network,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
     /// Where the newest list of the expelled is kept.
     pub(super) kept_list: PathBuf,

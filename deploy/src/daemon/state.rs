@@ -16,13 +16,15 @@ use muster_runtime::file;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::{Craft, VehicleState};
-use muster_transport::udp::UdpTransport;
-use muster_transport::{Destination, Event, Transport};
+use muster_transport::quic::Stream;
+use muster_transport::{Destination, Event};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use tokio::sync::mpsc::Receiver;
 
 use super::counts::{Counts, Talk};
+use super::network::Network;
 use super::process::Parts;
 use super::service;
 use crate::log::Lost;
@@ -42,7 +44,7 @@ pub(super) struct State {
     started: Timestamp,
     checkpoints: Checkpoints,
     journal: Journal<Folder>,
-    transport: UdpTransport,
+    network: Network,
     authenticator: Arc<Ed25519Authenticator>,
     kept_list: PathBuf,
     craft: Craft,
@@ -112,7 +114,7 @@ impl State {
             started: parts.clock.started(),
             checkpoints: parts.checkpoints,
             journal: parts.journal,
-            transport: parts.transport,
+            network: parts.network,
             authenticator: parts.authenticator,
             kept_list: parts.kept_list,
             craft: parts.craft,
@@ -191,13 +193,14 @@ impl State {
             } => {
                 self.counts.sent(&frame, keep_alive);
                 let to = to.map_or(Destination::Broadcast, Destination::To);
-                self.transport
+                self.network
+                    .transport()
                     .send(now, self.id, to, &frame)
                     .expect("a radio sends no more than a datagram, and in its own name");
             }
             Effect::Locate { sender, source } => {
                 self.counts.admitted += 1;
-                self.transport.learn(sender, source);
+                self.network.transport().learn(sender, source);
             }
             Effect::Command(demand) => self.command(now, demand),
             Effect::Keep(checkpoint) => self.keep(&checkpoint),
@@ -380,8 +383,8 @@ impl State {
     /// Takes in datagrams, no more than the radio has room for; whether there are no more for now.
     pub(super) fn drain(&mut self) -> bool {
         for _ in 0..self.room_for_datagrams() {
-            let Some(event) = self.transport.poll_event() else {
-                return self.transport.is_drained();
+            let Some(event) = self.network.transport().poll_event() else {
+                return self.network.is_drained();
             };
             self.taken_in = self.taken_in.wrapping_add(1);
             let input = match event {
@@ -505,11 +508,32 @@ impl State {
         have_answered
     }
 
+    /// What operators have to say, where they can, for whoever asks first.
+    pub(super) fn streams(&mut self) -> Option<Receiver<Stream>> {
+        self.network.streams()
+    }
+
+    /// Whether the drone stands on the ground and nobody has told it to fly, or is there for good.
+    pub(super) fn rests(&self) -> bool {
+        let missions = self.checkpoints.iter();
+        let has_begun = missions.into_iter().any(|it| match it {
+            Checkpoint::Mission(mission) => {
+                !matches!(mission.state, mission::State::Start | mission::State::SetUp)
+            }
+            _ => false,
+        });
+        !self.craft.is_armed() && (self.is_finished || !has_begun)
+    }
+
+    /// Lets the others know that nothing more comes from here; returns once they do, or can't.
+    pub(super) fn farewell(&self) -> impl Future<Output = ()> + use<> {
+        self.network.farewell()
+    }
+
     pub(super) fn report(&self) {
-        let overflowed = self.transport.overflowed();
         let failures = self.seats.iter().map(|seat| seat.failures).sum();
-        let transport = self.transport.counters();
-        (self.counts).report(transport, overflowed, failures, self.lines_lost());
+        self.counts
+            .report(&self.network, failures, self.lines_lost());
     }
 
     fn lines_lost(&self) -> u64 {

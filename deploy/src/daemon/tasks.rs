@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use muster_machines::mission::LandingReason;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
-use muster_transport::udp::Waiting;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 
+use super::network::Waiting;
 use super::process::Process;
 use super::service;
 use crate::config::reread;

@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
+use crate::config::TransportName;
 
 /// The file that tells the folder of a flight from any other; locked while the flight is under way.
 const MARK: &str = "flight.lock";
@@ -36,11 +37,14 @@ struct DroneFile<'a> {
     id: u32,
     stage: &'static str,
     vehicle: &'static str,
-    transport: &'static str,
+    transport: TransportName,
     journal: &'static str,
     log: &'static str,
     keys: Keys,
-    udp: Udp,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    udp: Option<Network>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quic: Option<Network>,
     observe: Option<Observe>,
 }
 
@@ -53,7 +57,7 @@ struct Keys {
 }
 
 #[derive(Serialize)]
-struct Udp {
+struct Network {
     bind: Option<SocketAddr>,
     group: Option<SocketAddrV4>,
     broadcast: Option<SocketAddrV4>,
@@ -85,16 +89,20 @@ pub(super) fn prepare(
     }
     let mut drones = Vec::new();
     let mut endpoints = hosts.endpoints().map_err(SwarmError::Ports)?;
-    for (id, udp) in hosts.udp() {
+    for (id, network) in hosts.networks() {
         let key = fleet.add_drone(id)?;
         let key = key.file_name().unwrap_or_default().to_string_lossy();
         let own = PathBuf::from(format!("drone-{id}"));
+        let (udp, quic) = match request.transport {
+            TransportName::Udp => (Some(network), None),
+            TransportName::Quic => (None, Some(network)),
+        };
         let file = DroneFile {
             scenario: &Path::new("../scenario").join(&scenario.0),
             id: id.0,
             stage: "sim",
             vehicle: "closed-form",
-            transport: "udp",
+            transport: request.transport,
             journal: "journal",
             log: "json",
             keys: Keys {
@@ -104,6 +112,7 @@ pub(super) fn prepare(
                 expelled: "../fleet/expelled.toml",
             },
             udp,
+            quic,
             observe: endpoints.remove(&id).map(|http| Observe { http }),
         };
         let text = toml::to_string(&file).expect("a drone's file has a form in TOML");
@@ -166,17 +175,17 @@ impl Hosts {
     }
 
     /// How each drone talks, in the order of their numbers.
-    fn udp(&self) -> BTreeMap<NodeId, Udp> {
+    fn networks(&self) -> BTreeMap<NodeId, Network> {
         let drones = |host: &'_ Host| host.drones.clone();
         let all: Vec<_> = self.hosts.iter().flat_map(drones).collect();
-        let udp = |host: &Host, id: NodeId, bind: Option<SocketAddr>| {
+        let network = |host: &Host, id: NodeId, bind: Option<SocketAddr>| {
             let others = all.iter().filter(|(other, _)| *other != id);
             let (group, broadcast, peers) = match self.reach {
                 Reach::Group(all) => (Some(all), None, None),
                 Reach::Broadcast(all) => (None, Some(all), None),
                 Reach::Peers => (None, None, Some(others.filter_map(|it| it.1).collect())),
             };
-            Udp {
+            Network {
                 bind,
                 group,
                 broadcast,
@@ -186,7 +195,7 @@ impl Hosts {
         };
         let of_host = |host: &Host| {
             let drones = host.drones.iter();
-            let drones = drones.map(|(id, bind)| (*id, udp(host, *id, *bind)));
+            let drones = drones.map(|(id, bind)| (*id, network(host, *id, *bind)));
             drones.collect::<Vec<_>>()
         };
         self.hosts.iter().flat_map(of_host).collect()

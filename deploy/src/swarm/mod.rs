@@ -27,6 +27,7 @@ use muster_scenarios::twin;
 use thiserror::Error;
 
 use crate::agent::words::VERSION;
+use crate::config::TransportName;
 
 pub use self::hosts::{Hosts, fields};
 pub(crate) use self::said::{READY, STARTS};
@@ -42,6 +43,8 @@ pub struct Request<'a> {
     pub musterd: &'a Path,
     /// Where its drones fly; all on this machine, over its loopback, without.
     pub hosts: Option<&'a Hosts>,
+    /// How drones' frames move.
+    pub transport: TransportName,
     /// The folder for keys, files, journals and logs; a folder a drone. What an earlier flight left there is removed; a
     /// folder that is not of a flight is refused.
     pub folder: &'a Path,

@@ -12,8 +12,8 @@ use super::{DroneKey, Expelled, FleetKey, Roster};
 
 /// Signs a drone's frames with its own key and checks those of others by the roster: no drone speaks for another.
 ///
-/// A signature covers a frame from its version on, with the swarm that it is for. A drone's key signs nothing else, so
-/// nothing else can pass for a frame.
+/// A signature covers a frame from its version on, with the swarm that it is for. What else a drone's key signs, beacons and
+/// handshakes of QUIC, begins otherwise, so nothing else can pass for a frame.
 pub struct Ed25519Authenticator {
     id: NodeId,
     key: SigningKey,
@@ -114,6 +114,18 @@ impl Ed25519Authenticator {
 
     fn read_expelled(&self) -> RwLockReadGuard<'_, Expelled> {
         self.expelled.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The drone's own public key.
+    #[must_use]
+    pub fn public_key(&self) -> [u8; 32] {
+        self.key.verifying_key().to_bytes()
+    }
+
+    /// The drone of the fleet that has a public key, expelled or not.
+    #[must_use]
+    pub fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
+        self.roster.whose(key)
     }
 
     fn key(&self, id: NodeId) -> Option<&VerifyingKey> {

@@ -90,6 +90,13 @@ impl Roster {
         self.keys.get(&id)
     }
 
+    /// The drone that has a public key, if it belongs to the fleet.
+    #[must_use]
+    pub(super) fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
+        let found = self.keys.iter().find(|(_, it)| it.as_bytes() == key);
+        found.map(|(id, _)| *id)
+    }
+
     /// Who belongs to the fleet.
     pub fn drones(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.keys.keys().copied()

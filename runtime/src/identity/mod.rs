@@ -18,11 +18,13 @@ mod authenticator;
 mod fleet;
 mod key;
 mod lists;
+mod operator;
 
 pub use authenticator::{Ed25519Authenticator, OlderList, Untrusted};
 pub use fleet::{Fleet, KeysError};
 pub use key::{DroneKey, FleetKey};
 pub use lists::{Expelled, Roster};
+pub use operator::OperatorKey;
 
 #[cfg(test)]
 mod tests;

@@ -34,7 +34,10 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
 }
 
 /// Likewise, with each file's text from `read`.
-pub(crate) fn load_from(
+///
+/// # Errors
+/// As [`load`], and what `read` refuses.
+pub fn load_from(
     path: &Path,
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
@@ -57,7 +60,7 @@ pub(crate) fn load_from(
 ///
 /// # Errors
 /// As [`load`], of the scenario file.
-pub(crate) fn mission_file(
+pub fn mission_file(
     (path, text): (&Path, &str),
     overrides: &[Override],
 ) -> Result<PathBuf, BadInput> {

@@ -36,8 +36,7 @@ pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
 };
 pub use file::Override;
-pub use load::load;
-pub(crate) use load::{load_from, mission_file};
+pub use load::{load, load_from, mission_file};
 pub use settling::Settling;
 pub use variation::Variation;
 pub use written::side_by_side;

@@ -8,8 +8,8 @@
 //! Which drone is at which address is learnt, from frames whose signature was right; a frame for a drone that was not
 //! heard yet goes to all. Nothing below acknowledges: what becomes of a frame is never told.
 
-mod open;
-mod overflow;
+pub(crate) mod open;
+pub(crate) mod overflow;
 mod waiting;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -118,7 +118,11 @@ impl UdpTransport {
     /// # Errors
     /// When a socket can't be had as configured; none is left open then.
     pub fn open(config: Config, clock: Clock) -> Result<Self, OpenError> {
-        let (own, others) = open::sockets(&config)?;
+        let (own, shared) = open::sockets(&config)?;
+        let others = match &config.reach {
+            Reach::Peers(peers) => open::apart(&config, &own, peers)?,
+            Reach::Group(_) | Reach::Broadcast(_) => shared.into_iter().collect(),
+        };
         let (address, own) = (own.local_addr()?, Arc::new(own));
         let others = others.into_iter().map(Arc::new);
         Ok(Self {

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 
-use socket2::{Domain, InterfaceIndexOrAddress, Protocol, Socket, Type};
+use socket2::{Domain, InterfaceIndexOrAddress, Protocol, SockRef, Socket, Type};
 use thiserror::Error;
 
 use super::{Config, Reach};
@@ -56,41 +56,42 @@ pub enum OpenError {
 /// For how many peers there is a socket apart; what comes from others comes in at the drone's own.
 const APART_MAX: usize = 64;
 
-/// The drone's own socket, and those at which it hears what its own does not get: what is for all, or what comes from a
-/// peer.
-pub(super) fn sockets(config: &Config) -> Result<(UdpSocket, Vec<UdpSocket>), OpenError> {
+/// The drone's own socket, and the one at which it hears what is for all, if that is another.
+pub(crate) fn sockets(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), OpenError> {
     let own = socket(config, config.bind, false)?;
-    let others = match &config.reach {
-        Reach::Peers(peers) => apart(config, &own, peers)?,
+    let shared = match config.reach {
+        Reach::Peers(_) => None,
         Reach::Group(address) => {
-            let address = *address;
             own.set_multicast_loop_v4(true)?;
             let shared = shared_socket(config, address)?;
             let joined = join(config, &shared, *address.ip());
             joined.map_err(|source| OpenError::Join { address, source })?;
-            vec![shared]
+            Some(shared)
         }
         Reach::Broadcast(address) => {
             own.set_broadcast(true)?;
-            vec![shared_socket(config, *address)?]
+            Some(shared_socket(config, address)?)
         }
     };
-    let others = others.into_iter().map(UdpSocket::from);
-    Ok((own.into(), others.collect()))
+    Ok((own.into(), shared.map(UdpSocket::from)))
 }
 
 /// A socket for each peer, at the drone's own address, that gets what comes from that peer's: so a flood from elsewhere
 /// leaves room for it. Where the system gives none, what that peer sends comes in with all else.
-fn apart(config: &Config, own: &Socket, peers: &[SocketAddr]) -> Result<Vec<Socket>, OpenError> {
+pub(super) fn apart(
+    config: &Config,
+    own: &UdpSocket,
+    peers: &[SocketAddr],
+) -> Result<Vec<UdpSocket>, OpenError> {
     let address = own.local_addr()?;
-    let address = address.as_socket().unwrap_or(config.bind);
+    let own = SockRef::from(own);
     // Others share the address for as long as it takes to open these, and nobody after that.
     own.set_reuse_address(true)?;
     let peers = peers.iter().take(APART_MAX);
     let sockets = peers.filter_map(|peer| {
         let socket = socket(config, address, true).ok()?;
         socket.connect(&(*peer).into()).ok()?;
-        Some(socket)
+        Some(socket.into())
     });
     let sockets = sockets.collect();
     own.set_reuse_address(false)?;

@@ -5,7 +5,7 @@ use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
 /// How many datagrams were dropped because these sockets' buffers were full; nothing where the system does not tell.
-pub(super) fn drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
+pub(crate) fn drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
     let tables = ["/proc/self/net/udp", "/proc/self/net/udp6"];
     let tables: Vec<_> = (tables.into_iter())
         .filter_map(|it| std::fs::read_to_string(it).ok())

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod quic;
 mod simulated;
 mod suite;
 mod udp;

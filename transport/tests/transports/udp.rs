@@ -81,7 +81,7 @@ impl Udp {
 }
 
 /// Four addresses of this machine that nobody else uses: they are made of a port that is held meanwhile, and so is theirs.
-fn free_addresses() -> ([SocketAddr; 4], UdpSocket) {
+pub(crate) fn free_addresses() -> ([SocketAddr; 4], UdpSocket) {
     let (port, held) = held_port();
     let [high, low] = port.to_be_bytes();
     // 127.0.0.0/16 is for others.
@@ -95,7 +95,7 @@ fn held_port() -> (u16, UdpSocket) {
 }
 
 /// A multicast group that nobody else uses: its address is made of a port that is held meanwhile, and so is its port.
-fn free_group() -> (SocketAddrV4, UdpSocket) {
+pub(crate) fn free_group() -> (SocketAddrV4, UdpSocket) {
     let (port, held) = held_port();
     let [high, low] = port.to_be_bytes();
     (

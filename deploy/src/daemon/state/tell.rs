@@ -162,13 +162,13 @@ impl State {
     }
 
     fn datagrams(&self) -> Datagrams {
-        let counters = self.transport.counters();
+        let counters = self.network.counters();
         Datagrams {
             sent: counters.sent,
             unsent: counters.unsent,
             received: counters.received,
             too_long: counters.too_long,
-            overflowed: self.transport.overflowed(),
+            overflowed: self.network.overflowed(),
         }
     }
 }

@@ -1,0 +1,77 @@
+//! The fleet's identities, as connections ask for them.
+
+use std::sync::Arc;
+
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Authenticator;
+use muster_machines::wire::AUTHENTICATOR_LEN;
+use muster_runtime::identity::{Ed25519Authenticator, FleetKey, OperatorKey};
+use muster_transport::quic::{Distrust, Identities, Peer, PublicKey};
+
+/// A drone's own: its roster says which drone has a key, and whoever has the fleet's is its operator.
+pub(crate) struct DroneIdentities {
+    pub(crate) authenticator: Arc<Ed25519Authenticator>,
+    pub(crate) fleet: FleetKey,
+}
+
+impl Authenticator for DroneIdentities {
+    fn is_trusted(&self, sender: NodeId) -> bool {
+        self.authenticator.is_trusted(sender)
+    }
+
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        self.authenticator.sign(covered)
+    }
+
+    fn verify(&self, sender: NodeId, covered: &[u8], it: &[u8; AUTHENTICATOR_LEN]) -> bool {
+        self.authenticator.verify(sender, covered, it)
+    }
+}
+
+impl Identities for DroneIdentities {
+    fn public_key(&self) -> PublicKey {
+        self.authenticator.public_key()
+    }
+
+    fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {
+        if *key == self.fleet.to_bytes() {
+            return Ok(Peer::Operator);
+        }
+        drone(self.authenticator.whose(key), self)
+    }
+}
+
+/// An operator's: any drone of the fleet that was not expelled is spoken with.
+pub(crate) struct OperatorIdentities(pub(crate) OperatorKey);
+
+impl Authenticator for OperatorIdentities {
+    fn is_trusted(&self, sender: NodeId) -> bool {
+        self.0.is_trusted(sender)
+    }
+
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        self.0.sign(covered)
+    }
+
+    fn verify(&self, sender: NodeId, covered: &[u8], it: &[u8; AUTHENTICATOR_LEN]) -> bool {
+        self.0.verify(sender, covered, it)
+    }
+}
+
+impl Identities for OperatorIdentities {
+    fn public_key(&self) -> PublicKey {
+        self.0.public_key()
+    }
+
+    fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {
+        drone(self.0.whose(key), self)
+    }
+}
+
+fn drone(id: Option<NodeId>, trusted: &impl Authenticator) -> Result<Peer, Distrust> {
+    match id {
+        None => Err(Distrust::Stranger),
+        Some(id) if !trusted.is_trusted(id) => Err(Distrust::Expelled),
+        Some(id) => Ok(Peer::Drone(id)),
+    }
+}

@@ -1,0 +1,68 @@
+use std::path::Path;
+
+use ed25519_dalek::{Signature, Signer, SigningKey};
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Authenticator;
+use muster_machines::wire::AUTHENTICATOR_LEN;
+
+use super::key::load_secret;
+use super::{Expelled, FleetKey, Roster};
+use crate::diagnostic::BadInput;
+
+/// What an operator speaks with drones by: the fleet's secret key, and the lists that it has signed.
+pub struct OperatorKey {
+    key: SigningKey,
+    roster: Roster,
+    expelled: Expelled,
+}
+
+impl std::fmt::Debug for OperatorKey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("OperatorKey(..)")
+    }
+}
+
+impl OperatorKey {
+    /// Reads what a fleet's folder has.
+    ///
+    /// # Errors
+    /// When its secret key or a list can't be used.
+    pub fn load(folder: &Path) -> Result<Self, BadInput> {
+        let key = load_secret(&folder.join("fleet.key"))?;
+        let public = FleetKey(key.verifying_key());
+        Ok(Self {
+            roster: Roster::load(&folder.join("roster.toml"), &public)?,
+            expelled: Expelled::load(&folder.join("expelled.toml"), &public)?,
+            key,
+        })
+    }
+
+    /// The fleet's public key.
+    #[must_use]
+    pub fn public_key(&self) -> [u8; 32] {
+        self.key.verifying_key().to_bytes()
+    }
+
+    /// The drone of the fleet that has a public key.
+    #[must_use]
+    pub fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
+        self.roster.whose(key)
+    }
+}
+
+impl Authenticator for OperatorKey {
+    fn is_trusted(&self, sender: NodeId) -> bool {
+        !self.expelled.has(sender)
+    }
+
+    /// What is signed here must not pass for one of the fleet's lists, which begin with their names.
+    fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
+        self.key.sign(covered).to_bytes()
+    }
+
+    fn verify(&self, sender: NodeId, covered: &[u8], it: &[u8; AUTHENTICATOR_LEN]) -> bool {
+        let signature = Signature::from_bytes(it);
+        let key = self.roster.key(sender);
+        key.is_some_and(|key| key.verify_strict(covered, &signature).is_ok())
+    }
+}

@@ -1,0 +1,52 @@
+use std::time::Duration;
+
+use rand::{Rng, RngExt};
+
+/// How long the first wait is at most, and the longest.
+const FIRST: Duration = Duration::from_millis(100);
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// How long to wait before the next attempt to connect: twice as long each time, and a random part less, so that those
+/// who lost each other at once don't all come back at once.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BackOff {
+    next: Duration,
+}
+
+impl BackOff {
+    pub(super) const fn new() -> Self {
+        Self { next: FIRST }
+    }
+
+    /// How long to wait now; between half of what it may be and all of it.
+    pub(super) fn wait(&mut self, lots: &mut impl Rng) -> Duration {
+        let longest = self.next;
+        self.next = (longest * 2).min(LONGEST);
+        longest.mul_f64(lots.random_range(0.5..=1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn waits_double_up_to_the_longest_and_never_agree() {
+        let waits = |seed| {
+            let mut lots = ChaCha8Rng::seed_from_u64(seed);
+            let mut back_off = BackOff::new();
+            (0..8).map(|_| back_off.wait(&mut lots)).collect::<Vec<_>>()
+        };
+        let (one, other) = (waits(1), waits(2));
+        let mut longest = FIRST;
+        for (one, other) in one.into_iter().zip(other) {
+            assert_ne!(one, other);
+            assert!(one >= longest / 2 && one <= longest, "{one:?}");
+            longest = (longest * 2).min(LONGEST);
+        }
+        assert_eq!(longest, LONGEST);
+    }
+}
