@@ -29,7 +29,8 @@ enum What {
     },
     /// Make drones' keys and sign the roster with them; drones that fly need the new roster to believe these.
     Drone(Drones),
-    /// Put drones on the signed list of those that are not believed any more; drones read it at their start and on HUP.
+    /// Put drones on the signed list of those that are not believed any more; drones read it at their start and on HUP,
+    /// and pass it on.
     Expel(Drones),
 }
 
@@ -72,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
             let expelled = Fleet::open(&drones.folder)?.expel(&ids)?;
             let all: Vec<_> = expelled.drones().map(|id| id.to_string()).collect();
             terminal::print(&format!(
-                "list {} of the expelled: {}; give it to all drones\n",
+                "list {} of the expelled: {}; give it to a drone, and those that hear it get it too\n",
                 expelled.number(),
                 all.join(", ")
             ))?;

@@ -81,7 +81,11 @@ impl<S: Storage> Journal<S> {
             let message = "its beginning is damaged: it can't be told what the drone has done";
             return Err(io::Error::new(io::ErrorKind::InvalidData, message));
         }
-        checkpoints.begin_life(boot + 1);
+        let Some(boot) = boot.checked_add(1) else {
+            let message = "it has no number left for another life";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        };
+        checkpoints.begin_life(boot);
         let mut journal = Self { storage, len: 0 };
         journal.compact(&checkpoints)?;
         Ok((journal, checkpoints))
@@ -231,6 +235,14 @@ mod tests {
         keep(&mut journal, &mut all, &mission(3));
         let mut bytes = journal.into_storage().0;
         bytes[0] ^= 1;
+        let error = Journal::open(Memory(bytes)).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidData);
+    }
+
+    #[test]
+    fn a_journal_of_the_last_life_that_has_a_number_is_refused() {
+        let mut bytes = Vec::new();
+        write(&Record::Boot(u32::MAX), &mut bytes);
         let error = Journal::open(Memory(bytes)).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData);
     }

@@ -84,14 +84,6 @@ pub(super) const FIELDS: &Fields = &[
         "the name of a network interface, as in \"wlan0\"",
     ),
     (
-        "observe",
-        "a table with `http`, where whoever is to know is told what the drone is doing; nobody is without",
-    ),
-    (
-        "observe.http",
-        "an address of this machine's and a port, as in \"127.0.0.1:9100\"; whoever reaches it can ask",
-    ),
-    (
         "quic",
         "a table with one of `group`, `broadcast` and `peers`",
     ),
@@ -115,5 +107,13 @@ pub(super) const FIELDS: &Fields = &[
     (
         "quic.interface",
         "the name of a network interface, as in \"wlan0\"",
+    ),
+    (
+        "observe",
+        "a table with `http`, where whoever is to know is told what the drone is doing; nobody is without",
+    ),
+    (
+        "observe.http",
+        "an address of this machine's and a port, as in \"127.0.0.1:9100\"; whoever reaches it can ask",
     ),
 ];

@@ -211,8 +211,13 @@ impl Network for Quic {
     }
 
     fn learn(&mut self, drone: NodeId, arrival: &Arrival, sender: NodeId) {
-        assert_eq!(arrival.source, None, "the connection says who it is");
-        let source = muster_machines::radio::Source(std::num::NonZeroU32::MIN);
+        let name = std::num::NonZeroU32::MIN.saturating_add(sender.0);
+        let source = muster_machines::radio::Source(name);
+        assert_eq!(
+            arrival.source,
+            Some(source),
+            "the connection says who it is"
+        );
         self.ends[drone.0 as usize].transport.learn(sender, source);
     }
 }
