@@ -164,8 +164,9 @@ impl<'a> MakeWriter<'a> for Keeping {
 #[must_use]
 pub fn start(format: Format, level: Level) -> Log {
     let (filter, handle) = reload::Layer::new(level);
-    // Which actor of the library's it was that said something is of no use to anybody.
-    let events = filter_fn(|said| said.is_event());
+    // Only what is our own: what libraries say of each packet would fill the log, and one that is sent over the network
+    // would feed itself.
+    let events = filter_fn(|said| said.is_event() && said.target().starts_with("muster"));
     let registry = tracing_subscriber::registry().with(filter).with(events);
     let (writer, worker) = NonBlockingBuilder::default()
         .buffered_lines_limit(WAITING_MAX)

@@ -22,8 +22,10 @@ use self::fields::FIELDS;
 use self::raw::{LevelName, LogName, Network, Raw, StageName, VehicleName};
 use crate::log::{Format, Level};
 
-/// What the newest list of the expelled is kept in that a drone has taken, in its journal's folder.
-const KEPT_LIST: &str = "expelled.toml";
+/// What the newest list of the expelled is kept in that a drone has taken: beside its journal, for it outlives that.
+fn kept_list(journal: &Path, id: u32) -> PathBuf {
+    journal.with_file_name(format!("expelled-kept-{id}.toml"))
+}
 
 /// The most peers of a drone.
 const PEERS_MAX: usize = 1_000;
@@ -123,7 +125,7 @@ impl DroneConfig {
 
     /// Where it keeps the newest list of the expelled that it has taken, for its next life.
     pub(crate) fn kept_list(&self) -> PathBuf {
-        self.journal.join(KEPT_LIST)
+        kept_list(&self.journal, self.id.0)
     }
 
     /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
@@ -284,7 +286,7 @@ impl<'a> File<'a> {
     /// The newer one of the list that the file names and the one that was kept.
     fn expelled(&self, fleet: &FleetKey) -> Result<Expelled, BadInput> {
         let named = Expelled::load(&self.beside(&self.raw.keys.expelled), fleet)?;
-        let path = self.beside(&self.raw.journal).join(KEPT_LIST);
+        let path = kept_list(&self.beside(&self.raw.journal), *self.raw.id.get_ref());
         if let Ok(false) = path.try_exists() {
             return Ok(named);
         }

@@ -517,9 +517,7 @@ impl State {
     pub(super) fn rests(&self) -> bool {
         let missions = self.checkpoints.iter();
         let has_begun = missions.into_iter().any(|it| match it {
-            Checkpoint::Mission(mission) => {
-                !matches!(mission.state, mission::State::Start | mission::State::SetUp)
-            }
+            Checkpoint::Mission(mission) => mission.state != mission::State::Start,
             _ => false,
         });
         !self.craft.is_armed() && (self.is_finished || !has_begun)

@@ -118,10 +118,11 @@ impl DroneProcess {
         self.was_ended && self.has_ended
     }
 
-    /// It has ended.
-    pub(super) const fn has_ended(&mut self) {
+    /// It has ended; whether by itself.
+    pub(super) const fn has_ended(&mut self) -> bool {
         self.has_ended = true;
         self.standing = Standing::Ended;
+        !self.was_ended
     }
 
     /// Whether it has ended.

@@ -212,10 +212,11 @@ impl<'a> Swarm<'a> {
                 );
             }
             Some(News::Ended(drone)) => {
-                if let Some(process) = self.processes.get_mut(&drone) {
-                    process.has_ended();
+                let process = self.processes.get_mut(&drone);
+                // That one was ended by the plan is known, and when.
+                if process.is_none_or(DroneProcess::has_ended) {
+                    self.note(Timestamp::ZERO + self.lasted(), drone, Said::Ended);
                 }
-                self.note(Timestamp::ZERO + self.lasted(), drone, Said::Ended);
             }
             Some(News::Said(drone, Spoken::Ready)) => {
                 if let Some(process) = self.processes.get_mut(&drone) {

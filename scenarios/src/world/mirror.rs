@@ -49,7 +49,8 @@ impl World {
             self.now = self.now.max(at);
             if let Planned::Boot { drone, life } = planned {
                 // It is there once it says so.
-                let is_awaited = self.drone(drone).lives == life;
+                let state = self.drone(drone);
+                let is_awaited = state.lives == life && !state.runs;
                 self.booting.extend(is_awaited.then_some(drone));
             } else {
                 self.happen(planned);

@@ -212,6 +212,8 @@ impl World {
             self.drone(drone).clear_queue(address);
         }
         self.standings += 1;
+        self.booting.remove(&drone);
+        self.overruled.remove(&drone);
         self.drone(drone).end();
         self.swarm_mut(drone).barrier.given_up(drone);
     }
