@@ -108,8 +108,7 @@ fn an_expelled_drone_does_not_start() {
 #[test]
 fn a_list_of_the_expelled_that_was_kept_and_can_not_be_read_is_not_passed_over() {
     let fleet = Fleet::new();
-    std::fs::create_dir(fleet.path("journal-3")).unwrap();
-    std::fs::write(fleet.path("journal-3/expelled.toml"), "number = 7").unwrap();
+    std::fs::write(fleet.path("expelled-kept-3.toml"), "number = 7").unwrap();
     let (code, said) = check(&fleet, 3, "--check");
     assert_eq!(code, Some(2));
     assert!(

@@ -160,9 +160,11 @@ fn a_mission_is_flown_over_connections_between_all() {
         assert!(count("sent") > 0 && count("received") > 0, "{counted}");
         assert_eq!(count("too_long"), 0, "{counted}");
         connections.push(count("connections"));
-        assert_eq!(
-            counted["dropped"], "",
-            "each frame was one's of the fleet: {counted}"
+        // Each frame was one's of the fleet; whom a drone has just met has yet to prove that it says it now.
+        let dropped = counted["dropped"].as_str().unwrap();
+        assert!(
+            dropped.is_empty() || dropped.starts_with("unproven ") && !dropped.contains(','),
+            "{counted}"
         );
     }
     // Whoever ends last has nobody left.
