@@ -129,9 +129,8 @@ impl End {
         let _ = world.drone.set(drone.clone());
         let listener = Arc::clone(&world);
         tokio::spawn(async move {
-            while waiting.datagrams(|| listener.drain()).await.is_ok() {
-                tokio::task::yield_now().await;
-            }
+            // All is taken each time.
+            while waiting.datagrams(|| listener.drain()).await.is_ok() {}
         });
         Ok(Self {
             id,

@@ -1,11 +1,12 @@
 //! What the way through radio and routing costs: `cargo bench --bench round_trip`. A payload goes from one drone to
 //! another and back, over UDP on the loopback interface: signed, checked, taken in by the routing, answered. Beside it the
-//! same number of bytes over two bare sockets of tokio, and what signing and checking cost by themselves; all on one
-//! thread, in one run.
+//! same number of bytes over two bare sockets of tokio, what signing and checking cost by themselves, and what it costs to
+//! hand as many messages to actors that do nothing; all on one thread, in one run.
 
 #![expect(clippy::print_stdout, reason = "this is a program that prints a table")]
 
 mod ends;
+mod mailboxes;
 
 use std::error::Error;
 use std::future::Future;
@@ -16,6 +17,7 @@ use muster_machines::radio::Authenticator;
 use tokio::net::UdpSocket;
 
 use self::ends::{End, FRAME_LEN, PAYLOAD_LEN};
+use self::mailboxes::Mailboxes;
 
 /// Round trips before any is measured: links are as they stay by then.
 const WARM_UP: u32 = 1_000;
@@ -59,11 +61,14 @@ const fn figure(count: u64) -> f64 {
 
 async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
     let bare = Bare::open().await?;
+    let mailboxes = Mailboxes::open().await?;
     for _ in 0..WARM_UP {
         near.round_trip().await;
+        mailboxes.round_trip().await;
         bare.round_trip().await?;
     }
-    let (mut ours, mut theirs, mut signing, mut checking) = (vec![], vec![], vec![], vec![]);
+    let (mut ours, mut theirs, mut handing) = (vec![], vec![], vec![]);
+    let (mut signing, mut checking) = (vec![], vec![]);
     let covered = [7; FRAME_LEN];
     for _ in 0..MEASURED / IN_A_ROW {
         for _ in 0..IN_A_ROW {
@@ -71,6 +76,9 @@ async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
         }
         for _ in 0..IN_A_ROW {
             theirs.push(timed(bare.round_trip()).await);
+        }
+        for _ in 0..IN_A_ROW {
+            handing.push(timed(mailboxes.round_trip()).await);
         }
         for _ in 0..IN_A_ROW {
             let began = Instant::now();
@@ -87,6 +95,10 @@ async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
         ("bare tokio UDP, there and back", median_and_99th(theirs)),
         ("one signing", median_and_99th(signing)),
         ("one checking", median_and_99th(checking)),
+        (
+            "six mailboxes, one after the other",
+            median_and_99th(handing),
+        ),
     ];
     println!(
         "A payload of {PAYLOAD_LEN} bytes in a frame of {FRAME_LEN}, microseconds\n\n{:<36}{:>10}{:>10}",
@@ -95,11 +107,15 @@ async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
     for (name, [median, most]) in rows {
         println!("{name:<36}{median:>10.1}{most:>10.1}");
     }
-    let [ours, bare, signing, checking] = rows.map(|(_, [median, _])| median);
-    let bound = 2.5 * bare + 2.0 * (signing + checking);
+    let [ours, bare, signing, checking, mailboxes] = rows.map(|(_, [median, _])| median);
+    let cryptography = 2.0 * (signing + checking);
+    let bound = 2.5 * bare + cryptography;
     println!(
-        "\n2.5 bare round trips, two signings and two checkings: {bound:.1}; the median above is {:.2} of that.",
-        ours / bound
+        "\n2.5 bare round trips, two signings and two checkings: {bound:.1}; the median above is {:.2} of that.\nBeside \
+         signing and checking it takes {:.1}, of which the bare round trip and the mailboxes are {:.1}.",
+        ours / bound,
+        ours - cryptography,
+        bare + mailboxes
     );
     Ok(())
 }

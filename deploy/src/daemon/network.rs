@@ -132,13 +132,12 @@ impl Waiting {
     ///
     /// # Errors
     /// When nothing will come in any more.
-    pub(super) async fn datagrams(&self, mut drain: impl FnMut() -> bool) -> io::Result<()> {
+    pub(super) async fn datagrams(&self, mut drain: impl FnMut() -> bool) -> io::Result<bool> {
         match self {
             Self::Udp(udp) => udp.datagrams(drain).await,
             Self::Quic(quic) => {
                 quic.frames().await;
-                drain();
-                Ok(())
+                Ok(drain())
             }
         }
     }

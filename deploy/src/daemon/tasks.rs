@@ -41,9 +41,12 @@ pub(super) async fn keep_time(process: Arc<Process>) {
 
 /// Hands the radio what comes in.
 pub(super) async fn listen(process: Arc<Process>, waiting: Waiting) {
-    while let Ok(()) = waiting.datagrams(|| process.state().drain()).await {
+    while let Ok(is_drained) = waiting.datagrams(|| process.state().drain()).await {
         process.look_round();
-        tokio::task::yield_now().await;
+        if !is_drained {
+            // The actors get their turn.
+            tokio::task::yield_now().await;
+        }
     }
     tracing::error!("the sockets are not watched any more: the drone comes down");
     process.come_down(LandingReason::NetworkLost);

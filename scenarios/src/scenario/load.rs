@@ -338,8 +338,8 @@ const FAST: Parameters = Parameters {
 };
 
 /// For a network that delivers within a millisecond or two and seldom loses, as between processes of a machine or on a
-/// switch: two beacons, and seven questions of 4.5 ms, are 0.11 s. Each drone sends 25 frames a second and checks the
-/// signatures of as many from each that it hears.
+/// switch: two beacons, and seven questions of 4.5 ms, are 0.11 s. A master, and whoever is a parent, sends 25 frames a second,
+/// any other eight; whoever hears them checks as many signatures.
 const LAN: Parameters = Parameters {
     period: 50,
     keep_alive: 250,

@@ -22,21 +22,25 @@ impl Waiting {
     }
 
     /// Returns once datagrams may be there, having called `drain`, which takes some and says whether it has taken all.
-    /// Until it has, the next call returns at once.
+    /// Tells the same; unless all was taken, the next call returns at once.
     ///
     /// # Errors
     /// When the runtime does not watch the sockets any more.
-    pub async fn datagrams(&self, mut drain: impl FnMut() -> bool) -> io::Result<()> {
+    pub async fn datagrams(&self, mut drain: impl FnMut() -> bool) -> io::Result<bool> {
         poll_fn(|context| self.poll_ready(context)).await?;
+        let mut is_drained = false;
         for socket in &self.sockets {
-            let taken = socket.try_io(Interest::READABLE, || match drain() {
-                true => Err(io::Error::from(io::ErrorKind::WouldBlock)),
-                false => Ok(()),
+            let taken = socket.try_io(Interest::READABLE, || {
+                is_drained = drain();
+                match is_drained {
+                    true => Err(io::Error::from(io::ErrorKind::WouldBlock)),
+                    false => Ok(()),
+                }
             });
             // It is waited for again; what came meanwhile makes it ready at once.
             drop(taken);
         }
-        Ok(())
+        Ok(is_drained)
     }
 
     fn poll_ready(&self, context: &mut Context<'_>) -> Poll<io::Result<()>> {

@@ -26,7 +26,7 @@ use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
-use crate::wire::{self, AUTHENTICATOR_LEN, HEADER_MAX, Header, PAYLOAD_MAX};
+use crate::wire::{self, Header, PAYLOAD_MAX};
 
 /// How many counters are reserved at once, so that a restart never uses one twice and a journal is not worn.
 const COUNTER_BLOCK: u64 = 1_024;
@@ -169,6 +169,8 @@ pub struct Radio<A> {
     counter: u64,
     reserved: u64,
     outbox: Outbox<Transmit, Event>,
+    /// Memory in which frames are written.
+    written: Vec<u8>,
     /// Where senders must prove themselves.
     challenger: Option<Box<Challenger>>,
     /// Once somebody has asked.
@@ -199,6 +201,7 @@ impl<A: Authenticator> Radio<A> {
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
             outbox: Outbox::new(),
+            written: Vec::new(),
             challenger: asks.then(|| Box::new(Challenger::new(nonce))),
             responder: None,
             gossip: (list > 0).then(|| Box::new(Gossip::new(list))),
@@ -234,11 +237,13 @@ impl<A: Authenticator> Radio<A> {
             ballot,
         };
         self.counter += 1;
-        let capacity = HEADER_MAX + payload.len() + AUTHENTICATOR_LEN;
-        let mut frame = wire::encode_covered(&header, payload, Vec::with_capacity(capacity));
+        let mut memory = std::mem::take(&mut self.written);
+        memory.clear();
+        let mut frame = wire::encode_covered(&header, payload, memory);
         let authenticator = self.authenticator.sign(&frame);
         frame.extend_from_slice(&authenticator);
-        Some(frame.into())
+        self.written = frame;
+        Some(Bytes::copy_from_slice(&self.written))
     }
 
     /// Has a counter that may be used.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::machine::{Said, Stimulus, step};
+use crate::wire::AUTHENTICATOR_LEN;
 
 const BALLOT: Ballot = Ballot {
     term: 1,

@@ -38,8 +38,10 @@ pub(super) struct Links {
     own: NodeId,
     /// How many drones there are; nothing that is said of others is kept.
     drones: u32,
-    /// How often each neighbour speaks at least.
+    /// How often a parent speaks at least.
     beacon: Duration,
+    /// How often each neighbour does.
+    pace: Duration,
     links: Roster<Link>,
     /// What all children say together, until one of them says something else.
     below: OnceCell<Below>,
@@ -183,7 +185,7 @@ impl Link {
 
     /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
     #[inline]
-    fn is_heard(&mut self, now: Timestamp, missed: u32, beacon: Duration) -> LinkChanged {
+    fn is_heard(&mut self, now: Timestamp, missed: u32, pace: Duration) -> LinkChanged {
         for _ in 0..missed.min(LOSS_MEMORY.into()) {
             self.quality.learn(1.0);
         }
@@ -196,7 +198,7 @@ impl Link {
         let leaves_out = self.said.hears_own == Some(false);
         self.left_out = leaves_out.then(|| self.left_out.unwrap_or(now));
         // At first it may have restarted: it hears this drone again when that speaks.
-        let is_new = self.left_out.is_none_or(|since| now.since(since) < beacon);
+        let is_new = self.left_out.is_none_or(|since| now.since(since) < pace);
         let was_symmetric = self.symmetric;
         self.symmetric = symmetric || (self.symmetric && is_new);
         if !self.shows_what_it_was_told() {
@@ -349,11 +351,12 @@ impl Quality {
 
 impl Links {
     /// Of `own`, which has heard nobody yet.
-    pub(super) fn new(own: NodeId, drones: u32, beacon: Duration) -> Self {
+    pub(super) fn new(own: NodeId, drones: u32, beacon: Duration, pace: Duration) -> Self {
         Self {
             own,
             drones,
             beacon,
+            pace,
             links: Roster::new(),
             below: OnceCell::new(),
         }
@@ -395,7 +398,7 @@ impl Links {
         let missed = front.beat.checked_sub(link.said.beat)?.checked_sub(1)?;
         (link.said.beat, link.said.pulse) = (front.beat, front.pulse);
         let is_child = link.is_child_of(self.own);
-        let link_changed = link.is_heard(now, missed, self.beacon);
+        let link_changed = link.is_heard(now, missed, self.pace);
         if is_child && link_changed.is_back {
             self.below.take();
         }
@@ -407,7 +410,7 @@ impl Links {
     }
 
     /// Takes in what a neighbour says, in the words behind its front; nothing for a number that is not newer than the
-    /// last. One that has left this drone out for a beacon does not hear it.
+    /// last. One that has left this drone out for a turn does not hear it.
     pub(super) fn hear(
         &mut self,
         speaker: Speaker,
@@ -428,7 +431,7 @@ impl Links {
         let changed = link.keep(said, self.own, speaker, self.drones);
         link.words = words;
         let is_child = link.is_child_of(self.own);
-        let link_changed = link.is_heard(now, missed, self.beacon);
+        let link_changed = link.is_heard(now, missed, self.pace);
         if was_child != is_child || is_child && (changed.any || link_changed.is_back) {
             self.below.take();
         }
@@ -570,10 +573,10 @@ impl Links {
     /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
     /// whether there were any.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
-        let beacon = self.beacon;
+        let pace = self.pace;
         let is_there = |link: &Link| {
             let silent_for = now.since(link.heard_at);
-            silent_for <= time_to_live || silent_for <= beacon * link.quality.lost_beacons.into()
+            silent_for <= time_to_live || silent_for <= pace * link.quality.lost_beacons.into()
         };
         let has_lost_any = !self.links.iter().all(is_there);
         if has_lost_any {
@@ -639,7 +642,7 @@ impl Links {
         let is_heard = |link: &Link| {
             let patience = match link.told_of_reign {
                 Some(_) => self.beacon * link.quality.stale_beacons.into(),
-                None => (self.beacon * link.quality.lost_beacons.into()).max(time_to_live / 2),
+                None => (self.pace * link.quality.lost_beacons.into()).max(time_to_live / 2),
             };
             now.since(link.heard_at) <= patience
         };

@@ -5,8 +5,9 @@
 //! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
 //! carried the order out. What one neighbour alone has yet to learn is said to that one, and the medium may tell what
 //! became of it; besides, hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
-//! known to have arrived in time is said again, at that hop only. Once a second the master's own number goes outwards, each drone
-//! passing it on as it comes in; that one frame serves discovery, liveness and routing.
+//! known to have arrived in time is said again, at that hop only. With each beacon, once a second say, the master's own
+//! number goes outwards, each drone passing it on as it comes in; that one frame serves discovery, liveness and routing.
+//! Where beacons are quicker than ten a second, whoever is nobody's parent passes on only as many as that.
 
 mod durable;
 mod links;
@@ -92,6 +93,10 @@ pub struct TreeRouting {
     next_span: u32,
     /// The order that this drone's last frame told that it knows of.
     said_sequence: u32,
+    /// Each how many of the master's numbers a drone passes on that is nobody's parent.
+    numbers_a_turn: u32,
+    /// The master's number that this drone passed on last.
+    passed_on: u32,
     next_beacon: Option<Timestamp>,
     /// When this drone last acknowledged anything by itself.
     acknowledged_at: Option<Timestamp>,
@@ -139,7 +144,7 @@ impl TreeRouting {
         let mut routing = Self {
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             durable: Checkpoint::default(),
-            links: Links::new(config.id, config.drones, config.beacon),
+            links: Links::new(config.id, config.drones, config.beacon, config.pace()),
             routes: Routes::default(),
             good_parent: None,
             orphaned: None,
@@ -152,6 +157,8 @@ impl TreeRouting {
             pending_from: None,
             next_span: 0,
             said_sequence: 0,
+            numbers_a_turn: config.numbers_a_turn(),
+            passed_on: 0,
             next_beacon: None,
             acknowledged_at: None,
             repair: None,
@@ -306,6 +313,7 @@ impl TreeRouting {
         self.pending = (0, NodeSet::default());
         self.pending_from = None;
         self.said_sequence = 0;
+        self.passed_on = 0;
         self.repair = None;
         self.seek = None;
         self.hold = None;
@@ -408,11 +416,15 @@ impl TreeRouting {
 
     /// A number of the master's own that has risen goes on outwards at once.
     fn take_pulse(&mut self, now: Timestamp, sender: NodeId, pulse: u32) {
-        if self.is_master() || pulse <= self.durable.beats.pulse {
+        if self.is_master() {
             return;
         }
+        if pulse <= self.durable.beats.pulse {
+            return self.tell_if_behind(now, pulse);
+        }
         self.durable.beats.pulse = pulse;
-        if self.routes.parent == Some(sender) && !self.is_settled_to_land(now) {
+        let is_by_parent = self.routes.parent == Some(sender);
+        if is_by_parent && self.is_its_turn() && !self.is_settled_to_land(now) {
             self.beacon_soon(now);
         }
     }

@@ -85,6 +85,10 @@ impl TreeRouting {
             due,
             asked: asked + 1,
         });
+        if asked == 0 && self.numbers_a_turn > 1 {
+            // All hear that it is there, and whoever has heard more of the master says so.
+            self.beacon_soon(now);
+        }
         self.say(now, Occasion::Seek);
     }
 }

@@ -13,6 +13,10 @@ use crate::wire;
 /// Within which drones that heard the same number pass it on, so that they do not all speak at one instant.
 pub(super) const SPREAD: Duration = Duration::from_millis(5);
 
+/// A drone that is nobody's parent passes the master's number on no more often than this, however quick beacons are: nobody
+/// needs it for its way, and each frame costs all who hear it a signature.
+const LEAF_PAUSE: Duration = Duration::from_millis(100);
+
 /// How many beacons a drone that has been going to land for its time to live leaves out, less one.
 const LANDING_BEACONS: u32 = 4;
 
@@ -44,7 +48,21 @@ impl Config {
     /// The longest that a drone keeps silent that is not landing; a master speaks sooner.
     #[must_use]
     pub fn turn(&self) -> Duration {
-        self.beacon * 5 / 4 + self.beacon / 8
+        let pace = self.pace();
+        pace * 5 / 4 + pace / 8
+    }
+
+    /// How many of the master's numbers it takes until a drone that is nobody's parent passes one on.
+    pub(super) fn numbers_a_turn(&self) -> u32 {
+        let numbers = LEAF_PAUSE
+            .as_nanos()
+            .div_ceil(self.beacon.as_nanos().max(1));
+        u32::try_from(numbers).unwrap_or(u32::MAX).max(1)
+    }
+
+    /// How often a drone speaks at least that is nobody's parent.
+    pub(super) fn pace(&self) -> Duration {
+        self.beacon * self.numbers_a_turn()
     }
 
     /// How long news takes to a neighbour whether or not it gets there at the first try, the way through the air
@@ -152,6 +170,7 @@ impl TreeRouting {
         self.said_sequence = state.sequence;
         match occasion {
             Occasion::KeepAlive => {
+                self.passed_on = state.pulse;
                 let time_to_live = self.config.link_time_to_live;
                 state.hears = Some(self.links.heard_lately(now, time_to_live));
                 if self.master_lands {
@@ -436,9 +455,35 @@ impl TreeRouting {
         } else if self.is_master() {
             self.config.beacon
         } else {
-            self.config.beacon * 5 / 4 + self.jitter(self.config.beacon / 8)
+            let numbers = if self.speaks_seldom() {
+                self.numbers_a_turn
+            } else {
+                1
+            };
+            let pace = self.config.beacon * numbers;
+            pace * 5 / 4 + self.jitter(pace / 8)
         };
         self.next_beacon = Some(now + pause);
+    }
+
+    /// Whether this drone need not pass on each number of the master's, as nobody takes it for its parent.
+    fn speaks_seldom(&self) -> bool {
+        self.numbers_a_turn > 1 && self.links.children().next().is_none()
+    }
+
+    /// Whether it is this drone's turn to pass the master's number on.
+    pub(super) fn is_its_turn(&self) -> bool {
+        let numbers = self.durable.beats.pulse.saturating_sub(self.passed_on);
+        numbers >= self.numbers_a_turn || !self.speaks_seldom()
+    }
+
+    /// A neighbour under the same master that has heard less of it, and not only because the newest number is still on its way,
+    /// is told: where drones do not speak at each number, its way to the master may be gone.
+    pub(super) fn tell_if_behind(&mut self, now: Timestamp, pulse: u32) {
+        let behind = self.durable.beats.pulse.saturating_sub(pulse);
+        if self.numbers_a_turn > 1 && behind > 1 && !self.is_settled_to_land(now) {
+            self.beacon_soon(now);
+        }
     }
 
     /// Whether the drone has been going to land for so long that nobody needs it any more.

@@ -491,9 +491,79 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
     assert_eq!(silent.count(), 1);
 }
 
+impl Node {
+    /// Drone 1, whose parent is the master, where beacons are quick; what it has heard the master say so far.
+    fn quick() -> (Self, u32) {
+        let mut node = Self::new(1);
+        let config = Config {
+            beacon: Duration::from_millis(40),
+            ..config(1)
+        };
+        node.routing = TreeRouting::new(config, 1, Timestamp::ZERO, None);
+        let heard = 60;
+        node.beacons_of_quick_numbers(1..=heard);
+        node.notices.clear();
+        (node, heard)
+    }
+
+    /// How many beacons it says while it hears these numbers of the master's.
+    fn beacons_of_quick_numbers(&mut self, numbers: impl IntoIterator<Item = u32>) -> usize {
+        let mut beacons = 0;
+        for number in numbers {
+            self.hear(0, beacon_of_the_master(number));
+            beacons += self.beacons_within(40);
+        }
+        beacons
+    }
+
+    /// How many beacons it says within so many milliseconds by itself.
+    fn beacons_within(&mut self, millis: u64) -> usize {
+        let until = self.now + Duration::from_millis(millis);
+        let mut beacons = 0;
+        while let Some(deadline) = self.deadline.filter(|deadline| *deadline <= until) {
+            self.now = deadline;
+            let said = self.stimulate(Stimulus::Timeout);
+            beacons += said.iter().filter(|it| it.hears.is_some()).count();
+        }
+        self.now = until;
+        beacons
+    }
+}
+
+#[test]
+fn who_is_nobodys_parent_passes_on_each_third_quick_number_and_a_parent_each() {
+    let (mut node, heard) = Node::quick();
+    assert_eq!(node.beacons_of_quick_numbers(heard + 1..=heard + 60), 20);
+    node.hear(2, beacon_of_child(2, 1, 2));
+    assert_eq!(node.beacons_within(40), 1, "it learns that it is heard");
+    assert_eq!(node.beacons_of_quick_numbers(heard + 61..=heard + 80), 20);
+}
+
+#[test]
+fn who_asks_its_parent_lets_all_hear_it() {
+    let (mut node, _) = Node::quick();
+    // Two numbers that do not come are more than chance.
+    assert_eq!(node.beacons_within(45), 1);
+}
+
+#[test]
+fn a_neighbour_that_has_missed_numbers_of_the_master_is_told() {
+    let (mut node, heard) = Node::quick();
+    let from_another = |behind: u32| Tree {
+        pulse: heard - behind,
+        ..beacon_of_child(2, 0, 1)
+    };
+    node.hear(2, from_another(0));
+    node.beacons_within(5);
+    node.hear(2, from_another(1));
+    assert_eq!(node.beacons_within(5), 0, "it is on its way");
+    node.hear(2, from_another(2));
+    assert_eq!(node.beacons_within(5), 1);
+}
+
 #[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
-    let mut links = Links::new(NodeId(1), 4, Duration::from_secs(1));
+    let mut links = Links::new(NodeId(1), 4, Duration::from_secs(1), Duration::from_secs(1));
     let speaker = Speaker {
         id: NodeId(0),
         is_parent: false,
