@@ -18,7 +18,8 @@ use muster_machines::time::Timestamp;
 use muster_machines::{routing, wire};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, Fleet, FleetKey, Roster};
 use muster_scenarios::scenario;
-use muster_transport::udp::{self, Reach, UdpTransport};
+use muster_transport::sockets::{self, Reach};
+use muster_transport::udp::UdpTransport;
 use muster_transport::{Destination, Event, Transport};
 use tokio::sync::Notify;
 
@@ -83,7 +84,7 @@ impl End {
         let path = root.join("scenarios/hardware/swarm-short.toml");
         let scenario = scenario::load(&path, &[])?;
         let blueprint = scenario.blueprint(SwarmId(1), id);
-        let config = udp::Config {
+        let config = sockets::Config {
             id,
             bind: own,
             reach: Reach::Peers(vec![other]),
@@ -184,6 +185,7 @@ impl World {
                     self.cast(Envelope::Radio(radio::Input::Received {
                         datagram: arrival.datagram,
                         source: arrival.source,
+                        peer: arrival.peer,
                     }));
                 }
                 Some(Event::Outcome(_)) => {}

@@ -8,7 +8,7 @@ use muster_machines::cell::{Address, Blueprint, Cell, Checkpoints, Effect, Envel
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::LandingReason;
-use muster_machines::radio::{Authenticator, IdealAuthenticator};
+use muster_machines::radio::{Authenticator, IdealAuthenticator, Lives};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
 use muster_machines::{mission, msp, radio};
@@ -70,12 +70,12 @@ pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
             1 => {
                 let (fields, rest) = bytes.split_first_chunk::<7>()?;
                 bytes = rest;
-                let [sender, boot, ahead, term, rank, master, swarm] = fields.map(u32::from);
+                let [sender, life, ahead, term, rank, master, swarm] = fields.map(u32::from);
                 counter += u64::from(ahead);
                 let header = Header {
                     swarm: muster_machines::identity::SwarmId(1 + swarm / 255),
                     sender: NodeId(sender),
-                    boot,
+                    life,
                     counter,
                     ballot: Ballot {
                         term,
@@ -142,7 +142,9 @@ impl Drone {
     /// One drone of a scenario, on the ground; whether it believes nobody who has not signed its nonce.
     pub fn new(scenario: &Scenario, id: NodeId, asks: bool) -> Self {
         let mut blueprint: Blueprint = scenario.blueprint(Scenario::FIRST_SWARM, id);
-        blueprint.radio.asks_from_the_start = asks;
+        if asks {
+            blueprint.radio.lives = Lives::Drawn(1);
+        }
         let now = Timestamp::ZERO;
         let checkpoints = Checkpoints::default();
         let build = |address| blueprint.build(address, 1, now, &checkpoints);
@@ -170,6 +172,7 @@ impl Drone {
             Envelope::Radio(radio::Input::Received {
                 datagram,
                 source: None,
+                peer: None,
             })
         };
         let envelope = match op {

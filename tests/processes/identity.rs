@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::net::{Ipv4Addr, UdpSocket};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use muster_machines::wire::{self, AUTHENTICATOR_LEN, Header};
@@ -91,6 +92,93 @@ fn frames_that_were_recorded_before_a_drone_started_are_not_let_in() {
         assert_eq!(drone.end(), Some(0));
         let let_in = |line: &&Value| line["let_in"].as_u64() > Some(0);
         assert_eq!(drone.said.iter().find(let_in), None, "{journal}");
+    }
+}
+
+#[test]
+fn what_was_recorded_under_another_journal_of_its_sender_is_not_let_in_and_does_not_keep_its_sender_out()
+ {
+    const FRAMES: usize = 20;
+    let fleet = Fleet::new();
+    let stranger = stranger(&fleet, MASTER);
+    // Orders, which the others would obey.
+    let mut before = fleet.start(MASTER, &["--fly"]);
+    let orders = record(&stranger, FRAMES);
+    before.signal("KILL");
+    assert_eq!(before.end(), None);
+    // The same key, and nothing that the drone could remember that flight by.
+    replace(&fleet.file(MASTER), "journal-2", "journal-new");
+    let mut drone = fleet.start(1, &[]);
+    let mut master = fleet.start(MASTER, &["--fly"]);
+    drone.wait_for("that it is ready", is_ready);
+    let heard = |status: &Value| {
+        let heard = &status["heard"][MASTER.to_string()]["frames"];
+        heard.as_u64().unwrap_or(0)
+    };
+    fleet.wait_for_status(1, "one that hears the master", |it| heard(it) > 0);
+    for frame in &orders {
+        stranger.send_to(frame, fleet.address(1)).unwrap();
+    }
+    let dropped = wait_until_dropped(&mut drone, FRAMES);
+    let frames_of = |reason| {
+        let found = dropped.iter().find(|(it, _)| it == reason);
+        found.map_or(0, |(_, frames)| *frames)
+    };
+    assert!(frames_of("unproven") >= FRAMES, "{dropped:?}");
+    assert_eq!(
+        frames_of("replayed"),
+        0,
+        "its sender is kept out: {dropped:?}"
+    );
+    let now = heard(&fleet.status(1));
+    fleet.wait_for_status(1, "one that hears the master still", |it| heard(it) > now);
+    for process in [&mut drone, &mut master] {
+        process.signal("TERM");
+        assert_eq!(process.end(), Some(0));
+    }
+}
+
+#[test]
+fn a_disk_that_hangs_as_it_is_to_keep_a_list_of_the_expelled_does_not_hold_up_the_drone() {
+    let fleet = Fleet::new();
+    let list_of = fleet.divide_lists();
+    let mut drones: Vec<_> = [1, 3].map(|id| fleet.start(id, &[])).into();
+    for drone in &mut drones {
+        drone.wait_for("that it is ready", is_ready);
+    }
+    // Whoever writes here waits until somebody reads.
+    let disk = fleet.path("expelled-kept-1.toml.new");
+    let made = Command::new("mkfifo").arg(&disk).status().unwrap();
+    assert!(made.success());
+    fleet.keys(&["expel", "ours", "0"]);
+    fs::copy(fleet.path("ours/expelled.toml"), list_of(1)).unwrap();
+    drones[0].signal("HUP");
+    drones[0].wait_for("that it read its files again", |line| line["number"] == 2);
+    // It is obeyed, passed on and told to whoever asks.
+    drones[1].wait_for("that a list was passed on to it", |line| {
+        line["seen"] == r#"{"Radio":{"Expelled":{"list":2}}}"#
+    });
+    assert_eq!(fleet.ask(1, "/health").0, 200);
+    assert!(!fleet.path("expelled-kept-1.toml").exists());
+    // A pipe can't be made to last, and the drone says so; the next list finds a disk again.
+    let read = fs::read_to_string(&disk).unwrap();
+    assert!(read.contains("number = 2"), "{read}");
+    drones[0].wait_for("that the list can't be kept", |line| {
+        line["level"] == "ERROR"
+    });
+    fs::remove_file(&disk).unwrap();
+    fleet.keys(&["expel", "ours", "4"]);
+    fs::copy(fleet.path("ours/expelled.toml"), list_of(1)).unwrap();
+    drones[0].signal("HUP");
+    drones[0].wait_for("that it keeps the list", |line| {
+        line["number"] == 3 && line["message"] == "the list of the expelled is kept"
+    });
+    for (drone, id) in drones.iter_mut().zip([1, 3]) {
+        drone.signal("TERM");
+        assert_eq!(drone.end(), Some(0));
+        let kept = fleet.path(&format!("expelled-kept-{id}.toml"));
+        let kept = fs::read_to_string(kept).unwrap();
+        assert!(kept.contains("number = 3"), "drone {id}: {kept}");
     }
 }
 

@@ -1,7 +1,15 @@
 //! `muster drone`: an operator and one drone.
 
 use std::fs;
+use std::io;
+use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
+
+use ed25519_dalek::{Signer, SigningKey};
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Authenticator;
+use muster_transport::quic::{Distrust, Identities, Operator, Peer, PublicKey};
 
 use super::fleet::{Fleet, Process, SCENARIO, replace};
 
@@ -80,9 +88,8 @@ fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
 }
 
 #[test]
-fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
+fn an_operator_of_another_fleet_believes_no_drone_of_this_one() {
     let (fleet, _process) = started();
-    let before = fs::read_to_string(fleet.path("own.toml")).unwrap();
     fleet.keys(&["fleet", "theirs"]);
     let at = fleet.address(DRONE);
     for what in [
@@ -93,10 +100,83 @@ fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
         assert_eq!(code, Some(1), "{said}");
         assert!(said.contains("is not believed: stranger"), "{said}");
     }
-    assert_eq!(fs::read_to_string(fleet.path("own.toml")).unwrap(), before);
     let (code, said) = drone(&fleet, &["logs", "ours", "127.0.0.1:1"]);
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("no drone answers at 127.0.0.1:1"), "{said}");
+}
+
+/// Somebody who believes whomever it speaks with, and has a key that is not the fleet's.
+struct Impostor(SigningKey);
+
+impl Authenticator for Impostor {
+    fn sign(&self, covered: &[u8]) -> [u8; 64] {
+        self.0.sign(covered).to_bytes()
+    }
+
+    fn verify(&self, _: NodeId, _: &[u8], _: &[u8; 64]) -> bool {
+        true
+    }
+}
+
+impl Identities for Impostor {
+    fn public_key(&self) -> PublicKey {
+        self.0.verifying_key().to_bytes()
+    }
+
+    fn peer(&self, _: &PublicKey) -> Result<Peer, Distrust> {
+        Ok(Peer::Drone(NodeId(DRONE)))
+    }
+}
+
+/// A secret key as its file has it.
+fn key_of(path: &Path) -> SigningKey {
+    let text = fs::read_to_string(path).unwrap();
+    let digits = text.trim().rsplit(' ').next().unwrap().as_bytes();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
+    let seed: Vec<u8> = digits.chunks(2).map(byte).collect();
+    SigningKey::from_bytes(&seed.try_into().unwrap())
+}
+
+#[test]
+fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
+    let (fleet, process) = started();
+    fleet.keys(&["fleet", "theirs"]);
+    let at = fleet.address(DRONE).parse().unwrap();
+    let before = fs::read_to_string(fleet.path("own.toml")).unwrap();
+    let other = before.replace("climb_mps = 8", "climb_mps = 4");
+    assert_ne!(other, before);
+    let upload = format!("{{\"upload\":\"scenario\"}}\n{other}");
+    let logs = "{\"logs\":{\"follow\":false}}\n";
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
+    let ask = async |key: &SigningKey, asked: &str| {
+        let impostor = Arc::new(Impostor(key.clone()));
+        // A drone proves its key first, and so is connected with; then it looks at the other one.
+        let operator = Operator::connect(at, impostor).await.unwrap();
+        let mut stream = operator.open().await.map_err(io::Error::other)?;
+        stream.write(asked.as_bytes()).await?;
+        stream.finish();
+        stream.read_to_end(1_000_000).await
+    };
+    // Another fleet's operator, and a drone of this fleet that was captured.
+    for key in ["theirs/fleet.key", "ours/drone-3.key"] {
+        let key = key_of(&fleet.path(key));
+        for asked in [&upload, logs] {
+            let answer = runtime.block_on(ask(&key, asked));
+            assert!(answer.is_err(), "{answer:?}");
+        }
+    }
+    assert_eq!(fs::read_to_string(fleet.path("own.toml")).unwrap(), before);
+    // Whoever has the key is answered, asking in the very same words.
+    let key = key_of(&fleet.path("ours/fleet.key"));
+    for asked in [logs, &upload] {
+        let answer = runtime.block_on(ask(&key, asked)).unwrap();
+        assert!(!answer.is_empty());
+    }
+    assert_eq!(fs::read_to_string(fleet.path("own.toml")).unwrap(), other);
+    drop(process);
 }
 
 #[test]

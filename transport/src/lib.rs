@@ -2,6 +2,7 @@
 
 pub mod quic;
 pub mod sim;
+pub mod sockets;
 pub mod udp;
 
 use bytes::Bytes;
@@ -91,6 +92,8 @@ pub struct Arrival {
     /// From where, on a network whose drones have addresses; good for [`Transport::learn`] soon after. What comes from where
     /// a drone was found by that has one name, as long as it is to be found there.
     pub source: Option<Source>,
+    /// Which drone has proved to be at the other end of the connection that it came by, where there are connections.
+    pub peer: Option<NodeId>,
 }
 
 /// What a sender learns of a datagram that it sent to one drone.

@@ -5,7 +5,7 @@
 //! | part | bytes |
 //! | --- | --- |
 //! | version | 1 |
-//! | header: swarm, sender, boot, counter, ballot (term, rank, master) | 7 postcard varints |
+//! | header: swarm, sender, life, counter, ballot (term, rank, master) | 7 postcard varints |
 //! | payload | what the two fixed ends leave |
 //! | authenticator | 64, over all that stands before it |
 //!
@@ -54,8 +54,8 @@ pub struct Header {
     pub swarm: SwarmId,
     /// Who sent it.
     pub sender: NodeId,
-    /// Which life of the sender this is: rises with each start of its process.
-    pub boot: u32,
+    /// Which life of the sender's process this is, as [`Lives`](crate::radio::Lives) numbers them.
+    pub life: u32,
     /// Rises with each frame of a life.
     pub counter: u64,
     /// Whom the sender obeys; of what its radio says by itself, nobody.
@@ -95,7 +95,7 @@ pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> 
     to.byte(VERSION);
     to.number(header.swarm.0);
     to.number(header.sender.0);
-    to.number(header.boot);
+    to.number(header.life);
     to.long_number(header.counter);
     to.number(header.ballot.term);
     to.number(header.ballot.rank);
@@ -144,7 +144,7 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
     Some(Header {
         swarm: SwarmId(from.number()?),
         sender: NodeId(from.number()?),
-        boot: from.number()?,
+        life: from.number()?,
         counter: from.long_number()?,
         ballot: Ballot {
             term: from.number()?,

@@ -14,7 +14,7 @@ use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, accepted, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
 use muster_scenarios::scenario::{self, Scenario};
-use muster_transport::udp::{self, Reach};
+use muster_transport::sockets::{self, Reach};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
@@ -63,7 +63,7 @@ pub struct DroneConfig {
     pub(crate) fleet: FleetKey,
     pub(crate) transport: TransportName,
     /// Its sockets, and how others are reached.
-    pub(crate) network: udp::Config,
+    pub(crate) network: sockets::Config,
     pub(crate) journal: PathBuf,
     pub(crate) log: Format,
     pub(crate) level: Level,
@@ -299,7 +299,7 @@ impl<'a> File<'a> {
     }
 
     /// What the table of the chosen transport says; that of another waits for another choice.
-    fn network(&self, id: NodeId) -> Result<udp::Config, BadInput> {
+    fn network(&self, id: NodeId) -> Result<sockets::Config, BadInput> {
         let transport = &self.raw.transport;
         let (table, name) = match transport.get_ref() {
             TransportName::Udp => (&self.raw.udp, "udp"),
@@ -328,7 +328,7 @@ impl<'a> File<'a> {
                 return Err(self.error(own.span(), message));
             }
         }
-        Ok(udp::Config {
+        Ok(sockets::Config {
             id,
             bind,
             reach,

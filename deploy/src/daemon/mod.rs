@@ -5,6 +5,7 @@
 
 mod counts;
 mod endpoint;
+mod lists;
 mod metrics;
 mod network;
 mod operators;
@@ -21,13 +22,14 @@ use std::time::Duration;
 use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::cell::{Blueprint, Envelope};
 use muster_machines::mission::{self, LandingReason};
-use muster_machines::radio;
+use muster_machines::radio::{self, Lives};
 use muster_runtime::journal::{Folder, FolderError, Journal};
-use muster_transport::udp::OpenError;
+use muster_transport::sockets::OpenError;
 use thiserror::Error;
 use tokio::task::{JoinError, JoinSet};
 
 use self::endpoint::Endpoint;
+use self::lists::Keeper;
 use self::network::Network;
 use self::operators::Desk;
 use self::process::{Parts, Process};
@@ -75,6 +77,9 @@ pub enum DaemonError {
         #[source]
         source: io::Error,
     },
+    /// The system has no random numbers, without which nobody could tell this life from an earlier one.
+    #[error("the system has no random numbers")]
+    Random(#[source] getrandom::Error),
     /// The asynchronous runtime does not start, or does not watch sockets or signals.
     #[error("no runtime for the actors")]
     Runtime(#[source] io::Error),
@@ -130,9 +135,11 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     };
     let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
+    // Not the journal's number: that would begin anew with another journal, under the same key.
+    let drawn = getrandom::u32().map_err(DaemonError::Random)?;
     let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
     let life = checkpoints.boot();
-    let waiting = network.begin(life).map_err(DaemonError::Runtime)?;
+    let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
     let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
     tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
     let mut craft = (config.scenario.craft(config.id, clock.now().as_nanos()))
@@ -145,6 +152,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
             None => return Ok(Ended::Abandoned),
         }
     }
+    let (keeper, kept) = Keeper::start(config.kept_list());
     let process = Process::new(Parts {
         id: config.id,
         swarm: config.swarm,
@@ -154,7 +162,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         journal,
         network,
         authenticator: Arc::clone(&config.authenticator),
-        kept_list: config.kept_list(),
+        keeper,
         craft,
         for_programs: config.log == Format::Json,
         lines_lost: log.lost.clone(),
@@ -167,7 +175,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         service::ready();
         return Ok(Ended::Well);
     }
-    let drone = start_actors(&config, &process).await?;
+    let drone = start_actors(&config, drawn, &process).await?;
     process.begin(drone.clone());
     let mut vital = JoinSet::new();
     vital.spawn(tasks::keep_time(Arc::clone(&process)));
@@ -222,9 +230,12 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
             true => Ended::Abandoned,
             false => ended(state.landing()),
         };
+        state.take_no_more_lists();
         (state.farewell(), ended)
     };
     farewell.await;
+    // It has failed only where it could not keep a list, and has said so.
+    let _ = kept.await;
     Ok(ended)
 }
 
@@ -238,15 +249,18 @@ async fn failure_of(tasks: &mut JoinSet<()>) -> JoinError {
     std::future::pending().await
 }
 
-async fn start_actors(config: &DroneConfig, process: &Arc<Process>) -> Result<Drone, DaemonError> {
+async fn start_actors(
+    config: &DroneConfig,
+    life: u32,
+    process: &Arc<Process>,
+) -> Result<Drone, DaemonError> {
     let scenario = &config.scenario;
     let simulated = scenario.blueprint(config.swarm, config.id);
     let actors = ActorsConfig {
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
             radio: radio::Config {
-                // What the others say may have been recorded on an earlier flight.
-                asks_from_the_start: true,
+                lives: Lives::Drawn(life),
                 ..simulated.radio
             },
             ..simulated

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use muster_transport::Transport;
 use muster_transport::quic::{self, Connections, QuicTransport, Stream};
-use muster_transport::udp::{self, Clock, Counters, OpenError, UdpTransport};
+use muster_transport::sockets::{Clock, Counters, OpenError};
+use muster_transport::udp::{self, UdpTransport};
 use tokio::sync::mpsc::Receiver;
 
 use crate::config::{DroneConfig, TransportName};

@@ -1,6 +1,5 @@
 //! A drone's process as its actors see it: their environment in real time.
 
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use muster_actors::{Drone, Environment};
@@ -14,6 +13,7 @@ use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::Craft;
 use tokio::sync::Notify;
 
+use super::lists::Keeper;
 use super::network::Network;
 use super::state::State;
 use crate::clock::Clock;
@@ -43,8 +43,7 @@ pub(super) struct Parts {
     pub(super) journal: Journal<Folder>,
     pub(super) network: Network,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
-    /// Where the newest list of the expelled is kept.
-    pub(super) kept_list: PathBuf,
+    pub(super) keeper: Keeper,
     pub(super) craft: Craft,
     /// Whether everything that is seen of the drone is to be told in a form for programs.
     pub(super) for_programs: bool,

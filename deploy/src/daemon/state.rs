@@ -1,6 +1,5 @@
 //! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use muster_actors::{Drone, Message};
@@ -12,7 +11,6 @@ use muster_machines::msp::{self, Demand, Telemetry};
 use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
-use muster_runtime::file;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
 use muster_scenarios::{Craft, VehicleState};
@@ -24,6 +22,7 @@ use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 
 use super::counts::{Counts, Talk};
+use super::lists::Keeper;
 use super::network::Network;
 use super::process::Parts;
 use super::service;
@@ -46,7 +45,8 @@ pub(super) struct State {
     journal: Journal<Folder>,
     network: Network,
     authenticator: Arc<Ed25519Authenticator>,
-    kept_list: PathBuf,
+    /// Keeps lists of the expelled for the next life, up to the end of this one.
+    keeper: Option<Keeper>,
     craft: Craft,
     for_programs: bool,
     /// The actors, once all five run.
@@ -116,7 +116,7 @@ impl State {
             journal: parts.journal,
             network: parts.network,
             authenticator: parts.authenticator,
-            kept_list: parts.kept_list,
+            keeper: Some(parts.keeper),
             craft: parts.craft,
             for_programs: parts.for_programs,
             drone: None,
@@ -304,14 +304,15 @@ impl State {
         self.say(now, seen);
     }
 
-    /// There is a newer list of the expelled, which is obeyed already: it is kept for the next life, and passed on.
+    /// There is a newer list of the expelled, which is obeyed already: it is passed on, and kept for the next life.
     pub(super) fn has_new_list(&mut self) {
         let list = self.authenticator.expelled();
         let number = list.number();
-        if let Err(error) = file::replace(&self.kept_list, list.written().as_bytes()) {
-            tracing::error!(%error, number, "the list of the expelled can't be kept: the next life must be given it");
+        let can_be_passed_on = list.can_be_passed_on();
+        if let Some(keeper) = &self.keeper {
+            keeper.take(list);
         }
-        if !list.can_be_passed_on() {
+        if !can_be_passed_on {
             tracing::warn!(
                 number,
                 "the list of the expelled is too long to be passed on to others"
@@ -322,6 +323,11 @@ impl State {
             self.come_down(LandingReason::Recalled);
         }
         self.cast(Address::Radio, Stimulus::Timeout);
+    }
+
+    /// The process ends: what it was told to keep is all.
+    pub(super) fn take_no_more_lists(&mut self) {
+        self.keeper = None;
     }
 
     /// Says to programs how much was sent and let in since this was last said.
@@ -395,6 +401,7 @@ impl State {
                 Event::Arrival(arrival) => radio::Input::Received {
                     datagram: arrival.datagram,
                     source: arrival.source,
+                    peer: arrival.peer,
                 },
                 Event::Outcome(outcome) => radio::Input::Outcome {
                     to: outcome.to,

@@ -23,7 +23,7 @@ use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
-use muster_machines::radio::{self, Budget, IdealAuthenticator};
+use muster_machines::radio::{self, Budget, IdealAuthenticator, Lives};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
@@ -274,8 +274,8 @@ impl Scenario {
                     burst: BUDGET_BURST,
                 },
                 members: self.nodes(),
-                // All begin at once: nobody has said anything before.
-                asks_from_the_start: false,
+                // All begin at once, and no journal is ever lost.
+                lives: Lives::Counted,
             },
             authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),

@@ -451,7 +451,11 @@ impl World {
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
                 let source = None;
                 let message = Message {
-                    envelope: Envelope::Radio(radio::Input::Received { datagram, source }),
+                    envelope: Envelope::Radio(radio::Input::Received {
+                        datagram,
+                        source,
+                        peer: None,
+                    }),
                     origin,
                 };
                 return self.hand_over(to, message);

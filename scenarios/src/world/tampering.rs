@@ -194,7 +194,7 @@ impl Tampering {
             ..usurped
         };
         let next_life = Header {
-            boot: frame.header.boot + 1,
+            life: frame.header.life + 1,
             ..usurped
         };
         // A drone of another swarm, none of those here, signs what it says under a number that this swarm has too.

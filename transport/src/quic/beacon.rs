@@ -1,10 +1,11 @@
 //! What a drone says to all of a network so that others find it: who it is, signed. Where it is, is where that comes from.
 //!
 //! A beacon promises nothing: it can be recorded and said again from elsewhere, and leads to an attempt to connect, in which
-//! whoever is there has to prove that it has the drone's key. One that was said before, in the same life or an earlier one,
-//! leads to nothing once the drone was heard.
+//! whoever is there has to prove that it has the drone's key. One that was heard before leads to nothing, nor does one that
+//! its drone said before that in the same life, as long as that is one of the few that were heard last. Which of two lives is
+//! the later no beacon tells.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::wire::AUTHENTICATOR_LEN;
@@ -17,6 +18,9 @@ const NAME: &[u8] = b"muster beacon 1\0";
 /// How long what is signed is, in bytes: the name, the swarm, the drone, its life, and the how manieth of that life.
 const SIGNED_LEN: usize = NAME.len() + 4 * 4;
 
+/// How many lives of a drone are remembered: those that were heard last.
+const LIVES_MAX: usize = 8;
+
 /// How long a beacon is, in bytes.
 pub(super) const BEACON_LEN: usize = SIGNED_LEN + AUTHENTICATOR_LEN;
 
@@ -25,7 +29,7 @@ pub(super) const BEACON_LEN: usize = SIGNED_LEN + AUTHENTICATOR_LEN;
 pub(super) struct Beacon {
     pub(super) swarm: SwarmId,
     pub(super) drone: NodeId,
-    /// Which of the drone's lives it is, and the how manieth beacon of it: both only rise.
+    /// Which of the drone's lives it is, and the how manieth beacon of it.
     pub(super) said: (u32, u32),
 }
 
@@ -71,12 +75,13 @@ pub(super) enum Heard {
     Refused,
 }
 
-/// Who was heard, and when last by their own count; of drones of the fleet only.
+/// Who was heard, in which lives, and when last by its own count; of drones of the fleet only.
 #[derive(Debug)]
 pub(super) struct Ear {
     swarm: SwarmId,
     own: NodeId,
-    heard: BTreeMap<NodeId, (u32, u32)>,
+    /// The life that was heard last is the last one.
+    heard: BTreeMap<NodeId, VecDeque<(u32, u32)>>,
 }
 
 impl Ear {
@@ -88,24 +93,45 @@ impl Ear {
         }
     }
 
-    /// What bytes among the beacons say. What is cheap is looked at first.
-    pub(super) fn hear(&mut self, bytes: &[u8], identities: &dyn Identities) -> Heard {
+    /// What bytes among the beacons say. What is cheap is looked at first; a signature only if `may_verify` says that there is
+    /// time for it.
+    pub(super) fn hear(
+        &mut self,
+        bytes: &[u8],
+        identities: &dyn Identities,
+        may_verify: impl FnOnce() -> bool,
+    ) -> Heard {
         let Some((beacon, signed, signature)) = Beacon::read(bytes) else {
             return Heard::Refused;
         };
         if beacon.swarm != self.swarm || beacon.drone == self.own {
             return Heard::OfNoUse;
         }
-        let known = self.heard.get(&beacon.drone);
-        let is_new = known.is_none_or(|known| *known < beacon.said);
-        if is_new
+        if self.is_new(&beacon)
             && identities.is_trusted(beacon.drone)
+            && may_verify()
             && identities.verify(beacon.drone, signed, signature)
         {
-            self.heard.insert(beacon.drone, beacon.said);
+            self.remember(&beacon);
             return Heard::Drone(beacon.drone);
         }
         Heard::Refused
+    }
+
+    fn is_new(&self, beacon: &Beacon) -> bool {
+        let (life, count) = beacon.said;
+        let lives = self.heard.get(&beacon.drone);
+        let mut known = lives.into_iter().flatten();
+        known.find(|it| it.0 == life).is_none_or(|it| it.1 < count)
+    }
+
+    fn remember(&mut self, beacon: &Beacon) {
+        let lives = self.heard.entry(beacon.drone).or_default();
+        lives.retain(|it| it.0 != beacon.said.0);
+        if lives.len() == LIVES_MAX {
+            lives.pop_front();
+        }
+        lives.push_back(beacon.said);
     }
 }
 
@@ -169,24 +195,61 @@ mod tests {
     #[test]
     fn a_drone_that_says_that_it_is_there_is_heard_once_for_each_time() {
         let mut ear = ear();
-        let [first, later, reborn] =
-            [(4, 9), (4, 10), (5, 0)].map(|said| beacon(1, said).signed(&Summing(1)));
+        let [first, later, reborn, latest] =
+            [(4, 9), (4, 10), (2, 0), (4, 11)].map(|said| beacon(1, said).signed(&Summing(1)));
         for (bytes, heard) in [
             (first, Heard::Drone(NodeId(1))),
             (first, Heard::Refused),
             (later, Heard::Drone(NodeId(1))),
             (reborn, Heard::Drone(NodeId(1))),
             (later, Heard::Refused),
+            (first, Heard::Refused),
+            (reborn, Heard::Refused),
+            (latest, Heard::Drone(NodeId(1))),
         ] {
-            assert_eq!(ear.hear(&bytes, &Summing(0)), heard);
+            assert_eq!(ear.hear(&bytes, &Summing(0), || true), heard);
         }
+    }
+
+    #[test]
+    fn what_was_recorded_of_other_lives_keeps_no_drone_from_being_heard() {
+        let mut ear = ear();
+        let mut is_heard = |said| {
+            let bytes = beacon(1, said).signed(&Summing(1));
+            ear.hear(&bytes, &Summing(0), || true) == Heard::Drone(NodeId(1))
+        };
+        for count in 0..100 {
+            assert!(is_heard((7, count)));
+            for life in [1, 9, u32::MAX] {
+                is_heard((life, count / 2));
+                assert!(!is_heard((life, count / 2)));
+            }
+        }
+        let remembered = |ear: &Ear| ear.heard[&NodeId(1)].len();
+        (100..1_000).for_each(|life| assert!(is_heard((life, 0))));
+        assert_eq!(remembered(&ear), LIVES_MAX);
+    }
+
+    #[test]
+    fn without_time_for_a_signature_nobody_is_heard_and_nothing_is_remembered() {
+        let mut ear = ear();
+        let bytes = beacon(1, (4, 9)).signed(&Summing(1));
+        assert_eq!(ear.hear(&bytes, &Summing(0), || false), Heard::Refused);
+        let heard = ear.hear(&bytes, &Summing(0), || true);
+        assert_eq!(heard, Heard::Drone(NodeId(1)));
+        let asked = || panic!("it was heard before");
+        assert_eq!(ear.hear(&bytes, &Summing(0), asked), Heard::Refused);
     }
 
     #[test]
     fn nobody_is_heard_for_another_nor_who_was_expelled_nor_what_was_altered() {
         let mut ear = ear();
         let mut refused = |bytes: &[u8]| {
-            assert_eq!(ear.hear(bytes, &Summing(0)), Heard::Refused, "{bytes:?}");
+            assert_eq!(
+                ear.hear(bytes, &Summing(0), || true),
+                Heard::Refused,
+                "{bytes:?}"
+            );
         };
         refused(&beacon(1, (1, 1)).signed(&Summing(2)));
         refused(&beacon(7, (1, 1)).signed(&Summing(7)));
@@ -198,10 +261,13 @@ mod tests {
         for at in 0..SIGNED_LEN {
             let mut altered = whole;
             altered[at] ^= 1;
-            let heard = ear.hear(&altered, &Summing(0));
+            let heard = ear.hear(&altered, &Summing(0), || true);
             assert!(!matches!(heard, Heard::Drone(_)), "byte {at}");
         }
-        assert_eq!(ear.hear(&whole, &Summing(0)), Heard::Drone(NodeId(1)));
+        assert_eq!(
+            ear.hear(&whole, &Summing(0), || true),
+            Heard::Drone(NodeId(1))
+        );
     }
 
     #[test]
@@ -214,7 +280,7 @@ mod tests {
             other.signed(&Summing(1)),
             beacon(0, (1, 1)).signed(&Summing(0)),
         ] {
-            assert_eq!(ear().hear(&bytes, &Summing(0)), Heard::OfNoUse);
+            assert_eq!(ear().hear(&bytes, &Summing(0), || true), Heard::OfNoUse);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! How drones find each other, and again once they have lost each other.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -10,13 +10,13 @@ use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::time::Timestamp;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tokio::sync::watch;
-use tokio::task::JoinSet;
+use tokio::sync::Notify;
+use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::sleep;
 
 use super::back_off::BackOff;
 use super::beacon::{BEACON_LEN, Beacon, Ear, Heard};
-use super::budget::Budgets;
+use super::budget::{Budget, Budgets};
 use super::hub::Hub;
 
 /// How long a connection must have lasted for the next attempt to be made as soon as for a first.
@@ -28,9 +28,21 @@ const BEACON_EVERY: Duration = Duration::from_secs(1);
 const FIRST_BEACONS: u32 = 5;
 const FIRST_EVERY: Duration = Duration::from_millis(200);
 
-/// How many beacons of an address are looked into at once, and how long it takes until one more is.
-const BEACON_BURST: u32 = 128;
-const BEACON_REFILL: Duration = Duration::from_millis(10);
+/// How many signatures of beacons from an address are looked at, and from all addresses together with which there is no
+/// connection: a tenth of a processor's time at most.
+const BEACONS_OF_ONE: Budget = Budget {
+    burst: 128,
+    refill: Duration::from_millis(10),
+};
+const BEACONS_OF_STRANGERS: Budget = Budget {
+    burst: 512,
+    refill: Duration::from_millis(1),
+};
+
+/// At how many places at once a drone is looked for with which there is no connection: for one more, the one that was first
+/// heard of is given up. So whoever says old beacons again has to do so as often while one handshake takes place, each time
+/// with others and from elsewhere, to keep a drone from being found.
+const PLACES_MAX: usize = 8;
 
 /// For how long the higher of two numbers lets the lower one connect first.
 const COURTESY: Duration = Duration::from_millis(500);
@@ -72,11 +84,12 @@ async fn pause(hub: &Hub, back_off: &mut BackOff, began: Timestamp, lots: &mut i
     sleep(back_off.wait(lots)).await;
 }
 
-/// Connects with a drone whenever it is heard and there is no connection with it.
-async fn answer(hub: Arc<Hub>, drone: NodeId, mut place: watch::Receiver<SocketAddr>) {
-    let mut lots = lots(&hub, u64::from(drone.0));
+/// Connects with a drone at a place whenever it is heard there and there is no connection with it.
+async fn answer(hub: Arc<Hub>, drone: NodeId, address: SocketAddr, heard: Arc<Notify>) {
+    let mut lots = lots(&hub, u64::from(drone.0) ^ u64::from(address.port()) << 16);
     let mut back_off = BackOff::new();
-    while place.changed().await.is_ok() {
+    loop {
+        heard.notified().await;
         if drone < hub.id && hub.links.with(drone).is_none() {
             sleep(COURTESY).await;
         }
@@ -84,16 +97,59 @@ async fn answer(hub: Arc<Hub>, drone: NodeId, mut place: watch::Receiver<SocketA
             continue;
         }
         let began = (hub.clock)();
-        let address = *place.borrow_and_update();
         hub.connect(address, Some(drone)).await;
         pause(&hub, &mut back_off, began, &mut lots).await;
+    }
+}
+
+/// Where drones are looked for; that ends with this value.
+#[derive(Default)]
+struct Search {
+    /// The place of which was first heard is the first.
+    places: BTreeMap<NodeId, VecDeque<Place>>,
+    /// A task for each.
+    answers: JoinSet<()>,
+}
+
+struct Place {
+    address: SocketAddr,
+    heard: Arc<Notify>,
+    task: AbortHandle,
+}
+
+impl Search {
+    /// A drone of the fleet was heard, or somebody who says again what it said.
+    fn hears(&mut self, hub: &Arc<Hub>, drone: NodeId, address: SocketAddr) {
+        while self.answers.try_join_next().is_some() {}
+        let places = self.places.entry(drone).or_default();
+        if let Some(place) = places.iter().find(|it| it.address == address) {
+            return place.heard.notify_one();
+        }
+        // Who connects serves the connection, too.
+        if hub.links.with(drone).is_some() {
+            return;
+        }
+        if places.len() == PLACES_MAX
+            && let Some(first) = places.pop_front()
+        {
+            first.task.abort();
+        }
+        let heard = Arc::new(Notify::new());
+        heard.notify_one();
+        let answer = answer(Arc::clone(hub), drone, address, Arc::clone(&heard));
+        let task = self.answers.spawn(answer);
+        places.push_back(Place {
+            address,
+            heard,
+            task,
+        });
     }
 }
 
 /// Where beacons go, and how they begin.
 pub(super) struct Beacons {
     pub(super) swarm: SwarmId,
-    /// Which of the drone's lives this is.
+    /// Which of the drone's lives this is: a number that no other one has had.
     pub(super) life: u32,
     pub(super) to: SocketAddr,
     /// The drone's own socket: where a beacon comes from, is where its drone is found.
@@ -128,10 +184,8 @@ pub(super) async fn hear(
     own: SocketAddr,
 ) {
     let mut ear = Ear::new(swarm, hub.id);
-    let mut budgets = Budgets::new(BEACON_BURST, BEACON_REFILL);
-    let mut places: BTreeMap<NodeId, watch::Sender<SocketAddr>> = BTreeMap::new();
-    // One for each drone of the fleet that was ever heard; they end with this task.
-    let mut answers = JoinSet::new();
+    let mut budgets = Budgets::new(BEACONS_OF_ONE, BEACONS_OF_STRANGERS);
+    let mut search = Search::default();
     // One byte more than a beacon has tells what is none.
     let mut buffer = [0; BEACON_LEN + 1];
     loop {
@@ -143,24 +197,16 @@ pub(super) async fn hear(
         if from == own {
             continue;
         }
-        let heard = if budgets.take((hub.clock)(), from.ip()) {
-            ear.hear(&buffer[..len], &*hub.identities)
-        } else {
-            Heard::Refused
+        let has_time = || {
+            let is_known = hub.links.lead_to(from.ip());
+            budgets.take((hub.clock)(), from.ip(), is_known)
         };
-        match heard {
+        match ear.hear(&buffer[..len], &*hub.identities, has_time) {
             Heard::OfNoUse => {}
             Heard::Refused => {
                 hub.beacons_refused.fetch_add(1, Ordering::Relaxed);
             }
-            Heard::Drone(drone) => {
-                let place = places.entry(drone).or_insert_with(|| {
-                    let (sender, place) = watch::channel(from);
-                    answers.spawn(answer(Arc::clone(&hub), drone, place));
-                    sender
-                });
-                place.send_replace(from);
-            }
+            Heard::Drone(drone) => search.hears(&hub, drone, from),
         }
     }
 }

@@ -13,13 +13,13 @@ use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
-use super::budget::Budgets;
+use super::budget::{Budget, Budgets};
 use super::identity::{Identities, Peer};
 use super::inbox::Inbox;
 use super::links::{BUSY, Link, Links, NOT_TRUSTED, Opened, close};
 use super::stream::Stream;
 use super::tls::{OPERATOR, Refusal, Refusals, expected_name, proved};
-use crate::udp::Clock;
+use crate::sockets::Clock;
 
 /// How long a handshake may take.
 pub(super) const HANDSHAKE_MAX: Duration = Duration::from_secs(2);
@@ -30,8 +30,16 @@ const HANDSHAKES_MAX: usize = 32;
 
 /// How many handshakes an address may begin at once, and how long it takes until it may begin one more: drones share an
 /// address only where they share a machine.
-const HANDSHAKE_BURST: u32 = 64;
-const HANDSHAKE_REFILL: Duration = Duration::from_millis(50);
+const HANDSHAKES_OF_ONE: Budget = Budget {
+    burst: 64,
+    refill: Duration::from_millis(50),
+};
+
+/// How many all addresses together may begin with which there is no connection.
+const HANDSHAKES_OF_STRANGERS: Budget = Budget {
+    burst: 512,
+    refill: Duration::from_millis(5),
+};
 
 /// How many frames that are too long for a datagram may wait for a stream.
 const LONG_MAX: usize = 16;
@@ -65,7 +73,7 @@ pub(super) struct Hub {
 impl Hub {
     /// Takes connections, until the endpoint is closed.
     pub(super) async fn accept(self: Arc<Self>) {
-        let mut budgets = Budgets::new(HANDSHAKE_BURST, HANDSHAKE_REFILL);
+        let mut budgets = Budgets::new(HANDSHAKES_OF_ONE, HANDSHAKES_OF_STRANGERS);
         let mut handshakes = VecDeque::new();
         // They end with this task.
         let mut served = JoinSet::new();
@@ -76,7 +84,8 @@ impl Hub {
                 let _ = incoming.retry();
                 continue;
             }
-            if !budgets.take((self.clock)(), incoming.remote_address().ip()) {
+            let address = incoming.remote_address().ip();
+            if !budgets.take((self.clock)(), address, self.links.lead_to(address)) {
                 self.refusals.count(Refusal::TooMany);
                 incoming.ignore();
                 continue;

@@ -1,6 +1,7 @@
 //! The connections that a drone has: one with each other drone.
 
 use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -99,6 +100,14 @@ impl Links {
         let links = self.lock();
         let link = links.get(&drone).filter(|link| link.is_open());
         link.map(|link| link.connection.clone())
+    }
+
+    /// Whether there is a connection with a drone at an address, at whichever port.
+    pub(super) fn lead_to(&self, address: IpAddr) -> bool {
+        let is_there = |link: &Link| link.connection.remote_address().ip() == address;
+        self.lock()
+            .values()
+            .any(|link| is_there(link) && link.is_open())
     }
 
     /// With how many drones there is a connection.

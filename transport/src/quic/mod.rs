@@ -27,7 +27,7 @@ use std::fmt;
 use std::future::Future;
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
-use std::num::NonZeroU32;
+use std::num::NonZeroU16;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -51,7 +51,7 @@ use self::hub::{Hub, OPERATORS_MAX};
 use self::inbox::Inbox;
 use self::links::{Links, OVER};
 use self::tls::{OPERATOR, Refusals, Trust, swarm_protocol};
-use crate::udp::{self, Clock, Counters, OpenError, Reach, open, overflow};
+use crate::sockets::{self, Clock, Counters, OpenError, Reach};
 use crate::{Arrival, Destination, Event, SendError, Transport};
 
 /// How long nothing may be heard over a connection before it counts as lost, and how often something is said.
@@ -85,7 +85,7 @@ const FAREWELL_MAX: Duration = Duration::from_millis(100);
 pub struct Config {
     /// Whose it is, its sockets, and how others are found: [`Reach::Peers`] are connected with, the others are where beacons
     /// go.
-    pub network: udp::Config,
+    pub network: sockets::Config,
     /// Its swarm: drones of another are not connected with.
     pub swarm: SwarmId,
     /// Its key, and whom it believes.
@@ -114,7 +114,7 @@ pub struct Connections {
 
 /// A drone's end of the network.
 pub struct QuicTransport {
-    config: udp::Config,
+    config: sockets::Config,
     swarm: SwarmId,
     hub: Arc<Hub>,
     address: SocketAddr,
@@ -150,7 +150,7 @@ impl QuicTransport {
             swarm,
             identities,
         } = config;
-        let (own, shared) = open::sockets(&network)?;
+        let (own, shared) = sockets::open(&network)?;
         let refusals = Arc::<Refusals>::default();
         let trust = Trust::new(Arc::clone(&identities), Arc::clone(&refusals));
         let protocol = swarm_protocol(swarm);
@@ -200,8 +200,8 @@ impl QuicTransport {
         })
     }
 
-    /// Begins to look for others and to take connections, in this life of the drone, whose number is greater than that of
-    /// any before. What is returned tells when frames are there. To be called once, within the runtime in which this was
+    /// Begins to look for others and to take connections, in this life of the drone, whose number no other one has had. What is
+    /// returned tells when frames are there. To be called once, within the runtime in which this was
     /// opened.
     ///
     /// # Errors
@@ -260,7 +260,7 @@ impl QuicTransport {
     pub fn overflowed(&self) -> Option<u64> {
         let sockets = [Some(&self.own), self.shared.as_ref()];
         let sockets: Vec<_> = sockets.into_iter().flatten().cloned().collect();
-        overflow::drops(&sockets).map(|dropped| dropped + self.hub.inbox.overflowed())
+        sockets::drops(&sockets).map(|dropped| dropped + self.hub.inbox.overflowed())
     }
 
     /// With how many others there is a connection, and how often there was none.
@@ -308,15 +308,7 @@ impl Transport for QuicTransport {
         to: Destination,
         datagram: &Bytes,
     ) -> Result<(), SendError> {
-        if from != self.config.id {
-            return Err(SendError::UnknownSender(from));
-        }
-        if datagram.len() > self.config.datagram_max {
-            return Err(SendError::TooLong {
-                len: datagram.len(),
-                max: self.config.datagram_max,
-            });
-        }
+        self.config.check(from, datagram)?;
         let to = match to {
             Destination::Broadcast => None,
             Destination::To(drone) => Some(drone),
@@ -334,9 +326,18 @@ impl Transport for QuicTransport {
             at: (self.hub.clock)(),
             to: self.config.id,
             datagram,
-            // Whom a connection is with is known, so it has a name by itself.
-            source: Some(Source(NonZeroU32::MIN.saturating_add(from.0))),
+            source: Some(name(from)),
+            peer: Some(from),
         }))
+    }
+}
+
+/// Whom a connection is with is known, so where that leads has a name by itself, and each drone is a host.
+fn name(drone: NodeId) -> Source {
+    let [port_high, port_low, high, low] = drone.0.to_be_bytes();
+    Source {
+        host: NonZeroU16::MIN.saturating_add(u16::from_be_bytes([high, low])),
+        port: u16::from_be_bytes([port_high, port_low]),
     }
 }
 

@@ -54,6 +54,7 @@ impl Ideal {
                     to,
                     datagram,
                     source,
+                    peer: None,
                 }));
             }
         }

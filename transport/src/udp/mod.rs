@@ -8,15 +8,13 @@
 //! Which drone is at which address is learnt, from frames whose signature was right; a frame for a drone that was not
 //! heard yet goes to all. Nothing below acknowledges: what becomes of a frame is never told.
 
-pub(crate) mod open;
-pub(crate) mod overflow;
 mod waiting;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::io;
-use std::net::{SocketAddr, SocketAddrV4, UdpSocket};
-use std::num::NonZeroU32;
+use std::net::{SocketAddr, UdpSocket};
+use std::num::NonZeroU16;
 use std::sync::Arc;
 
 use bytes::Bytes;
@@ -24,62 +22,20 @@ use muster_machines::identity::NodeId;
 use muster_machines::radio::Source;
 use muster_machines::time::Timestamp;
 
-pub use open::OpenError;
 pub use waiting::Waiting;
 
+use crate::sockets::{self, Clock, Config, Counters, OpenError, Reach};
 use crate::{Arrival, Destination, Event, SendError, Transport};
 
-/// How many addresses back a [`Source`] is remembered at which no drone was found: no more datagrams than that wait to be
-/// looked at.
-const SOURCES_MAX: usize = 1_024;
+/// How many hosts back a [`Source`] is remembered at which no drone was found: no more datagrams than that wait to be looked
+/// at.
+const HOSTS_MAX: usize = 1_024;
 
 /// How many datagrams in a row are passed over that are of no use.
 const SKIPPED_MAX: usize = 64;
 
 /// How many datagrams of one socket come before the others get their turn.
 const IN_A_ROW_MAX: usize = 16;
-
-/// How a drone's end of the network is opened.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Config {
-    /// Whose it is.
-    pub id: NodeId,
-    /// The address and port of its own socket; port 0 for any.
-    pub bind: SocketAddr,
-    /// How frames for all get to all.
-    pub reach: Reach,
-    /// The network interface that all goes through, as in `wlan0`; as the system routes it otherwise.
-    pub interface: Option<String>,
-    /// The largest datagram, in bytes; a longer one that comes in is counted and dropped unread.
-    pub datagram_max: usize,
-}
-
-/// How frames for all get to all.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Reach {
-    /// To a multicast group.
-    Group(SocketAddrV4),
-    /// To a network's broadcast address.
-    Broadcast(SocketAddrV4),
-    /// To each of these.
-    Peers(Vec<SocketAddr>),
-}
-
-/// What a transport has done so far, in datagrams.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counters {
-    /// Handed to the system; one for each peer.
-    pub sent: u64,
-    /// That the system did not take: its buffer was full, or there was no way to go.
-    pub unsent: u64,
-    /// Taken in.
-    pub received: u64,
-    /// Dropped unread because they were too long.
-    pub too_long: u64,
-}
-
-/// Tells what time it is, by the clock of whoever runs the drone.
-pub type Clock = Arc<dyn Fn() -> Timestamp + Send + Sync>;
 
 /// A drone's end of the network.
 pub struct UdpTransport {
@@ -118,9 +74,9 @@ impl UdpTransport {
     /// # Errors
     /// When a socket can't be had as configured; none is left open then.
     pub fn open(config: Config, clock: Clock) -> Result<Self, OpenError> {
-        let (own, shared) = open::sockets(&config)?;
+        let (own, shared) = sockets::open(&config)?;
         let others = match &config.reach {
-            Reach::Peers(peers) => open::apart(&config, &own, peers)?,
+            Reach::Peers(peers) => sockets::apart(&config, &own, peers)?,
             Reach::Group(_) | Reach::Broadcast(_) => shared.into_iter().collect(),
         };
         let (address, own) = (own.local_addr()?, Arc::new(own));
@@ -167,7 +123,7 @@ impl UdpTransport {
     /// not tell.
     #[must_use]
     pub fn overflowed(&self) -> Option<u64> {
-        overflow::drops(&self.sockets)
+        sockets::drops(&self.sockets)
     }
 
     /// Whether all that had come in was taken when [`Transport::poll_event`] last returned nothing; otherwise it passed over
@@ -253,15 +209,7 @@ impl Transport for UdpTransport {
         to: Destination,
         datagram: &Bytes,
     ) -> Result<(), SendError> {
-        if from != self.config.id {
-            return Err(SendError::UnknownSender(from));
-        }
-        if datagram.len() > self.config.datagram_max {
-            return Err(SendError::TooLong {
-                len: datagram.len(),
-                max: self.config.datagram_max,
-            });
-        }
+        self.config.check(from, datagram)?;
         if let Destination::To(node) = to
             && let Some(place) = self.places.get(&node).copied()
         {
@@ -284,6 +232,7 @@ impl Transport for UdpTransport {
             to: self.config.id,
             datagram,
             source: Some(self.sources.name(address)),
+            peer: None,
         }))
     }
 
@@ -308,78 +257,94 @@ struct Place {
     source: Source,
 }
 
-/// The names of addresses: of those at which drones are, and of the last others that datagrams came from. An address has one
-/// name as long as it is known.
+/// The names of addresses: of those of hosts at which drones are, and of the last other hosts that datagrams came from. A
+/// host has one number as long as it is known.
 #[derive(Debug, Default)]
 struct Sources {
-    names: BTreeMap<SocketAddr, Name>,
+    hosts: BTreeMap<SocketAddr, Host>,
+    /// Where they are, by number.
+    addresses: BTreeMap<NonZeroU16, SocketAddr>,
     /// The last that were named, the oldest first.
     newest: VecDeque<SocketAddr>,
-    /// How many there were before the oldest.
-    forgotten: u32,
+    /// The number that was given last.
+    given: u16,
 }
 
 #[derive(Debug)]
-struct Name {
-    source: Source,
+struct Host {
+    number: NonZeroU16,
     /// How many drones are there.
     drones: u32,
 }
 
+/// The machine that an address is of.
+fn host(mut address: SocketAddr) -> SocketAddr {
+    address.set_port(0);
+    address
+}
+
 impl Sources {
     fn name(&mut self, address: SocketAddr) -> Source {
-        if let Some(name) = self.names.get(&address) {
-            return name.source;
+        let known = self.hosts.get(&host(address)).map(|it| it.number);
+        Source {
+            host: known.unwrap_or_else(|| self.enter(host(address))),
+            port: address.port(),
         }
-        if self.newest.len() == SOURCES_MAX {
-            self.forget_oldest();
-        }
-        self.newest.push_back(address);
-        let index = u32::try_from(self.newest.len()).unwrap_or(u32::MAX);
-        // One name in 4,294,967,296 stands for two.
-        let number = NonZeroU32::new(self.forgotten.wrapping_add(index));
-        let source = Source(number.unwrap_or(NonZeroU32::MIN));
-        self.names.insert(address, Name { source, drones: 0 });
-        source
     }
 
-    fn forget_oldest(&mut self) {
-        self.forgotten = self.forgotten.wrapping_add(1);
-        let oldest = self.newest.pop_front();
-        if let Some(oldest) = oldest.filter(|it| !self.has_drones(it)) {
-            self.names.remove(&oldest);
+    fn enter(&mut self, host: SocketAddr) -> NonZeroU16 {
+        if self.newest.len() == HOSTS_MAX
+            && let Some(oldest) = self.newest.pop_front()
+        {
+            self.forget_if_left(oldest);
         }
+        let number = self.next_number();
+        self.newest.push_back(host);
+        self.addresses.insert(number, host);
+        self.hosts.insert(host, Host { number, drones: 0 });
+        number
+    }
+
+    /// The next number that no host has. Where drones are at as many hosts as there are numbers, two have the last one.
+    fn next_number(&mut self) -> NonZeroU16 {
+        for _ in 0..=u16::MAX {
+            self.given = self.given.wrapping_add(1);
+            let free = NonZeroU16::new(self.given);
+            if let Some(free) = free.filter(|it| !self.addresses.contains_key(it)) {
+                return free;
+            }
+        }
+        NonZeroU16::MAX
     }
 
     fn address(&self, source: Source) -> Option<SocketAddr> {
-        let index = source.0.get().wrapping_sub(self.forgotten).wrapping_sub(1);
-        let newest = usize::try_from(index)
-            .ok()
-            .and_then(|it| self.newest.get(it));
-        let named = || self.names.iter().find(|(_, name)| name.source == source);
-        newest.or_else(|| Some(named()?.0)).copied()
+        let mut address = *self.addresses.get(&source.host)?;
+        address.set_port(source.port);
+        Some(address)
     }
 
-    fn has_drones(&self, address: &SocketAddr) -> bool {
-        self.names.get(address).is_some_and(|name| name.drones > 0)
-    }
-
-    /// A drone is there, and so the address keeps its name.
+    /// A drone is there, and so its host keeps its number.
     fn stay(&mut self, address: SocketAddr) {
-        if let Some(name) = self.names.get_mut(&address) {
-            name.drones += 1;
+        if let Some(host) = self.hosts.get_mut(&host(address)) {
+            host.drones += 1;
         }
     }
 
     /// It is there no more.
     fn leave(&mut self, address: SocketAddr) {
-        let Some(name) = self.names.get_mut(&address) else {
-            return;
-        };
-        name.drones = name.drones.saturating_sub(1);
-        let is_left = name.drones == 0;
-        if is_left && !self.newest.contains(&address) {
-            self.names.remove(&address);
+        let key = host(address);
+        if let Some(host) = self.hosts.get_mut(&key) {
+            host.drones = host.drones.saturating_sub(1);
+        }
+        if !self.newest.contains(&key) {
+            self.forget_if_left(key);
+        }
+    }
+
+    fn forget_if_left(&mut self, host: SocketAddr) {
+        if let Some(left) = self.hosts.get(&host).filter(|it| it.drones == 0) {
+            self.addresses.remove(&left.number);
+            self.hosts.remove(&host);
         }
     }
 }
@@ -388,16 +353,18 @@ impl Sources {
 mod tests {
     use super::*;
 
-    fn address(port: u16) -> SocketAddr {
-        SocketAddr::from(([127, 0, 0, 1], port))
+    /// A host by its number, and one of its ports.
+    fn address(host: u16) -> SocketAddr {
+        let [high, low] = host.to_be_bytes();
+        SocketAddr::from(([10, 0, high, low], 4_700))
     }
 
     #[test]
-    fn where_a_datagram_came_from_is_known_until_as_many_others_came() {
+    fn where_a_datagram_came_from_is_known_until_it_came_from_as_many_other_hosts() {
         let mut sources = Sources::default();
         let first = sources.name(address(1));
         let names: Vec<_> = (2..=1_024)
-            .map(|port| sources.name(address(port)))
+            .map(|host| sources.name(address(host)))
             .collect();
         assert_eq!(sources.address(first), Some(address(1)));
         assert_eq!(sources.address(names[0]), Some(address(2)));
@@ -409,36 +376,53 @@ mod tests {
     }
 
     #[test]
-    fn an_address_keeps_its_name_as_long_as_a_drone_is_there() {
+    fn whoever_has_many_ports_is_one_host() {
+        let mut sources = Sources::default();
+        let other = sources.name(address(1));
+        let mut names = (1..=u16::MAX).map(|port| {
+            let mut address = address(2);
+            address.set_port(port);
+            let name = sources.name(address);
+            assert_eq!(sources.address(name), Some(address));
+            name
+        });
+        let first = names.next().unwrap();
+        assert!(names.all(|name| name.host == first.host && name != first));
+        assert_eq!(sources.address(other), Some(address(1)));
+    }
+
+    #[test]
+    fn a_host_keeps_its_number_as_long_as_a_drone_is_there() {
         let mut sources = Sources::default();
         let home = sources.name(address(1));
         sources.stay(address(1));
         let pass_by = |sources: &mut Sources| {
-            for port in 2..3_000 {
-                sources.name(address(port));
+            for host in 2..3_000 {
+                sources.name(address(host));
             }
         };
         pass_by(&mut sources);
         assert_eq!(sources.name(address(1)), home);
         assert_eq!(sources.address(home), Some(address(1)));
-        assert_eq!(sources.names.len(), SOURCES_MAX + 1);
+        assert_eq!(sources.hosts.len(), HOSTS_MAX + 1);
         sources.leave(address(1));
         assert_ne!(sources.name(address(1)), home);
         pass_by(&mut sources);
-        assert_eq!(sources.names.len(), SOURCES_MAX);
+        assert_eq!(sources.hosts.len(), HOSTS_MAX);
+        assert_eq!(sources.addresses.len(), HOSTS_MAX);
     }
 
     #[test]
-    fn names_go_round_without_mistaking_one_address_for_another() {
+    fn numbers_go_round_without_mistaking_one_host_for_another() {
         let mut sources = Sources {
-            forgotten: u32::MAX - 2,
+            given: u16::MAX - 2,
             ..Sources::default()
         };
         let names: Vec<_> = (1..=5)
-            .map(|port| (sources.name(address(port)), port))
+            .map(|host| (sources.name(address(host)), host))
             .collect();
-        for (name, port) in names.into_iter().filter(|(name, _)| name.0.get() > 2) {
-            assert_eq!(sources.address(name), Some(address(port)));
+        for (name, host) in names {
+            assert_eq!(sources.address(name), Some(address(host)));
         }
     }
 }

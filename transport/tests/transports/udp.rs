@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
-use muster_transport::udp::{Config, OpenError, Reach, UdpTransport};
+use muster_transport::sockets::{Config, OpenError, Reach};
+use muster_transport::udp::UdpTransport;
 use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transport};
 
 use crate::suite::{DATAGRAM_MAX, Network, promises};

@@ -35,19 +35,22 @@ pub enum DropReason {
     /// A frame of our own that came back.
     #[error("own echo")]
     OwnEcho,
+    /// Came by a connection with another drone than the one that it names as its sender.
+    #[error("relayed")]
+    Relayed,
     /// Of a drone that has been expelled from the swarm.
     #[error("expelled")]
     Expelled,
     /// Of a drone that is none of the swarm's.
     #[error("stranger")]
     Stranger,
-    /// Of an earlier life of the sender, seen before, or too old to tell.
+    /// Seen before or too old to tell, or of an earlier life of the sender where lives are counted.
     #[error("replayed")]
     Replayed,
-    /// Of a sender that has not signed this radio's nonce yet: it may have been recorded before the radio was there.
+    /// Of a sender that has not signed this radio's nonce yet, or not in this life: it may have been recorded.
     #[error("unproven")]
     Unproven,
-    /// More frames than the sender's budget.
+    /// More frames, signed by their sender, than its budget.
     #[error("over budget")]
     OverBudget,
     /// Not looked at, for too many forged ones came from there, or in all.
@@ -71,13 +74,23 @@ impl From<FrameError> for DropReason {
     }
 }
 
+/// Who must sign a radio's nonce before it is believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    /// Nobody: nothing was ever said before.
+    Nobody,
+    /// A sender of whom nothing was let in yet; it is believed in its later lives, too.
+    TheUnknown,
+    /// Every sender, in each of its lives.
+    EachLife,
+}
+
 /// Budgets and replay windows, an entry a sender.
 #[derive(Debug)]
 pub struct Admission {
     budget: Budget,
     members: u32,
-    /// Whether a sender of whom nothing was let in yet must sign a nonce first.
-    asks: bool,
+    asked: Asked,
     senders: Roster<Sender>,
     forgeries: Forgeries,
 }
@@ -92,8 +105,10 @@ pub struct Place {
 /// What is known of whoever a frame names as its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Standing {
-    /// It must sign a nonce first.
-    Unproven,
+    /// It must sign a nonce first, and nothing of it was let in yet.
+    Unknown,
+    /// It must sign a nonce first, for it is known in another life.
+    OtherLife,
     /// The frame does not come from where the last one came from that it had signed.
     Elsewhere,
     /// The frame comes from there.
@@ -104,13 +119,19 @@ impl Place {
     /// Whether the sender has signed the radio's nonce, or need not.
     #[must_use]
     pub fn is_proven(&self) -> bool {
-        self.standing != Standing::Unproven
+        !matches!(self.standing, Standing::Unknown | Standing::OtherLife)
+    }
+
+    /// Whether the sender is believed, but in another life than the frame has.
+    #[must_use]
+    pub fn is_of_other_life(&self) -> bool {
+        self.standing == Standing::OtherLife
     }
 }
 
 #[derive(Debug)]
 struct Sender {
-    /// Of frames that it has signed, and of those in its name that come from where it is.
+    /// Of frames that it has signed.
     account: Account,
     /// Nothing yet, or the newest life and counter.
     newest: Option<Newest>,
@@ -118,7 +139,7 @@ struct Sender {
 
 #[derive(Debug, Clone, Copy)]
 struct Newest {
-    boot: u32,
+    life: u32,
     /// Where the last frame came from that was let in.
     source: Option<Source>,
     counter: u64,
@@ -133,13 +154,13 @@ const ALL: NonZeroU64 = NonZeroU64::MAX;
 
 impl Admission {
     /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
-    /// place in it. If it `asks`, a sender of whom nothing was let in yet is unproven.
+    /// place in it.
     #[must_use]
-    pub fn new(budget: Budget, members: u32, asks: bool) -> Self {
+    pub fn new(budget: Budget, members: u32, asked: Asked) -> Self {
         Self {
             budget,
             members,
-            asks,
+            asked,
             senders: Roster::new(),
             forgeries: Forgeries::new(),
         }
@@ -151,7 +172,7 @@ impl Admission {
         self.senders.len()
     }
 
-    /// The members that are unproven.
+    /// The members of whom nothing was let in yet.
     #[must_use]
     pub fn unproven(&self) -> NodeSet {
         let is_proven = |id: &NodeId| self.senders.get(*id).is_some_and(|it| it.newest.is_some());
@@ -183,10 +204,17 @@ impl Admission {
             self.senders.insert(at, header.sender, sender);
             at
         });
-        let standing = match &self.senders.at(at).newest {
+        let newest = self.senders.at(at).newest.as_ref();
+        let is_asked = match newest {
+            None => self.asked != Asked::Nobody,
+            Some(newest) => self.asked == Asked::EachLife && newest.life != header.life,
+        };
+        let is_asked = is_asked && !flaw::has(Flaw::BelievesTheUnproven);
+        let standing = match newest {
+            None if is_asked => Standing::Unknown,
+            Some(_) if is_asked => Standing::OtherLife,
             Some(newest) if newest.has_seen(header) => return Err(DropReason::Replayed),
             Some(newest) if source.is_some() && newest.source == source => Standing::Home,
-            None if self.asks && !flaw::has(Flaw::BelievesTheUnproven) => Standing::Unproven,
             _ => Standing::Elsewhere,
         };
         Ok(Place { at, standing })
@@ -214,18 +242,20 @@ impl Admission {
         {
             return Err(DropReason::OverBudget);
         }
-        if place.standing != Standing::Home && !self.forgeries.has_left(now, source) {
-            return Err(DropReason::Unverified);
-        }
-        Ok(())
+        let has_left = match (place.standing, source) {
+            (Standing::Home, Some(home)) => self.forgeries.has_left_at(home, now, &self.budget),
+            _ => self.forgeries.has_left(now, source),
+        };
+        has_left.then_some(()).ok_or(DropReason::Unverified)
     }
 
     /// Takes in that a frame was looked at in vain: its signature was wrong, or it came of an unproven sender and proved
-    /// nothing. What its sender may say is less by that only if it came from where the sender is.
+    /// nothing. What its sender may say from elsewhere is no less by that, for whoever was the first to pass on a frame of
+    /// its has its home.
     pub fn refuse(&mut self, now: Timestamp, place: Place, source: Option<Source>) {
-        match place.standing {
-            Standing::Home => self.senders.at(place.at).account.charge(now, &self.budget),
-            Standing::Unproven | Standing::Elsewhere => self.forgeries.charge(now, source),
+        match (place.standing, source) {
+            (Standing::Home, Some(home)) => self.forgeries.charge_at(home, now, &self.budget),
+            _ => self.forgeries.charge(now, source),
         }
     }
 
@@ -236,13 +266,13 @@ impl Admission {
         let sender = self.senders.at(place.at);
         sender.account.charge(now, &self.budget);
         match &mut sender.newest {
-            Some(newest) if newest.boot == header.boot => {
+            Some(newest) if newest.life == header.life => {
                 newest.source = source;
                 newest.mark(header.counter);
             }
             newest => {
                 *newest = Some(Newest {
-                    boot: header.boot,
+                    life: header.life,
                     source,
                     counter: header.counter,
                     seen: if place.is_proven() { ONLY_NEWEST } else { ALL },
@@ -255,8 +285,8 @@ impl Admission {
 impl Newest {
     #[inline]
     fn has_seen(&self, header: &Header) -> bool {
-        if header.boot != self.boot {
-            return header.boot < self.boot && !flaw::has(Flaw::AcceptsEarlierLives);
+        if header.life != self.life {
+            return header.life < self.life && !flaw::has(Flaw::AcceptsEarlierLives);
         }
         match self.counter.checked_sub(header.counter) {
             None => false,

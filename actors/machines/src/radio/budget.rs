@@ -32,6 +32,12 @@ impl Account {
         full_at.since(now) <= budget.interval * budget.burst
     }
 
+    /// When there is one left, at the latest.
+    pub(super) fn earns_at(&self, budget: &Budget) -> Timestamp {
+        let rest = budget.interval * budget.burst.saturating_sub(1);
+        Timestamp::ZERO + self.full_at.since(Timestamp::ZERO + rest)
+    }
+
     #[inline]
     pub(super) fn charge(&mut self, now: Timestamp, budget: &Budget) {
         self.full_at = self.full_at.max(now) + budget.interval;
@@ -45,21 +51,32 @@ const IN_ALL: Budget = Budget {
     burst: 256,
 };
 
-/// How many of these may come from one source.
-const OF_ONE_SOURCE: Budget = Budget {
-    interval: Duration::from_millis(100),
-    burst: 20,
+/// How many of these may come from one host, from whichever of its ports: a tenth of all. Drones share a host only where
+/// they share a machine, which then has some dozens of them that ask each other at their start.
+const OF_ONE_HOST: Budget = Budget {
+    interval: Duration::from_millis(10),
+    burst: 128,
 };
 
-/// How many sources are remembered from which such frames came.
+/// The port that stands for all of a host: nobody sends from it.
+const ALL_PORTS: u16 = 0;
+
+/// How many hosts and homes are remembered from which frames came that were looked at in vain.
 const SOURCES_MAX: usize = 64;
 
 /// What was looked at in vain: forgeries, whose sender nobody knows.
 #[derive(Debug)]
 pub(super) struct Forgeries {
     in_all: Account,
-    /// Those from which the last ones came.
+    /// Hosts and homes from which the last ones came.
     sources: Vec<(Source, Account)>,
+}
+
+const fn all_of(source: Source) -> Source {
+    Source {
+        port: ALL_PORTS,
+        ..source
+    }
 }
 
 impl Forgeries {
@@ -70,23 +87,33 @@ impl Forgeries {
         }
     }
 
-    /// Whether one more may be looked at.
+    /// Whether one more may be looked at, of a sender that is not at home there.
     #[inline]
     pub(super) fn has_left(&self, now: Timestamp, source: Option<Source>) -> bool {
-        let of_source = source.and_then(|source| self.sources.iter().find(|it| it.0 == source));
         self.in_all.has_left(now, &IN_ALL)
-            && of_source.is_none_or(|(_, account)| account.has_left(now, &OF_ONE_SOURCE))
+            && source.is_none_or(|source| self.has_left_at(all_of(source), now, &OF_ONE_HOST))
     }
 
-    /// One was looked at in vain.
+    /// Whether one more may be looked at from a sender's home, of which so many may come.
+    #[inline]
+    pub(super) fn has_left_at(&self, home: Source, now: Timestamp, budget: &Budget) -> bool {
+        let known = self.sources.iter().find(|it| it.0 == home);
+        known.is_none_or(|(_, account)| account.has_left(now, budget))
+    }
+
+    /// One was looked at in vain, of a sender that is not at home there.
     pub(super) fn charge(&mut self, now: Timestamp, source: Option<Source>) {
         self.in_all.charge(now, &IN_ALL);
-        let Some(source) = source else {
-            return;
-        };
-        let known = self.sources.iter().position(|it| it.0 == source);
-        let at = known.unwrap_or_else(|| self.enter(source));
-        self.sources[at].1.charge(now, &OF_ONE_SOURCE);
+        if let Some(source) = source {
+            self.charge_at(all_of(source), now, &OF_ONE_HOST);
+        }
+    }
+
+    /// One from a sender's home was looked at in vain. Others may come from elsewhere as before.
+    pub(super) fn charge_at(&mut self, home: Source, now: Timestamp, budget: &Budget) {
+        let known = self.sources.iter().position(|it| it.0 == home);
+        let at = known.unwrap_or_else(|| self.enter(home));
+        self.sources[at].1.charge(now, budget);
     }
 
     /// Remembers a source, in the place of the one that has earned most back if there is no room.

@@ -3,19 +3,21 @@
 mod admission;
 mod authenticator;
 mod budget;
+mod config;
 mod freshness;
 mod lists;
 mod packet;
 
 use std::convert::Infallible;
 use std::hint::black_box;
-use std::num::NonZeroU32;
+use std::num::NonZeroU16;
 
 use bytes::{Buf, Bytes};
 
-pub use admission::{Admission, DropReason, Place};
+pub use admission::{Admission, Asked, DropReason, Place};
 pub use authenticator::{Authenticator, IdealAuthenticator, Offer};
 pub use budget::Budget;
+pub use config::{Config, Lives};
 pub use packet::Packet;
 
 use serde::{Deserialize, Serialize};
@@ -23,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use self::freshness::{Challenger, Responder};
 use self::lists::{Gossip, Saying};
 use crate::flaw::{self, Flaw};
-use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
 use crate::wire::{self, Header, PAYLOAD_MAX};
@@ -41,26 +43,15 @@ const NOBODY: Ballot = Ballot {
     master: NodeId(0),
 };
 
-/// What a radio is built with.
-#[derive(Debug, Clone)]
-pub struct Config {
-    /// Whose radio this is.
-    pub id: NodeId,
-    /// The swarm it belongs to.
-    pub swarm: SwarmId,
-    /// How much of each sender is let in.
-    pub budget: Budget,
-    /// How many members the swarm has, relays included; ids run from 0 to one below.
-    pub members: u32,
-    /// Whether senders must prove themselves to it in the first life of its drone too, and not only from the second on:
-    /// where somebody may have recorded what they said before.
-    pub asks_from_the_start: bool,
-}
-
 /// Where a datagram came from: a name that a transport gives to an address of its own, for as long as it says. What comes
 /// from an address at which a drone was found has the same name as long as it is to be found there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Source(pub NonZeroU32);
+pub struct Source {
+    /// The machine, or whatever else can send from many ports.
+    pub host: NonZeroU16,
+    /// Which of its ports.
+    pub port: u16,
+}
 
 /// What a radio is told.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +73,9 @@ pub enum Input {
         datagram: Bytes,
         /// From where, if the transport tells.
         source: Option<Source>,
+        /// Which drone has proved to be at the other end, where they came by a connection: it says nothing in the name of
+        /// another.
+        peer: Option<NodeId>,
     },
     /// By the transport: what became of a frame of our own for one drone.
     Outcome {
@@ -163,7 +157,8 @@ pub struct Checkpoint {
 #[derive(Debug)]
 pub struct Radio<A> {
     config: Config,
-    boot: u32,
+    /// As its frames have it.
+    life: u32,
     authenticator: A,
     admission: Admission,
     counter: u64,
@@ -181,8 +176,8 @@ pub struct Radio<A> {
 
 impl<A: Authenticator> Radio<A> {
     /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window, in the `boot`th life
-    /// of the drone's process. One that has lived before can't know what it has heard: it believes a sender only once that
-    /// has signed `nonce`, which must never have been used before.
+    /// of the drone's journal. One that has lived before can't know what it has heard: it believes a sender only once that
+    /// has signed `nonce`, which must never have been used before. So does any one where lives are [`Lives::Drawn`].
     #[must_use]
     pub fn new(
         config: Config,
@@ -192,17 +187,21 @@ impl<A: Authenticator> Radio<A> {
         nonce: u64,
     ) -> Self {
         let has_lived = boot > 1 || checkpoint != Checkpoint::default();
-        let asks = has_lived || config.asks_from_the_start;
+        let (life, asked) = match config.lives {
+            Lives::Drawn(life) => (life, Asked::EachLife),
+            Lives::Counted if has_lived => (boot, Asked::TheUnknown),
+            Lives::Counted => (boot, Asked::Nobody),
+        };
         let list = authenticator.list_number();
         Self {
-            admission: Admission::new(config.budget, config.members, asks),
+            admission: Admission::new(config.budget, config.members, asked),
             authenticator,
-            boot,
+            life,
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
             outbox: Outbox::new(),
             written: Vec::new(),
-            challenger: asks.then(|| Box::new(Challenger::new(nonce))),
+            challenger: (asked != Asked::Nobody).then(|| Box::new(Challenger::new(nonce))),
             responder: None,
             gossip: (list > 0).then(|| Box::new(Gossip::new(list))),
             config,
@@ -232,7 +231,7 @@ impl<A: Authenticator> Radio<A> {
         let header = Header {
             swarm: self.config.swarm,
             sender: self.config.id,
-            boot: self.boot,
+            life: self.life,
             counter: self.counter,
             ballot,
         };
@@ -260,6 +259,7 @@ impl<A: Authenticator> Radio<A> {
         now: Timestamp,
         mut datagram: Bytes,
         source: Option<Source>,
+        peer: Option<NodeId>,
     ) -> Result<(), DropReason> {
         let frame = wire::decode_frame(&datagram)?;
         let header = frame.header;
@@ -270,13 +270,16 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::OwnEcho);
         }
         let sender = header.sender;
+        if peer.is_some_and(|peer| peer != sender) {
+            return Err(DropReason::Relayed);
+        }
         if !self.authenticator.is_trusted(sender) {
             self.hears_expelled(now);
             return Err(DropReason::Expelled);
         }
         let place = self.admission.find(&header, source)?;
-        if !place.is_proven() && !self.proves_or_asks(frame.payload) {
-            self.hears_unproven(now);
+        if !place.is_proven() && !self.proves_or_asks(sender, frame.payload) {
+            self.hears_unproven(now, place, sender);
             return Err(DropReason::Unproven);
         }
         self.admission.check(now, place, source)?;
@@ -292,10 +295,13 @@ impl<A: Authenticator> Radio<A> {
             // It may be an old one, sent again: to answer it does no harm, and the sender is to prove itself.
             self.admission.refuse(now, place, source);
             self.is_asked(now, sender, *nonce, of);
-            self.hears_unproven(now);
+            self.hears_unproven(now, place, sender);
             return Ok(());
         }
         self.admission.admit(now, place, &header, source);
+        if let (false, Some(challenger)) = (place.is_proven(), &mut self.challenger) {
+            challenger.is_answered(sender);
+        }
         if let Some(source) = source {
             self.outbox.transmit(Transmit::Locate { sender, source });
         }
@@ -316,10 +322,10 @@ impl<A: Authenticator> Radio<A> {
 
     /// Whether it is worth looking at the signature of this payload of an unproven sender: it is what proves the sender, or
     /// asks for the same.
-    fn proves_or_asks(&self, payload: &[u8]) -> bool {
+    fn proves_or_asks(&self, sender: NodeId, payload: &[u8]) -> bool {
         match wire::decode_radio_packet(payload) {
             Some(Packet::Response(answered)) => {
-                let nonce = self.challenger.as_ref().map(|it| it.nonce());
+                let nonce = self.challenger.as_ref().and_then(|it| it.nonce_for(sender));
                 nonce.is_some_and(|nonce| answered.contains(&(self.config.id, nonce)))
             }
             Some(Packet::Challenge { of, .. }) => of.contains(self.config.id),
@@ -360,15 +366,19 @@ impl<A: Authenticator> Radio<A> {
 
     fn is_asked(&mut self, now: Timestamp, by: NodeId, nonce: u64, of: &NodeSet) {
         if of.contains(self.config.id) {
-            let responder = self.responder.get_or_insert_default();
+            let responder = (self.responder).get_or_insert_with(|| Box::new(Responder::new()));
             responder.asks(by, nonce);
             self.respond(now);
         }
     }
 
-    fn hears_unproven(&mut self, now: Timestamp) {
+    fn hears_unproven(&mut self, now: Timestamp, place: Place, sender: NodeId) {
         if let Some(challenger) = &mut self.challenger {
-            challenger.hears();
+            if place.is_of_other_life() {
+                challenger.doubts(now, sender);
+            } else {
+                challenger.hears();
+            }
             self.challenge(now);
         }
     }
@@ -387,6 +397,7 @@ impl<A: Authenticator> Radio<A> {
         };
         let mut of = self.admission.unproven();
         of = of.difference(&self.config.id.into());
+        of.extend_from(challenger.doubted());
         if of.is_empty() {
             return challenger.rest();
         }
@@ -475,8 +486,12 @@ impl<A: Authenticator> Machine for Radio<A> {
                     });
                 }
             }
-            Input::Received { datagram, source } => {
-                if let Err(reason) = self.receive(now, datagram, source) {
+            Input::Received {
+                datagram,
+                source,
+                peer,
+            } => {
+                if let Err(reason) = self.receive(now, datagram, source, peer) {
                     self.outbox.event(Event::Dropped(reason));
                 }
             }

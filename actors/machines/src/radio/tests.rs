@@ -5,6 +5,7 @@ mod lists;
 use std::time::Duration;
 
 use super::*;
+use crate::identity::SwarmId;
 use crate::machine::{Said, Stimulus, step};
 use crate::wire::AUTHENTICATOR_LEN;
 
@@ -25,7 +26,7 @@ fn config(id: u32) -> Config {
             burst: 3,
         },
         members: MEMBERS,
-        asks_from_the_start: false,
+        lives: Lives::Counted,
     }
 }
 
@@ -109,9 +110,19 @@ fn sent_by<A: Authenticator>(radio: &mut Radio<A>, payload: &[u8]) -> Bytes {
     }
 }
 
+/// One of a host's ports.
+fn source(host: u16, port: u16) -> Source {
+    let host = NonZeroU16::new(host).unwrap();
+    Source { host, port }
+}
+
 fn received(frame: &Bytes, source: Option<Source>) -> Input {
     let datagram = frame.clone();
-    Input::Received { datagram, source }
+    Input::Received {
+        datagram,
+        source,
+        peer: None,
+    }
 }
 
 /// What becomes of a frame: nothing if it was let in.
@@ -178,7 +189,7 @@ fn a_frame_is_let_in_once() {
 fn a_frame_of_an_earlier_life_is_a_replay() {
     let mut earlier = radio(0);
     let mut later = radio(0);
-    later.boot = 2;
+    later.life = 2;
     let mut receiver = radio(1);
     let old = sent_by(&mut earlier, b"old");
     let new = sent_by(&mut later, b"new");
@@ -222,6 +233,22 @@ fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
         dropped(&mut receiver, 0, &third),
         Some(DropReason::Stranger)
     );
+}
+
+#[test]
+fn over_a_connection_a_drone_speaks_for_itself_only() {
+    let mut receiver = radio(1);
+    let frame = sent_by(&mut radio(0), b"hello");
+    let over_that_with = |peer| Input::Received {
+        datagram: frame.clone(),
+        source: Some(source(1, 7)),
+        peer: Some(NodeId(peer)),
+    };
+    let (transmits, events) = told(&mut receiver, 0, over_that_with(2));
+    assert_eq!(transmits, [], "nor is drone 0 looked for there");
+    assert_eq!(events, [Event::Dropped(DropReason::Relayed)]);
+    let (transmits, events) = told(&mut receiver, 0, over_that_with(0));
+    assert!(transmits.iter().any(is_passed_on) && events.is_empty());
 }
 
 #[test]
@@ -285,7 +312,7 @@ fn a_payload_that_outgrows_a_datagram_is_not_sent() {
 #[test]
 fn where_a_sender_is_to_be_found_is_told_by_frames_that_are_let_in_and_by_no_other() {
     let frame = sent_by(&mut radio(0), b"hello");
-    let source = Source(NonZeroU32::MIN);
+    let source = source(1, 7);
     let forged = unsigned(&frame);
     let mut receiver = radio(1);
     let located = |transmits: Vec<Transmit>| {

@@ -8,7 +8,7 @@ use crate::routing::Tree;
 const HEADER: Header = Header {
     swarm: SwarmId(7),
     sender: NodeId(300),
-    boot: 2,
+    life: 2,
     counter: 1_000_000,
     ballot: Ballot {
         term: 3,
@@ -215,7 +215,7 @@ fn the_largest_header_leaves_room_for_the_largest_payload() {
     let header = Header {
         swarm: SwarmId(u32::MAX),
         sender: NodeId(u32::MAX),
-        boot: u32::MAX,
+        life: u32::MAX,
         counter: u64::MAX,
         ballot: Ballot {
             term: u32::MAX,

@@ -273,6 +273,7 @@ impl Csma {
                         to,
                         datagram,
                         source,
+                        peer: None,
                     }));
                 }
                 match destination {

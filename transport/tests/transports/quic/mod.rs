@@ -14,7 +14,7 @@ use bytes::Bytes;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::time::Timestamp;
 use muster_transport::quic::{Config, Connections, QuicTransport, Waiting};
-use muster_transport::udp::{self, Clock, Reach};
+use muster_transport::sockets::{self, Clock, Reach};
 use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transport};
 use tokio::runtime::{Builder, Runtime};
 
@@ -95,7 +95,7 @@ fn until(what: &str, ends: &mut [&mut End], mut holds: impl FnMut(&mut [&mut End
 fn config(fleet: &Fleet, id: u32, bind: SocketAddr, reach: Reach) -> Config {
     let interface = matches!(reach, Reach::Group(_)).then(|| "lo".to_owned());
     Config {
-        network: udp::Config {
+        network: sockets::Config {
             id: NodeId(id),
             bind,
             reach,
@@ -211,13 +211,8 @@ impl Network for Quic {
     }
 
     fn learn(&mut self, drone: NodeId, arrival: &Arrival, sender: NodeId) {
-        let name = std::num::NonZeroU32::MIN.saturating_add(sender.0);
-        let source = muster_machines::radio::Source(name);
-        assert_eq!(
-            arrival.source,
-            Some(source),
-            "the connection says who it is"
-        );
+        assert_eq!(arrival.peer, Some(sender), "the connection says who it is");
+        let source = arrival.source.unwrap();
         self.ends[drone.0 as usize].transport.learn(sender, source);
     }
 }

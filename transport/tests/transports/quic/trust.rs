@@ -9,7 +9,7 @@ use bytes::Bytes;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_transport::Destination;
 use muster_transport::quic::{Config, Operator, Refusal};
-use muster_transport::udp::Reach;
+use muster_transport::sockets::Reach;
 use socket2::{Domain, SockRef, Socket, Type};
 
 use super::fleet::Fleet;
@@ -115,28 +115,6 @@ fn a_drone_is_who_its_key_says_whatever_it_claims() {
     });
 }
 
-#[test]
-fn a_beacon_in_anothers_name_leads_nowhere() {
-    let fleet = Fleet::new();
-    let (group, _held) = free_group();
-    let open = |id, key| {
-        let mut config = config(&fleet, id, ANY, Reach::Group(group));
-        config.identities = fleet.identities(key);
-        End::open(config, 1)
-    };
-    let (mut one, mut captured) = (open(0, 0), open(1, 3));
-    until("heard", &mut [&mut one, &mut captured], |ends| {
-        ends[0].connections().beacons_refused > 3
-    });
-    // It heard drone 0, and connected; by its own name.
-    let frame = Bytes::from_static(b"for drone 1");
-    let before = one.transport.counters();
-    one.send(Destination::To(NodeId(1)), &frame).unwrap();
-    let open = one.connections().open as u64;
-    assert!(open <= 1);
-    assert_eq!(one.transport.counters().sent - before.sent, open);
-}
-
 /// Somebody without a key, who hears what a group hears, says it again, and passes on whatever it is told to and by another.
 struct Relay {
     socket: UdpSocket,
@@ -151,22 +129,39 @@ impl Relay {
         Self { socket, group }
     }
 
-    /// What a drone says in the group, up to its end.
+    /// The first that a drone says in the group, in the first of its lives.
     fn record(&self, fleet: &Fleet, id: u32) -> Vec<u8> {
+        let config = config(fleet, id, ANY, Reach::Group(self.group));
+        self.record_of(config, 1, 1).remove(0)
+    }
+
+    /// So much of what a drone says in the group in one of its lives.
+    fn record_of(&self, config: Config, life: u32, beacons: usize) -> Vec<Vec<u8>> {
         let tap = Socket::new(Domain::IPV4, Type::DGRAM, None).unwrap();
         tap.set_reuse_address(true).unwrap();
         tap.bind(&SocketAddr::from(self.group).into()).unwrap();
         let tap = UdpSocket::from(tap);
         (tap.join_multicast_v4(self.group.ip(), &Ipv4Addr::LOCALHOST)).unwrap();
         tap.set_read_timeout(Some(TICK)).unwrap();
-        let end = End::open(config(fleet, id, ANY, Reach::Group(self.group)), 1);
-        let mut buffer = [0; 2_000];
-        loop {
+        let end = End::open(config, life);
+        let (mut buffer, mut heard) = ([0; 2_000], Vec::new());
+        while heard.len() < beacons {
             end.run();
             if let Ok(len) = tap.recv(&mut buffer) {
-                return buffer[..len].to_vec();
+                heard.push(buffer[..len].to_vec());
             }
         }
+        heard
+    }
+
+    /// Says something to the group until an end has refused so many beacons; whether anybody has tried to connect.
+    fn is_connected_with(&self, said: &[u8], end: &mut End, refused: u64) -> bool {
+        until("refused", &mut [end], |ends| {
+            self.socket.send_to(said, self.group).unwrap();
+            ends[0].connections().beacons_refused >= refused
+        });
+        let tried = self.socket.recv(&mut [0; 2_000]);
+        tried.is_ok()
     }
 
     /// Passes on to `other` what comes here, and back what that answers, until it is told to stop.
@@ -184,6 +179,49 @@ impl Relay {
             }
         }
     }
+}
+
+#[test]
+fn a_beacon_in_anothers_name_leads_nowhere() {
+    let fleet = Fleet::new();
+    let (group, _held) = free_group();
+    let relay = Relay::open(group);
+    // A captured drone 3 calls itself 1.
+    let captured = Config {
+        identities: fleet.identities(3),
+        ..config(&fleet, 1, ANY, Reach::Group(group))
+    };
+    let false_beacon = relay.record_of(captured, 1, 1).remove(0);
+    let beacon = relay.record(&fleet, 1);
+    let mut one = End::open(config(&fleet, 0, ANY, Reach::Group(group)), 1);
+    assert!(!relay.is_connected_with(&false_beacon, &mut one, 20));
+    assert!(relay.is_connected_with(&beacon, &mut one, 40));
+}
+
+#[test]
+fn beacons_that_were_recorded_on_other_flights_keep_no_drones_from_finding_each_other() {
+    let fleet = Fleet::new();
+    let (group, _held) = free_group();
+    let relay = Relay::open(group);
+    // Of two lives of each, one numbered higher and one lower than those that come.
+    let mut recorded = Vec::new();
+    for (id, life) in [(0, 9), (1, 9), (0, 1), (1, 1)] {
+        let config = config(&fleet, id, ANY, Reach::Group(group));
+        recorded.extend(relay.record_of(config, life, 5));
+    }
+    let open = |id| End::open(config(&fleet, id, ANY, Reach::Group(group)), 5);
+    let mut again = recorded.iter().cycle();
+    let mut one = open(0);
+    until("it has heard all of that", &mut [&mut one], |ends| {
+        relay.socket.send_to(again.next().unwrap(), group).unwrap();
+        ends[0].connections().beacons_refused > 20
+    });
+    let mut other = open(1);
+    let mut both = [&mut one, &mut other];
+    until("they find each other", &mut both, |ends| {
+        relay.socket.send_to(again.next().unwrap(), group).unwrap();
+        ends.iter().all(|end| end.connections().open == 1)
+    });
 }
 
 /// Says that it is over when it goes, even by a failure.

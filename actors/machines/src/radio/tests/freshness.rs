@@ -8,6 +8,15 @@ fn reborn(id: u32, nonce: u64) -> Radio<IdealAuthenticator> {
     Radio::new(config(id), IdealAuthenticator, 2, used, nonce)
 }
 
+/// One of a drone whose lives are drawn.
+fn drawn(id: u32, life: u32, nonce: u64) -> Radio<IdealAuthenticator> {
+    let config = Config {
+        lives: Lives::Drawn(life),
+        ..config(id)
+    };
+    Radio::new(config, IdealAuthenticator, 1, Checkpoint::default(), nonce)
+}
+
 /// What a radio asks first.
 fn challenge_of(radio: &mut Radio<IdealAuthenticator>) -> Bytes {
     challenge_at(radio, 0)
@@ -96,11 +105,7 @@ fn in_its_first_life_a_radio_asks_only_if_it_is_to() {
     let frame = sent_by(&mut radio(0), b"first");
     assert_eq!(dropped(&mut trusting, 0, &frame), None);
 
-    let asks = Config {
-        asks_from_the_start: true,
-        ..config(1)
-    };
-    let mut asking = Radio::new(asks, IdealAuthenticator, 1, Checkpoint::default(), 5);
+    let mut asking = drawn(1, 1, 5);
     let challenge = packet(&challenge_of(&mut asking));
     let of = [NodeId(0), NodeId(2)].into_iter().collect();
     assert_eq!(challenge, Packet::Challenge { nonce: 5, of });
@@ -169,7 +174,7 @@ fn all_who_ask_within_a_moment_are_answered_together() {
     let mut sender = radio(0);
     let [first, second, third] = [(1, 5), (2, 6), (1, 7)].map(|(id, nonce)| {
         let mut asks = reborn(id, nonce);
-        asks.boot += u32::try_from(nonce).unwrap();
+        asks.life += u32::try_from(nonce).unwrap();
         challenge_of(&mut asks)
     });
     let answered = |frames: Vec<Bytes>| frames.iter().map(packet).collect::<Vec<_>>();
@@ -181,6 +186,154 @@ fn all_who_ask_within_a_moment_are_answered_together() {
     let together = answered(says(&mut sender, 20));
     let both = vec![(NodeId(1), 7), (NodeId(2), 6)];
     assert_eq!(together, [Packet::Response(both)]);
+}
+
+/// Whether a frame has what this drone asks for.
+fn has_answered(frame: &Bytes, id: u32, nonce: u64) -> bool {
+    match packet(frame) {
+        Packet::Response(answered) => answered.contains(&(NodeId(id), nonce)),
+        _ => false,
+    }
+}
+
+/// What the drone `id` asked in so many lives, as somebody recorded it.
+fn recorded_challenges(id: u32, lives: u32) -> Vec<Bytes> {
+    let asked = (1..=lives).map(|life| challenge_of(&mut drawn(id, life, life.into())));
+    asked.collect()
+}
+
+#[test]
+fn an_old_challenge_that_is_sent_again_does_not_take_the_place_of_a_new_one() {
+    let mut sender = drawn(0, 100, 100);
+    says(&mut sender, 0);
+    let old = recorded_challenges(1, 2);
+    let new = challenge_of(&mut drawn(1, 3, 33));
+    // It has just answered another, and so answers these together.
+    answers(&mut sender, 0, &challenge_of(&mut drawn(2, 4, 44)));
+    for challenge in [&old[0], &new, &old[1]] {
+        answers(&mut sender, 1, challenge);
+    }
+    let responses = says(&mut sender, 20);
+    assert!(responses.iter().any(|it| has_answered(it, 1, 33)));
+}
+
+#[test]
+fn challenges_that_are_sent_again_and_again_make_a_drone_say_little_and_remember_little() {
+    let mut sender = drawn(0, 100, 100);
+    let old = recorded_challenges(1, 40);
+    let mut responses = 0;
+    for now in 0..10_000 {
+        let challenge = &old[usize::try_from(now).unwrap() % old.len()];
+        let mut said = answers(&mut sender, now, challenge);
+        said.extend(says(&mut sender, now));
+        for frame in said {
+            if let Packet::Response(answered) = packet(&frame) {
+                responses += 1;
+                assert!(answered.len() <= 4, "{answered:?}");
+            }
+        }
+    }
+    // Ten at once, and five a second.
+    assert_eq!(responses, 59);
+    // All the same it answers who asks now.
+    let mut asks = drawn(2, 1, 22);
+    let mut answered = answers(&mut sender, 10_000, &challenge_of(&mut asks));
+    answered.extend((10_001..10_300).flat_map(|now| says(&mut sender, now)));
+    assert!(answered.iter().any(|it| has_answered(it, 2, 22)));
+}
+
+/// Two lives of drone 0, and a radio that is in between: it has proved itself in the first, and started anew.
+fn after_a_restart() -> [Radio<IdealAuthenticator>; 3] {
+    let (mut first, mut receiver) = (drawn(0, 7, 70), drawn(1, 1, 99));
+    prove(0, &mut receiver, &mut first);
+    [first, drawn(0, 3, 30), receiver]
+}
+
+/// Lets `sender` be heard in a life that is new to `receiver`, which asks, and answer.
+fn prove_anew(
+    now_ms: u64,
+    receiver: &mut Radio<IdealAuthenticator>,
+    sender: &mut Radio<IdealAuthenticator>,
+) {
+    let frame = sent_by(sender, b"here I am again");
+    let (transmits, events) = told(receiver, now_ms, received(&frame, None));
+    assert_eq!(events, [Event::Dropped(DropReason::Unproven)]);
+    let challenge = frames(transmits).pop().expect("it asks at once");
+    let said = answers(sender, now_ms, &challenge);
+    let is_response = |frame: &&Bytes| matches!(packet(frame), Packet::Response(_));
+    let response = said.iter().find(is_response).unwrap();
+    assert_eq!(dropped(receiver, now_ms, response), None);
+}
+
+#[test]
+fn what_was_recorded_of_another_life_is_not_believed_whatever_number_and_counters_it_has() {
+    for recorded_life in [3, 5, u32::MAX] {
+        let mut earlier = drawn(0, recorded_life, 1);
+        let recorded: Vec<_> = (0..100).map(|_| sent_by(&mut earlier, b"land")).collect();
+        let (mut sender, mut receiver) = (drawn(0, 4, 40), drawn(1, 1, 99));
+        prove(0, &mut receiver, &mut sender);
+        for frame in &recorded {
+            let unproven = dropped(&mut receiver, 10, frame);
+            assert_eq!(unproven, Some(DropReason::Unproven));
+        }
+        // Nor is its sender kept out.
+        let frame = sent_by(&mut sender, b"fly on");
+        assert_eq!(dropped(&mut receiver, 20, &frame), None);
+    }
+}
+
+#[test]
+fn a_sender_that_has_started_anew_is_believed_once_it_has_signed_and_its_last_life_no_more() {
+    let [mut first, mut second, mut receiver] = after_a_restart();
+    let late = sent_by(&mut first, b"not heard yet");
+    prove_anew(200, &mut receiver, &mut second);
+    let frame = sent_by(&mut second, b"believe me");
+    assert_eq!(dropped(&mut receiver, 300, &frame), None);
+    assert_eq!(
+        dropped(&mut receiver, 300, &late),
+        Some(DropReason::Unproven)
+    );
+}
+
+#[test]
+fn what_a_sender_signed_in_its_last_life_does_not_bring_that_back() {
+    let [mut first, mut second, mut receiver] = after_a_restart();
+    // It has answered more than once, and not all of that has come in.
+    let challenge = challenge_at(&mut receiver, 100);
+    let withheld = wire::encode_radio_packet(&Packet::Response(vec![(
+        NodeId(1),
+        match packet(&challenge) {
+            Packet::Challenge { nonce, .. } => nonce,
+            other => panic!("{other:?}"),
+        },
+    )]));
+    let withheld = sent_by(&mut first, &withheld);
+    prove_anew(200, &mut receiver, &mut second);
+    assert_eq!(
+        dropped(&mut receiver, 500, &withheld),
+        Some(DropReason::Unproven)
+    );
+    let frame = sent_by(&mut second, b"still believed");
+    assert_eq!(dropped(&mut receiver, 500, &frame), None);
+}
+
+#[test]
+fn recordings_of_another_life_make_a_radio_ask_little() {
+    let [mut first, _, mut receiver] = after_a_restart();
+    prove(100, &mut receiver, &mut drawn(2, 1, 2));
+    says(&mut receiver, 200);
+    let recorded = sent_by(&mut drawn(0, 3, 30), b"land");
+    let mut asked = Vec::new();
+    for now in 1_000..11_000 {
+        asked.extend(answers(&mut receiver, now, &recorded));
+        asked.extend(says(&mut receiver, now));
+        if now % 1_000 == 0 {
+            let frame = sent_by(&mut first, b"");
+            assert_eq!(dropped(&mut receiver, now, &frame), None);
+        }
+    }
+    // Three at once, and one a second.
+    assert_eq!(asked.len(), 12);
 }
 
 #[test]

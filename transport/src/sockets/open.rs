@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::{Config, Reach};
 
 /// How much the system is asked to keep of what comes in, in bytes: a hundred frames of the largest size. It may grant
-/// less, which [`super::UdpTransport::overflowed`] shows.
+/// less, which [`super::drops`] shows.
 const RECEIVE_BUFFER: usize = 256 * 1_024;
 
 /// Why a drone's end of the network could not be opened: its configuration does not fit this machine.
@@ -57,7 +57,7 @@ pub enum OpenError {
 const APART_MAX: usize = 64;
 
 /// The drone's own socket, and the one at which it hears what is for all, if that is another.
-pub(crate) fn sockets(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), OpenError> {
+pub(crate) fn open(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), OpenError> {
     let own = socket(config, config.bind, false)?;
     let shared = match config.reach {
         Reach::Peers(_) => None,
@@ -78,7 +78,7 @@ pub(crate) fn sockets(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>),
 
 /// A socket for each peer, at the drone's own address, that gets what comes from that peer's: so a flood from elsewhere
 /// leaves room for it. Where the system gives none, what that peer sends comes in with all else.
-pub(super) fn apart(
+pub(crate) fn apart(
     config: &Config,
     own: &UdpSocket,
     peers: &[SocketAddr],
