@@ -133,25 +133,15 @@ impl UdpTransport {
         !self.has_skipped
     }
 
-    fn send_to(&mut self, address: SocketAddr, datagram: &[u8]) -> bool {
-        let is_sent = self.own.send_to(datagram, address).is_ok();
-        if is_sent {
-            self.counters.sent += 1;
-        } else {
-            self.counters.unsent += 1;
-        }
-        is_sent
-    }
-
     fn send_to_all(&mut self, datagram: &[u8]) {
+        let (own, counters) = (&self.own, &mut self.counters);
         match &self.config.reach {
             Reach::Group(address) | Reach::Broadcast(address) => {
-                let address = *address;
-                self.send_to(address.into(), datagram);
+                send_to(own, counters, (*address).into(), datagram);
             }
             Reach::Peers(peers) => {
-                for address in peers.clone() {
-                    self.send_to(address, datagram);
+                for address in peers {
+                    send_to(own, counters, *address, datagram);
                 }
             }
         }
@@ -213,7 +203,7 @@ impl Transport for UdpTransport {
         if let Destination::To(node) = to
             && let Some(place) = self.places.get(&node).copied()
         {
-            if self.send_to(place.address, datagram) {
+            if send_to(&self.own, &mut self.counters, place.address, datagram) {
                 return Ok(());
             }
             // It may have another address by now.
@@ -248,6 +238,17 @@ impl Transport for UdpTransport {
             self.sources.leave(before.address);
         }
     }
+}
+
+/// Sends a datagram from a socket; whether the system took it.
+fn send_to(own: &UdpSocket, counters: &mut Counters, address: SocketAddr, datagram: &[u8]) -> bool {
+    let is_sent = own.send_to(datagram, address).is_ok();
+    if is_sent {
+        counters.sent += 1;
+    } else {
+        counters.unsent += 1;
+    }
+    is_sent
 }
 
 /// Where a drone is.
