@@ -8,7 +8,7 @@ use muster_scenarios::campaign::{self, Campaign, JOBS_MAX, Published, Request, S
 use muster_scenarios::scenario::{Override, Variation};
 
 use crate::sim::EngineName;
-use crate::{Ended, Failure, terminal};
+use crate::{Ended, Failure, folder, terminal};
 
 /// The most folders of one scenario's campaigns that are named without being told.
 const FOLDERS_MAX: u32 = 1_000;
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| default_folder(&campaign));
+        .unwrap_or_else(|| own_folder(&arguments.scenario, &campaign));
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok());
@@ -144,20 +144,20 @@ pub(crate) fn merge(arguments: &MergeArguments) -> Result<Ended, Failure> {
     Ok(ended(&published))
 }
 
-fn default_folder(campaign: &Campaign) -> PathBuf {
-    let name = campaign.name();
+/// The first folder that is free for this campaign, or its own already.
+fn own_folder(scenario: &Path, campaign: &Campaign) -> PathBuf {
     let shard = campaign.shard();
-    let name = if shard == Shard::WHOLE {
-        format!("{name}-campaign")
+    let what = if shard == Shard::WHOLE {
+        "campaign".to_owned()
     } else {
-        format!("{name}-campaign-{}-of-{}", shard.index(), shard.of())
+        format!("campaign-{}-of-{}", shard.index(), shard.of())
     };
-    let first = Path::new("runs").join(&name);
-    let others = (2..=FOLDERS_MAX).map(|n| Path::new("runs").join(format!("{name}-{n}")));
-    std::iter::once(first.clone())
+    let of = |what: &str| folder::of(scenario, what);
+    let others = (2..=FOLDERS_MAX).map(|n| of(&format!("{what}-{n}")));
+    std::iter::once(of(&what))
         .chain(others)
         .find(|folder| campaign.may_use(folder))
-        .unwrap_or(first)
+        .unwrap_or_else(|| of(&what))
 }
 
 fn print(published: &Published) -> io::Result<()> {

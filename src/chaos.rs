@@ -1,6 +1,6 @@
 use std::io;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
@@ -10,8 +10,7 @@ use muster_scenarios::chaos::{self, Progress, Request, Search};
 use muster_scenarios::scenario::Override;
 
 use crate::campaign::jobs;
-use crate::sim::check_folder;
-use crate::{Ended, Failure, terminal};
+use crate::{Ended, Failure, folder, terminal};
 
 /// Search for a fault plan that breaks a rule, and make it as small as it gets.
 ///
@@ -48,10 +47,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         seeds: arguments.seeds,
     })?;
     let out = arguments.out.clone().unwrap_or_else(|| {
-        let name = format!("{}-chaos-{}", search.name(), arguments.seeds.at(0));
-        Path::new("runs").join(name)
+        let what = format!("chaos-{}", arguments.seeds.at(0));
+        folder::of(&arguments.scenario, what)
     });
-    check_folder(&out)?;
+    folder::check(&out)?;
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok())

@@ -5,6 +5,8 @@ mod chaos;
 mod check;
 mod completions;
 mod drone;
+mod failure;
+mod folder;
 mod keys;
 mod sim;
 mod status;
@@ -24,6 +26,8 @@ use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
+
+use self::failure::{complain, refuse};
 
 /// Flies swarms of drones: in simulation today, the very same drones on aircraft.
 ///
@@ -141,38 +145,9 @@ fn main() -> ExitCode {
         Ok(Ended::Well) => ExitCode::SUCCESS,
         Ok(Ended::RuleBroken) => ExitCode::from(3),
         Ok(Ended::MissionIncomplete) => ExitCode::from(4),
-        Err(Failure::Input(inputs)) => {
-            inputs.iter().for_each(show);
-            ExitCode::from(2)
-        }
-        Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => {
-            complain(&error);
-            ExitCode::from(2)
-        }
-        Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => {
-            complain(&error);
-            ExitCode::from(2)
-        }
-        Err(failure) => {
-            complain(&failure);
-            ExitCode::FAILURE
-        }
+        Err(Failure::Input(inputs)) => refuse(&inputs),
+        Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => complain(&error, 2),
+        Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => complain(&error, 2),
+        Err(failure) => complain(&failure, 1),
     }
-}
-
-/// Shows what is wrong with a file: where, and what would be accepted.
-#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn show(input: &BadInput) {
-    eprint!("{}", input.rendered());
-}
-
-#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn complain(error: &dyn std::error::Error) {
-    eprint!("Error: {error}");
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        eprint!(": {error}");
-        cause = error.source();
-    }
-    eprintln!();
 }

@@ -3,12 +3,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::engine::{self, Engine, Watcher};
 use muster_scenarios::report::{self, Report, Written};
-use muster_scenarios::scenario::{self, Override, Scenario};
+use muster_scenarios::scenario::{self, Override};
 
-use crate::{Ended, Failure, terminal};
+use crate::{Ended, Failure, folder, terminal};
 
 /// Fly a scenario in simulation and show what came of it.
 ///
@@ -67,8 +66,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| default_folder(&scenario));
-    check_folder(&out)?;
+        .unwrap_or_else(|| folder::of(Path::new(&scenario.name), scenario.seed));
+    folder::check(&out)?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
@@ -82,27 +81,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         print(&report, &written)?;
     }
     Ok(Ended::from(&report))
-}
-
-fn default_folder(scenario: &Scenario) -> PathBuf {
-    let stem = Path::new(&scenario.name).file_stem().unwrap_or_default();
-    Path::new("runs").join(format!("{}-{}", stem.to_string_lossy(), scenario.seed))
-}
-
-/// Refuses, before anything is flown, a folder that can't be written to: what there is of its path must be a folder
-/// in which files can be made.
-pub(crate) fn check_folder(out: &Path) -> Result<(), BadInput> {
-    let help = "--out takes a folder, which is made if it is not there";
-    let there = out.ancestors().find(|path| path.symlink_metadata().is_ok());
-    let there = there
-        .filter(|path| *path != Path::new(""))
-        .unwrap_or(Path::new("."));
-    if !there.is_dir() {
-        return Err(BadInput::without_excerpt(there, "is not a folder", help));
-    }
-    tempfile::tempfile_in(there).map(drop).map_err(|error| {
-        BadInput::without_excerpt(there, format!("can't be written to: {error}"), help)
-    })
 }
 
 fn watch(bar: &ProgressBar) -> Watcher {

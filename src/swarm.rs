@@ -1,5 +1,5 @@
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
@@ -9,8 +9,8 @@ use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario;
 
-use crate::sim::{check_folder, print};
-use crate::{Ended, Failure, terminal};
+use crate::sim::print;
+use crate::{Ended, Failure, folder, terminal};
 
 /// Fly a scenario with a process for each drone, in real time.
 ///
@@ -77,8 +77,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| default_folder(&arguments.scenario));
-    check_folder(&out)?;
+        .unwrap_or_else(|| folder::of(&arguments.scenario, "swarm"));
+    folder::check(&out)?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
     let mut watcher = |progress| show(&bar, progress);
@@ -107,11 +107,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         print(&report, &written)?;
     }
     Ok(Ended::from(&report))
-}
-
-fn default_folder(scenario: &Path) -> PathBuf {
-    let stem = scenario.file_stem().unwrap_or_default();
-    Path::new("runs").join(format!("{}-swarm", stem.to_string_lossy()))
 }
 
 /// The daemon, which stands beside this program wherever both were put.

@@ -8,8 +8,8 @@ use muster_scenarios::engine::Watcher;
 use muster_scenarios::scenario::{Override, Scenario};
 use muster_scenarios::thesis::{self, Comparison, Flights};
 
-use crate::sim::{EngineName, check_folder};
-use crate::{Ended, Failure, terminal};
+use crate::sim::EngineName;
+use crate::{Ended, Failure, folder, terminal};
 
 /// Fly the thesis's five experiments and show them beside its tables and figures.
 ///
@@ -47,9 +47,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let flights = Flights::load(&[Override::seed(&arguments.seed)], arguments.runs)?;
-    let default = || Path::new("runs").join(format!("thesis-seed-{}", flights.seed()));
+    let default = || folder::of(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
     let out = arguments.out.clone().unwrap_or_else(default);
-    check_folder(&out)?;
+    folder::check(&out)?;
     let bar = terminal::progress_bar(
         "{msg:>32} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );

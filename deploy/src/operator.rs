@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use muster_machines::identity::NodeId;
-use muster_runtime::diagnostic::{BadInput, FILE_SIZE_MAX, read_text};
+use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::identity::OperatorKey;
 use muster_transport::quic::{self, Stream};
 use serde::{Deserialize, Serialize};
@@ -14,8 +14,8 @@ use thiserror::Error;
 
 use crate::identities::OperatorIdentities;
 
-/// How long what is asked may be, in bytes: a line that says what is wanted, and a file.
-pub(crate) const REQUEST_MAX: usize = FILE_SIZE_MAX as usize + 1_024;
+/// How long the line may be that says what is wanted, in bytes.
+pub(crate) const REQUEST_MAX: usize = 1_024;
 
 /// How long an answer may be that is no log, in bytes.
 const ANSWER_MAX: usize = 64 * 1_024;
@@ -24,8 +24,8 @@ const ANSWER_MAX: usize = 64 * 1_024;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Request {
-    /// The rest of what it says is to take a file's place.
-    Upload(Upload),
+    /// What follows is to take a file's place: so many bytes.
+    Upload { what: Upload, bytes: usize },
     /// What the drone has said of late and, to follow it, what it goes on to say.
     Logs { follow: bool },
 }
@@ -50,6 +50,15 @@ impl Upload {
             Self::Mission
         }
     }
+
+    /// How long such a file may be, in bytes: many times what is written by hand, and so little that reading it takes a
+    /// drone's process a fraction of the memory that a service gives it.
+    pub(crate) const fn bytes_max(self) -> usize {
+        match self {
+            Self::Scenario => 64 * 1_024,
+            Self::Mission => 1_024 * 1_024,
+        }
+    }
 }
 
 /// What a drone says to an upload.
@@ -60,8 +69,10 @@ pub(crate) enum Answer {
     Taken(PathBuf),
     /// The drone could not use it: why, as it is shown on a terminal; nothing has changed.
     Unusable(String),
-    /// It flies, or was told to; nothing has changed.
+    /// It takes part in a flight; nothing has changed.
     Flies,
+    /// It is being handed another file; nothing has changed.
+    Busy,
     /// Its machine could not write it, as it says.
     Unwritten(String),
 }
@@ -82,11 +93,14 @@ pub enum OperatorError {
         /// What is wrong with it, as it is shown on a terminal.
         message: String,
     },
-    /// A drone takes no files while it flies, or was told to.
+    /// A drone takes no files while it takes part in a flight.
     #[error(
-        "drone {0} flies, or was told to: it takes a file before that, or once it is on the ground for good"
+        "drone {0} flies, or has heard of a master: it takes a file before that, or once it is on the ground for good"
     )]
     Flies(NodeId),
+    /// A drone takes one file at a time.
+    #[error("drone {0} is being handed another file: try again once it has that")]
+    Busy(NodeId),
     /// The drone's machine could not write the file; what was there before may be there still.
     #[error("drone {drone} can't write it: {message}")]
     Unwritten {
@@ -116,10 +130,14 @@ pub fn upload(
     path: &Path,
 ) -> Result<(NodeId, PathBuf), OperatorError> {
     let text = read_text(path)?;
-    let request = Request::Upload(Upload::of(path));
+    let request = Request::Upload {
+        what: Upload::of(path),
+        bytes: text.len(),
+    };
     let asked = [line(&request), text.into_bytes()].concat();
     let (drone, answer) = speak(fleet, address, async |stream| {
-        ask(stream, &asked).await?;
+        // A drone that refuses it reads no further: why, it says.
+        let _ = ask(stream, &asked).await;
         stream.read_to_end(ANSWER_MAX).await
     })?;
     match serde_json::from_slice(&answer) {
@@ -130,6 +148,7 @@ pub fn upload(
             message,
         }),
         Ok(Answer::Flies) => Err(OperatorError::Flies(drone)),
+        Ok(Answer::Busy) => Err(OperatorError::Busy(drone)),
         Ok(Answer::Unwritten(message)) => Err(OperatorError::Unwritten { drone, message }),
         Err(error) => Err(OperatorError::Lost(error.into())),
     }

@@ -1,12 +1,10 @@
 //! A drone that hears anything at all at any time: its machines never panic, never talk for ever, and their tables stay
 //! within their limits.
-#![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use muster_fuzz::{Drone, ops, scenarios};
 use muster_machines::identity::NodeId;
 
-fuzz_target!(|bytes: &[u8]| {
+pub(crate) fn run(bytes: &[u8]) {
     let [which, id, bytes @ ..] = bytes else {
         return;
     };
@@ -15,4 +13,4 @@ fuzz_target!(|bytes: &[u8]| {
     let id = u32::from(*id) % scenario.nodes();
     let mut drone = Drone::new(scenario, NodeId(id), *which >= 128);
     ops(bytes).for_each(|op| drone.happen(op));
-});
+}

@@ -1,13 +1,11 @@
 //! Drones' files: whatever one says, it is a drone that can be flown or refused with its place.
-#![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use muster_deploy::config::DroneConfig;
 use muster_fuzz::with_file;
 
-fuzz_target!(|bytes: &[u8]| {
+pub(crate) fn run(bytes: &[u8]) {
     with_file("drone.toml", bytes, |path| match DroneConfig::load(path) {
         Ok(config) => assert!(!config.description().is_empty()),
         Err(error) => assert!(!error.rendered().is_empty()),
     });
-});
+}

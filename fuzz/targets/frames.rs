@@ -1,11 +1,9 @@
 //! Frames and all that they carry: whatever the bytes, they are read or refused, and what is read is written as it was
 //! meant.
-#![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use muster_machines::wire;
 
-fuzz_target!(|bytes: &[u8]| {
+pub(crate) fn run(bytes: &[u8]) {
     let sender = wire::sender(bytes);
     if let Ok(frame) = wire::decode_frame(bytes) {
         assert_eq!(sender, Some(frame.header.sender));
@@ -16,7 +14,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert_eq!((read.header, read.payload), (frame.header, frame.payload));
     }
     read_payload(bytes);
-});
+}
 
 fn read_payload(payload: &[u8]) {
     if let Ok((_, words)) = wire::split_tree(payload) {

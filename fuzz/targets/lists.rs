@@ -1,10 +1,8 @@
 //! Rosters and lists of the expelled, from files and off the air: whatever they say is refused, for nobody else has the
 //! fleet's key.
-#![no_main]
 
 use std::sync::OnceLock;
 
-use libfuzzer_sys::fuzz_target;
 use muster_fuzz::{scratch, with_file};
 use muster_machines::identity::NodeId;
 use muster_machines::radio::{Authenticator, Offer};
@@ -23,7 +21,7 @@ fn drone() -> &'static Ed25519Authenticator {
     })
 }
 
-fuzz_target!(|bytes: &[u8]| {
+pub(crate) fn run(bytes: &[u8]) {
     let fleet = FleetKey::load(&scratch().join("fleet/fleet.pub")).expect("the fleet's key");
     assert_eq!(drone().take_list(bytes), Offer::Unsigned);
     with_file("list.toml", bytes, |path| {
@@ -34,4 +32,4 @@ fuzz_target!(|bytes: &[u8]| {
             assert!(!error.rendered().is_empty());
         }
     });
-});
+}

@@ -1,14 +1,12 @@
 //! Scenario files: whatever one says, it is a scenario or refused with its place.
-#![no_main]
 
-use libfuzzer_sys::fuzz_target;
 use muster_fuzz::with_file;
 use muster_scenarios::scenario;
 
 /// Thousands of drones are assigned to their slots in seconds, which is not what is looked for here.
 const DIGITS_MAX: usize = 3;
 
-fuzz_target!(|bytes: &[u8]| {
+pub(crate) fn run(bytes: &[u8]) {
     let is_small = |run: &[u8]| run.iter().filter(|it| it.is_ascii_digit()).count() <= DIGITS_MAX;
     if !bytes
         .split(|it| !it.is_ascii_digit() && *it != b'_')
@@ -22,4 +20,4 @@ fuzz_target!(|bytes: &[u8]| {
             Err(error) => assert!(!error.rendered().is_empty()),
         }
     });
-});
+}

@@ -1,6 +1,7 @@
 //! What people see when a file they gave can't be used.
 
 mod fields;
+mod toml_file;
 
 use std::fmt;
 use std::fs::File;
@@ -12,6 +13,7 @@ pub use fields::{Fields, accepted};
 use miette::{
     Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode, SourceSpan,
 };
+pub use toml_file::{Form, TomlFile};
 
 /// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
 pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;

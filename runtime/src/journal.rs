@@ -1,12 +1,13 @@
 //! A drone's journal: what its machines are built from after its process has ended, however it ended.
 //!
 //! Records are only added, each with its length and a checksum; reading ends at the first that is not whole, which is
-//! what a process leaves that was killed while it wrote, and a disk whose power failed. Of each machine's checkpoints
-//! the newest counts. Each start of the process is a record of its own, so that no two lives have one number.
+//! what a process leaves that was killed while it wrote, and a disk whose power failed. One that is whole and not
+//! understood is another version's, and no such end. Of each machine's checkpoints the newest counts. Each start of the process is a record of its own, so that no two lives have one number.
 
 mod folder;
 
-use std::io;
+use std::path::Path;
+use std::{fs, io};
 
 pub use folder::{Folder, FolderError};
 use muster_machines::cell::{Checkpoint, Checkpoints};
@@ -57,36 +58,63 @@ enum Record {
 pub struct Journal<S> {
     storage: S,
     len: usize,
+    /// Whole records that this version does not understand, as they were found.
+    unknown: Vec<u8>,
 }
 
 impl<S: Storage> Journal<S> {
     /// Opens a journal for another life of the drone's process; what it is built from, and the number of that life.
     ///
     /// # Errors
-    /// When the storage fails, or holds something that does not begin as a journal does: it may have been one, and what it
-    /// said must not be forgotten. The journal is as it was then.
-    pub fn open(mut storage: S) -> io::Result<(Self, Checkpoints)> {
+    /// When the storage fails, holds something that does not begin as a journal does, or has a whole record that this
+    /// version does not understand: what a journal said must not be forgotten. The journal is as it was then.
+    pub fn open(storage: S) -> io::Result<(Self, Checkpoints)> {
+        Self::begin(storage, |unknown| match unknown.first() {
+            None => Ok(()),
+            Some(at) => Err(refused(format!(
+                "the record at byte {at} is whole, and none that this version understands: what the drone has done can't be \
+                 told (start it with the version that wrote it, or with another journal)"
+            ))),
+        })
+    }
+
+    /// Likewise, for a drone in the air, which can't be refused: records that this version does not understand are passed
+    /// over, and kept as they are, so that no later life takes the journal for whole. Where there are any
+    /// ([`Self::is_understood`]) it is not known what the drone was doing, and it is to come down.
+    ///
+    /// # Errors
+    /// As [`Self::open`], but for such records.
+    pub fn open_in_flight(storage: S) -> io::Result<(Self, Checkpoints)> {
+        Self::begin(storage, |_| Ok(()))
+    }
+
+    /// Whether all records that it had when it was opened were understood.
+    #[must_use]
+    pub const fn is_understood(&self) -> bool {
+        self.unknown.is_empty()
+    }
+
+    fn begin(
+        mut storage: S,
+        check: impl FnOnce(&[usize]) -> io::Result<()>,
+    ) -> io::Result<(Self, Checkpoints)> {
         let bytes = storage.read()?;
-        let mut checkpoints = Checkpoints::default();
-        let mut boot = 0;
-        for record in records(&bytes) {
-            match record {
-                Record::Boot(number) => boot = number,
-                Record::Checkpoint(checkpoint) => {
-                    checkpoints.keep(checkpoint);
-                }
-            }
-        }
-        if boot == 0 && !bytes.is_empty() {
+        let found = Found::in_bytes(&bytes);
+        if found.boot == 0 && !bytes.is_empty() {
             let message = "its beginning is damaged: it can't be told what the drone has done";
-            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+            return Err(refused(message.to_owned()));
         }
-        let Some(boot) = boot.checked_add(1) else {
-            let message = "it has no number left for another life";
-            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        check(&found.unknown_at)?;
+        let Some(boot) = found.boot.checked_add(1) else {
+            return Err(refused("it has no number left for another life".to_owned()));
         };
+        let mut checkpoints = found.checkpoints;
         checkpoints.begin_life(boot);
-        let mut journal = Self { storage, len: 0 };
+        let mut journal = Self {
+            storage,
+            len: 0,
+            unknown: found.unknown,
+        };
         journal.compact(&checkpoints)?;
         Ok((journal, checkpoints))
     }
@@ -102,7 +130,7 @@ impl<S: Storage> Journal<S> {
         all: &Checkpoints,
         must_last: bool,
     ) -> io::Result<()> {
-        if self.len > COMPACT_ABOVE {
+        if self.len > COMPACT_ABOVE + self.unknown.len() {
             return self.compact(all);
         }
         let mut bytes = Vec::new();
@@ -124,6 +152,7 @@ impl<S: Storage> Journal<S> {
     fn compact(&mut self, all: &Checkpoints) -> io::Result<()> {
         let mut bytes = Vec::new();
         write(&Record::Boot(all.boot()), &mut bytes);
+        bytes.extend_from_slice(&self.unknown);
         for checkpoint in all.iter() {
             write(&Record::Checkpoint(checkpoint), &mut bytes);
         }
@@ -133,26 +162,79 @@ impl<S: Storage> Journal<S> {
     }
 }
 
-fn write(record: &Record, bytes: &mut Vec<u8>) {
-    let body = postcard::to_stdvec(record).expect("a checkpoint has a binary form");
-    let len = u32::try_from(body.len()).expect("a checkpoint is far below 4 GiB");
-    bytes.extend_from_slice(&len.to_le_bytes());
-    bytes.extend_from_slice(&crc32fast::hash(&body).to_le_bytes());
-    bytes.extend_from_slice(&body);
+/// What the journal in a folder says, as far as it is understood; nothing where there is none. No life begins.
+///
+/// # Errors
+/// When the system can't read it.
+pub fn peek(folder: &Path) -> io::Result<Option<Checkpoints>> {
+    match fs::read(folder.join(folder::FILE)) {
+        Ok(bytes) => Ok((!bytes.is_empty()).then(|| Found::in_bytes(&bytes).checkpoints)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
-/// The records up to the first that is not whole.
-fn records(mut bytes: &[u8]) -> impl Iterator<Item = Record> + '_ {
-    std::iter::from_fn(move || {
-        let (heading, rest) = bytes.split_at_checked(HEADING_LEN)?;
-        let number = |at: usize| heading[at..at + 4].try_into().map(u32::from_le_bytes).ok();
-        let (body, rest) = rest.split_at_checked(number(0)? as usize)?;
-        if crc32fast::hash(body) != number(4)? {
-            return None;
+fn refused(why: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, why)
+}
+
+/// What is read of a journal.
+#[derive(Default)]
+struct Found {
+    checkpoints: Checkpoints,
+    /// The number of the last life; 0 where no life has begun.
+    boot: u32,
+    /// Whole records that are not understood, and at which byte each begins.
+    unknown: Vec<u8>,
+    unknown_at: Vec<usize>,
+}
+
+impl Found {
+    fn in_bytes(bytes: &[u8]) -> Self {
+        let mut found = Self::default();
+        let mut at = 0;
+        while let Some(body) = whole(&bytes[at..]) {
+            let end = at + HEADING_LEN + body.len();
+            // A longer one than this version's is another version's.
+            match postcard::take_from_bytes(body) {
+                Ok((Record::Boot(number), [])) => found.boot = number,
+                Ok((Record::Checkpoint(checkpoint), [])) => {
+                    found.checkpoints.keep(checkpoint);
+                }
+                Ok(_) | Err(_) => {
+                    found.unknown.extend_from_slice(&bytes[at..end]);
+                    found.unknown_at.push(at);
+                }
+            }
+            at = end;
         }
-        bytes = rest;
-        postcard::from_bytes(body).ok()
-    })
+        found
+    }
+}
+
+fn write(record: &Record, bytes: &mut Vec<u8>) {
+    let body = postcard::to_stdvec(record).expect("a checkpoint has a binary form");
+    frame(&body, bytes);
+}
+
+/// Adds a record to a journal's bytes as it stands there: `body` behind its length and its checksum.
+///
+/// # Panics
+/// When it is longer than 4 GiB.
+pub fn frame(body: &[u8], bytes: &mut Vec<u8>) {
+    let len = u32::try_from(body.len()).expect("a checkpoint is far below 4 GiB");
+    bytes.extend_from_slice(&len.to_le_bytes());
+    bytes.extend_from_slice(&crc32fast::hash(body).to_le_bytes());
+    bytes.extend_from_slice(body);
+}
+
+/// What the first record says, if it is whole. None is empty: zeros are what a disk may have in the place of what was
+/// not written yet.
+fn whole(bytes: &[u8]) -> Option<&[u8]> {
+    let (heading, rest) = bytes.split_at_checked(HEADING_LEN)?;
+    let number = |at: usize| heading[at..at + 4].try_into().map(u32::from_le_bytes).ok();
+    let body = rest.get(..number(0)? as usize)?;
+    (!body.is_empty() && crc32fast::hash(body) == number(4)?).then_some(body)
 }
 
 #[cfg(test)]
@@ -237,6 +319,58 @@ mod tests {
         bytes[0] ^= 1;
         let error = Journal::open(Memory(bytes)).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::InvalidData);
+    }
+
+    /// A journal with a mission's checkpoint, a record of another version's, and a radio's checkpoint behind it.
+    fn with_unknown_record() -> Vec<u8> {
+        let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+        keep(&mut journal, &mut all, &mission(3));
+        let mut bytes = journal.into_storage().0;
+        frame(&[77, 1, 2, 3], &mut bytes);
+        write(&Record::Checkpoint(counter(5)), &mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn a_whole_record_that_is_not_understood_is_no_torn_end() {
+        let bytes = with_unknown_record();
+        let refused = Journal::open(Memory(bytes.clone())).unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::InvalidData);
+        let at = bytes.windows(4).position(|it| it == [77, 1, 2, 3]).unwrap() - HEADING_LEN;
+        let says = format!("the record at byte {at} is whole");
+        assert!(refused.to_string().starts_with(&says), "{refused}");
+
+        // Nor is one that goes on where this version's ends.
+        let (journal, _) = Journal::open(Memory::default()).unwrap();
+        let mut longer = journal.into_storage().0;
+        let known = postcard::to_stdvec(&Record::Checkpoint(counter(5))).unwrap();
+        frame(&[known, vec![1]].concat(), &mut longer);
+        Journal::open(Memory(longer)).unwrap_err();
+    }
+
+    #[test]
+    fn in_flight_what_is_understood_counts_and_the_rest_is_still_there_for_the_next_life() {
+        let mut bytes = with_unknown_record();
+        for life in 2..5 {
+            let (mut journal, mut all) = Journal::open_in_flight(Memory(bytes)).unwrap();
+            assert!(!journal.is_understood());
+            assert_eq!(all.boot(), life);
+            assert!(all.holds(&counter(5)) && all.state() == mission::State::default());
+            (0..u16::MAX / 4).for_each(|opened| keep(&mut journal, &mut all, &mission(opened)));
+            keep(&mut journal, &mut all, &mission(3));
+            bytes = journal.into_storage().0;
+            Journal::open(Memory(bytes.clone())).unwrap_err();
+        }
+    }
+
+    #[test]
+    fn zeros_at_the_end_are_what_a_disk_had_not_written_yet() {
+        let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+        keep(&mut journal, &mut all, &counter(7));
+        let mut bytes = journal.into_storage().0;
+        bytes.extend_from_slice(&[0; 512]);
+        let (_, found) = Journal::open(Memory(bytes)).unwrap();
+        assert!(found.holds(&counter(7)));
     }
 
     #[test]

@@ -168,6 +168,8 @@ pub fn refuses(fault: &Fault) -> Option<&'static str> {
 mod tests {
     use std::path::Path;
 
+    use muster_machines::mission::{Event, State};
+
     use super::*;
     use crate::engine;
     use crate::scenario::{Override, load};
@@ -178,27 +180,52 @@ mod tests {
         load(&path, &changes).unwrap()
     }
 
-    /// What a simulation makes of a scenario, and what a twin does that is told what the simulated drones say.
-    fn both(scenario: &Scenario) -> [Report; 2] {
+    /// What a simulation makes of a scenario, and what a twin does that is so far behind and told what the simulated drones
+    /// say, and when their processes end: `faults` befall it, in the place of the scenario's.
+    fn both(scenario: &Scenario, behind: Duration, faults: &[Fault]) -> [Report; 2] {
         let mut world = engine::flown(scenario);
-        let said = std::mem::take(&mut world.said);
-        let mut twin = Twin::new(scenario, Duration::ZERO);
-        for (at, drone, said) in said {
-            twin.hear(at, drone, said);
-        }
-        let mut now = Timestamp::ZERO;
-        while !twin.is_flown() {
-            now += Duration::from_millis(10);
-            twin.advance(now);
-        }
+        let mut said = std::mem::take(&mut world.said);
+        let finished = Said::Seen(Observation::Mission(Event::State(State::Finished)));
+        let ends: Vec<_> = (said.iter())
+            .filter(|(_, _, said)| *said == finished)
+            .map(|(at, drone, _)| (*at + Duration::from_millis(500), *drone, Said::Ended))
+            .collect();
+        said.extend(ends);
+        said.sort_by_key(|(at, ..)| *at);
         let (simulated, _) = summary(scenario, None, &world.finish(), Duration::ZERO);
+        let mut told = scenario.clone();
+        told.faults = faults.to_vec();
+        let mut twin = Twin::new(&told, behind);
+        let (mut now, mut stood) = (Timestamp::ZERO, vec![Standing::Runs; twin.nodes().count()]);
+        let mut said = said.into_iter().peekable();
+        // It is over at the very time at which the last is down, as in the simulation.
+        'flight: while !twin.is_flown() {
+            now += Duration::from_millis(10);
+            while let Some((at, drone, said)) = said.next_if(|(at, ..)| *at <= now) {
+                twin.hear(at, drone, said);
+                if twin.is_flown() {
+                    break 'flight;
+                }
+            }
+            twin.advance(now);
+            for (drone, stood) in twin.nodes().zip(&mut stood) {
+                let standing = twin.process(drone);
+                if std::mem::replace(stood, standing) != standing && standing == Standing::Ended {
+                    twin.hear(now, drone, Said::Ended);
+                }
+            }
+        }
         let (twin, _) = twin.finish(scenario, Duration::ZERO);
         [simulated, twin]
     }
 
-    /// Without what a twin is not told: frames.
     fn compare(scenario: &Scenario) {
-        let [simulated, twin] = both(scenario).map(|mut report| {
+        compare_behind(scenario, Duration::ZERO, &scenario.faults);
+    }
+
+    /// Without what a twin is not told: frames.
+    fn compare_behind(scenario: &Scenario, behind: Duration, faults: &[Fault]) {
+        let [simulated, twin] = both(scenario, behind, faults).map(|mut report| {
             for drone in &mut report.drones {
                 (drone.messages_sent, drone.messages_received) = (0, 0);
             }
@@ -232,6 +259,61 @@ mod tests {
     fn a_twin_follows_processes_that_start_again() {
         for name in ["returning-drone.toml", "hardware/swarm-restart.toml"] {
             compare(&scenario(name, &[]));
+        }
+    }
+
+    #[test]
+    fn what_befalls_a_process_befalls_its_drone_once_the_twin_that_is_behind_is_there() {
+        let behind = Duration::from_millis(50);
+        for fault in ["kill=1", "restart=1,for_s=2", "hang=1,for_s=0.5"] {
+            let faults = |at_s: f64| format!("faults=[{{at_s={at_s},{fault}}}]");
+            let befalls = scenario("hardware/swarm-short.toml", &[&faults(9.05)]);
+            let told = scenario("hardware/swarm-short.toml", &[&faults(9.0)]);
+            compare_behind(&befalls, behind, &told.faults);
+        }
+    }
+
+    #[test]
+    fn a_process_that_ends_in_mid_flight_though_nothing_befell_it_breaks_a_rule() {
+        let scenario = scenario("hardware/swarm-short.toml", &[]);
+        let said = engine::flown(&scenario).said;
+        let mut twin = Twin::new(&scenario, Duration::from_millis(50));
+        let end = Timestamp::from_secs_f64(9.0);
+        for (at, drone, said) in said.into_iter().filter(|(at, ..)| *at < end) {
+            twin.hear(at, drone, said);
+        }
+        twin.hear(end, NodeId(3), Said::Ended);
+        let (report, _) = twin.finish(&scenario, Duration::ZERO);
+        let broken: Vec<_> = (report.violations.iter())
+            .map(|it| (it.rule, &it.drones[..]))
+            .collect();
+        assert_eq!(broken, [(9, &[3][..])]);
+    }
+
+    #[test]
+    fn a_hang_that_is_over_when_the_next_begins_does_not_let_the_process_run_in_between() {
+        let hang = "faults=[{at_s=3,hang=0,for_s=1,times=3,every_s=1}]";
+        let scenario = scenario("hardware/swarm-short.toml", &[hang]);
+        for behind in [0, 50] {
+            let behind = Duration::from_millis(behind);
+            let mut twin = Twin::new(&scenario, behind);
+            let end = Timestamp::from_secs_f64(6.0) + behind;
+            let mut now = Timestamp::ZERO;
+            while now < end + Duration::from_secs(1) {
+                let hangs = now >= Timestamp::from_secs_f64(3.0) && now < end;
+                let standing = if hangs {
+                    Standing::Hangs
+                } else {
+                    Standing::Runs
+                };
+                twin.advance(now);
+                assert_eq!(
+                    twin.process(NodeId(0)),
+                    standing,
+                    "{now:?}, behind {behind:?}"
+                );
+                now += Duration::from_millis(5);
+            }
         }
     }
 }

@@ -1,5 +1,8 @@
 //! The daemon: one drone as a process. Arguments and exit codes, nothing else.
 
+#[path = "../failure.rs"]
+mod failure;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -8,6 +11,8 @@ use muster_deploy::agent;
 use muster_deploy::config::DroneConfig;
 use muster_deploy::daemon::{self, Ended, Start};
 use muster_runtime::diagnostic::BadInput;
+
+use self::failure::{complain, refuse};
 
 /// Flies one drone as a process, until it is on the ground for good.
 ///
@@ -47,12 +52,12 @@ fn main() -> ExitCode {
     let Some(path) = &arguments.config else {
         return match agent::run() {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => complain(&error),
+            Err(error) => complain(&error, 1),
         };
     };
     let config = match load(path, &arguments) {
         Ok(config) => config,
-        Err(input) => return refuse(&input),
+        Err(input) => return refuse(&[input]),
     };
     if arguments.check {
         say(&format!("{}: {}", path.display(), config.description()));
@@ -67,7 +72,7 @@ fn main() -> ExitCode {
         Ok(Ended::Well) => ExitCode::SUCCESS,
         Ok(Ended::Early(_)) => ExitCode::from(4),
         Ok(Ended::Unable(_) | Ended::Abandoned) => ExitCode::FAILURE,
-        Err(error) => complain(&error),
+        Err(error) => complain(&error, 1),
     }
 }
 
@@ -85,22 +90,4 @@ fn load(path: &Path, arguments: &Arguments) -> Result<DroneConfig, BadInput> {
 #[expect(clippy::print_stdout, reason = "this is what was asked for")]
 fn say(text: &str) {
     println!("{text}");
-}
-
-#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn refuse(input: &BadInput) -> ExitCode {
-    eprint!("{}", input.rendered());
-    ExitCode::from(2)
-}
-
-#[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-fn complain(error: &dyn std::error::Error) -> ExitCode {
-    eprint!("Error: {error}");
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        eprint!(": {error}");
-        cause = error.source();
-    }
-    eprintln!();
-    ExitCode::FAILURE
 }

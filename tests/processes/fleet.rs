@@ -39,7 +39,7 @@ impl Fleet {
 
     /// Likewise, drones that speak over this transport.
     pub(crate) fn over(transport: &str) -> Self {
-        let port = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let port = free_port();
         let number = port.local_addr().unwrap().port();
         Self::with(transport, Some(port), |id| {
             let others = (0..5).filter(|peer| *peer != id);
@@ -189,6 +189,23 @@ impl Fleet {
     }
 }
 
+/// Runs a command to its end: its exit code, and what it says, without the ends of lines at which that is wrapped for a
+/// terminal.
+pub(crate) fn said_by(command: &mut Command) -> (Option<i32>, String) {
+    let run = command.output().unwrap();
+    let said = String::from_utf8([run.stdout, run.stderr].concat()).unwrap();
+    let words: Vec<_> = said.split_whitespace().collect();
+    (run.status.code(), words.join(" "))
+}
+
+/// Runs a command that is given something that can't be used: it says so, and what would be accepted, and does nothing.
+pub(crate) fn assert_refused(command: &mut Command, says: &str) {
+    let (code, said) = said_by(command);
+    assert_eq!(code, Some(2), "{command:?}: {said}");
+    assert!(said.contains(says), "{command:?}: {said}");
+    assert!(!said.contains("panicked"), "{said}");
+}
+
 /// What a drone is told at its start.
 fn told(id: u32) -> &'static [&'static str] {
     if id == MASTER { &["--fly"] } else { &[] }
@@ -201,8 +218,13 @@ fn bind_of(path: &Path) -> String {
     line.unwrap().trim_matches('"').to_owned()
 }
 
+/// A port of a test of its own, as long as it is held.
+pub(crate) fn free_port() -> UdpSocket {
+    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap()
+}
+
 /// An address of a test of its own: 127.0.0.0/16 is for others.
-fn address(number: u16, id: u32) -> String {
+pub(crate) fn address(number: u16, id: u32) -> String {
     let [high, low] = number.to_be_bytes();
     format!("127.{}.{low}.{}:{number}", high.max(1), id + 1)
 }

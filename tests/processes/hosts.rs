@@ -2,15 +2,16 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::fleet::{Process, SCENARIO};
+use super::fleet::{Process, SCENARIO, address, assert_refused, free_port, said_by};
 use super::network::{Network, skip};
-use super::swarm::{hanging, stopped, swarm, wait_until};
+use super::swarm::{hanging, processes_of, stopped, swarm, wait_until, with_faults};
 
 const MUSTERD: &str = env!("CARGO_BIN_EXE_musterd");
 
@@ -196,7 +197,7 @@ fn a_flight_ends_everywhere_when_a_host_is_cut_off_and_there_too() {
     wait_until("it takes off", || {
         fs::read_to_string(&log).is_ok_and(|log| log.contains("TakingOff"))
     });
-    (fleet.network).lose(|from, to| if from == 2 || to == 2 { 100 } else { 0 });
+    (fleet.network).let_hear(|from, to| from != 2 && to != 2);
     let output = swarm.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     let said = String::from_utf8(output.stderr).unwrap();
@@ -234,6 +235,71 @@ fn the_same_scenario_flies_over_a_network_whose_line_is_real() {
     assert_eq!(network.processes(0..5), BTreeSet::new());
 }
 
+/// A file of two hosts that are this machine, the first reached by a command, the second too; who has drones 0 and 1, and
+/// 2 to 4.
+fn two_hosts(folder: &Path, runs: [&[&str]; 2]) -> (PathBuf, UdpSocket) {
+    let port = free_port();
+    let number = port.local_addr().unwrap().port();
+    let tables = runs.iter().zip([("[0, 1]", 0), ("[2, 3, 4]", 2)]);
+    let tables = tables.map(|(run, (drones, first))| {
+        let address = address(number, first);
+        format!("[[hosts]]\nrun = {run:?}\ndrones = {drones}\nmusterd = \"{MUSTERD}\"\naddress = \"{address}\"\n")
+    });
+    let file = folder.join("hosts.toml");
+    fs::write(&file, tables.collect::<String>()).unwrap();
+    (file, port)
+}
+
+#[test]
+fn a_host_waits_for_another_that_is_slow_to_start_and_to_be_handed_its_files() {
+    let folder = tempfile::tempdir().unwrap();
+    // It takes seven seconds to be there, and a quarter for each line, until it has got its files.
+    let slow = "sleep 7; n=0
+        while IFS= read -r line; do
+            printf '%s\\n' \"$line\"; n=$((n + 1)); [ $n -gt 80 ] || sleep 0.25
+        done | \"$@\"";
+    let (hosts, _port) = two_hosts(folder.path(), [&["sh", "-c", slow, "--"], &["env"]]);
+    let padding = format!("\n# {}\n", "long ".repeat(20_000));
+    let scenario = with_faults(folder.path(), &padding);
+    let out = folder.path().join("out");
+    let mut command = swarm(scenario.to_str().unwrap(), &out);
+    let command = command.arg("--hosts").arg(hosts).stderr(Stdio::piped());
+    let mut run = command.spawn().unwrap();
+    let log = out.join("drones/drone-0/log.jsonl");
+    let mut ended = None;
+    wait_until("it takes off", || {
+        ended = run.try_wait().unwrap();
+        ended.is_some() || fs::read_to_string(&log).is_ok_and(|log| log.contains("TakingOff"))
+    });
+    if ended.is_some() {
+        panic!("{:?}", run.wait_with_output());
+    }
+    run.kill().unwrap();
+    run.wait().unwrap();
+    wait_until("none is left", || processes_of(&out).is_empty());
+}
+
+#[test]
+fn what_a_host_was_handed_is_removed_when_another_starts_no_drones() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = folder.path().join("files");
+    fs::create_dir(&files).unwrap();
+    let place = format!("TMPDIR={}", files.display());
+    let fails = format!(
+        "until [ -e {}/muster-*/scenario ]; do sleep 0.05; done; echo no way there >&2; exit 1",
+        files.display()
+    );
+    let runs: [&[&str]; 2] = [&["env", &place], &["sh", "-c", &fails, "--"]];
+    let (hosts, _port) = two_hosts(folder.path(), runs);
+    let out = folder.path().join("out");
+    let mut command = swarm("hardware/swarm-short.toml", &out);
+    let (code, said) = said_by(command.arg("--hosts").arg(hosts));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("no way there"), "{said}");
+    assert_eq!(fs::read_dir(&files).unwrap().count(), 0);
+    assert_eq!(processes_of(&out), [0; 0]);
+}
+
 #[test]
 fn a_host_that_starts_no_drones_is_told_with_what_it_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -243,13 +309,9 @@ fn a_host_that_starts_no_drones_is_told_with_what_it_said() {
         let there = "[[hosts]]\ndrones = [2, 3, 4]\naddress = \"127.0.0.2:4700\"\n";
         let musterd = format!("musterd = \"{MUSTERD}\"\n");
         fs::write(&file, format!("{here}{musterd}{there}run = {run}\n")).unwrap();
-        let run = swarm("hardware/swarm-short.toml", &folder.path().join("out"))
-            .arg("--hosts")
-            .arg(&file)
-            .output()
-            .unwrap();
-        let said = String::from_utf8(run.stderr).unwrap();
-        assert_eq!(run.status.code(), Some(1), "{said}");
+        let mut run = swarm("hardware/swarm-short.toml", &folder.path().join("out"));
+        let (code, said) = said_by(run.arg("--hosts").arg(&file));
+        assert_eq!(code, Some(1), "{said}");
         assert!(said.contains(says), "{said}");
     };
     refused(
@@ -328,12 +390,9 @@ interface = "wlan0"
         fs::write(&file, right.replacen(from, to, 1)).unwrap();
         let out = folder.path().join("out");
         let mut run = swarm("hardware/swarm-short.toml", &out);
-        let run = run.arg("--hosts").arg(&file).output().unwrap();
-        let said = String::from_utf8(run.stderr).unwrap();
-        let said: Vec<_> = said.split_whitespace().collect();
-        let said = said.join(" ");
-        assert_eq!(run.status.code(), Some(2), "{from} made {to}: {said}");
-        assert!(said.contains(says), "{from} made {to}: {said}");
-        assert!(said.contains("hosts.toml") && !out.exists(), "{said}");
+        let run = run.arg("--hosts").arg(&file);
+        assert_refused(run, says);
+        assert_refused(run, "hosts.toml");
+        assert!(!out.exists(), "{from} made {to}");
     }
 }

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use super::fleet::{Fleet, MASTER, Process, replace, seen, wait_until};
 use super::flights::{agreed, others, state};
-use super::network::{GROUP, Network};
+use super::network::{GROUP, Network, next_to};
 
 fn opened(waypoint: u32) -> Value {
     json!({ "Opened": { "waypoint": waypoint } })
@@ -63,6 +63,12 @@ fn wait_for_masters(drones: &mut [Process], parts: &[&[u32]]) {
     }
 }
 
+/// Waits until all obey one and the same master.
+fn wait_until_one(drones: &mut [Process]) {
+    let mut all: Vec<_> = drones.iter_mut().collect();
+    wait_until("all obey one", &mut all, |drones| obeyed(drones).is_some());
+}
+
 #[test]
 fn five_hosts_in_a_line_fly_by_relaying_and_another_swarm_on_the_same_network_is_not_heeded() {
     let Some(network) = Network::line(5) else {
@@ -98,13 +104,7 @@ fn a_line_whose_master_is_killed_is_two_parts_that_fly_on_and_one_when_they_hear
     master.signal("KILL");
     assert_eq!(master.end(), None);
     wait_for_masters(&mut drones, &[&[0, 1], &[3, 4]]);
-    network.lose(|from, to| {
-        if from.abs_diff(to) == 1 || from + to == 4 {
-            0
-        } else {
-            100
-        }
-    });
+    network.let_hear(|from, to| next_to(from, to) || from + to == 4);
     wait_for_masters(&mut drones, &[&[0, 1, 3, 4]]);
 
     let mut again = fleet.start_on(&network, MASTER, &["--fly"]);
@@ -141,44 +141,21 @@ fn a_line_that_is_cut_is_two_parts_and_one_again_however_it_was_cut() {
     let fleet = Fleet::on_hosts();
     let mut drones = fleet.fly_on(&network);
     drones[MASTER as usize].wait_for_mission(&opened(0));
-    let line = |from: u32, to: u32| from.abs_diff(to) == 1;
-    let is_cut = |from: u32, to: u32| from.min(to) == 2;
-    network.lose(|from, to| {
-        if line(from, to) && !is_cut(from, to) {
-            0
-        } else {
-            100
-        }
-    });
+    network.let_hear(|from, to| next_to(from, to) && from.min(to) != 2);
     wait_for_masters(&mut drones, &[&[3, 4]]);
-    network.lose(|from, to| if line(from, to) { 0 } else { 100 });
-    let whole = |drones: &[&mut Process]| obeyed(drones).is_some();
-    wait_until(
-        "all obey one",
-        &mut part(&mut drones, &[0, 1, 2, 3, 4]),
-        whole,
-    );
+    network.let_hear(next_to);
+    wait_until_one(&mut drones);
 
     // Drone 0 hears the others, and they don't hear it: that is no link.
     drones[0].take_in();
     let before = drones[0].obeyed().len();
-    network.lose(|from, to| {
-        if line(from, to) && (from, to) != (0, 1) {
-            0
-        } else {
-            100
-        }
-    });
+    network.let_hear(|from, to| next_to(from, to) && (from, to) != (0, 1));
     wait_until("it leads itself", &mut part(&mut drones, &[0]), |drones| {
         let obeyed = drones[0].obeyed();
         obeyed.len() > before && obeyed.last().unwrap()["master"] == 0
     });
-    network.lose(|from, to| if line(from, to) { 0 } else { 100 });
-    wait_until(
-        "all obey one",
-        &mut part(&mut drones, &[0, 1, 2, 3, 4]),
-        whole,
-    );
+    network.let_hear(next_to);
+    wait_until_one(&mut drones);
     end_well(&mut drones);
 }
 
@@ -323,7 +300,7 @@ fn what_was_recorded_of_others_before_a_drone_started_again_is_not_let_in() {
     drones[0].signal("KILL");
     assert_eq!(drones[0].end(), None);
     // From now on it hears nobody but the attacker.
-    network.lose(|from, to| if to == 0 && from < 5 { 100 } else { 0 });
+    network.let_hear(|from, to| to != 0 || from == 5);
     let mut again = fleet.start_on(&network, 0, &[]);
     assert_eq!(again.end(), Some(4));
     let let_in = again.said.iter().filter_map(|line| line["let_in"].as_u64());

@@ -36,7 +36,7 @@ impl Network {
     /// A network on which each host hears the next ones, and no others.
     pub(crate) fn line(hosts: u32) -> Option<Self> {
         let network = Self::new(hosts)?;
-        network.lose(|from, to| if from.abs_diff(to) == 1 { 0 } else { 100 });
+        network.let_hear(next_to);
         Some(network)
     }
 
@@ -78,6 +78,11 @@ impl Network {
         }
         network.carry(&|_, _| 0)?;
         Ok(network)
+    }
+
+    /// From now on a host hears another where this says so, and does not hear it otherwise.
+    pub(crate) fn let_hear(&self, hears: impl Fn(u32, u32) -> bool) {
+        self.lose(|from, to| if hears(from, to) { 0 } else { 100 });
     }
 
     /// From now on so much of what one host sends is lost on its way to another, in percent.
@@ -155,6 +160,11 @@ impl Drop for Network {
         drop(self.cleaner.stdin.take());
         self.cleaner.wait().unwrap();
     }
+}
+
+/// Whether two hosts are next to each other in a line.
+pub(crate) fn next_to(from: u32, to: u32) -> bool {
+    from.abs_diff(to) == 1
 }
 
 /// Says why a test is skipped, which it is with what this returns.

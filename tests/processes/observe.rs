@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::fleet::{Fleet, MASTER, replace};
+use super::fleet::{Fleet, MASTER, assert_refused, replace};
 
 /// Runs `muster status`.
 fn status(arguments: &[String]) -> Output {
@@ -193,11 +193,8 @@ fn those_who_ask_nothing_are_sent_away_and_others_are_answered() {
 fn whom_nobody_can_ask_is_refused_by_name() {
     let fleet = Fleet::new();
     let refused = |argument: String, says: &str| {
-        let run = status(&[argument]);
-        let said = String::from_utf8(run.stderr).unwrap();
-        let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(run.status.code(), Some(2), "{said}");
-        assert!(said.contains(says), "{said}");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
+        assert_refused(command.arg("status").arg(argument), says);
     };
     refused(
         "nobody".to_owned(),

@@ -1,25 +1,6 @@
 //! Drones' files that can't be used: exit code 2, the place is shown, and what would be accepted; nothing is flown.
 
-use std::process::Command;
-
-use super::fleet::{Fleet, replace};
-
-fn check(fleet: &Fleet, id: u32, argument: &str) -> (Option<i32>, String) {
-    let run = Command::new(env!("CARGO_BIN_EXE_musterd"))
-        .arg("--config")
-        .arg(fleet.file(id))
-        .arg(argument)
-        .output()
-        .unwrap();
-    let said = [run.stdout, run.stderr].concat();
-    // It is wrapped to the width of a terminal.
-    let words: Vec<_> = String::from_utf8(said)
-        .unwrap()
-        .split_whitespace()
-        .map(str::to_owned)
-        .collect();
-    (run.status.code(), words.join(" "))
-}
+use super::fleet::{Fleet, assert_refused, replace, said_by};
 
 #[test]
 fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
@@ -77,13 +58,10 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
         let file = fleet.file(0);
         let before = std::fs::read_to_string(&file).unwrap();
         replace(&file, from, to);
-        let (code, said) = check(&fleet, 0, "--check");
+        assert_refused(fleet.command(0).arg("--check"), says);
         std::fs::write(&file, before).unwrap();
-        assert_eq!(code, Some(2), "{from} made {to}: {said}");
-        assert!(said.contains(says), "{from} made {to}: {said}");
-        assert!(!said.contains("panicked"), "{said}");
     }
-    let (code, said) = check(&fleet, 0, "--check");
+    let (code, said) = said_by(fleet.command(0).arg("--check"));
     assert_eq!(code, Some(0), "{said}");
     assert!(!fleet.path("journal-0").exists(), "something was written");
 }
@@ -91,28 +69,20 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
 #[test]
 fn only_the_drone_that_leads_can_be_told_to_fly() {
     let fleet = Fleet::new();
-    let (code, said) = check(&fleet, 0, "--fly");
-    assert_eq!(code, Some(2));
-    assert!(said.contains("does not lead"), "{said}");
+    assert_refused(fleet.command(0).arg("--fly"), "does not lead");
 }
 
 #[test]
 fn an_expelled_drone_does_not_start() {
     let fleet = Fleet::new();
     fleet.keys(&["expel", "ours", "3"]);
-    let (code, said) = check(&fleet, 3, "--check");
-    assert_eq!(code, Some(2));
-    assert!(said.contains("drone 3 was expelled"), "{said}");
+    assert_refused(fleet.command(3).arg("--check"), "drone 3 was expelled");
 }
 
 #[test]
 fn a_list_of_the_expelled_that_was_kept_and_can_not_be_read_is_not_passed_over() {
     let fleet = Fleet::new();
     std::fs::write(fleet.path("expelled-kept-3.toml"), "number = 7").unwrap();
-    let (code, said) = check(&fleet, 3, "--check");
-    assert_eq!(code, Some(2));
-    assert!(
-        said.contains("a list of the expelled has `number`"),
-        "{said}"
-    );
+    let says = "a list of the expelled has `number`";
+    assert_refused(fleet.command(3).arg("--check"), says);
 }

@@ -1,19 +1,25 @@
 //! `muster swarm`: a scenario's drones as processes, from the command line.
 
 use std::fs;
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use muster_runtime::journal::{Folder, Storage, frame};
 use serde_json::Value;
 
-use super::fleet::SCENARIO;
+use super::fleet::{SCENARIO, assert_refused};
 
 /// How long a test waits for what must happen; only a failing one does.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// What the processes of a flight have in their environment, as they inherit it from their starter: its folder.
+const MARK: &str = "MUSTER_TEST_FLIGHT";
+
 pub(crate) fn swarm(scenario: &str, out: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
+    command.env(MARK, out);
     let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
     command
         .arg("swarm")
@@ -23,16 +29,20 @@ pub(crate) fn swarm(scenario: &str, out: &Path) -> Command {
     command
 }
 
-/// The processes of drones that have to do with a folder, by number.
-fn processes_of(folder: &Path) -> Vec<u32> {
-    let folder = folder.to_string_lossy();
+/// The daemon's processes that a flight into a folder has started, agents too, by number.
+pub(crate) fn processes_of(folder: &Path) -> Vec<u32> {
+    let mark = format!("{MARK}={}", folder.display());
     let all = fs::read_dir("/proc").unwrap();
     let numbers = all.filter_map(|it| it.ok()?.file_name().to_str()?.parse().ok());
-    let has_to_do = |pid: &u32| {
-        let line = fs::read_to_string(format!("/proc/{pid}/cmdline"));
-        line.is_ok_and(|line| line.contains("musterd") && line.contains(&*folder))
+    let is_of_it = |pid: &u32| {
+        let program = fs::read_link(format!("/proc/{pid}/exe"));
+        // It may have ended meanwhile.
+        let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        let mut variables = environment.split(|byte| *byte == 0);
+        program.is_ok_and(|it| it == Path::new(env!("CARGO_BIN_EXE_musterd")))
+            && variables.any(|it| it == mark.as_bytes())
     };
-    numbers.filter(has_to_do).collect()
+    numbers.filter(is_of_it).collect()
 }
 
 /// Whether a process has been stopped by a signal.
@@ -44,24 +54,21 @@ pub(crate) fn stopped(pid: u32) -> bool {
 
 /// A scenario in whose flight a drone's process is stopped for some seconds.
 pub(crate) fn hanging(folder: &Path) -> PathBuf {
+    with_faults(folder, "\n[[faults]]\nat_s = 2\nhang = 0\nfor_s = 2.9\n")
+}
+
+/// The short scenario with this at its end, in a folder.
+pub(crate) fn with_faults(folder: &Path, faults: &str) -> PathBuf {
     let text = fs::read_to_string(SCENARIO).unwrap();
-    let missions = Path::new(SCENARIO)
-        .parent()
-        .unwrap()
-        .parent()
-        .unwrap()
-        .join("missions");
+    let hardware = Path::new(SCENARIO).parent().unwrap();
+    let missions = hardware.parent().unwrap().join("missions");
     let text = text.replace("../missions", missions.to_str().unwrap());
-    let path = folder.join("hanging.toml");
-    fs::write(
-        &path,
-        text + "\n[[faults]]\nat_s = 2\nhang = 0\nfor_s = 2.9\n",
-    )
-    .unwrap();
+    let path = folder.join("with-faults.toml");
+    fs::write(&path, text + faults).unwrap();
     path
 }
 
-pub(crate) fn wait_until(what: &str, holds: impl Fn() -> bool) {
+pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let since = Instant::now();
     while !holds() {
         assert!(
@@ -72,6 +79,16 @@ pub(crate) fn wait_until(what: &str, holds: impl Fn() -> bool) {
     }
 }
 
+/// What a flight that was flown to its end came to: no rule was broken, and no process is left.
+fn flown(run: &Output, out: &Path) -> Value {
+    assert!(run.status.success(), "{run:?}");
+    assert_eq!(processes_of(out), [0; 0]);
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["violations"], Value::Array(Vec::new()));
+    assert_eq!(report["mission_completed"], true);
+    report
+}
+
 #[test]
 fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_simulation() {
     let folder = tempfile::tempdir().unwrap();
@@ -80,11 +97,7 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
         .arg("--json")
         .output()
         .unwrap();
-    assert!(run.status.success(), "{run:?}");
-    assert_eq!(processes_of(&out), [0; 0]);
-    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
-    assert_eq!(report["violations"], Value::Array(Vec::new()));
-    assert_eq!(report["mission_completed"], true);
+    let report = flown(&run, &out);
     assert!(report.get("engine").is_none() && report.get("trace").is_none());
     let drones = report["drones"].as_array().unwrap();
     for (id, drone) in (0..).zip(drones) {
@@ -113,25 +126,116 @@ fn processes_elect_a_master_over_several_hops_and_are_judged_by_the_rules_of_a_s
     }
 }
 
+/// What a drone of a flight has in its folder.
+fn of_drone(out: &Path, id: u32, file: &str) -> PathBuf {
+    out.join(format!("drones/drone-{id}/{file}"))
+}
+
+fn log(out: &Path, id: u32) -> String {
+    fs::read_to_string(of_drone(out, id, "log.jsonl")).unwrap_or_default()
+}
+
+/// Meanwhile somebody hands their scenario's place to nonsense, and takes the port at which one of them was asked.
 #[test]
-fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on() {
+fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on_what_they_flew() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("flight");
-    let run = swarm("hardware/swarm-restart.toml", &out)
-        .arg("--json")
-        .output()
-        .unwrap();
-    assert!(run.status.success(), "{run:?}");
-    assert_eq!(processes_of(&out), [0; 0]);
-    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
-    assert_eq!(report["violations"], Value::Array(Vec::new()));
-    assert_eq!(report["mission_completed"], true);
+    let mut command = swarm("hardware/swarm-restart.toml", &out);
+    let command = command.arg("--json").stdout(Stdio::piped());
+    let run = command.spawn().unwrap();
+    wait_until("the master takes off", || {
+        log(&out, 2).contains("TakingOff")
+    });
+    for file in fs::read_dir(out.join("drones/scenario")).unwrap() {
+        fs::write(file.unwrap().path(), "nonsense").unwrap();
+    }
+    let file = fs::read_to_string(of_drone(&out, 2, "drone.toml")).unwrap();
+    let http = file.lines().find_map(|line| line.strip_prefix("http = "));
+    let address = http.unwrap().trim_matches('"');
+    let mut taken = None;
+    wait_until("the master is killed", || {
+        taken = TcpListener::bind(address).ok();
+        taken.is_some()
+    });
+    wait_until("it flies on though it can't be asked", || {
+        log(&out, 2).contains("the drone flies on, and tries again")
+    });
+    drop(taken);
+    wait_until("it can be asked again", || {
+        let mut status = Command::new(env!("CARGO_BIN_EXE_muster"));
+        let asked = status.args(["status", address]).output().unwrap();
+        asked.status.success()
+    });
+    let run = run.wait_with_output().unwrap();
+    let report = flown(&run, &out);
     for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
         assert_eq!(drone["state"], "finished", "drone {id}");
         assert_eq!(drone["waypoints"], 3, "drone {id}");
-        let lives = fs::read_to_string(out.join(format!("drones/drone-{id}/log.jsonl"))).unwrap();
-        let lives = lives.lines().filter(|line| line.contains("\"starts\""));
-        assert_eq!(lives.count(), if [0, 2].contains(&id) { 2 } else { 1 });
+        let lives = log(&out, id).matches("\"starts\"").count();
+        assert_eq!(lives, if [0, 2].contains(&id) { 2 } else { 1 });
+    }
+}
+
+#[test]
+fn a_drone_in_flight_whose_journal_or_scenario_can_not_be_understood_comes_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("flight");
+    let restarts = [0, 1, 4].map(|id| {
+        format!("\n[[faults]]\nat_waypoint = 1\nafter_s = 1\nrestart = {id}\nfor_s = 2\n")
+    });
+    let scenario = with_faults(folder.path(), &restarts.concat());
+    let mut command = swarm(scenario.to_str().unwrap(), &out);
+    let command = command.arg("--json").stdout(Stdio::piped());
+    let run = command.spawn().unwrap();
+    wait_until("it takes off", || log(&out, 4).contains("TakingOff"));
+    // Once each process is gone: of another version's making, altogether or but for its first record; and what it flew.
+    let journal = |id: u32| {
+        let mut opened = None;
+        wait_until("its process is gone", || {
+            opened = Folder::open(&of_drone(&out, id, "journal")).ok();
+            opened.is_some()
+        });
+        opened.unwrap()
+    };
+    let mut unknown = Vec::new();
+    frame(&[99, 1, 2, 3], &mut unknown);
+    journal(0).append(&unknown).unwrap();
+    let mut last = journal(4);
+    let mut bytes = last.read().unwrap();
+    let len = u32::from_le_bytes(bytes[..4].try_into().unwrap());
+    bytes.truncate(8 + len as usize);
+    last.replace(&[bytes, unknown].concat()).unwrap();
+    drop(last);
+    let held = journal(1);
+    fs::remove_file(of_drone(&out, 1, "journal/flight.json")).unwrap();
+    drop(held);
+
+    let run = run.wait_with_output().unwrap();
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["violations"], Value::Array(Vec::new()), "{run:?}");
+    for id in 0..5 {
+        let said = log(&out, id);
+        let is_lost = said.contains("what the drone was doing is not known any more");
+        assert_eq!(is_lost, [0, 1, 4].contains(&id), "{said}");
+        let over = [
+            r#"{\"Landing\":\"JournalLost\"}"#,
+            r#"{\"Landing\":\"MissionOver\"}"#,
+        ];
+        let reasons = over.map(|it| said.contains(it));
+        assert_eq!(reasons, [is_lost, !is_lost], "{said}");
+        assert!(said.contains("Finished"), "{said}");
+    }
+    // On the ground, where nobody is in danger, such a drone does not start.
+    for id in [0, 4] {
+        let mut again = Command::new(env!("CARGO_BIN_EXE_musterd"));
+        again.arg("--config").arg(of_drone(&out, id, "drone.toml"));
+        let run = again.output().unwrap();
+        let said = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(1), "{said}");
+        assert!(
+            said.contains("none that this version understands"),
+            "{said}"
+        );
     }
 }
 
@@ -143,10 +247,7 @@ fn a_mission_is_flown_over_connections_between_all() {
         .args(["--transport", "quic", "--json"])
         .output()
         .unwrap();
-    assert!(run.status.success(), "{run:?}");
-    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
-    assert_eq!(report["violations"], Value::Array(Vec::new()));
-    assert_eq!(report["mission_completed"], true);
+    flown(&run, &out);
     let mut connections = Vec::new();
     for id in 0..5 {
         let own = out.join(format!("drones/drone-{id}"));
@@ -179,7 +280,9 @@ fn no_process_outlives_whoever_started_it() {
         let out = folder.path().join(signal);
         let mut command = swarm(scenario.to_str().unwrap(), &out);
         let mut starter = command.stderr(Stdio::null()).spawn().unwrap();
-        wait_until("all five are up", || processes_of(&out).len() == 5);
+        wait_until("all five and their agent are up", || {
+            processes_of(&out).len() == 6
+        });
         wait_until("all five answer", || {
             let mut status = Command::new(env!("CARGO_BIN_EXE_muster"));
             let asked = status.arg("status").arg(&out).output().unwrap();
@@ -204,13 +307,7 @@ fn no_process_outlives_whoever_started_it() {
 fn what_processes_can_not_do_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |scenario: &str, says: &str| {
-        let run = swarm(scenario, &folder.path().join("out"))
-            .output()
-            .unwrap();
-        let said = String::from_utf8(run.stderr).unwrap();
-        let said: Vec<_> = said.split_whitespace().collect();
-        assert_eq!(run.status.code(), Some(2), "{scenario}: {said:?}");
-        assert!(said.join(" ").contains(says), "{scenario}: {said:?}");
+        assert_refused(&mut swarm(scenario, &folder.path().join("out")), says);
     };
     refused("two-swarms.toml", "processes fly one swarm");
     refused("follow-by-hand.toml", "a simulated pilot or operator");

@@ -220,6 +220,15 @@ impl Checkpoints {
         (self.mission.as_ref()).map_or(mission::State::default(), |it| it.state)
     }
 
+    /// Whether the drone takes part in a flight that is not over: on the ground too, from when it has heard of a master.
+    #[must_use]
+    pub fn are_of_a_flight(&self) -> bool {
+        match self.state() {
+            mission::State::Start => self.ballot().is_some(),
+            state => state != mission::State::Finished,
+        }
+    }
+
     /// Which life of the drone's process this is, from 1.
     #[must_use]
     pub const fn boot(&self) -> u32 {

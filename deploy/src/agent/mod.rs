@@ -208,18 +208,14 @@ fn private_folder() -> io::Result<TempDir> {
         .tempdir()
 }
 
-/// A new file that only its owner can read, in folders that are made if they are not there.
+/// Adds to a file that only its owner can read, and that is made, with its folders, if it is not there.
 fn write_private(path: &Path, text: &str) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         let mut maker = fs::DirBuilder::new();
         maker.recursive(true).mode(0o700).create(folder)?;
     }
     let mut options = OpenOptions::new();
-    let mut file = options
-        .write(true)
-        .create_new(true)
-        .mode(0o600)
-        .open(path)?;
+    let mut file = options.append(true).create(true).mode(0o600).open(path)?;
     file.write_all(text.as_bytes())
 }
 
@@ -243,10 +239,11 @@ mod tests {
         agent
             .write(Path::new("fleet/drone-1.key"), "secret")
             .unwrap();
-        agent
-            .write(Path::new("drone-1/drone.toml"), "id = 1")
-            .unwrap();
+        let config = Path::new("drone-1/drone.toml");
+        agent.write(config, "id = ").unwrap();
+        agent.write(config, "1").unwrap();
         let folder = agent.folder.as_ref().unwrap().path().to_owned();
+        assert_eq!(fs::read_to_string(folder.join(config)).unwrap(), "id = 1");
         let mode = |path: &str| {
             let metadata = fs::metadata(folder.join(path)).unwrap();
             metadata.permissions().mode() & 0o777

@@ -2,23 +2,25 @@
 //! is what flies; what a scenario says of its world (the radio, faults, the seed, other swarms) means nothing here.
 
 mod fields;
+mod flight;
 mod raw;
 
+use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::wire;
-use muster_runtime::diagnostic::{BadInput, accepted, read_text};
+use muster_runtime::diagnostic::{BadInput, Form, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
-use muster_scenarios::scenario::{self, Scenario};
+use muster_scenarios::scenario::Scenario;
 use muster_transport::sockets::{self, Reach};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use self::fields::FIELDS;
+pub(crate) use self::flight::Origin;
 use self::raw::{LevelName, LogName, Network, Raw, StageName, VehicleName};
 use crate::log::{Format, Level};
 
@@ -54,8 +56,11 @@ pub enum TransportName {
 pub struct DroneConfig {
     /// The file, to be read again when that is asked for.
     pub(crate) path: PathBuf,
+    /// The scenario's file that it names.
     pub(crate) scenario_path: PathBuf,
     pub(crate) scenario: Scenario,
+    /// Where that comes from.
+    pub(crate) origin: Origin,
     pub(crate) id: NodeId,
     pub(crate) swarm: SwarmId,
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
@@ -91,16 +96,18 @@ impl DroneConfig {
         Self::load_from(path, &read_text)
     }
 
-    /// Likewise, with the text of the scenario's files from `read`.
+    /// Likewise, with the text of the files that make up the named scenario from `read`. Of a drone that takes part in a
+    /// flight it is the scenario with which that began that counts, if that can be had.
     ///
     /// # Errors
     /// As [`Self::load`], and what `read` refuses.
     pub(crate) fn load_from(path: &Path, read: Read<'_>) -> Result<Self, BadInput> {
         let file = File::read(path)?;
-        let raw = &file.raw;
+        let raw = &file.0.raw;
         file.check_vehicle()?;
-        let scenario_path = file.beside(raw.scenario.get_ref());
-        let scenario = scenario::load_from(&scenario_path, &[], read)?;
+        let scenario_path = file.0.beside(raw.scenario.get_ref());
+        let journal = file.0.beside(&raw.journal);
+        let (scenario, origin) = flight::scenario(&journal, &scenario_path, read)?;
         file.check_scenario(&scenario)?;
         let id = NodeId(*raw.id.get_ref());
         Ok(Self {
@@ -112,7 +119,7 @@ impl DroneConfig {
             fleet: file.fleet()?,
             transport: *raw.transport.get_ref(),
             network: file.network(id)?,
-            journal: file.beside(&raw.journal),
+            journal,
             log: match raw.log {
                 LogName::Human => Format::Human,
                 LogName::Json => Format::Json,
@@ -120,12 +127,34 @@ impl DroneConfig {
             level: raw.log_level.into(),
             observed_at: file.observed_at()?,
             scenario,
+            origin,
         })
     }
 
     /// Where it keeps the newest list of the expelled that it has taken, for its next life.
     pub(crate) fn kept_list(&self) -> PathBuf {
         kept_list(&self.journal, self.id.0)
+    }
+
+    /// Whether it takes part in a flight by its journal, as that was when this was read.
+    pub(crate) const fn is_of_a_flight(&self) -> bool {
+        !matches!(self.origin, Origin::Named(_))
+    }
+
+    /// Whether it has the scenario with which its flight began, or none has begun.
+    pub(crate) const fn knows_its_flight(&self) -> bool {
+        !matches!(self.origin, Origin::Lost)
+    }
+
+    /// Keeps the scenario in the journal's folder for the flight that may begin; of one that has begun it is there.
+    ///
+    /// # Errors
+    /// When the system can't write it.
+    pub(crate) fn keep_flight(&self) -> io::Result<()> {
+        match &self.origin {
+            Origin::Named(files) => files.keep(&self.journal),
+            Origin::Kept | Origin::Lost => Ok(()),
+        }
     }
 
     /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
@@ -158,8 +187,8 @@ impl DroneConfig {
 pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> {
     let file = File::read(path)?;
     Ok(Reread {
-        level: file.raw.log_level.into(),
-        expelled: Expelled::load(&file.beside(&file.raw.keys.expelled), fleet)?,
+        level: file.0.raw.log_level.into(),
+        expelled: Expelled::load(&file.0.beside(&file.0.raw.keys.expelled), fleet)?,
     })
 }
 
@@ -169,12 +198,12 @@ pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> 
 /// As [`DroneConfig::load`], and when the drone tells nobody.
 pub(crate) fn observed(path: &Path) -> Result<(NodeId, SocketAddr), BadInput> {
     let file = File::read(path)?;
-    let id = NodeId(*file.raw.id.get_ref());
+    let id = NodeId(*file.0.raw.id.get_ref());
     file.observed_at()?
         .map(|address| (id, address))
         .ok_or_else(|| {
             let message = "this drone tells nobody what it does: its file has no table `[observe]`";
-            file.error(file.raw.id.span(), message)
+            file.0.error(file.0.raw.id.span(), message)
         })
 }
 
@@ -191,102 +220,84 @@ impl From<LevelName> for Level {
 }
 
 /// A drone's file that has been read, but not looked into.
-struct File<'a> {
-    path: &'a Path,
-    text: String,
-    raw: Raw,
-}
+struct File(TomlFile<Raw>);
 
-impl<'a> File<'a> {
-    fn read(path: &'a Path) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
-        match toml::from_str(&text) {
-            Ok(raw) => Ok(Self { path, text, raw }),
-            Err(error) => {
-                let span = error.span().unwrap_or_default();
-                let message = error.message().trim().replace('\n', ", ");
-                Err(refusal(path, &text, span, &message))
-            }
-        }
-    }
-
-    fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        refusal(self.path, &self.text, span, message)
-    }
-
-    /// A path as seen from this file's folder.
-    fn beside(&self, path: &Path) -> PathBuf {
-        self.path.parent().unwrap_or(Path::new("")).join(path)
+impl File {
+    fn read(path: &Path) -> Result<Self, BadInput> {
+        TomlFile::read(path, FORM).map(Self)
     }
 
     /// A drone does nothing above its stage, and there is no vehicle yet that needs a stage above the lowest.
     fn check_vehicle(&self) -> Result<(), BadInput> {
-        let (stage, vehicle) = (&self.raw.stage, &self.raw.vehicle);
+        let (stage, vehicle) = (&self.0.raw.stage, &self.0.raw.vehicle);
         match (stage.get_ref(), vehicle.get_ref()) {
-            (_, VehicleName::Msp) => Err(self.error(vehicle.span(), NO_CONTROLLER)),
+            (_, VehicleName::Msp) => Err(self.0.error(vehicle.span(), NO_CONTROLLER)),
             (StageName::Sim, VehicleName::ClosedForm) => Ok(()),
             (StageName::Bench | StageName::Tethered | StageName::Flight, _) => {
                 let message = "a simulated vehicle flies in the stage \"sim\", and in no other";
-                Err(self.error(stage.span(), message))
+                Err(self.0.error(stage.span(), message))
             }
         }
     }
 
     fn check_scenario(&self, scenario: &Scenario) -> Result<(), BadInput> {
         let nodes = scenario.nodes();
-        if *self.raw.id.get_ref() >= nodes {
+        if *self.0.raw.id.get_ref() >= nodes {
             let message = format!(
                 "the scenario's drones and relays have numbers up to {}",
                 nodes - 1
             );
-            return Err(self.error(self.raw.id.span(), &message));
+            return Err(self.0.error(self.0.raw.id.span(), &message));
         }
         if scenario.is_steered() {
             let message = "in this scenario a simulated pilot or operator ends or steers the flight, who is not here";
-            return Err(self.error(self.raw.scenario.span(), message));
+            return Err(self.0.error(self.0.raw.scenario.span(), message));
         }
         Ok(())
     }
 
     fn observed_at(&self) -> Result<Option<SocketAddr>, BadInput> {
-        let Some(observe) = &self.raw.observe else {
+        let Some(observe) = &self.0.raw.observe else {
             return Ok(None);
         };
         if observe.http.get_ref().port() == 0 {
             let message = "port 0 is any, and whoever asks must know which";
-            return Err(self.error(observe.http.span(), message));
+            return Err(self.0.error(observe.http.span(), message));
         }
         Ok(Some(*observe.http.get_ref()))
     }
 
     fn swarm(&self) -> Result<SwarmId, BadInput> {
-        match &self.raw.swarm {
+        match &self.0.raw.swarm {
             None => Ok(Scenario::FIRST_SWARM),
             Some(number) if *number.get_ref() == 0 => {
-                Err(self.error(number.span(), "swarms are numbered from 1"))
+                Err(self.0.error(number.span(), "swarms are numbered from 1"))
             }
             Some(number) => Ok(SwarmId(*number.get_ref())),
         }
     }
 
     fn fleet(&self) -> Result<FleetKey, BadInput> {
-        FleetKey::load(&self.beside(&self.raw.keys.fleet))
+        FleetKey::load(&self.0.beside(&self.0.raw.keys.fleet))
     }
 
     fn authenticator(&self, id: NodeId) -> Result<Ed25519Authenticator, BadInput> {
-        let keys = &self.raw.keys;
+        let keys = &self.0.raw.keys;
         let fleet = self.fleet()?;
-        let roster = Roster::load(&self.beside(&keys.roster), &fleet)?;
+        let roster = Roster::load(&self.0.beside(&keys.roster), &fleet)?;
         let expelled = self.expelled(&fleet)?;
-        let key = DroneKey::load(&self.beside(keys.drone.get_ref()))?;
+        let key = DroneKey::load(&self.0.beside(keys.drone.get_ref()))?;
         Ed25519Authenticator::new(id, key, fleet, roster, expelled)
-            .map_err(|error| self.error(keys.drone.span(), &error.to_string()))
+            .map_err(|error| self.0.error(keys.drone.span(), &error.to_string()))
     }
 
     /// The newer one of the list that the file names and the one that was kept.
     fn expelled(&self, fleet: &FleetKey) -> Result<Expelled, BadInput> {
-        let named = Expelled::load(&self.beside(&self.raw.keys.expelled), fleet)?;
-        let path = kept_list(&self.beside(&self.raw.journal), *self.raw.id.get_ref());
+        let named = Expelled::load(&self.0.beside(&self.0.raw.keys.expelled), fleet)?;
+        let path = kept_list(
+            &self.0.beside(&self.0.raw.journal),
+            *self.0.raw.id.get_ref(),
+        );
         if let Ok(false) = path.try_exists() {
             return Ok(named);
         }
@@ -300,16 +311,16 @@ impl<'a> File<'a> {
 
     /// What the table of the chosen transport says; that of another waits for another choice.
     fn network(&self, id: NodeId) -> Result<sockets::Config, BadInput> {
-        let transport = &self.raw.transport;
+        let transport = &self.0.raw.transport;
         let (table, name) = match transport.get_ref() {
-            TransportName::Udp => (&self.raw.udp, "udp"),
-            TransportName::Quic => (&self.raw.quic, "quic"),
+            TransportName::Udp => (&self.0.raw.udp, "udp"),
+            TransportName::Quic => (&self.0.raw.quic, "quic"),
         };
         let Some(network) = table else {
             let message = format!(
                 "this transport needs a table `[{name}]`, which says how others are reached"
             );
-            return Err(self.error(transport.span(), &message));
+            return Err(self.0.error(transport.span(), &message));
         };
         let reach = self.reach(network)?;
         let network = network.get_ref();
@@ -320,12 +331,12 @@ impl<'a> File<'a> {
         {
             if own.get_ref().port() == all.port() {
                 let message = "a drone's own port must be another than that of what is for all";
-                return Err(self.error(own.span(), message));
+                return Err(self.0.error(own.span(), message));
             }
             if !own.get_ref().is_ipv4() {
                 let message =
                     "groups and broadcasts are IPv4's, so the drone's own address must be";
-                return Err(self.error(own.span(), message));
+                return Err(self.0.error(own.span(), message));
             }
         }
         Ok(sockets::Config {
@@ -351,7 +362,9 @@ impl<'a> File<'a> {
         };
         match (group, broadcast, peers) {
             (Some(all), None, None) | (None, Some(all), None) if all.get_ref().port() == 0 => {
-                Err(self.error(all.span(), "what is for all needs a port that all know"))
+                Err(self
+                    .0
+                    .error(all.span(), "what is for all needs a port that all know"))
             }
             (Some(group), None, None) if group.get_ref().ip().is_multicast() => {
                 Ok(Reach::Group(*group.get_ref()))
@@ -359,40 +372,31 @@ impl<'a> File<'a> {
             (Some(group), None, None) => {
                 let message =
                     "this is not a multicast group: they go from 224.0.0.0 to 239.255.255.255";
-                Err(self.error(group.span(), message))
+                Err(self.0.error(group.span(), message))
             }
             (None, Some(broadcast), None) => Ok(Reach::Broadcast(*broadcast.get_ref())),
-            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => {
-                Err(self.error(peers.span(), &format!("more than {PEERS_MAX} peers")))
-            }
+            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => Err(self
+                .0
+                .error(peers.span(), &format!("more than {PEERS_MAX} peers"))),
             (None, None, Some(peers)) if bind.is_none() => {
                 let message = "`peers` send to a drone's own address, so it needs `bind`";
-                Err(self.error(peers.span(), message))
+                Err(self.0.error(peers.span(), message))
             }
             (None, None, Some(peers)) if peers.get_ref().iter().any(is_of_other_family) => {
                 let message =
                     "a drone with an IPv4 address reaches no IPv6 address, nor the other way round";
-                Err(self.error(peers.span(), message))
+                Err(self.0.error(peers.span(), message))
             }
             (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),
             _ => {
                 let message = "others are reached by a `group`, by a `broadcast` address or as `peers`: one of them";
-                Err(self.error(network.span(), message))
+                Err(self.0.error(network.span(), message))
             }
         }
     }
 }
 
-const NOT_TOML: &str =
-    "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`";
-
-fn refusal(path: &Path, text: &str, span: Range<usize>, message: &str) -> BadInput {
-    let help = accepted(FIELDS, text, &span, message);
-    BadInput::new(
-        path,
-        text,
-        span,
-        message,
-        help.unwrap_or_else(|| NOT_TOML.to_owned()),
-    )
-}
+const FORM: Form = Form {
+    fields: FIELDS,
+    is: "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`",
+};

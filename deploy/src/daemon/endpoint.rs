@@ -32,22 +32,54 @@ const VISIT_MAX: Duration = Duration::from_secs(3);
 
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
+/// How often a drone in flight tries to have an address that it can't have.
+const TRY_EVERY: Duration = Duration::from_secs(1);
+
 /// Where questions come in.
 pub(super) struct Endpoint {
-    listener: TcpListener,
-    room: Arc<Semaphore>,
+    address: SocketAddr,
+    listener: Option<TcpListener>,
 }
 
 impl Endpoint {
-    /// Listens at an address of this machine's. Questions are answered from [`Self::answer`] on.
+    /// One at an address of this machine's, at which nobody listens yet.
+    pub(super) const fn at(address: SocketAddr) -> Self {
+        Self {
+            address,
+            listener: None,
+        }
+    }
+
+    /// Listens there. Questions are answered from [`Self::answer`] on.
     ///
     /// # Errors
     /// When the address can't be had.
-    pub(super) async fn open(address: SocketAddr) -> io::Result<Self> {
-        Ok(Self {
-            listener: TcpListener::bind(address).await?,
+    pub(super) async fn open(&mut self) -> io::Result<()> {
+        self.listener = Some(TcpListener::bind(self.address).await?);
+        Ok(())
+    }
+
+    /// Listens there as soon as that can be had.
+    async fn opened(mut self) -> Door {
+        let mut is_late = false;
+        let listener = loop {
+            match self.listener.take() {
+                Some(listener) => break listener,
+                None => {
+                    is_late = true;
+                    sleep(TRY_EVERY).await;
+                    // Why it can't be had was told when that was found.
+                    let _ = self.open().await;
+                }
+            }
+        };
+        if is_late {
+            tracing::info!("can be asked at {} from now on", self.address);
+        }
+        Door {
+            listener,
             room: Arc::new(Semaphore::new(VISITORS_MAX)),
-        })
+        }
     }
 
     /// Answers whoever asks, for as long as the runtime lives.
@@ -59,8 +91,14 @@ impl Endpoint {
             .with_state(process)
             .layer(axum::middleware::map_response(last_of_a_connection));
         // It goes on whatever happens to a connection.
-        let _ = axum::serve(self, router).await;
+        let _ = axum::serve(self.opened().await, router).await;
     }
+}
+
+/// Lets those in who ask.
+struct Door {
+    listener: TcpListener,
+    room: Arc<Semaphore>,
 }
 
 /// One question a connection: whoever has asked makes room.
@@ -90,7 +128,7 @@ async fn status(State(process): State<Arc<Process>>) -> Response {
     Json(process.status()).into_response()
 }
 
-impl Listener for Endpoint {
+impl Listener for Door {
     type Io = Visit;
     type Addr = SocketAddr;
 

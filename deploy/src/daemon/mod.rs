@@ -10,17 +10,19 @@ mod metrics;
 mod network;
 mod operators;
 mod process;
+mod reporter;
 mod service;
 mod state;
 mod tasks;
 
 use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use muster_actors::{Drone, DroneConfig as ActorsConfig};
-use muster_machines::cell::{Blueprint, Envelope};
+use muster_machines::cell::{Blueprint, Checkpoints, Envelope};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::radio::{self, Lives};
 use muster_runtime::journal::{Folder, FolderError, Journal};
@@ -62,13 +64,19 @@ pub enum DaemonError {
     /// Its journal can't be had.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// Its journal can't be read or written.
-    #[error("can't use the journal")]
-    Journal(#[source] io::Error),
+    /// Its journal can't be read or written, or does not tell what the drone has done.
+    #[error("can't use the journal in {}", path.display())]
+    Journal {
+        /// Its folder.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
+    },
     /// Its end of the network can't be opened.
     #[error("no network")]
     Network(#[from] OpenError),
-    /// It can't be asked where its file says.
+    /// It can't be asked where its file says. A drone that takes part in a flight goes on all the same.
     #[error("can't be asked at {address}")]
     Endpoint {
         /// As configured.
@@ -126,22 +134,11 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let folder = Folder::open(&config.journal)?;
     let now = Arc::new(move || clock.now());
     let mut network = Network::open(&config, now)?;
-    let endpoint = match config.observed_at {
-        Some(address) => Some(
-            (Endpoint::open(address).await)
-                .map_err(|source| DaemonError::Endpoint { address, source })?,
-        ),
-        None => None,
-    };
+    let endpoint = open_endpoint(&config).await?;
     let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     // Not the journal's number: that would begin anew with another journal, under the same key.
     let drawn = getrandom::u32().map_err(DaemonError::Random)?;
-    let (journal, checkpoints) = Journal::open(folder).map_err(DaemonError::Journal)?;
-    let life = checkpoints.boot();
-    let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
-    let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
-    tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
     let mut craft = (config.scenario.craft(config.id, clock.now().as_nanos()))
         .expect("the configuration has a number of the scenario's");
     let mut tether = start.tied.then(tasks::tether);
@@ -153,6 +150,13 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         }
     }
     let (keeper, kept) = Keeper::start(config.kept_list());
+    let in_air = craft.is_armed();
+    let (journal, checkpoints) = open_journal(folder, &config, in_air)?;
+    let is_lost = in_air && !(journal.is_understood() && config.knows_its_flight());
+    let life = checkpoints.boot();
+    let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
+    let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
+    tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
     let process = Process::new(Parts {
         id: config.id,
         swarm: config.swarm,
@@ -196,21 +200,18 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         tokio::spawn(endpoint.answer(Arc::clone(&process)));
     }
     if let Some(streams) = process.state().streams() {
-        let desk = Desk {
-            config: config.path.clone(),
-            scenario: config.scenario_path.clone(),
-            recent: log.recent.clone(),
-        };
-        tokio::spawn(operators::serve(
-            streams,
-            Arc::new(desk),
-            Arc::clone(&process),
-        ));
+        let (drone, scenario) = (config.path.clone(), config.scenario_path.clone());
+        let desk = Desk::new(drone, scenario, log.recent.clone());
+        tokio::spawn(operators::serve(streams, desk, Arc::clone(&process)));
     }
     service::ready();
     tracing::info!("{READY}");
     if let Some(tether) = tether {
         tokio::spawn(tasks::heed(tether, Arc::clone(&process)));
+    }
+    if is_lost {
+        tracing::error!("what the drone was doing is not known any more: it comes down");
+        process.bring_down(LandingReason::JournalLost);
     }
     if start.fly {
         begin_to_fly(&process, life);
@@ -237,6 +238,44 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     // It has failed only where it could not keep a list, and has said so.
     let _ = kept.await;
     Ok(ended)
+}
+
+/// Where it is asked what it is doing, if anywhere. A drone on the ground that can't be asked where it is to be does not
+/// start; one that takes part in a flight is needed more than what it tells.
+async fn open_endpoint(config: &DroneConfig) -> Result<Option<Endpoint>, DaemonError> {
+    let Some(address) = config.observed_at else {
+        return Ok(None);
+    };
+    let mut endpoint = Endpoint::at(address);
+    match endpoint.open().await {
+        Err(source) if !config.is_of_a_flight() => Err(DaemonError::Endpoint { address, source }),
+        Err(error) => {
+            tracing::error!(%error, "can't be asked at {address}: the drone flies on, and tries again each second");
+            Ok(Some(endpoint))
+        }
+        Ok(()) => Ok(Some(endpoint)),
+    }
+}
+
+/// Begins another life of the journal's. Before a flight the scenario is kept in its folder.
+fn open_journal(
+    folder: Folder,
+    config: &DroneConfig,
+    in_air: bool,
+) -> Result<(Journal<Folder>, Checkpoints), DaemonError> {
+    let opened = if in_air {
+        Journal::open_in_flight(folder)
+    } else {
+        Journal::open(folder)
+    };
+    let kept = opened.and_then(|(journal, checkpoints)| {
+        config.keep_flight()?;
+        Ok((journal, checkpoints))
+    });
+    kept.map_err(|source| DaemonError::Journal {
+        path: config.journal.clone(),
+        source,
+    })
 }
 
 /// The first task that fails, if ever one does: a drone without time or ears is not to pass for alive.

@@ -3,9 +3,10 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use muster_actors::{Drone, Environment};
-use muster_machines::cell::{Address, Checkpoints, Effect, Reaction, last_resort};
+use muster_machines::cell::{Address, Checkpoints, Effect, Envelope, Reaction, last_resort};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
+use muster_machines::msp;
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_runtime::identity::Ed25519Authenticator;
@@ -80,6 +81,13 @@ impl Process {
     pub(super) fn come_down(&self, reason: LandingReason) {
         self.state().come_down(reason);
         self.look_round();
+    }
+
+    /// The drone is brought down where it is, whatever its mission takes it to be doing, and stays down.
+    pub(super) fn bring_down(&self, reason: LandingReason) {
+        let land = Envelope::Msp(Box::new(msp::Input::GiveUp));
+        self.state().post(land);
+        self.come_down(reason);
     }
 
     /// Whoever waits for the drone to be done, or for a time, looks again.

@@ -18,13 +18,13 @@ use muster_transport::quic::Stream;
 use muster_transport::{Destination, Event};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 
-use super::counts::{Counts, Talk};
+use super::counts::Counts;
 use super::lists::Keeper;
 use super::network::Network;
 use super::process::Parts;
+use super::reporter::Reporter;
 use super::service;
 use crate::log::Lost;
 use crate::tether::Losses;
@@ -48,7 +48,7 @@ pub(super) struct State {
     /// Keeps lists of the expelled for the next life, up to the end of this one.
     keeper: Option<Keeper>,
     craft: Craft,
-    for_programs: bool,
+    reporter: Reporter,
     /// The actors, once all five run.
     drone: Option<Drone>,
     /// What was posted before that.
@@ -64,8 +64,6 @@ pub(super) struct State {
     /// The way to the master.
     routes: Routes,
     counts: Counts,
-    /// What was last said of how much was sent and let in.
-    talk: Talk,
     /// Lines of the log that were lost.
     lines_lost: Lost,
     /// Whose frames are not let in, as if they were out of range.
@@ -118,7 +116,7 @@ impl State {
             authenticator: parts.authenticator,
             keeper: Some(parts.keeper),
             craft: parts.craft,
-            for_programs: parts.for_programs,
+            reporter: Reporter::new(parts.id, parts.for_programs),
             drone: None,
             held: Vec::new(),
             seats: [Seat::default(); 5],
@@ -128,7 +126,6 @@ impl State {
             asked_at: None,
             routes: Routes::default(),
             counts: Counts::default(),
-            talk: Talk::default(),
             lines_lost: parts.lines_lost,
             losses: Losses::default(),
             lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
@@ -150,7 +147,9 @@ impl State {
 
     /// Whether there is nothing more that it could do: it is down for good, or nobody is there for whom it flies.
     pub(super) const fn is_done(&self) -> bool {
-        self.is_abandoned || self.is_finished || (self.gave_up && !self.craft.is_armed())
+        // A mission that does not know that it flies is done with it before the vehicle is down.
+        let is_over = self.is_finished || self.gave_up;
+        self.is_abandoned || (is_over && !self.craft.is_armed())
     }
 
     /// Nobody is there any more for whom a simulated drone flies.
@@ -235,11 +234,7 @@ impl State {
     }
 
     fn command(&mut self, now: Timestamp, demand: Demand) {
-        if self.for_programs {
-            let (drone, at_ns) = (self.id.0, now.as_nanos());
-            let commanded = in_json(&demand);
-            tracing::info!(drone, at_ns, commanded, "commanded");
-        }
+        self.reporter.commanded(now, &demand);
         let telemetry = self.craft.obey(now, demand);
         self.tell(telemetry);
     }
@@ -301,7 +296,7 @@ impl State {
             }
             _ => {}
         }
-        self.say(now, seen);
+        self.reporter.saw(now, seen);
     }
 
     /// There is a newer list of the expelled, which is obeyed already: it is passed on, and kept for the next life.
@@ -332,15 +327,7 @@ impl State {
 
     /// Says to programs how much was sent and let in since this was last said.
     pub(super) fn say_talk(&mut self, now: Timestamp) {
-        let (drone, at_ns) = (self.id.0, now.as_nanos());
-        let talk = self.counts.talk();
-        let before = std::mem::replace(&mut self.talk, talk);
-        if self.for_programs && talk != before {
-            let news = talk.news - before.news;
-            let keep_alives = talk.keep_alives - before.keep_alives;
-            let let_in = talk.let_in - before.let_in;
-            tracing::info!(drone, at_ns, news, keep_alives, let_in, "talked");
-        }
+        self.reporter.talked(now, self.counts.talk());
     }
 
     /// From now on so much of what others send is not let in.
@@ -360,23 +347,6 @@ impl State {
         let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
         let loss = sender.map_or(0.0, |sender| self.losses.from(sender));
         loss > 0.0 && self.lots.random_bool(loss.min(1.0))
-    }
-
-    /// Says what was seen: what a peer sent that was not let in only to those who want to know it all, for peers could
-    /// fill a disk with it.
-    fn say(&self, now: Timestamp, seen: &Observation) {
-        let (drone, at_ns) = (self.id.0, now.as_nanos());
-        let is_of_peers = matches!(
-            seen,
-            Observation::Radio(radio::Event::Dropped(_))
-                | Observation::Routing(muster_machines::routing::Event::Ignored(_))
-        );
-        match (self.for_programs, is_of_peers) {
-            (true, true) => tracing::debug!(drone, at_ns, seen = in_json(seen), "seen"),
-            (true, false) => tracing::info!(drone, at_ns, seen = in_json(seen), "seen"),
-            (false, true) => tracing::debug!(drone, "{}", in_words(seen)),
-            (false, false) => tracing::info!(drone, "{}", in_words(seen)),
-        }
     }
 
     /// Takes in datagrams; whether there were any.
@@ -520,14 +490,10 @@ impl State {
         self.network.streams()
     }
 
-    /// Whether the drone stands on the ground and nobody has told it to fly, or is there for good.
+    /// Whether the drone stands on the ground and takes part in no flight: it has not heard of a master, or is there for
+    /// good.
     pub(super) fn rests(&self) -> bool {
-        let missions = self.checkpoints.iter();
-        let has_begun = missions.into_iter().any(|it| match it {
-            Checkpoint::Mission(mission) => mission.state != mission::State::Start,
-            _ => false,
-        });
-        !self.craft.is_armed() && (self.is_finished || !has_begun)
+        !self.craft.is_armed() && !self.checkpoints.are_of_a_flight()
     }
 
     /// Lets the others know that nothing more comes from here; returns once they do, or can't.
@@ -543,32 +509,5 @@ impl State {
 
     fn lines_lost(&self) -> u64 {
         self.lines_lost.lines()
-    }
-}
-
-fn in_json(said: &impl Serialize) -> String {
-    serde_json::to_string(said).expect("what is said has names and numbers only")
-}
-
-fn in_words(seen: &Observation) -> String {
-    match seen {
-        Observation::Mission(mission::Event::State(state)) => state.to_string(),
-        Observation::Mission(mission::Event::Obeys(ballot)) => format!("obeys {ballot}"),
-        Observation::Mission(mission::Event::Opened { waypoint }) => {
-            format!("opens waypoint {waypoint}")
-        }
-        Observation::Mission(mission::Event::LeftOut(drone)) => {
-            format!("flies without drone {drone}")
-        }
-        Observation::Mission(mission::Event::Landing(reason)) => {
-            format!("comes down: {reason:?}")
-        }
-        Observation::Radio(radio::Event::Dropped(reason)) => format!("drops a frame: {reason}"),
-        Observation::Radio(radio::Event::Expelled { list }) => {
-            format!("list {list} of the expelled was passed on to this drone")
-        }
-        Observation::Mission(event) => format!("{event:?}"),
-        Observation::Routing(event) => format!("{event:?}"),
-        Observation::Radio(event) => format!("{event:?}"),
     }
 }

@@ -1,11 +1,13 @@
 //! A host on which drones fly, and the agent there that does what is to be done (see [`crate::agent`]).
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
+use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::{JoinHandle, JoinSet};
@@ -36,38 +38,25 @@ pub(super) struct Agent {
 }
 
 impl Agent {
-    /// Hands an agent the files that its drones need. `news` gets what comes of them.
+    /// Starts an agent on a host, hands it what its drones need, and hears it from then on: `news` gets what comes of them.
+    ///
+    /// # Errors
+    /// When there is none, or another version of it, or it is lost again.
     async fn start(
-        request: &Request<'_>,
-        (host, mut link): (&Host, Link),
-        drones: &[DroneFolder],
+        host: &Host,
+        load: Load,
         news: UnboundedSender<News>,
     ) -> Result<Self, SwarmError> {
-        let own = |it: &&DroneFolder| host.drones.contains_key(&it.id);
-        let own: Vec<_> = drones.iter().filter(own).collect();
-        let mut logs = BTreeMap::new();
-        for drone in &own {
-            let log = File::create(&drone.log).map_err(|source| SwarmError::Write {
-                path: drone.log.clone(),
-                source,
-            })?;
-            logs.insert(drone.id, log);
+        let mut link = Link::open(host).await?;
+        for (path, text) in &load.files {
+            link = link.carry(path, text).await?;
         }
-        if !host.is_here() {
-            let files: BTreeSet<_> = own.iter().flat_map(|it| &it.files).collect();
-            for path in files {
-                let from = request.folder.join(path);
-                let text = fs::read_to_string(&from)
-                    .map_err(|source| SwarmError::Read { path: from, source })?;
-                let path = path.clone();
-                link.say(&Order::Write { path, text }).await;
-            }
-        }
+        let link = link.measure().await?;
         let (orders, given) = mpsc::channel(WAITING_MAX);
         let (lag, ahead_ns) = (link.lag(), link.ahead_ns());
         Ok(Self {
             orders,
-            attended: tokio::spawn(link.attend(given, logs, news)),
+            attended: tokio::spawn(link.attend(given, load.logs, news)),
             is_here: host.is_here(),
             ahead_ns,
             lag,
@@ -108,30 +97,69 @@ impl Agent {
     }
 }
 
-/// Starts an agent on each host, all at once, and hands it the files that its drones need; whose agent each drone's is.
+/// What an agent is handed, and what is kept of what its drones say.
+struct Load {
+    /// By path, as seen from its folder; none where it finds them where they are.
+    files: BTreeMap<PathBuf, String>,
+    logs: BTreeMap<NodeId, File>,
+}
+
+impl Load {
+    fn of(request: &Request<'_>, host: &Host, drones: &[DroneFolder]) -> Result<Self, SwarmError> {
+        let (mut files, mut logs) = (BTreeMap::new(), BTreeMap::new());
+        for drone in drones.iter().filter(|it| host.drones.contains_key(&it.id)) {
+            let log = File::create(&drone.log).map_err(|source| SwarmError::Write {
+                path: drone.log.clone(),
+                source,
+            })?;
+            logs.insert(drone.id, log);
+            for path in drone.files.iter().filter(|_| !host.is_here()) {
+                let from = request.folder.join(path);
+                let text = fs::read_to_string(&from)
+                    .map_err(|source| SwarmError::Read { path: from, source })?;
+                files.insert(path.clone(), text);
+            }
+        }
+        Ok(Self { files, logs })
+    }
+}
+
+/// Starts an agent on each host, all at once, and hands each what its drones need; in the order of the hosts. However long
+/// some of them take, the others hear of their starter meanwhile.
 ///
 /// # Errors
-/// When there is none somewhere, or another version of it, or a file can't be read or written. None is left then.
+/// When there is none somewhere, or another version of it, or a file can't be read or written. None is left then, nor what
+/// it was handed.
 pub(super) async fn start_agents(
     request: &Request<'_>,
     hosts: &[Host],
     drones: &[DroneFolder],
     news: &UnboundedSender<News>,
 ) -> Result<Vec<Agent>, SwarmError> {
-    let mut opening = JoinSet::new();
-    for (nth, host) in hosts.iter().cloned().enumerate() {
-        opening.spawn(async move { (nth, Link::open(&host).await) });
+    let load = |host| Load::of(request, host, drones);
+    let loads = hosts.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+    let mut starting = JoinSet::new();
+    for (nth, (host, load)) in hosts.iter().cloned().zip(loads).enumerate() {
+        let news = news.clone();
+        starting.spawn(async move { (nth, Agent::start(&host, load, news).await) });
     }
-    let mut links = BTreeMap::new();
-    while let Some(opened) = opening.join_next().await {
-        let (nth, link) = opened.expect("nobody calls it off, and it does not panic");
-        links.insert(nth, link?);
+    let (mut agents, mut failure) = (BTreeMap::new(), None);
+    // To the last, though one has failed: what has begun is ended only by whoever has it whole.
+    while let Some(started) = starting.join_next().await {
+        let (nth, started) = started.expect("nobody calls it off, and it does not panic");
+        match started {
+            Ok(agent) => drop(agents.insert(nth, agent)),
+            Err(error) => drop(failure.get_or_insert(error)),
+        }
     }
-    let mut agents = Vec::new();
-    for (nth, link) in links {
-        agents.push(Agent::start(request, (&hosts[nth], link), drones, news.clone()).await?);
+    let agents = agents.into_values().collect();
+    match failure {
+        None => Ok(agents),
+        Some(error) => {
+            end_agents(agents).await;
+            Err(error)
+        }
     }
-    Ok(agents)
 }
 
 /// Ends agents and all that they started. How sure the clocks of other hosts were when they were least so; nothing if all

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Write;
+use std::path::Path;
 use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -102,12 +103,12 @@ impl Link {
             uncertainty: Duration::ZERO,
         };
         match timeout(START_MAX, link.greet()).await {
-            Ok(Ok(())) => Ok(link),
-            Ok(Err(Greeting::OtherVersion(theirs))) => {
+            Ok(Some(version)) if version == VERSION => Ok(link),
+            Ok(Some(theirs)) => {
                 let host = link.name;
                 Err(SwarmError::OtherVersion { host, theirs })
             }
-            Ok(Err(Greeting::Gone)) => {
+            Ok(None) => {
                 let host = link.name.clone();
                 let last = link.end().await;
                 Err(SwarmError::HostGone { host, last })
@@ -116,28 +117,67 @@ impl Link {
         }
     }
 
-    /// Waits until the agent is there, and asks it a few times what time it is.
-    async fn greet(&mut self) -> Result<(), Greeting> {
+    /// Waits until the agent is there; of which version it is.
+    async fn greet(&mut self) -> Option<String> {
         loop {
-            match self.hear().await.ok_or(Greeting::Gone)? {
-                Reply::Here { version } if version == VERSION => break,
-                Reply::Here { version } => return Err(Greeting::OtherVersion(version)),
-                _ => {}
+            if let Reply::Here { version } = self.hear().await? {
+                return Some(version);
             }
         }
+    }
+
+    /// Hands the agent a file, a piece once the one before is there: so each hears of the other in time, however slow the
+    /// connection is.
+    ///
+    /// # Errors
+    /// When the host is lost.
+    pub(super) async fn carry(mut self, path: &Path, text: &str) -> Result<Self, SwarmError> {
+        for order in Order::to_write(path, text) {
+            let there = match self.say(&order).await {
+                Ok(()) => self.round_trip().await,
+                gone => gone,
+            };
+            if let Err(Gone) = there {
+                return Err(self.lost().await);
+            }
+        }
+        Ok(self)
+    }
+
+    /// Asks the agent a few times what time it is.
+    ///
+    /// # Errors
+    /// When the host is lost.
+    pub(super) async fn measure(mut self) -> Result<Self, SwarmError> {
+        self.offset = Offset::default();
         for _ in 0..FIRST_PINGS {
-            let (last, _) = self.pinged;
-            self.ping().await;
-            loop {
-                let reply = self.hear().await.ok_or(Greeting::Gone)?;
-                if matches!(reply, Reply::Pong { ping, .. } if ping > last) {
-                    break;
-                }
+            if let Err(Gone) = self.round_trip().await {
+                return Err(self.lost().await);
             }
         }
         let now = self.clock.now();
         self.ours(now);
-        Ok(())
+        Ok(self)
+    }
+
+    /// Asks what time it is, and waits until that is told.
+    async fn round_trip(&mut self) -> Result<(), Gone> {
+        self.ping().await?;
+        let is_told = async {
+            loop {
+                match self.hear().await.ok_or(Gone)? {
+                    Reply::Pong { ping, .. } if ping == self.pinged.0 => return Ok(()),
+                    _ => {}
+                }
+            }
+        };
+        timeout(SILENCE_MAX, is_told).await.map_err(|_| Gone)?
+    }
+
+    async fn lost(self) -> SwarmError {
+        let host = self.name.clone();
+        let last = self.end().await;
+        SwarmError::HostLost { host, last }
     }
 
     /// The next reply; what is none, a shell's greeting say, is passed over. Nothing once there are no more.
@@ -180,16 +220,17 @@ impl Link {
         self.offset.longest_round_trip() + self.uncertainty
     }
 
-    async fn ping(&mut self) {
+    async fn ping(&mut self) -> Result<(), Gone> {
         let ping = self.pinged.0 + 1;
         self.pinged = (ping, self.clock.now());
-        self.say(&Order::Ping(ping)).await;
+        self.say(&Order::Ping(ping)).await
     }
 
-    /// Asks for something; of a host that takes nothing any more nothing will be heard either.
-    pub(super) async fn say(&mut self, order: &Order) {
+    /// Asks for something. A host that does not take it in time is gone: it may have got a part of it.
+    async fn say(&mut self, order: &Order) -> Result<(), Gone> {
         let line = line(order);
-        let _ = timeout(SILENCE_MAX, self.input.write_all(line.as_bytes())).await;
+        let said = timeout(SILENCE_MAX, self.input.write_all(line.as_bytes())).await;
+        said.map_err(|_| Gone)?.map_err(|_| Gone)
     }
 
     /// Passes on what is to be done there and what comes of it, until there are no more orders or the host is gone.
@@ -202,21 +243,27 @@ impl Link {
         let mut pings = interval(PING_EVERY);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            tokio::select! {
+            let said = tokio::select! {
                 order = orders.recv() => match order {
                     Some(order) => self.say(&order).await,
                     None => break,
                 },
                 reply = self.hear() => match reply {
-                    Some(reply) => self.pass_on(reply, &mut logs, &news),
+                    Some(reply) => {
+                        self.pass_on(reply, &mut logs, &news);
+                        Ok(())
+                    }
                     None => break,
                 },
                 _ = pings.tick() => {
                     if self.clock.now().since(self.heard_at) > SILENCE_MAX {
                         break;
                     }
-                    self.ping().await;
+                    self.ping().await
                 }
+            };
+            if let Err(Gone) = said {
+                break;
             }
         }
         let (host, uncertainty) = (self.name.clone(), self.uncertainty);
@@ -266,11 +313,8 @@ impl Link {
     }
 }
 
-/// Why no flight begins.
-enum Greeting {
-    Gone,
-    OtherVersion(String),
-}
+/// A host takes nothing any more.
+struct Gone;
 
 /// The last line that is said.
 async fn last_words(errors: ChildStderr) -> String {

@@ -10,22 +10,26 @@ use ed25519_dalek::{SigningKey, VerifyingKey};
 use muster_machines::identity::{NodeId, NodeSet};
 use muster_machines::wire::PAYLOAD_MAX;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::FleetKey;
 use super::key::{hex, public_key, read_public, sign};
-use crate::diagnostic::BadInput;
+use crate::diagnostic::{BadInput, Form, TomlFile};
 
 /// What the fleet's signature of a roster begins with, so that it stands for nothing else.
 const ROSTER: &[u8] = b"muster roster 1\0";
 /// Likewise, of a list of the expelled.
 const EXPELLED: &[u8] = b"muster expelled 1\0";
 
-const ROSTER_FORM: &str = "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as \
-                           `muster keys` writes it";
-const EXPELLED_FORM: &str =
-    "a list of the expelled has `number`, `drones` and `signature`, as `muster keys` writes it";
+const ROSTER_FORM: Form = Form {
+    fields: &[],
+    is: "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as `muster keys` writes \
+         it",
+};
+const EXPELLED_FORM: Form = Form {
+    fields: &[],
+    is: "a list of the expelled has `number`, `drones` and `signature`, as `muster keys` writes it",
+};
 
 /// Which drone of a fleet has which key.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -56,31 +60,24 @@ impl Roster {
     /// # Errors
     /// When the file can't be used, names a drone twice, has a key that is none, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let text = read_public(path)?;
-        let raw: RawRoster = parse(path, &text, ROSTER_FORM)?;
+        let file = TomlFile::<RawRoster>::of(path, read_public(path)?, ROSTER_FORM)?;
         let mut roster = Self {
-            number: raw.number,
+            number: file.raw.number,
             keys: BTreeMap::new(),
         };
-        for drone in raw.drones {
+        for drone in &file.raw.drones {
             let Some(key) = public_key(drone.key.get_ref()) else {
                 let message = "this is not a public key";
                 let help = "a public key has 64 hexadecimal digits";
-                return Err(BadInput::new(path, &text, drone.key.span(), message, help));
+                return Err(file.error_with(drone.key.span(), message, help));
             };
             let before = roster.keys.insert(NodeId(*drone.id.get_ref()), key);
             if before.is_some() {
                 let message = "this drone is in the roster twice";
-                return Err(BadInput::new(
-                    path,
-                    &text,
-                    drone.id.span(),
-                    message,
-                    ROSTER_FORM,
-                ));
+                return Err(file.error(drone.id.span(), message));
             }
         }
-        check(path, &text, fleet, &roster.message(), &raw.signature)?;
+        check(&file, fleet, &roster.message(), &file.raw.signature)?;
         Ok(roster)
     }
 
@@ -156,14 +153,13 @@ impl Expelled {
     /// # Errors
     /// When the file can't be used, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let text = read_public(path)?;
-        let raw: RawExpelled = parse(path, &text, EXPELLED_FORM)?;
+        let file = TomlFile::<RawExpelled>::of(path, read_public(path)?, EXPELLED_FORM)?;
         let mut expelled = Self {
-            number: raw.number,
-            drones: raw.drones.into_iter().map(NodeId).collect(),
+            number: file.raw.number,
+            drones: file.raw.drones.iter().copied().map(NodeId).collect(),
             signature: [0; 64],
         };
-        expelled.signature = check(path, &text, fleet, &expelled.message(), &raw.signature)?;
+        expelled.signature = check(&file, fleet, &expelled.message(), &file.raw.signature)?;
         Ok(expelled)
     }
 
@@ -268,18 +264,9 @@ fn put_signature(text: &mut String, signature: &[u8; 64]) {
     writeln!(text, "signature = \"{signature}\"").expect(NEVER_FAILS);
 }
 
-fn parse<T: DeserializeOwned>(path: &Path, text: &str, form: &str) -> Result<T, BadInput> {
-    toml::from_str(text).map_err(|error| {
-        let span = error.span().unwrap_or_default();
-        let message = error.message().trim().replace('\n', ", ");
-        BadInput::new(path, text, span, message, form)
-    })
-}
-
 /// The signature, if it is the fleet's.
-fn check(
-    path: &Path,
-    text: &str,
+fn check<T>(
+    file: &TomlFile<T>,
     fleet: &FleetKey,
     message: &[u8],
     signature: &Spanned<String>,
@@ -290,5 +277,5 @@ fn check(
     }
     let message = "this is not the fleet's signature of what is listed here";
     let help = "take the files as `muster keys` wrote them, all from one fleet's folder, and change nothing in them";
-    Err(BadInput::new(path, text, signature.span(), message, help))
+    Err(file.error_with(signature.span(), message, help))
 }

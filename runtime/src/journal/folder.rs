@@ -9,6 +9,9 @@ use thiserror::Error;
 use super::Storage;
 use crate::file::{replace, sync_folder_of};
 
+/// The file with the records, in a journal's folder.
+pub(super) const FILE: &str = "journal";
+
 /// The folder of a drone's journal, which no other process can have meanwhile.
 ///
 /// Its file `journal` is only added to, and now and then replaced as a whole. What could not be added whole is cut off
@@ -55,7 +58,7 @@ impl Folder {
             TryLockError::WouldBlock => FolderError::Taken(folder.to_owned()),
             TryLockError::Error(source) => unusable(source),
         })?;
-        let path = folder.join("journal");
+        let path = folder.join(FILE);
         let file = open(&path).map_err(unusable)?;
         sync_folder_of(&path).map_err(unusable)?;
         let len = file.metadata().map_err(unusable)?.len();

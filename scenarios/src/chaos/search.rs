@@ -101,13 +101,6 @@ impl Search {
         Ok(search)
     }
 
-    /// The scenario's name: its file's, without folder and extension.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        let stem = self.request.scenario.file_stem();
-        stem.and_then(|stem| stem.to_str()).unwrap_or("scenario")
-    }
-
     /// Which plans.
     #[must_use]
     pub const fn seeds(&self) -> Seeds {

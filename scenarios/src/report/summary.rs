@@ -267,8 +267,8 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
     .collect()
 }
 
-/// Whether the last waypoint was reached and left, or the swarm assembled around the master that it followed.
-/// Whether a swarm, or what was left of it, reached the last waypoint and left it to land.
+/// Whether a swarm, or what was left of it, reached the last waypoint and left it to land, or assembled around the master
+/// that it followed.
 pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     if scenario.follow.is_some() {
         let master = recorder.of(recorder.centre());

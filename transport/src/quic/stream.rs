@@ -22,6 +22,11 @@ impl Stream {
         let _ = self.writer.finish();
     }
 
+    /// Returns once the other end reads no more, or is gone.
+    pub async fn given_up(&self) {
+        let _ = self.writer.stopped().await;
+    }
+
     /// Reads some of what there is, into all or a part of `bytes`: how much; nothing once nothing more is written.
     ///
     /// # Errors

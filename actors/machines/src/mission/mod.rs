@@ -189,7 +189,7 @@ pub enum LandingReason {
     FlightTime,
     /// Whoever runs its process called it down.
     Recalled,
-    /// What it must remember could not be written down any more.
+    /// What it must remember could not be written down any more, or not be understood.
     JournalLost,
     /// Its process could not listen any more.
     NetworkLost,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use muster_machines::cell::Address;
-use muster_machines::mission;
+use muster_machines::mission::{self, LandingReason};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::PacketKind;
 
@@ -91,6 +91,8 @@ impl State {
         }
         if self.counts.unwritten > 0 {
             faults.push("the journal can't be written: the drone comes down".to_owned());
+        } else if self.landing == Some(LandingReason::JournalLost) {
+            faults.push("what the drone was doing is not known any more: it comes down".to_owned());
         }
         faults
     }

@@ -4,11 +4,10 @@ mod fields;
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, SocketAddrV4};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
-use muster_runtime::diagnostic::{BadInput, accepted, read_text};
+use muster_runtime::diagnostic::{BadInput, Form, TomlFile};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -89,38 +88,19 @@ impl Hosts {
     /// # Errors
     /// When the file can't be used: the error shows the place and says what would be accepted.
     pub fn load(path: &Path, nodes: u32) -> Result<Self, BadInput> {
-        File::read(path)?.hosts(nodes)
+        File(TomlFile::read(path, FORM)?).hosts(nodes)
     }
 }
 
-struct File<'a> {
-    path: &'a Path,
-    text: String,
-    raw: Raw,
-}
+/// A hosts file that has been read, but not looked into.
+struct File(TomlFile<Raw>);
 
-impl<'a> File<'a> {
-    fn read(path: &'a Path) -> Result<Self, BadInput> {
-        let text = read_text(path)?;
-        match toml::from_str(&text) {
-            Ok(raw) => Ok(Self { path, text, raw }),
-            Err(error) => {
-                let span = error.span().unwrap_or_default();
-                let message = error.message().trim().replace('\n', ", ");
-                Err(refusal(path, &text, span, &message))
-            }
-        }
-    }
-
-    fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        refusal(self.path, &self.text, span, message)
-    }
-
+impl File {
     fn hosts(&self, nodes: u32) -> Result<Hosts, BadInput> {
         let reach = self.reach()?;
         let mut placed: BTreeMap<NodeId, Option<SocketAddr>> = BTreeMap::new();
         let mut hosts = Vec::new();
-        for raw in &self.raw.hosts {
+        for raw in &self.0.raw.hosts {
             let drones = self.drones(raw.get_ref(), (reach, nodes), &placed)?;
             placed.extend(&drones);
             hosts.push(Host {
@@ -133,30 +113,31 @@ impl<'a> File<'a> {
         if let Some(missing) = (0..nodes).find(|id| !placed.contains_key(&NodeId(*id))) {
             let message = format!("no host has drone {missing} of the scenario");
             let last = self
+                .0
                 .raw
                 .hosts
                 .last()
                 .map_or(0..0, |it| it.get_ref().drones.span());
-            return Err(self.error(last, &message));
+            return Err(self.0.error(last, &message));
         }
         self.check_addresses(&placed)?;
         Ok(Hosts { reach, hosts })
     }
 
     fn reach(&self) -> Result<Reach, BadInput> {
-        match (&self.raw.group, &self.raw.broadcast) {
+        match (&self.0.raw.group, &self.0.raw.broadcast) {
             (Some(_), Some(broadcast)) => {
                 let message =
                     "frames for all go to a `group` or to a `broadcast` address: one of them";
-                Err(self.error(broadcast.span(), message))
+                Err(self.0.error(broadcast.span(), message))
             }
-            (Some(all), None) | (None, Some(all)) if all.get_ref().port() == 0 => {
-                Err(self.error(all.span(), "what is for all needs a port that all know"))
-            }
+            (Some(all), None) | (None, Some(all)) if all.get_ref().port() == 0 => Err(self
+                .0
+                .error(all.span(), "what is for all needs a port that all know")),
             (Some(group), None) if !group.get_ref().ip().is_multicast() => {
                 let message =
                     "this is not a multicast group: they go from 224.0.0.0 to 239.255.255.255";
-                Err(self.error(group.span(), message))
+                Err(self.0.error(group.span(), message))
             }
             (Some(group), None) => Ok(Reach::Group(*group.get_ref())),
             (None, Some(broadcast)) => Ok(Reach::Broadcast(*broadcast.get_ref())),
@@ -172,18 +153,18 @@ impl<'a> File<'a> {
     ) -> Result<BTreeMap<NodeId, Option<SocketAddr>>, BadInput> {
         let listed = raw.drones.get_ref();
         if listed.is_empty() {
-            return Err(self.error(raw.drones.span(), "no drone flies here"));
+            return Err(self.0.error(raw.drones.span(), "no drone flies here"));
         }
         let first = match (&raw.address, reach) {
             (None, Reach::Peers) => {
                 let message = "frames for all go to a `group`, to a `broadcast` address, or to the `address` that each host \
                                has: this one has none";
-                return Err(self.error(raw.drones.span(), message));
+                return Err(self.0.error(raw.drones.span(), message));
             }
             (Some(address), Reach::Group(_) | Reach::Broadcast(_)) => {
                 let message =
                     "drones that talk by a `group` or a `broadcast` take a port of their own";
-                return Err(self.error(address.span(), message));
+                return Err(self.0.error(address.span(), message));
             }
             (address, _) => address.as_ref(),
         };
@@ -193,19 +174,21 @@ impl<'a> File<'a> {
             if id.0 >= nodes {
                 let last = nodes - 1;
                 let message = format!("the scenario's drones and relays have numbers up to {last}");
-                return Err(self.error(span, &message));
+                return Err(self.0.error(span, &message));
             }
             let address = match first {
                 None => None,
                 Some(first) => Some(port_after(*first.get_ref(), nth).ok_or_else(|| {
-                    self.error(
+                    self.0.error(
                         first.span(),
                         "each drone here needs an address and a port of its own, from this one on",
                     )
                 })?),
             };
             if placed.contains_key(&id) || drones.insert(id, address).is_some() {
-                return Err(self.error(span, &format!("drone {id} is at a host already")));
+                return Err(self
+                    .0
+                    .error(span, &format!("drone {id} is at a host already")));
             }
         }
         Ok(drones)
@@ -215,7 +198,7 @@ impl<'a> File<'a> {
         match &raw.run {
             None => Ok(Vec::new()),
             Some(run) if run.get_ref().iter().any(String::is_empty) || run.get_ref().is_empty() => {
-                Err(self.error(run.span(), "this names no command"))
+                Err(self.0.error(run.span(), "this names no command"))
             }
             Some(run) => Ok(run.get_ref().clone()),
         }
@@ -230,7 +213,7 @@ impl<'a> File<'a> {
         let path = musterd.get_ref();
         if path.is_empty() || path.starts_with('-') || !path.chars().all(is_plain) {
             let message = "a shell there would not take this for the path of a program";
-            return Err(self.error(musterd.span(), message));
+            return Err(self.0.error(musterd.span(), message));
         }
         Ok(PathBuf::from(path))
     }
@@ -241,20 +224,20 @@ impl<'a> File<'a> {
     ) -> Result<(), BadInput> {
         let mut seen = BTreeMap::new();
         let first = placed.values().flatten().next();
-        for raw in &self.raw.hosts {
+        for raw in &self.0.raw.hosts {
             let Some(address) = &raw.get_ref().address else {
                 continue;
             };
             if first.is_some_and(|first| first.is_ipv4() != address.get_ref().is_ipv4()) {
                 let message =
                     "a drone with an IPv4 address reaches no IPv6 address, nor the other way round";
-                return Err(self.error(address.span(), message));
+                return Err(self.0.error(address.span(), message));
             }
             for id in raw.get_ref().drones.get_ref() {
                 let own = placed.get(&NodeId(*id.get_ref())).copied().flatten();
                 if let Some(other) = own.and_then(|own| seen.insert(own, *id.get_ref())) {
                     let message = format!("drone {other} has one of the addresses from here on");
-                    return Err(self.error(address.span(), &message));
+                    return Err(self.0.error(address.span(), &message));
                 }
             }
         }
@@ -269,15 +252,7 @@ fn port_after(mut address: SocketAddr, nth: u16) -> Option<SocketAddr> {
     (address.port() > 0 && !address.ip().is_unspecified()).then_some(address)
 }
 
-const NOT_TOML: &str = "a hosts file is a TOML file: a line `group = …`, then tables `[[hosts]]`";
-
-fn refusal(path: &Path, text: &str, span: Range<usize>, message: &str) -> BadInput {
-    let help = accepted(FIELDS, text, &span, message);
-    BadInput::new(
-        path,
-        text,
-        span,
-        message,
-        help.unwrap_or_else(|| NOT_TOML.to_owned()),
-    )
-}
+const FORM: Form = Form {
+    fields: FIELDS,
+    is: "a hosts file is a TOML file: a line `group = …`, then tables `[[hosts]]`",
+};

@@ -109,3 +109,23 @@ fn the_page_names_the_command_that_repeats_the_run() {
     let command = "muster sim scenarios/thesis-2.toml --seed 7 --engine actors";
     assert_eq!(text(&html, "pre code"), command);
 }
+
+#[test]
+fn a_radio_that_reaches_far_beyond_what_was_flown_does_not_make_a_spot_of_it() {
+    let (report, mut flight) = sample::swarm(15);
+    let legend = |flight: &Flight| text(&parsed(&(report.clone(), flight.clone())), ".map .legend");
+    assert!(!legend(&flight).contains("beyond the map"));
+    flight.range_m = 30_000.0;
+    assert!(legend(&flight).contains("30,000 m radio range, beyond the map"));
+    let html = parsed(&(report, flight));
+    assert!(!text(&html, ".main .tick").contains("10,000"));
+}
+
+#[test]
+fn the_time_of_processes_is_not_called_simulated() {
+    let (mut report, flight) = sample::swarm(2);
+    assert!(page(&report, &flight).contains("simulated time in seconds"));
+    report.engine = None;
+    let page = page(&report, &flight);
+    assert!(page.contains("time in seconds") && !page.contains("simulated"));
+}

@@ -65,10 +65,10 @@ pub(super) fn timeline(report: &Report, flight: &Flight) -> Markup {
     html! {
         (legend(report, flight))
         div.scroll {
-            svg.wide role="img" aria-label="What each drone was doing, over simulated time"
+            svg.wide role="img" aria-label={ "What each drone was doing, over " (time(report)) }
                 viewBox={ "0 0 " (WIDTH_PX) " " (px(height)) }
             {
-                (seconds(&x, end_s, base))
+                (seconds(report, &x, base))
                 (ids(&report.drones, row))
                 @for (place, (drone, flown)) in report.drones.iter().zip(&flight.drones).enumerate() {
                     g transform={ "translate(0 " (px(TOP_PX + row * count(place as u64))) ")" } {
@@ -112,9 +112,17 @@ fn legend(report: &Report, flight: &Flight) -> Markup {
     }
 }
 
+/// Which time it is: that of a simulation, or of the clock.
+const fn time(report: &Report) -> &'static str {
+    match report.engine {
+        Some(_) => "simulated time",
+        None => "time",
+    }
+}
+
 /// Lines at round times, named below.
-fn seconds(x: &Axis, end_s: f64, base: f64) -> Markup {
-    let times = ticks(0.0, end_s, 10.0);
+fn seconds(report: &Report, x: &Axis, base: f64) -> Markup {
+    let times = ticks(0.0, report.simulated_s, 10.0);
     let digits = decimals(&times);
     html! {
         @for time_s in times {
@@ -123,7 +131,7 @@ fn seconds(x: &Axis, end_s: f64, base: f64) -> Markup {
             text.tick x=(at) y=(px(base + 17.0)) text-anchor="middle" { (figure(time_s, digits)) }
         }
         text.axis-name x=(px(f64::midpoint(LEFT_PX, WIDTH_PX - RIGHT_PX))) y=(px(base + 37.0))
-            text-anchor="middle" { "simulated time in seconds" }
+            text-anchor="middle" { (time(report)) " in seconds" }
     }
 }
 

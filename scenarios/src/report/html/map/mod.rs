@@ -21,6 +21,8 @@ const PROPORTIONS: (f64, f64) = (0.62, 3.0);
 const PROPORTIONS_ENLARGED: (f64, f64) = (1.4, 2.2);
 /// What is more than this many times smaller than the whole map is drawn again, enlarged.
 const ENLARGED_FROM: f64 = 7.0;
+/// A radio that reaches more than this many times as far as what was flown goes is not drawn to where it ends.
+const RANGE_SHOWN_TO: f64 = 1.5;
 /// The least ground that a map shows, in metres.
 const LEAST_M: f64 = 30.0;
 
@@ -37,6 +39,7 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
     let Some(whole) = whole(&swarm, flight, master) else {
         return html! { p.none { "No positions were recorded." } };
     };
+    let is_beyond = flight.range_m > whole.longest_m();
     let ends = [End::Start, End::Landing].map(|end| (end, close(&swarm, whole, end)));
     let content = |frame: &Frame| {
         html! {
@@ -66,7 +69,7 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
                 (frame.picture("Map of the tracks of all drones, north up", Axes::Named, &content(&frame)))
             }
             div.beside {
-                (legend(flight.range_m, ends.iter().any(|(_, close)| close.is_none())))
+                (legend((flight.range_m, is_beyond), ends.iter().any(|(_, close)| close.is_none())))
                 @for (end, close) in ends {
                     @if let Some(extent) = close { (enlarged(&swarm, extent, end)) }
                 }
@@ -83,8 +86,10 @@ fn whole(swarm: &[Drawn<'_>], flight: &Flight, master: Option<Ned>) -> Option<Ex
     let waypoints = flight.swarms().flat_map(|swarm| &swarm.waypoints);
     let flown = Extent::around(tracks.chain(waypoints.copied()))?;
     Some(match master {
-        Some(centre) => flown.joined(Extent::of_circle(centre, flight.range_m)),
-        None => flown,
+        Some(centre) if flight.range_m <= RANGE_SHOWN_TO * flown.longest_m() => {
+            flown.joined(Extent::of_circle(centre, flight.range_m))
+        }
+        _ => flown,
     })
 }
 
@@ -176,14 +181,17 @@ fn enlarged(swarm: &[Drawn<'_>], extent: Extent, end: End) -> Markup {
     }
 }
 
-fn legend(range_m: f64, with_ends: bool) -> Markup {
+fn legend((range_m, is_beyond): (f64, bool), with_ends: bool) -> Markup {
     let origin = (0.0, 0.0);
     html! {
         ul.legend {
             (kinds())
             li { (mark::swatch("", &html! { circle.pin r="7" {} })) "waypoint of the centre" }
             li { (mark::swatch("", &html! { line.link x1="-9" x2="9" {} })) "way to the master" }
-            li { (mark::swatch("range", &html! { circle r="8" {} })) (figure(range_m, 0)) " m radio range" }
+            li {
+                (mark::swatch("range", &html! { circle r="8" {} })) (figure(range_m, 0)) " m radio range"
+                @if is_beyond { ", beyond the map" }
+            }
             @if with_ends {
                 li { (mark::swatch("", &End::Start.mark(origin, 9.0))) "start" }
                 li { (mark::swatch("", &End::Landing.mark(origin, 9.0))) "last position" }
