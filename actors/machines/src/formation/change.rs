@@ -8,7 +8,8 @@ use crate::identity::NodeId;
 /// all descend into their new slots, and each step begins only once all have done the one before.
 ///
 /// Drones whose ways come close to each other have different sectors, so that nobody's delay matters; the lowest
-/// sector is the height of the slots.
+/// sector is the height of the slots. Whose way leads over an end of another's has the lower one, so that a drone that
+/// must come down on its way meets nobody who waits at an end.
 #[derive(Debug)]
 pub struct Change {
     waypoint: u16,
@@ -28,14 +29,17 @@ impl Change {
         let formation = formation.taken_from(before.formation());
         let from = before.formation().slots().to_vec();
         let separation = before.separation();
-        let crossings = crossings(&ways(&from, formation.slots()), separation.near_m());
+        let mut crossings = crossings(&ways(&from, formation.slots()), separation.near_m());
+        for crossing in &mut crossings {
+            // Nobody climbs or descends while others cross; but who crosses may have to come down.
+            crossing.over.reverse();
+        }
         let stack = Stack::of(from.len(), &crossings, 0);
         Self {
             waypoint,
             from,
             sectors_m: separation.heights_m(&stack).collect(),
-            layout: Layout::new(formation, before.gap_m(), separation)
-                .with_layers(before.layering()),
+            layout: Layout::new(formation, before.gap_m(), separation).layered_like(before),
         }
     }
 
@@ -79,7 +83,7 @@ mod tests {
     use std::num::NonZeroU32;
 
     use super::*;
-    use crate::formation::{Kind, Separation};
+    use crate::formation::{Kind, Layering, Separation};
 
     const KINDS: [Kind; 7] = [
         Kind::Linear,
@@ -155,6 +159,37 @@ mod tests {
                 }
             }
         });
+    }
+
+    #[test]
+    fn whoever_comes_down_on_its_way_meets_nobody_who_waits_at_an_end() {
+        let mut seen = 0;
+        each_pair(|to, change| {
+            let at = Ned::new(0.0, 0.0, -25.0);
+            let ways: Vec<[Ned; 3]> = (0..9).map(|id| change.way(NodeId(id), at)).collect();
+            let leads_over = |one: &[Ned; 3], end: Ned| {
+                let steps = (0..=100).map(|step| f64::from(step) / 100.0);
+                steps
+                    .map(|share| Ned(one[0].0.lerp(&one[1].0, share)))
+                    .any(|here| here.horizontal_distance_m(end) < 5.0)
+            };
+            for (a, one) in ways.iter().enumerate() {
+                for (b, other) in ways.iter().enumerate() {
+                    if a != b && leads_over(one, other[1]) && !leads_over(other, one[1]) {
+                        assert!(one[0].altitude_m() < other[0].altitude_m(), "to {to:?}");
+                        seen += 1;
+                    }
+                }
+            }
+        });
+        assert!(seen > 0, "some way leads over an end of another");
+    }
+
+    #[test]
+    fn a_drone_keeps_its_layer_through_a_change() {
+        let before = layout(Kind::Linear, 9).with_layers(Layering::Each);
+        let change = Change::new(1, &before, formation(Kind::CompactMesh, 9));
+        assert_eq!(change.layout().layers_m(&[]), before.layers_m(&[]));
     }
 
     #[test]

@@ -1,3 +1,4 @@
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 use nalgebra::Vector2;
@@ -42,7 +43,9 @@ impl Separation {
 /// How many altitude layers there are for drones that are not in lockstep with their swarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layering {
-    /// One for each drone: wherever two of them are, and whatever they do, they are out of each other's way.
+    /// One for each drone: wherever two of them are, and whatever they do, they are out of each other's way. The first
+    /// master's is the lowest: whoever is cut off from it misses it before it misses them, so it climbs last, and through
+    /// nobody's layer.
     Each,
     /// As few as drones can do with of which one waits at an end of the leg that the other flies.
     Shared,
@@ -61,6 +64,8 @@ pub struct Layout {
     ground: Option<Ways>,
     landing: Ways,
     layering: Layering,
+    /// Who has the lowest layer, if each has its own: the first master.
+    lowest: NodeId,
     layers: Layers,
 }
 
@@ -89,6 +94,7 @@ impl Layout {
             landing: Ways::new(Ground::Gathered, &formation, gap_m, separation),
             ground: None,
             layering: Layering::Shared,
+            lowest: formation.centre(),
             layers: Layers::default(),
             formation,
             separation,
@@ -108,6 +114,14 @@ impl Layout {
     #[must_use]
     pub fn with_layers(mut self, layering: Layering) -> Self {
         self.layering = layering;
+        self.layers = Layers::default();
+        self
+    }
+
+    /// The same, but with layers as `before` has them, so that drones of either layout are out of each other's way.
+    pub(super) fn layered_like(mut self, before: &Self) -> Self {
+        self.layering = before.layering;
+        self.lowest = before.lowest;
         self.layers = Layers::default();
         self
     }
@@ -189,8 +203,10 @@ impl Layout {
         self.layers.of(waypoints, || {
             let slots = self.formation.slots();
             if self.layering == Layering::Each {
-                let layers = 1..=slots.len();
-                return layers.map(|layer| count(layer) * self.pitch_m()).collect();
+                let layers = (0..self.formation.drones()).map(|id| self.own_layer(NodeId(id)));
+                return layers
+                    .map(|layer| f64::from(layer) * self.pitch_m())
+                    .collect();
             }
             let legs: Vec<Vector2<f64>> = waypoints
                 .windows(2)
@@ -201,6 +217,15 @@ impl Layout {
             let stack = Stack::of(slots.len(), &crossings, 1);
             self.separation.heights_m(&stack).collect()
         })
+    }
+
+    /// The layer of a drone where each has its own, counted from 1: by number, but for the first master.
+    fn own_layer(&self, id: NodeId) -> u32 {
+        match id.cmp(&self.lowest) {
+            Ordering::Less => id.0 + 2,
+            Ordering::Equal => 1,
+            Ordering::Greater => id.0 + 1,
+        }
     }
 
     /// How far above its slot a drone flies that is to be above all that fly in lockstep, in metres: in its own layer or,
@@ -237,11 +262,6 @@ impl Layout {
         self.landing.arranged.stack.exposed
             + ground.map(|it| it.arranged.stack.exposed).sum::<usize>()
     }
-}
-
-/// A number of layers, of which there are no more than drones.
-fn count(layers: usize) -> f64 {
-    f64::from(u32::try_from(layers).unwrap_or(u32::MAX))
 }
 
 #[cfg(test)]

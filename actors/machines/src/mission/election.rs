@@ -118,6 +118,7 @@ impl Mission {
         self.outbox.transmit(Transmit::Lead(ballot));
         self.order_again(now);
         self.lead(now);
+        self.wait_in_layer();
     }
 
     /// Gives the order that the drone itself is at.

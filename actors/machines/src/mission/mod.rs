@@ -259,8 +259,8 @@ impl Mission {
     fn begin_life(&mut self) {
         match self.durable.state {
             State::SetUp => self.stay_down(LandingReason::Restarted),
-            // The others are in their sectors: it goes on in its own.
-            State::ChangingFormation { .. } => {}
+            // The others are in their sectors, or on the same leg behind it and before: it goes on in their midst.
+            State::ChangingFormation { .. } | State::MovingToWaypoint { .. } => {}
             state if state.is_following() => self.keep_apart(),
             _ => {}
         }
@@ -445,7 +445,7 @@ impl Mission {
     }
 
     /// Waits in its layer, out of the way of parts of the swarm that go on sooner.
-    fn wait_in_layer(&mut self) {
+    pub(super) fn wait_in_layer(&mut self) {
         let has_arrived = self.durable.pending.is_none();
         let waits = match self.durable.state {
             State::WaypointReached { .. } => self.is_elected_reign(),

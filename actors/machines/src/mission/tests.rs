@@ -181,6 +181,13 @@ fn master_taking_off_with(barrier: Barrier) -> Mission {
     master
 }
 
+fn goal(transmits: &[Transmit]) -> Option<Goal> {
+    transmits.iter().find_map(|transmit| match transmit {
+        Transmit::Goal(goal) => Some(*goal),
+        _ => None,
+    })
+}
+
 #[test]
 fn only_the_drone_at_the_centre_leads_and_only_once_told() {
     let mut slave = mission(0, Liveness::Pulse);
@@ -514,6 +521,23 @@ fn a_restarted_mission_goes_on_where_it_was() {
         Input::Navigation(NavigationNotice::Arrived),
     );
     assert!(arrived.contains(&acknowledges(5)));
+}
+
+#[test]
+fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_waypoint_climbs() {
+    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let (waypoint, apart) = (1, false);
+    let starts_anew = |slave: &Mission| {
+        let mut checkpoint = slave.durable.clone();
+        checkpoint.begin_life();
+        let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
+        let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
+        goal(&transmits)
+    };
+    assert!(matches!(starts_anew(&slave), Some(Goal::TransitTo { .. })));
+    ordered(&mut slave, 5, &Order::Move { waypoint, apart });
+    let to = Ned::new(100.0, -100.0, -25.0);
+    assert_eq!(starts_anew(&slave), Some(fly_to(to)));
 }
 
 #[test]

@@ -64,6 +64,13 @@ fn only_neighbours_on_a_short_leg_share_no_layer() {
 }
 
 #[test]
+fn the_masters_own_layer_is_the_lowest() {
+    let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION).with_layers(Layering::Each);
+    assert_eq!(layout.formation().centre(), NodeId(2));
+    assert_eq!(*layout.layers_m(&[]), [11.0, 16.5, 5.5, 22.0]);
+}
+
+#[test]
 fn gathered_swarms_of_forty_need_four_layers_at_most_and_expose_nobody() {
     for kind in [
         Kind::Linear,

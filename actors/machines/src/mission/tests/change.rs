@@ -45,13 +45,6 @@ fn arrives(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
     told(mission, at_s, Input::Navigation(NavigationNotice::Arrived))
 }
 
-fn goal(transmits: &[Transmit]) -> Option<Goal> {
-    transmits.iter().find_map(|transmit| match transmit {
-        Transmit::Goal(goal) => Some(*goal),
-        _ => None,
-    })
-}
-
 #[test]
 fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
     let mut slave = slave_in_its_slot();

@@ -87,6 +87,24 @@ fn whoever_misses_the_master_leads_under_a_better_ballot_and_gives_its_own_order
 }
 
 #[test]
+fn whoever_claims_once_its_patience_has_ended_climbs_at_once() {
+    let config = Config {
+        succession: Succession::Elect,
+        spreading_patience: Duration::from_secs(6),
+        ..config(0, Liveness::Pulse)
+    };
+    let mut slave = Mission::new(config, None);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut slave, 20.0, arrived);
+    assert_eq!(hears(&mut slave, 21.0, RoutingNotice::MasterSilent), []);
+    let (said, _) = stimulate(&mut slave, 27.0, Stimulus::Timeout);
+    assert!(said.contains(&Transmit::Lead(ballot(2, 1, 0))));
+    assert!(matches!(goal(&said), Some(Goal::TransitTo { .. })));
+}
+
+#[test]
 fn a_member_ahead_of_the_new_master_acknowledges_at_once_and_holds() {
     let mut slave = elects(0);
     ordered(

@@ -51,6 +51,8 @@ pub(super) struct Links {
 #[derive(Debug, Clone)]
 pub(super) struct Link {
     pub(super) id: NodeId,
+    /// When it was heard first, and last.
+    known_since: Timestamp,
     pub(super) heard_at: Timestamp,
     /// Whether the neighbour has heard this drone too: only then the link counts.
     pub(super) symmetric: bool,
@@ -170,6 +172,7 @@ impl Link {
     fn new(id: NodeId, now: Timestamp) -> Self {
         Self {
             id,
+            known_since: now,
             heard_at: now,
             symmetric: false,
             left_out: None,
@@ -222,9 +225,14 @@ impl Link {
         self.symmetric && told.is_some_and(|times| times < TOLD_OF_REIGN_MAX)
     }
 
+    /// Whether it leaves this drone out whenever it says whom it hears.
+    pub(super) const fn leaves_out(&self) -> bool {
+        self.left_out.is_some()
+    }
+
     /// Whether it has just said that it does not hear this drone, which it did before.
     pub(super) const fn needs_to_hear(&self) -> bool {
-        self.symmetric && self.left_out.is_some()
+        self.symmetric && self.leaves_out()
     }
 
     /// Whether it knows of an order, as it said or the medium did.
@@ -634,20 +642,29 @@ impl Links {
         below
     }
 
-    /// Whom this drone hears. One that has been silent for as long as no living neighbour is, and for half its
-    /// `time_to_live`, is not heard any more; nor, until it has been heard under the present reign, one that has been
-    /// silent for so long that it would be asked: a drone that has gone deaf, and claims to lead, shall be believed by
-    /// nobody.
+    /// Whom this drone hears.
     pub(super) fn heard_lately(&self, now: Timestamp, time_to_live: Duration) -> NodeSet {
-        let is_heard = |link: &Link| {
-            let patience = match link.told_of_reign {
-                Some(_) => self.beacon * link.quality.stale_beacons.into(),
-                None => (self.pace * link.quality.lost_beacons.into()).max(time_to_live / 2),
-            };
-            now.since(link.heard_at) <= patience
-        };
-        let heard = self.iter().filter(|link| is_heard(link));
+        let heard = self
+            .iter()
+            .filter(|link| self.hears(link, now, time_to_live));
         heard.map(|link| link.id).collect()
+    }
+
+    /// Whether this drone hears a neighbour. One that has been silent for as long as no living neighbour is, and for half
+    /// its `time_to_live`, is not heard any more; nor, until it has been heard under the present reign, one that has been
+    /// silent for so long that it would be asked: a drone that has gone deaf, and claims to lead, shall be believed by
+    /// nobody. Likewise one that has been silent for longer than it was known before: that little was heard of it is no
+    /// reason to believe for longer that it is.
+    pub(super) fn hears(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
+        let stale = self.beacon * link.quality.stale_beacons.into();
+        let patience = if link.told_of_reign.is_some() {
+            stale
+        } else {
+            let known_for = link.heard_at.since(link.known_since);
+            let lost = self.pace * link.quality.lost_beacons.into();
+            lost.min(known_for.max(stale)).max(time_to_live / 2)
+        };
+        now.since(link.heard_at) <= patience
     }
 
     /// As if nobody had said anything before in the same words.

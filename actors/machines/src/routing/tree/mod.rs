@@ -438,7 +438,8 @@ impl TreeRouting {
     /// Chooses the parent anew: the symmetric neighbour nearest to the master, then the one with the least loss; the
     /// one it has unless another is nearer. It takes only a drone that has heard more of the master since or, unless the
     /// parent that it has is lost or stale, one that has heard as much and is nearer to the master than itself: the way of
-    /// neither can be through this one, so that no ring of drones follows itself.
+    /// neither can be through this one, so that no ring of drones follows itself. Nor does it take one that leaves it out of
+    /// those that it hears, though it may only have restarted: the parent that it has it keeps for a beacon then.
     fn update_routes(&mut self, now: Timestamp) {
         let routes = self.best_routes(now);
         if !self.is_master() {
@@ -528,6 +529,7 @@ impl TreeRouting {
             let left = suspected.or(stale);
             let usable = |link: &&Link| {
                 link.symmetric
+                    && (parent == Some(link.id) || !link.leaves_out())
                     && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)

@@ -179,7 +179,7 @@ impl TreeRouting {
                     state.landing.extend(master);
                 }
             }
-            Occasion::News | Occasion::Repair => state.to = self.addressee(),
+            Occasion::News | Occasion::Repair => state.to = self.addressee(now),
             Occasion::Seek => state.to = self.routes.parent,
         }
         let to = state.to;
@@ -235,10 +235,14 @@ impl TreeRouting {
     }
 
     /// The only one to whom what this drone says is news: it is said to that one, and the medium sees to it that it
-    /// arrives. What several are to hear is said to all.
-    fn addressee(&self) -> Option<NodeId> {
+    /// arrives. What several are to hear is said to all, and what one is to hear that is not heard itself: to be spoken
+    /// to shows that one is.
+    fn addressee(&self, now: Timestamp) -> Option<NodeId> {
         let mut unaware = self.unaware();
-        unaware.next().filter(|_| unaware.next().is_none())
+        let only = unaware.next().filter(|_| unaware.next().is_none())?;
+        let link = self.links.get(only)?;
+        let is_heard = self.links.hears(link, now, self.config.link_time_to_live);
+        is_heard.then_some(only)
     }
 
     /// Whether something is to be said again, as far as this drone knows.
