@@ -302,7 +302,8 @@ fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
     let before = fs::read_to_string(fleet.path("own.toml")).unwrap();
     let other = before.replace("climb_mps = 8", "climb_mps = 4");
     assert_ne!(other, before);
-    let upload = format!("{{\"upload\":\"scenario\"}}\n{other}");
+    let what = serde_json::json!({ "what": "scenario", "bytes": other.len() });
+    let upload = format!("{}\n{other}", serde_json::json!({ "upload": what }));
     let logs = "{\"logs\":{\"follow\":false}}\n";
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
