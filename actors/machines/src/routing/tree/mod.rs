@@ -527,9 +527,11 @@ impl TreeRouting {
                 }
             };
             let left = suspected.or(stale);
+            // Where drones do not speak at each number, most are left out for a moment under a new master.
+            let speaks_seldom = self.numbers_a_turn > 1;
             let usable = |link: &&Link| {
                 link.symmetric
-                    && (parent == Some(link.id) || !link.leaves_out())
+                    && (parent == Some(link.id) || !link.leaves_out() || speaks_seldom)
                     && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)

@@ -562,6 +562,24 @@ fn a_neighbour_that_has_missed_numbers_of_the_master_is_told() {
 }
 
 #[test]
+fn who_speaks_seldom_is_left_out_for_a_moment_and_has_a_way_all_the_same() {
+    let (mut node, heard) = Node::quick();
+    let says = |behind: u32, hears: NodeSet| Tree {
+        pulse: heard + behind,
+        hears: Some(hears),
+        ..beacon_of_child(2, 0, 1)
+    };
+    node.hear(2, says(0, ids([1])));
+    node.beacons_within(45);
+    node.hear(2, says(1, ids([])));
+    assert_eq!(node.routing.routes.parent, Some(NodeId(2)));
+    // Not for longer than it takes until it has spoken.
+    node.beacons_within(130);
+    node.hear(2, says(2, ids([])));
+    assert_eq!(node.routing.routes.parent, None);
+}
+
+#[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
     let mut links = Links::new(NodeId(1), 4, Duration::from_secs(1), Duration::from_secs(1));
     let speaker = Speaker {
