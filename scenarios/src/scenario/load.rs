@@ -344,7 +344,7 @@ const LAN: Parameters = Parameters {
     period: 50,
     keep_alive: 250,
     time_to_live: 1_000,
-    beacon: 40,
+    beacon: 35,
     repair: 3,
 };
 

@@ -297,6 +297,11 @@ impl Scenario {
                     Succession::Elect => protocol.time_to_live * 3,
                     Succession::Land => Duration::ZERO,
                 },
+                deference: match (protocol.succession, protocol.liveness) {
+                    // As long as news takes to a neighbour.
+                    (Succession::Elect, Liveness::Pulse) => protocol.repair * 2,
+                    (Succession::Land, _) | (_, Liveness::Thesis) => Duration::ZERO,
+                },
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
                 leg_limit: self.limits.leg,

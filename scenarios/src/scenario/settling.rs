@@ -46,7 +46,7 @@ impl Settling {
             Liveness::Thesis => mission.leg_limit,
         };
         Self {
-            detection: routing.detection() + on_a_leg,
+            detection: routing.detection() + on_a_leg + mission.deference_max(),
             spreading: mission.spreading_patience,
             hop: routing.hop() + travel,
             back_off: routing.turn() * 2 * tries(worst_loss(radio).max(collisions)),

@@ -53,8 +53,9 @@ pub enum OpenError {
     Socket(#[from] io::Error),
 }
 
-/// For how many peers there is a socket apart; what comes from others comes in at the drone's own.
-const APART_MAX: usize = 64;
+/// For how many peers there is a socket apart, so that all sockets together are no more than a word has bits; what comes
+/// from others comes in at the drone's own.
+const APART_MAX: usize = 63;
 
 /// The drone's own socket, and the one at which it hears what is for all, if that is another.
 pub(crate) fn open(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), OpenError> {

@@ -22,6 +22,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::radio::Source;
 use muster_machines::time::Timestamp;
 
+use waiting::LookedAt;
 pub use waiting::Waiting;
 
 use crate::sockets::{self, Clock, Config, Counters, OpenError, Reach};
@@ -46,6 +47,7 @@ pub struct UdpTransport {
     address: SocketAddr,
     /// Where frames come in; the own socket is the first.
     sockets: Vec<Arc<UdpSocket>>,
+    looked_at: Arc<LookedAt>,
     /// Where drones were last heard; at most as many as whoever calls [`Transport::learn`] lets in.
     places: BTreeMap<NodeId, Place>,
     sources: Sources,
@@ -84,6 +86,7 @@ impl UdpTransport {
         Ok(Self {
             address,
             sockets: std::iter::once(Arc::clone(&own)).chain(others).collect(),
+            looked_at: Arc::new(LookedAt::all()),
             own,
             places: BTreeMap::new(),
             sources: Sources::default(),
@@ -110,7 +113,7 @@ impl UdpTransport {
     /// # Errors
     /// When the runtime can't watch the sockets.
     pub fn waiting(&self) -> io::Result<Waiting> {
-        Waiting::new(&self.sockets)
+        Waiting::new(&self.sockets, Arc::clone(&self.looked_at))
     }
 
     /// What it has done so far.
@@ -150,9 +153,10 @@ impl UdpTransport {
     /// The next datagram; each socket has its turn, so that a flood at one keeps what comes to another waiting for a few
     /// datagrams only.
     fn next_datagram(&mut self) -> Option<(Bytes, SocketAddr)> {
-        // One more than there are, for the first may have had its turn.
-        for _ in 0..=self.sockets.len() {
-            if self.in_a_row < IN_A_ROW_MAX {
+        // The first is looked at again if it had had its turn.
+        let has_had_its_turn = self.in_a_row == IN_A_ROW_MAX;
+        for _ in 0..self.sockets.len() + usize::from(has_had_its_turn) {
+            if self.in_a_row < IN_A_ROW_MAX && self.looked_at.has(self.turn) {
                 let socket = Arc::clone(&self.sockets[self.turn]);
                 let datagram = self.receive(&socket);
                 if datagram.is_some() {

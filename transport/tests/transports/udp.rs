@@ -216,6 +216,41 @@ fn what_a_peer_says_is_heard_through_a_flood_from_elsewhere() {
     assert_eq!(overflowed, 20_010 - heard.len() as u64);
 }
 
+#[tokio::test]
+async fn who_waits_gets_what_came_to_any_socket_and_does_not_wait_for_what_was_left_there() {
+    let ([own, peer, ..], _held) = free_addresses();
+    let mut end = open(Config {
+        bind: own,
+        ..config(0, Reach::Peers(vec![peer]))
+    });
+    let waiting = end.waiting().unwrap();
+    let (peer, stranger) = (
+        UdpSocket::bind(peer).unwrap(),
+        UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap(),
+    );
+    for round in 0..20_u8 {
+        for number in 0..3 {
+            peer.send_to(&[round, 0, number], own).unwrap();
+            stranger.send_to(&[round, 1, number], own).unwrap();
+        }
+        let mut heard = Vec::new();
+        while heard.len() < 6 {
+            // One at a time, and it never says that this was all.
+            let one = waiting.datagrams(|| {
+                heard.extend(datagram(end.poll_event()));
+                false
+            });
+            let one = tokio::time::timeout(PATIENCE, one).await;
+            one.expect("something is left").unwrap();
+        }
+        heard.sort_by(|a, b| a.datagram.cmp(&b.datagram));
+        let sent = (0..2).flat_map(|from| (0..3).map(move |number| [round, from, number]));
+        assert!(sent.eq(heard.iter().map(|it| *it.datagram.as_array().unwrap())));
+        let drained = waiting.datagrams(|| datagram(end.poll_event()).is_none());
+        assert!(drained.await.unwrap(), "nothing is left");
+    }
+}
+
 #[test]
 fn nobody_else_gets_a_drones_address() {
     let ([own, peer, ..], _held) = free_addresses();

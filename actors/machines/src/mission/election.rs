@@ -4,15 +4,28 @@
 //! masters included. What is being carried out goes on meanwhile: the new master begins by giving the order again that
 //! it is at itself, and whoever is there already, or farther, acknowledges at once.
 
+use std::time::Duration;
+
 use super::{
-    Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State, Succession,
-    Transmit,
+    Config, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State,
+    Succession, Transmit,
 };
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::Ballot;
 use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
+
+/// To so many drones that would lead rather one leaves it to say that they do: so few know, and others seldom come to it.
+const DEFERENCES_MAX: u32 = 8;
+
+impl Config {
+    /// How long a drone that misses its master leaves it to others to lead, at the most.
+    #[must_use]
+    pub fn deference_max(&self) -> Duration {
+        self.deference * DEFERENCES_MAX
+    }
+}
 
 impl Mission {
     /// A ballot of this drone's own; its rank is the one that it took off with, whatever the formation is now.
@@ -90,11 +103,22 @@ impl Mission {
             .master_silent
             .filter(|_| !flaw::has(Flaw::NeverClaims))
             .filter(|_| looks && self.durable.lead.is_none())?;
+        let since = since + self.deference();
         Some(if self.durable.state.is_spreading() && !self.master_lands {
             since + self.config.spreading_patience
         } else {
             since
         })
+    }
+
+    /// How long it leaves it to others of better rank to lead: else all that miss a master at the same moment would claim to
+    /// lead, and each would have to hear of all others.
+    fn deference(&self) -> Duration {
+        let ranks = self.config.layout.formation().ranks();
+        let own = ranks[self.config.id.0 as usize];
+        let missed = self.durable.obeyed.ballot();
+        let better = own - u32::from(missed.is_some_and(|missed| missed.rank < own));
+        self.config.deference * better.min(DEFERENCES_MAX)
     }
 
     /// The master is silent: another is needed.

@@ -55,6 +55,8 @@ pub struct Config {
     /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again; and a
     /// master silent members while it takes off.
     pub spreading_patience: Duration,
+    /// How long it leaves it to each drone that would lead rather, but for the one that is missed, to say that it does.
+    pub deference: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members that do not get to their slots.

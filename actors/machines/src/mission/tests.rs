@@ -58,6 +58,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         succession: Succession::Land,
         alone: Alone::CarryOn,
         spreading_patience: Duration::ZERO,
+        deference: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,

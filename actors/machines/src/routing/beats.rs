@@ -3,6 +3,10 @@ use serde::{Deserialize, Serialize};
 /// How many numbers are reserved at once, so that a restart never falls back to one already used.
 const BLOCK: u32 = 256;
 
+/// By how many numbers more than it skips anyway a restart is ahead, so that nobody takes those that were skipped for so many
+/// frames that were missed: over a link on which as many in a row are missed next to nothing is heard.
+pub(super) const RESTART_GAP: u32 = 64;
+
 /// The numbers by which drones prove that they live; they only rise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Beats {
@@ -43,9 +47,27 @@ impl Beats {
 
     /// Skips whatever may have been used since this was remembered.
     pub(super) fn skip_reserved(&mut self, is_master: bool) {
-        self.own = self.own.max(self.reserved);
+        self.own = self.own.max(self.reserved) + RESTART_GAP;
         if is_master {
             self.pulse = self.pulse.max(self.reserved);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_restart_skips_more_numbers_than_may_be_missed() {
+        let (mut beats, mut kept) = (Beats::default(), Beats::default());
+        for _ in 0..BLOCK * 2 {
+            if beats.advance(false) {
+                kept = beats;
+            }
+            let mut restarted = kept;
+            restarted.skip_reserved(false);
+            assert!(restarted.own - beats.own > RESTART_GAP);
         }
     }
 }

@@ -63,7 +63,7 @@ pub struct Member {
 /// A drone's state and that of the drones below it, as policy `tree` spreads it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tree {
-    /// Rises with each packet of this kind that the sender sends.
+    /// Rises with each packet of this kind that the sender says to all.
     pub beat: u32,
     /// Hops from the sender to the master, while it has a way there.
     pub hops: Option<u16>,
@@ -86,6 +86,9 @@ pub struct Tree {
     pub hears: Option<NodeSet>,
     /// For whom it is, if for one drone only; others may hear it too.
     pub to: Option<NodeId>,
+    /// How many packets the sender has said to one drone alone since it last spoke to all, with this one; of a packet for
+    /// all none.
+    pub aside: u32,
     /// By the master, passed on outwards: whose acknowledgement of that order is still missing.
     pub pending: NodeSet,
     /// The newest order, from the master and from whoever has drones below it.

@@ -79,12 +79,13 @@ fn a_packet_of_policy_tree_has_these_bytes() {
         landing: NodeSet::default(),
         hears: Some([NodeId(2)].into_iter().collect()),
         to: Some(NodeId(5)),
+        aside: 2,
         pending: NodeSet::default(),
         order: Some(bytes::Bytes::from_static(&[1])),
     });
     assert_eq!(
         hex(&encode_packet(&tree)),
-        "03ac02010101070203000002010104000108010001020201010500010101"
+        "03ac0201010107020300000201010400010801000102020101050200010101"
     );
 }
 
@@ -298,6 +299,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                     landing,
                     hears,
                     to: to.map(NodeId),
+                    aside: to.map_or(0, |to| to ^ sequence),
                     pending,
                     order: order.map(Into::into),
                 })

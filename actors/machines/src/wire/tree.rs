@@ -47,6 +47,8 @@ pub struct TreeFrame<'a> {
     /// See there.
     pub to: Option<NodeId>,
     /// See there.
+    pub aside: u32,
+    /// See there.
     pub pending: Runs<'a>,
     /// See there.
     pub order: Option<&'a [u8]>,
@@ -130,6 +132,9 @@ pub(super) fn write(tree: &Tree, to: &mut Writer) {
     to.runs(&landing);
     to.or_nothing(tree.hears.as_ref(), Writer::runs);
     to.id(tree.to);
+    if tree.to.is_some() {
+        to.number(tree.aside);
+    }
     to.runs(&tree.pending);
     to.or_nothing(tree.order.as_deref(), Writer::bytes);
 }
@@ -155,6 +160,9 @@ impl<'a> TreeFrame<'a> {
             frame.hears = Some(Runs::read(from.bytes()?)?);
         }
         frame.to = from.id()?;
+        if frame.to.is_some() {
+            frame.aside = from.number()?;
+        }
         frame.pending = Runs::read(from.bytes()?)?;
         if from.is_there()? {
             frame.order = Some(from.bytes()?);
@@ -202,6 +210,7 @@ impl TreeFrame<'_> {
             },
             span: self.span.clone(),
             hears: self.hears,
+            aside: self.aside,
             ..Self::default()
         }
     }
@@ -239,6 +248,7 @@ impl TreeFrame<'_> {
             landing: self.landing(),
             hears: self.hears.map(Runs::to_set),
             to: self.to,
+            aside: self.aside,
             pending: self.pending.to_set(),
             order: self.order.map(bytes::Bytes::copy_from_slice),
         }

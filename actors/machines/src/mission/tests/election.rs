@@ -9,8 +9,14 @@ const fn ballot(term: u32, rank: u32, master: u32) -> Ballot {
 }
 
 fn elects(id: u32) -> Mission {
+    defers(id, Duration::ZERO)
+}
+
+/// On its way to waypoint 0, a drone that leaves it to others to lead for so long.
+fn defers(id: u32, deference: Duration) -> Mission {
     let config = Config {
         succession: Succession::Elect,
+        deference,
         ..config(id, Liveness::Pulse)
     };
     let mut slave = Mission::new(config, None);
@@ -102,6 +108,29 @@ fn whoever_claims_once_its_patience_has_ended_climbs_at_once() {
     let (said, _) = stimulate(&mut slave, 27.0, Stimulus::Timeout);
     assert!(said.contains(&Transmit::Lead(ballot(2, 1, 0))));
     assert!(matches!(goal(&said), Some(Goal::TransitTo { .. })));
+}
+
+#[test]
+fn whoever_would_lead_rather_is_given_time_to_say_so() {
+    let misses_master = |id| {
+        let mut slave = defers(id, Duration::from_millis(10));
+        let said = hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
+        (slave, said)
+    };
+    // The master that is missed is waited for no more.
+    let (_, said) = misses_master(0);
+    assert_eq!(said[0], Transmit::Lead(ballot(2, 1, 0)));
+    let (mut slave, said) = misses_master(2);
+    assert_eq!(said, []);
+    let (said, _) = stimulate(&mut slave, 40.009, Stimulus::Timeout);
+    assert_eq!(said, []);
+    let (said, _) = stimulate(&mut slave, 40.01, Stimulus::Timeout);
+    assert_eq!(said[0], Transmit::Lead(ballot(2, 2, 2)));
+    // Nor has it anything to say once another leads.
+    let (mut slave, _) = misses_master(2);
+    hears(&mut slave, 40.005, RoutingNotice::Reign(ballot(2, 1, 0)));
+    let (said, _) = stimulate(&mut slave, 40.01, Stimulus::Timeout);
+    assert_eq!(said, []);
 }
 
 #[test]

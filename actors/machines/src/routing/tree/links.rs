@@ -7,6 +7,7 @@ use bytes::Bytes;
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
 use crate::roster::Roster;
+use crate::routing::beats::RESTART_GAP;
 use crate::time::Timestamp;
 use crate::wire::{TreeFrame, TreeFront};
 
@@ -76,7 +77,7 @@ pub(super) struct Link {
 /// How well a neighbour is heard.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quality {
-    /// The share of its frames that was missed lately, told from the gaps between their numbers.
+    /// The share of its frames for all that was missed lately, told from the gaps between their numbers.
     pub(super) loss: f64,
     /// How many frames that was told from, up to [`LOSS_MEMORY`].
     frames: u16,
@@ -99,6 +100,7 @@ pub(super) struct Speaker {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Said {
     beat: u32,
+    aside: u32,
     pub(super) hops: Option<u16>,
     pub(super) parent: Option<NodeId>,
     pub(super) pulse: u32,
@@ -186,13 +188,22 @@ impl Link {
         }
     }
 
-    /// Takes in that the neighbour was heard say what is kept by now, after so many frames that were missed.
+    /// How many frames for all were missed before one of these numbers; nothing for one that is not newer than the last.
+    #[inline]
+    fn missed_before(&self, beat: u32, aside: u32) -> Option<u32> {
+        let said = &self.said;
+        let is_newer = (beat, aside) > (said.beat, said.aside);
+        let is_for_all = aside == 0;
+        is_newer.then(|| beat - said.beat - u32::from(is_for_all))
+    }
+
+    /// Takes in that the neighbour was heard say what is kept by now, after so many frames for all that were missed.
     #[inline]
     fn is_heard(&mut self, now: Timestamp, missed: u32, pace: Duration) -> LinkChanged {
-        for _ in 0..missed.min(LOSS_MEMORY.into()) {
-            self.quality.learn(1.0);
+        self.quality.learn_missed(missed);
+        if self.said.aside == 0 {
+            self.quality.learn(0.0);
         }
-        self.quality.learn(0.0);
         self.heard_at = now;
         let was_reachable = self.is_reachable();
         self.given_up = 0;
@@ -200,8 +211,11 @@ impl Link {
         let symmetric = self.said.hears_own.unwrap_or(self.symmetric);
         let leaves_out = self.said.hears_own == Some(false);
         self.left_out = leaves_out.then(|| self.left_out.unwrap_or(now));
-        // At first it may have restarted: it hears this drone again when that speaks.
-        let is_new = self.left_out.is_none_or(|since| now.since(since) < pace);
+        // At first it may have restarted, or have missed what this drone said: it hears it again when that gets through.
+        let patience = pace * self.quality.stale_beacons.into();
+        let is_new = self
+            .left_out
+            .is_none_or(|since| now.since(since) < patience);
         let was_symmetric = self.symmetric;
         self.symmetric = symmetric || (self.symmetric && is_new);
         if !self.shows_what_it_was_told() {
@@ -310,6 +324,17 @@ impl Quality {
         quality
     }
 
+    /// Takes into the estimate of the loss that so many frames were missed, unless their sender skipped them when it was
+    /// restarted.
+    #[inline]
+    fn learn_missed(&mut self, missed: u32) {
+        if missed < RESTART_GAP {
+            for _ in 0..missed.min(LOSS_MEMORY.into()) {
+                self.learn(1.0);
+            }
+        }
+    }
+
     /// Takes into the estimate of the loss that a frame was missed (1) or heard (0).
     #[inline]
     fn learn(&mut self, missed: f64) {
@@ -403,7 +428,7 @@ impl Links {
         now: Timestamp,
     ) -> Option<Heard> {
         let link = self.links.get_mut(id)?;
-        let missed = front.beat.checked_sub(link.said.beat)?.checked_sub(1)?;
+        let missed = link.missed_before(front.beat, link.said.aside)?;
         (link.said.beat, link.said.pulse) = (front.beat, front.pulse);
         let is_child = link.is_child_of(self.own);
         let link_changed = link.is_heard(now, missed, self.pace);
@@ -418,7 +443,7 @@ impl Links {
     }
 
     /// Takes in what a neighbour says, in the words behind its front; nothing for a number that is not newer than the
-    /// last. One that has left this drone out for a turn does not hear it.
+    /// last. One that has left this drone out for longer than by chance does not hear it.
     pub(super) fn hear(
         &mut self,
         speaker: Speaker,
@@ -430,11 +455,7 @@ impl Links {
             Ok(at) => self.links.at(at),
             Err(at) => return Some(self.begin(at, speaker, said, words, now)),
         };
-        let missed = said
-            .front
-            .beat
-            .checked_sub(link.said.beat)?
-            .checked_sub(1)?;
+        let missed = link.missed_before(said.front.beat, said.aside)?;
         let was_child = link.is_child_of(self.own);
         let changed = link.keep(said, self.own, speaker, self.drones);
         link.words = words;
@@ -506,6 +527,7 @@ impl Links {
         for link in self.links.iter_mut() {
             link.said = Said {
                 beat: link.said.beat,
+                aside: link.said.aside,
                 ..Said::default()
             };
             link.words = Bytes::new();
@@ -755,6 +777,7 @@ impl Said {
         } = said.front;
         Self {
             beat,
+            aside: said.aside,
             hops,
             parent,
             pulse,

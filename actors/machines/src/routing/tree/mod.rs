@@ -91,6 +91,8 @@ pub struct TreeRouting {
     pending_from: Option<NodeId>,
     /// From which id on the next frame tells of others, where not all fit one.
     next_span: u32,
+    /// How many frames it has said to one drone alone since it last spoke to all.
+    aside: u32,
     /// The order that this drone's last frame told that it knows of.
     said_sequence: u32,
     /// Each how many of the master's numbers a drone passes on that is nobody's parent.
@@ -156,6 +158,7 @@ impl TreeRouting {
             pending: (0, NodeSet::default()),
             pending_from: None,
             next_span: 0,
+            aside: 0,
             said_sequence: 0,
             numbers_a_turn: config.numbers_a_turn(),
             passed_on: 0,
@@ -527,11 +530,11 @@ impl TreeRouting {
                 }
             };
             let left = suspected.or(stale);
-            // Where drones do not speak at each number, most are left out for a moment under a new master.
-            let speaks_seldom = self.numbers_a_turn > 1;
+            // Where beacons are quick, most are left out for a moment under a new master, as few have spoken.
+            let leaves_out = |link: &Link| link.leaves_out() && !self.are_beacons_quick();
             let usable = |link: &&Link| {
                 link.symmetric
-                    && (parent == Some(link.id) || !link.leaves_out() || speaks_seldom)
+                    && (parent == Some(link.id) || !leaves_out(link))
                     && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)

@@ -85,7 +85,7 @@ impl TreeRouting {
             due,
             asked: asked + 1,
         });
-        if asked == 0 && self.numbers_a_turn > 1 {
+        if asked == 0 && self.are_beacons_quick() {
             // All hear that it is there, and whoever has heard more of the master says so.
             self.beacon_soon(now);
         }

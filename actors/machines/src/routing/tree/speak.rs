@@ -74,8 +74,8 @@ impl Config {
 }
 
 impl TreeRouting {
-    /// What the drone knows, as a packet.
-    fn state(&self) -> Tree {
+    /// What the drone knows, as a packet for all or for one.
+    fn state(&self, to: Option<NodeId>) -> Tree {
         let sequence = self.durable.reign.sequence();
         let below = self.links.below(sequence);
         let (acknowledged, mut landing) = (self.acknowledged(), below.landing.clone());
@@ -106,7 +106,8 @@ impl TreeRouting {
             alive,
             landing,
             hears: None,
-            to: None,
+            to,
+            aside: self.aside,
             pending,
             order: self
                 .durable
@@ -161,28 +162,33 @@ impl TreeRouting {
         else {
             return;
         };
-        // The master's number rises with its beacons only: each rise makes every drone speak once.
-        let raises_pulse = self.is_master() && occasion == Occasion::KeepAlive;
-        if self.durable.beats.advance(raises_pulse) {
-            self.checkpoint();
-        }
-        let mut state = self.state();
-        self.said_sequence = state.sequence;
-        match occasion {
-            Occasion::KeepAlive => {
-                self.passed_on = state.pulse;
-                let time_to_live = self.config.link_time_to_live;
-                state.hears = Some(self.links.heard_lately(now, time_to_live));
-                if self.master_lands {
-                    // Whoever does not hear it itself is to know, too.
-                    let master = self.durable.reign.ballot().map(|ballot| ballot.master);
-                    state.landing.extend(master);
-                }
+        let to = match occasion {
+            Occasion::KeepAlive => None,
+            Occasion::News | Occasion::Repair => self.addressee(now),
+            Occasion::Seek => self.routes.parent,
+        };
+        if to.is_some() {
+            self.aside += 1;
+        } else {
+            self.aside = 0;
+            // The master's number rises with its beacons only: each rise makes every drone speak once.
+            let raises_pulse = self.is_master() && occasion == Occasion::KeepAlive;
+            if self.durable.beats.advance(raises_pulse) {
+                self.checkpoint();
             }
-            Occasion::News | Occasion::Repair => state.to = self.addressee(now),
-            Occasion::Seek => state.to = self.routes.parent,
         }
-        let to = state.to;
+        let mut state = self.state(to);
+        self.said_sequence = state.sequence;
+        if occasion == Occasion::KeepAlive {
+            self.passed_on = state.pulse;
+            let time_to_live = self.config.link_time_to_live;
+            state.hears = Some(self.links.heard_lately(now, time_to_live));
+            if self.master_lands {
+                // Whoever does not hear it itself is to know, too.
+                let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+                state.landing.extend(master);
+            }
+        }
         self.links.answered(to);
         let payload = self.encode(state);
         self.outbox.transmit(Transmit::Send {
@@ -266,11 +272,12 @@ impl TreeRouting {
             || self.durable.reign.is_carried_out() && lacks_any(&self.config.id.into())
     }
 
-    /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all.
+    /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all, unless it asks.
     fn is_trusted(&self, id: NodeId) -> bool {
         self.routes.parent != Some(id)
             && self.links.get(id).is_some_and(|child| {
                 NodeSet::from(id).is_superset(child.alive())
+                    && !child.asks
                     && child.quality.loss < CONFIRM_ABOVE_LOSS
             })
     }
@@ -470,9 +477,14 @@ impl TreeRouting {
         self.next_beacon = Some(now + pause);
     }
 
+    /// Whether beacons are so quick that a drone that is nobody's parent does not pass on each number.
+    pub(super) const fn are_beacons_quick(&self) -> bool {
+        self.numbers_a_turn > 1
+    }
+
     /// Whether this drone need not pass on each number of the master's, as nobody takes it for its parent.
     fn speaks_seldom(&self) -> bool {
-        self.numbers_a_turn > 1 && self.links.children().next().is_none()
+        self.are_beacons_quick() && self.links.children().next().is_none()
     }
 
     /// Whether it is this drone's turn to pass the master's number on.
@@ -485,7 +497,7 @@ impl TreeRouting {
     /// is told: where drones do not speak at each number, its way to the master may be gone.
     pub(super) fn tell_if_behind(&mut self, now: Timestamp, pulse: u32) {
         let behind = self.durable.beats.pulse.saturating_sub(pulse);
-        if self.numbers_a_turn > 1 && behind > 1 && !self.is_settled_to_land(now) {
+        if self.are_beacons_quick() && behind > 1 && !self.is_settled_to_land(now) {
             self.beacon_soon(now);
         }
     }

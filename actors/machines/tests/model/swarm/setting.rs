@@ -96,6 +96,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             succession: Succession::Elect,
             alone: Alone::CarryOn,
             spreading_patience: Duration::ZERO,
+            deference: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
             leg_limit: 100 * second,
