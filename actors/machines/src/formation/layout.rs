@@ -133,7 +133,7 @@ impl Layout {
     }
 
     /// How far apart drones must be.
-    pub(super) const fn separation(&self) -> Separation {
+    pub(crate) const fn separation(&self) -> Separation {
         self.separation
     }
 

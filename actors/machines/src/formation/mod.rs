@@ -3,6 +3,7 @@
 mod assignment;
 mod change;
 mod circular;
+mod clearing;
 mod crossings;
 mod ground;
 mod layers;
@@ -18,6 +19,7 @@ use std::num::NonZeroU32;
 
 pub use assignment::{Assignment, OPTIMAL_MAX};
 pub use change::Change;
+pub use clearing::Flown;
 pub use ground::Ground;
 pub use layers::Layers;
 pub use layout::{Layering, Layout, Separation};

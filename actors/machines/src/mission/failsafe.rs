@@ -2,10 +2,12 @@
 //! drone that comes down on the spot does nothing else any more, one that goes to land never rejoins.
 //!
 //! A drone goes to land below its slot at the waypoint that it is at or makes for. No way of the others leads through
-//! that column while they wait for it; it holds them up until it is below all that they may fly.
+//! that column while they wait for it; it holds them up until it is below all that they may fly. In a layer of its own it
+//! does not know where the others are: there it makes for a place that none of their ways leads over.
 
 use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
+use crate::formation::Flown;
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::navigation::{Failure, Goal};
@@ -114,8 +116,22 @@ impl Mission {
         else {
             return false;
         };
-        self.leave(now, centre, reason);
+        self.leave(now, self.clearing(centre), reason);
         true
+    }
+
+    /// Around which centre it comes down that would come down around this one: in a layer of its own, where nobody's way
+    /// leads, for it does not know where the others are.
+    pub(super) fn clearing(&self, centre: Ned) -> Ned {
+        if !self.flies_in_own_layer() {
+            return centre;
+        }
+        let flown = Flown {
+            layout: &self.config.layout,
+            changes: &self.config.changes,
+            waypoints: &self.durable.plan,
+        };
+        flown.clearing(self.config.id, self.layout(), centre)
     }
 
     /// Around which centre the drone is in its slot, if it is.

@@ -162,7 +162,7 @@ impl Mission {
             // Below its slot where it is, or is bound for: others may be coming down, or fly on, it does not know where.
             let waypoint = self.bound_for().map(usize::from);
             let bound_for = waypoint.and_then(|waypoint| self.durable.plan.get(waypoint));
-            self.durable.land_at = bound_for.copied().unwrap_or(at);
+            self.durable.land_at = self.clearing(bound_for.copied().unwrap_or(at));
         }
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);

@@ -315,7 +315,7 @@ impl Mission {
         match self.durable.state {
             State::Start | State::SetUp => None,
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
-                if self.durable.in_layer && self.durable.pending.is_none() =>
+                if self.durable.in_layer && !self.is_taking_off() =>
             {
                 self.goal_in_layer(at_waypoint(0)?)
             }
@@ -361,7 +361,9 @@ impl Mission {
                     refuge_altitude_m,
                 })
             }
-            State::MovingToLand if self.durable.leaving.is_some() => self.goal_alone(),
+            State::MovingToLand if self.durable.leaving.is_some() && !self.flies_in_own_layer() => {
+                self.goal_alone()
+            }
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = at.altitude_m() + self.landing_layer_m();
@@ -450,10 +452,10 @@ impl Mission {
     pub(super) fn wait_in_layer(&mut self) {
         let has_arrived = self.durable.pending.is_none();
         let waits = match self.durable.state {
-            State::WaypointReached { .. } => self.is_elected_reign(),
-            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
-                has_arrived && self.is_elected_reign()
-            }
+            State::WaypointReached { .. }
+            | State::TakingOff
+            | State::NeighbourDiscovery
+            | State::HopUpdate => self.is_elected_reign() && !self.is_taking_off(),
             // The others may be about to cross over it.
             State::ChangingFormation {
                 step: Step::Climb, ..

@@ -6,8 +6,9 @@ mod follow;
 use std::num::NonZeroU32;
 
 use super::*;
-use crate::formation::{Formation, Kind, Separation};
+use crate::formation::{Formation, Kind, Layering, Separation};
 use crate::machine::{Said, Stimulus, step};
+use crate::navigation::Failure;
 
 /// Of the reign that the operator starts.
 const OPERATORS: Ballot = Ballot {
@@ -539,6 +540,16 @@ fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_wayp
     ordered(&mut slave, 5, &Order::Move { waypoint, apart });
     let to = Ned::new(100.0, -100.0, -25.0);
     assert_eq!(starts_anew(&slave), Some(fly_to(to)));
+    // In its slot, told to move on before there are ways.
+    let mut slave = mission(0, Liveness::Pulse);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff);
+    let arrived = Input::Navigation(NavigationNotice::Arrived);
+    told(&mut slave, 20.0, arrived);
+    hears(&mut slave, 21.0, RoutingNotice::HopUpdateStarted);
+    ordered(&mut slave, 3, &Order::Move { waypoint, apart });
+    assert_eq!(slave.durable.state, State::HopUpdate);
+    assert!(matches!(starts_anew(&slave), Some(Goal::TransitTo { .. })));
 }
 
 #[test]
@@ -608,6 +619,42 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
         _ => None,
     });
     assert_eq!(goal, Some(expected_m));
+}
+
+#[test]
+fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
+    // One behind the other, and all ways lead north.
+    let drones = NonZeroU32::new(3).unwrap();
+    let formation = Formation::new(Kind::Linear, drones, 50.0, std::f64::consts::FRAC_PI_2);
+    let mut config = config(0, Liveness::Pulse);
+    let layout = Layout::new(formation, 10.0, config.layout.separation());
+    config.layout = Arc::new(layout.with_layers(Layering::Each));
+    let flies_apart = || {
+        let mut slave = Mission::new(config.clone(), None);
+        ordered(&mut slave, 1, &whole_plan());
+        ordered(&mut slave, 2, &Order::TakeOff);
+        let arrived = Input::Navigation(NavigationNotice::Arrived);
+        told(&mut slave, 20.0, arrived);
+        let (waypoint, apart) = (0, true);
+        ordered(&mut slave, 3, &Order::Move { waypoint, apart });
+        slave
+    };
+    let aside_m = |said: &[Transmit]| match goal(said) {
+        Some(Goal::TransitTo { to }) => {
+            assert!(to.altitude_m() > 25.0, "it makes for it in its layer");
+            to.0.y.abs()
+        }
+        other => panic!("{other:?}"),
+    };
+    let said = ordered(&mut flies_apart(), 4, &land_at(waypoints()[2]));
+    assert!((5.0..=10.0).contains(&aside_m(&said)), "{said:?}");
+    let battery_low = NavigationNotice::Failing {
+        failure: Failure::BatteryLow,
+        stop: Ned::HOME,
+        is_airborne: true,
+    };
+    let said = told(&mut flies_apart(), 40.0, Input::Navigation(battery_low));
+    assert!((5.0..=10.0).contains(&aside_m(&said)), "{said:?}");
 }
 
 #[test]

@@ -322,8 +322,9 @@ impl Navigation {
         let Some(goal) = self.durable.goal else {
             return;
         };
-        if goal != Goal::Land && self.durable.progress != Progress::Done {
-            let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. });
+        if goal != Goal::Land {
+            let is_done = self.durable.progress == Progress::Done;
+            let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. }) && !is_done;
             if telemetry.landing || !(telemetry.armed || may_arm) {
                 return self.find_out_of_the_air(telemetry);
             }

@@ -123,6 +123,24 @@ fn a_goal_that_is_reached_already_is_told_again() {
 }
 
 #[test]
+fn a_vehicle_that_comes_down_by_itself_is_told_of_where_it_hovers_too() {
+    let mut navigation = Navigation::new(CONFIG, None);
+    let to = Ned::new(50.0, 0.0, -25.0);
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    told(&mut navigation, at_rest_at(to));
+    let coming_down = Telemetry {
+        armed: true,
+        landing: true,
+        at_rest: false,
+        ..ON_THE_GROUND
+    };
+    let said = told(&mut navigation, Input::Telemetry(coming_down));
+    assert_eq!(said, [Transmit::Inform(Notice::ComingDown)]);
+    let said = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    assert_eq!(said, [Transmit::Inform(Notice::Landed)]);
+}
+
+#[test]
 fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
     let to = Ned::new(50.0, 0.0, -25.0);
     let checkpoint = Checkpoint {

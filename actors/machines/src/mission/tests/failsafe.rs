@@ -1,5 +1,4 @@
 use super::*;
-use crate::navigation::Failure;
 
 /// Drone `id` of three, which elect, at waypoint 0 or on its way to 1.
 fn elects(id: u32, moves: bool) -> Mission {

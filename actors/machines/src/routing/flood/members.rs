@@ -72,8 +72,13 @@ impl Members {
         change
     }
 
-    /// Starts the time to live of each of `members` anew, heard of or not.
-    pub(super) fn expect(&mut self, members: impl Iterator<Item = NodeId>, now: Timestamp) {
+    /// Starts the time to live of each of `members` anew, heard of or not; nobody is silent any more. Who was?
+    pub(super) fn expect(
+        &mut self,
+        members: impl Iterator<Item = NodeId>,
+        now: Timestamp,
+    ) -> NodeSet {
+        let silent = self.silent().collect();
         for id in members {
             let unheard = Known {
                 member: Member {
@@ -88,13 +93,18 @@ impl Members {
                 silent: false,
             };
             match self.0.find(id) {
-                Ok(at) => self.0.at(at).rose_at = now,
+                Ok(at) => {
+                    let known = self.0.at(at);
+                    known.rose_at = now;
+                    known.silent = false;
+                }
                 Err(at) => self.0.insert(at, id, unheard),
             }
         }
+        silent
     }
 
-    /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
+    /// That this drone heard nobody is no fault of theirs: everybody's silence begins anew.
     pub(super) fn forgive(&mut self, now: Timestamp) {
         for known in self.0.iter_mut() {
             known.rose_at = now;

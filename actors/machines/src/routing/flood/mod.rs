@@ -127,11 +127,15 @@ impl FloodRouting {
         self.checkpoint();
     }
 
-    /// As master: gives every member its time to live, heard of or not.
+    /// As master: gives every member its time to live, heard of or not. Who was silent is not any more: while ways were
+    /// looked for it could not have been heard.
     fn expect_members(&mut self, now: Timestamp) {
         let own = self.config.id;
         let members = (0..self.config.drones).map(NodeId).filter(|id| *id != own);
-        self.members.expect(members, now);
+        let returned = self.members.expect(members, now);
+        if !returned.is_empty() {
+            self.inform(Notice::Returned(returned));
+        }
     }
 
     fn is_master(&self) -> bool {
@@ -245,7 +249,7 @@ impl FloodRouting {
             self.durable.phase = Phase::Scattered;
             self.durable.routes = Routes::default();
             if self.is_master() {
-                self.expect_members(now);
+                self.members.forgive(now);
             }
             self.checkpoint();
         }

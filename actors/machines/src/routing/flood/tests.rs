@@ -437,3 +437,36 @@ fn members_may_take_a_time_to_live_longer_than_the_master_until_their_routes_are
     // Its own are up at once, as it has heard nobody.
     assert_eq!(silent_at, Some(9 + 5 + 5 + 1));
 }
+
+#[test]
+fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_up() {
+    let config = Config {
+        misses_early: true,
+        ..config(0)
+    };
+    let mut master = FloodRouting::new(config, 1, Timestamp::ZERO, None);
+    let input = Input::Lead(MASTER);
+    stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
+    let member = Member {
+        id: NodeId(2),
+        beat: 1,
+        acknowledged: 0,
+        out_of_range: false,
+        landing: false,
+    };
+    let said = Flood {
+        members: vec![member],
+        ..flood(0, 0)
+    };
+    hears(&mut master, at(0.5), 2, &Packet::Flood(said));
+    let is_silent = |said: &[Notice]| said.iter().any(|it| matches!(it, Notice::Silent(_)));
+    assert!(is_silent(&wait(&mut master, at(6.0)).notices));
+    stimulate(&mut master, at(6.5), Stimulus::Input(Input::Discover));
+    // The hop update ends at once, as it has heard nobody meanwhile.
+    let said = wait(&mut master, at(14.5)).notices;
+    assert!(said.contains(&Notice::RoutesReady), "{said:?}");
+    let returned = |it: &Notice| matches!(it, Notice::Returned(who) if who.contains(NodeId(2)));
+    assert!(said.iter().any(returned), "{said:?}");
+    assert!(!is_silent(&wait(&mut master, at(24.0)).notices));
+    assert!(is_silent(&wait(&mut master, at(25.0)).notices));
+}

@@ -1,0 +1,191 @@
+//! Where to come down while others may be anywhere on their ways.
+
+use nalgebra::Vector2;
+
+use super::crossings::to_point_m;
+use super::{Change, Layout};
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+
+/// How far apart the places are that are looked at, as a share of how far from ways they are to be.
+const STEP: f64 = 0.5;
+
+/// How far from its slot a drone looks for a place at most, counted in how far from ways it is to be.
+const REACH: f64 = 4.0;
+
+/// A mission as all drones of a formation fly it: where they may be who have lost touch with each other.
+#[derive(Debug, Clone, Copy)]
+pub struct Flown<'a> {
+    /// The layout that the mission begins with.
+    pub layout: &'a Layout,
+    /// The changes of formation on the way, in order.
+    pub changes: &'a [Change],
+    /// The formation's centre at each waypoint.
+    pub waypoints: &'a [Ned],
+}
+
+impl Flown<'_> {
+    /// The centre around which the slot of drone `id` of `layout` is the place nearest to its slot around `centre` that
+    /// nobody else's way leads over: from the ground to the first waypoint, from each waypoint to the next and from each
+    /// slot to that after a change. It is so near that nobody else who looks for one so, around the same centre, comes too
+    /// close. Where there is none, it is the one that is the farthest from all ways.
+    ///
+    /// # Panics
+    /// When a layout has no such drone.
+    #[must_use]
+    pub fn clearing(&self, id: NodeId, layout: &Layout, centre: Ned) -> Ned {
+        let near_m = layout.separation().near_m();
+        let slots = layout.formation().slots();
+        let own = slots[id.0 as usize];
+        let others = (slots.iter().zip(0..)).filter(|(_, other)| *other != id.0);
+        let nearest_m = others
+            .map(|(slot, _)| own.horizontal_distance_m(*slot))
+            .fold(f64::INFINITY, f64::min);
+        let reach_m = ((nearest_m - near_m) / 2.0).min(REACH * near_m);
+        let wish = (centre + own).0.xy();
+        let mut ways: Vec<_> = (0..layout.formation().drones())
+            .map(NodeId)
+            .filter(|other| *other != id)
+            .flat_map(|other| self.ways(other))
+            .collect();
+        ways.retain(|way| to_point_m(*way, wish) < near_m + reach_m);
+        let offset = clear_offset(wish, reach_m, near_m, &ways);
+        centre + Ned::new(offset.x, offset.y, 0.0)
+    }
+
+    /// The ways of a drone, as seen from above.
+    fn ways(&self, id: NodeId) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
+        let layouts = |done: usize| match done.checked_sub(1) {
+            Some(last) => self.changes[last].layout(),
+            None => self.layout,
+        };
+        let slot = move |done: usize, at: usize| layouts(done).slot(id, self.waypoints[at]).0.xy();
+        // How many changes have been made on the way to a waypoint.
+        let done = |at: usize| {
+            let is_before = |change: &Change| usize::from(change.waypoint()) < at;
+            self.changes.partition_point(is_before)
+        };
+        let stand = self.layout.stand(id, Ned::HOME).0.xy();
+        let from_ground = self.waypoints.first().map(|_| (stand, slot(0, 0)));
+        let in_the_air = (0..self.waypoints.len()).flat_map(move |at| {
+            let (first, last) = (done(at), done(at + 1));
+            let is_followed = at + 1 < self.waypoints.len();
+            let crossings = (first..last).map(move |done| (slot(done, at), slot(done + 1, at)));
+            let legs = (first..=last)
+                .filter(move |_| is_followed)
+                .map(move |done| (slot(done, at), slot(last, at + 1)));
+            crossings.chain(legs)
+        });
+        from_ground.into_iter().chain(in_the_air)
+    }
+}
+
+/// The shortest way from `wish`, of at most `reach_m`, to a place that is `near_m` from all `ways`, or to the one that is
+/// the farthest from them.
+fn clear_offset(
+    wish: Vector2<f64>,
+    reach_m: f64,
+    near_m: f64,
+    ways: &[(Vector2<f64>, Vector2<f64>)],
+) -> Vector2<f64> {
+    let clearance_m = |offset: &Vector2<f64>| {
+        let from_ways = ways.iter().map(|way| to_point_m(*way, wish + offset));
+        from_ways.fold(f64::INFINITY, f64::min).min(near_m)
+    };
+    let mut best = (Vector2::zeros(), clearance_m(&Vector2::zeros()));
+    for offset in offsets(reach_m, STEP * near_m) {
+        if best.1 >= near_m {
+            break;
+        }
+        let clearance_m = clearance_m(&offset);
+        if clearance_m > best.1 {
+            best = (offset, clearance_m);
+        }
+    }
+    best.0
+}
+
+/// The points of a lattice around the origin that are at most `reach_m` from it, the nearest first.
+fn offsets(reach_m: f64, step_m: f64) -> Vec<Vector2<f64>> {
+    let steps = (0..)
+        .take_while(|steps| f64::from(*steps) * step_m <= reach_m)
+        .last();
+    let steps: i32 = steps.unwrap_or(0);
+    let mut lattice: Vec<_> = (-steps..=steps)
+        .flat_map(|north| (-steps..=steps).map(move |east| (north, east)))
+        .filter(|at| *at != (0, 0))
+        .collect();
+    lattice.sort_by_key(|(north, east)| (north * north + east * east, *north, *east));
+    lattice
+        .into_iter()
+        .map(|(north, east)| Vector2::new(f64::from(north), f64::from(east)) * step_m)
+        .filter(|offset| offset.norm() <= reach_m)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroU32;
+
+    use super::*;
+    use crate::formation::{Formation, Kind, Layering, Separation};
+
+    const SEPARATION: Separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 2.5,
+    };
+
+    fn formation(kind: Kind) -> Formation {
+        Formation::new(kind, NonZeroU32::new(7).unwrap(), 40.0, 0.0)
+    }
+
+    /// North, then east, then half the way back, with a change at the corner.
+    fn waypoints() -> Vec<Ned> {
+        [(0.0, 0.0), (33.0, 0.0), (33.0, 33.0), (16.5, 33.0)]
+            .map(|(north_m, east_m)| Ned::new(north_m, east_m, -12.0))
+            .into()
+    }
+
+    #[test]
+    fn who_comes_down_is_under_nobody_s_way_and_near_nobody_who_does_the_same() {
+        for kind in [Kind::CompactMesh, Kind::Linear, Kind::RegularMatrix] {
+            let layout = Layout::new(formation(kind), 10.0, SEPARATION).with_layers(Layering::Each);
+            let changes = [Change::new(2, &layout, formation(Kind::Circular))];
+            let waypoints = waypoints();
+            let flown = Flown {
+                layout: &layout,
+                changes: &changes,
+                waypoints: &waypoints,
+            };
+            let last = changes[0].layout();
+            let places: Vec<Ned> = (0..7)
+                .map(NodeId)
+                .map(|id| last.slot(id, flown.clearing(id, last, waypoints[3])))
+                .collect();
+            for (id, place) in (0..).map(NodeId).zip(&places) {
+                for other in (0..7).map(NodeId).filter(|other| *other != id) {
+                    let apart_m = place.horizontal_distance_m(places[other.0 as usize]);
+                    assert!(apart_m >= 5.0, "{kind:?}: {id} and {other}: {apart_m}");
+                    for way in flown.ways(other) {
+                        let apart_m = to_point_m(way, place.0.xy());
+                        assert!(
+                            apart_m >= 5.0,
+                            "{kind:?}: {id}, the way of {other}: {apart_m}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn who_is_in_nobody_s_way_comes_down_in_its_slot_and_who_finds_no_place_as_far_as_it_can() {
+        let way = |east_m: f64| (Vector2::new(-100.0, east_m), Vector2::new(100.0, east_m));
+        let wish = Vector2::zeros();
+        assert_eq!(clear_offset(wish, 20.0, 5.0, &[way(6.0)]), Vector2::zeros());
+        let aside = clear_offset(wish, 20.0, 5.0, &[way(1.0)]);
+        assert_eq!(aside, Vector2::new(0.0, -5.0));
+        let between = clear_offset(wish, 20.0, 40.0, &[way(1.0), way(-19.0)]);
+        assert_eq!(between, Vector2::new(0.0, 20.0));
+    }
+}
