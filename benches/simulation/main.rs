@@ -23,10 +23,14 @@ use muster_scenarios::scenario::{self, Override};
 
 /// What this program is told to measure one run in this process.
 const MEASURE: &str = "--measure";
-/// What such a process is told to fly with all rules checked.
+/// How such a process is told to fly: with all rules checked, with none, or with none and by the supervision tree.
 const CHECKED: &str = "checked";
+const UNCHECKED: &str = "unchecked";
+const ACTORS: &str = "actors";
 /// The sizes of the last table.
-const SIZES: [u32; 7] = [10, 30, 100, 300, 1_000, 3_000, 10_000];
+const SIZES: [u32; 8] = [10, 15, 30, 100, 300, 1_000, 3_000, 10_000];
+/// Between which of them the growth is said.
+const GROWTH: [u32; 2] = [15, 10_000];
 /// How often a run is measured that takes less than [`SHORT_S`]; the fastest counts.
 const TIMES: usize = 3;
 /// In seconds of processor time.
@@ -42,12 +46,19 @@ struct Cost {
     drones: u32,
     /// KiB, at the most.
     memory_kib: f64,
+    /// Frames that the drones took in, all together.
+    heard: f64,
 }
 
 impl Cost {
     /// Simulated seconds of a drone in a second of processor time.
     fn pace(&self) -> f64 {
         self.drone_s / self.cpu_s
+    }
+
+    /// Microseconds of processor time a second of a drone.
+    fn cpu_us(&self) -> f64 {
+        self.cpu_s / self.drone_s * 1e6
     }
 }
 
@@ -105,6 +116,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         return measure(&arguments[at + 1..]);
     }
     compare()?;
+    fly_actors()?;
     grow()
 }
 
@@ -118,12 +130,21 @@ fn measure(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     scenario.unchecked = mode != CHECKED;
     let drones = scenario.layout.formation().drones();
     let before_s = cpu_s()?;
-    let (report, _) = engine::run(&scenario, Engine::Events, None)?;
+    let engine = match mode.as_str() {
+        ACTORS => Engine::Actors,
+        _ => Engine::Events,
+    };
+    let (report, _) = engine::run(&scenario, engine, None)?;
     let cpu_s = cpu_s()? - before_s;
     if !report.violations.is_empty() || !report.mission_completed {
         return Err(format!("{file} was not flown to its end").into());
     }
-    println!("{cpu_s} {} {drones} {}", report.simulated_s, memory_kib()?);
+    let heard: u64 = report.drones.iter().map(|it| it.messages_received).sum();
+    println!(
+        "{cpu_s} {} {drones} {} {heard}",
+        report.simulated_s,
+        memory_kib()?
+    );
     Ok(())
 }
 
@@ -160,7 +181,7 @@ fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
             .split_whitespace()
             .map(str::parse)
             .collect::<Result<_, _>>()?;
-        let [cpu_s, simulated_s, drones, memory_kib] = numbers[..] else {
+        let [cpu_s, simulated_s, drones, memory_kib, heard] = numbers[..] else {
             return Err(format!("not a measurement: {text}").into());
         };
         let cost = Cost {
@@ -168,6 +189,7 @@ fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
             drone_s: simulated_s * drones,
             drones: text.split_whitespace().nth(2).unwrap_or_default().parse()?,
             memory_kib,
+            heard,
         };
         if best.is_none_or(|best| cost.cpu_s < best.cpu_s) {
             best = Some(cost);
@@ -183,24 +205,27 @@ fn compare() -> Result<(), Box<dyn Error>> {
     let peers = peers::ready();
     println!("\nSimulated seconds of a drone in a second of processor time, on one core\n");
     println!(
-        "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}",
-        "", "unchecked", "checked", "KiB/drone", "gradysim", "simulacra"
+        "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}{:>16}",
+        "", "unchecked", "checked", "KiB/drone", "gradysim", "simulacra", "of simulacra's"
     );
     for flown in &FLOWN {
         eprint!("\r  measuring {} …\x1b[K", flown.name);
-        let unchecked = cost(flown.file, flown.set, "unchecked")?;
+        let unchecked = cost(flown.file, flown.set, UNCHECKED)?;
         let checked = cost(flown.file, flown.set, CHECKED)?;
         let of_peers = flown.like.map(|(drones, shape)| peers.paces(drones, shape));
-        let [gradysim, simulacra] = of_peers.unwrap_or_default().map(or_nothing);
+        let [gradysim, simulacra] = of_peers.unwrap_or_default();
+        let share = simulacra.map(|simulacra| unchecked.pace() / simulacra);
+        let [gradysim, simulacra] = [gradysim, simulacra].map(or_nothing);
         eprint!("\r\x1b[K");
         println!(
-            "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}",
+            "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}{:>16}",
             flown.name,
             whole(unchecked.pace()),
             whole(checked.pace()),
             whole(unchecked.memory_kib / f64::from(unchecked.drones)),
             gradysim,
-            simulacra
+            simulacra,
+            share.map_or_else(|| "–".to_owned(), |share| format!("{share:.3}"))
         );
     }
     println!(
@@ -210,36 +235,64 @@ fn compare() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// What the supervision tree costs where nobody awaits it: a thousand drones in virtual time.
+fn fly_actors() -> Result<(), Box<dyn Error>> {
+    eprint!("\r  measuring the actors …\x1b[K");
+    let cost = cost("grid-1000.toml", &[], ACTORS)?;
+    eprint!("\r\x1b[K");
+    println!(
+        "\nThe grid of 1,000 by the actors, no rules checked: {} a second, {:.1} times faster than real time",
+        whole(cost.pace()),
+        cost.pace() / f64::from(cost.drones)
+    );
+    Ok(())
+}
+
 /// How what a drone costs grows with its swarm.
 fn grow() -> Result<(), Box<dyn Error>> {
     println!("\nPolicy tree in a grid, no rules checked\n");
     println!(
-        "{:>8}{:>16}{:>18}{:>14}{:>12}",
-        "drones", "drone-s/CPU-s", "µs a drone-s", "KiB a drone", "MiB"
+        "{:>8}{:>16}{:>18}{:>18}{:>14}{:>12}",
+        "drones", "drone-s/CPU-s", "µs a drone-s", "heard a drone-s", "KiB a drone", "MiB"
     );
-    let mut points = Vec::new();
+    let mut costs = Vec::new();
     for drones in SIZES {
         eprint!("\r  measuring {drones} drones …\x1b[K");
-        let cost = cost(
-            "grid-1000.toml",
-            &[&format!("formation.drones={drones}")],
-            "unchecked",
-        )?;
-        let point = Scaling {
-            drones,
-            cpu_us: cost.cpu_s / cost.drone_s * 1e6,
-            memory_kib: cost.memory_kib / f64::from(drones),
-        };
+        let set = format!("formation.drones={drones}");
+        let cost = cost("grid-1000.toml", &[&set], UNCHECKED)?;
         eprint!("\r\x1b[K");
         println!(
-            "{drones:>8}{:>16}{:>18.1}{:>14.1}{:>12.1}",
+            "{drones:>8}{:>16}{:>18.1}{:>18.1}{:>14.1}{:>12.1}",
             whole(cost.pace()),
-            point.cpu_us,
-            point.memory_kib,
+            cost.cpu_us(),
+            cost.heard / cost.drone_s,
+            cost.memory_kib / f64::from(drones),
             cost.memory_kib / 1_024.0
         );
-        points.push(point);
+        costs.push(cost);
     }
+    let line = cost("line-15-tree.toml", &[], UNCHECKED)?;
+    let of = |drones: u32| costs.iter().find(|cost| cost.drones == drones);
+    if let [Some(small), Some(large)] = GROWTH.map(of) {
+        for (from, cost) in [("grid", small), ("line", &line)] {
+            println!(
+                "\nFrom {} in a {from} to {} in a grid a second of a drone costs {:.1} times as much; it hears {:.1} times as \
+                 many frames.",
+                cost.drones,
+                whole(f64::from(large.drones)),
+                large.cpu_us() / cost.cpu_us(),
+                large.heard / large.drone_s / (cost.heard / cost.drone_s)
+            );
+        }
+    }
+    let points: Vec<Scaling> = costs
+        .iter()
+        .map(|cost| Scaling {
+            drones: cost.drones,
+            cpu_us: cost.cpu_us(),
+            memory_kib: cost.memory_kib / f64::from(cost.drones),
+        })
+        .collect();
     let page = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scaling.html");
     fs::write(&page, scaling(&points))?;
     println!("\n wrote {}", page.display());
