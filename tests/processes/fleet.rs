@@ -14,7 +14,7 @@ use tempfile::TempDir;
 use super::network::{GROUP, Network};
 
 /// How long a test waits for what must happen: several times what it takes; only a failing one does.
-const PATIENCE: Duration = Duration::from_secs(120);
+pub(super) const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) const SCENARIO: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),

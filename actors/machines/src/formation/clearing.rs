@@ -43,12 +43,11 @@ impl Flown<'_> {
             .fold(f64::INFINITY, f64::min);
         let reach_m = ((nearest_m - near_m) / 2.0).min(REACH * near_m);
         let wish = (centre + own).0.xy();
-        let mut ways: Vec<_> = (0..layout.formation().drones())
-            .map(NodeId)
-            .filter(|other| *other != id)
+        let others = (0..layout.formation().drones()).map(NodeId);
+        let ways: Vec<_> = (others.filter(|other| *other != id))
             .flat_map(|other| self.ways(other))
+            .filter(|way| to_point_m(*way, wish) < near_m + reach_m)
             .collect();
-        ways.retain(|way| to_point_m(*way, wish) < near_m + reach_m);
         let offset = clear_offset(wish, reach_m, near_m, &ways);
         centre + Ned::new(offset.x, offset.y, 0.0)
     }

@@ -450,7 +450,6 @@ impl Mission {
 
     /// Waits in its layer, out of the way of parts of the swarm that go on sooner.
     pub(super) fn wait_in_layer(&mut self) {
-        let has_arrived = self.durable.pending.is_none();
         let waits = match self.durable.state {
             State::WaypointReached { .. }
             | State::TakingOff
@@ -459,7 +458,7 @@ impl Mission {
             // The others may be about to cross over it.
             State::ChangingFormation {
                 step: Step::Climb, ..
-            } => has_arrived && self.master_silent.is_some(),
+            } => self.durable.pending.is_none() && self.master_silent.is_some(),
             _ => false,
         };
         if waits && !self.durable.in_layer {
