@@ -436,13 +436,23 @@ impl Cell {
         reaction.occupancy = self.occupancy();
     }
 
-    /// Reads what a frame of `sender` will touch, or without one what a timer will, and changes nothing. Whoever runs many
-    /// cells does so with all that will soon be stepped, one after another: then their memory is waited for side by side, and
-    /// is at hand when they are.
-    pub fn read_ahead(&self, sender: Option<NodeId>) {
+    /// Reads what its next step will touch of what lies in it, and changes nothing. Whoever runs many cells does so with all
+    /// that will soon be stepped, one after another: then their memory is waited for side by side, and is at hand when they
+    /// are. After that, [`Self::read_further_ahead`].
+    pub fn read_ahead(&self) {
         match self {
-            Self::Radio(machine) => machine.read_ahead(sender),
-            Self::Routing(machine) => machine.read_ahead(sender),
+            Self::Radio(machine) => machine.read_ahead(),
+            Self::Routing(machine) => machine.read_ahead(),
+            Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
+        }
+    }
+
+    /// As [`Self::read_ahead`], of what lies elsewhere, where what lies in it says: what a frame of `sender` will touch there,
+    /// or without one what a timer will.
+    pub fn read_further_ahead(&self, sender: Option<NodeId>) {
+        match self {
+            Self::Radio(machine) => machine.read_further_ahead(sender),
+            Self::Routing(machine) => machine.read_further_ahead(sender),
             Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
         }
     }

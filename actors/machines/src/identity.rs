@@ -74,11 +74,12 @@ impl NodeSet {
         Self(SmallVec::new_const())
     }
 
-    /// Of bounds that rise and come in pairs.
-    pub(crate) fn of_bounds(bounds: impl Iterator<Item = u32>) -> Self {
-        let bounds: SmallVec<_> = bounds.collect();
-        debug_assert!(bounds.is_sorted_by(|a, b| a < b) && bounds.len().is_multiple_of(2));
-        Self(bounds)
+    /// Of bounds that rise and come in pairs, `most` of them at the most.
+    pub(crate) fn of_bounds(most: usize, bounds: impl Iterator<Item = u32>) -> Self {
+        let mut set = Self(SmallVec::with_capacity(most));
+        set.0.extend(bounds);
+        debug_assert!(set.0.is_sorted_by(|a, b| a < b) && set.0.len().is_multiple_of(2));
+        set
     }
 
     /// Leaves out whoever is not below `end`.
@@ -172,7 +173,7 @@ impl NodeSet {
 
     /// Whoever is to be kept, given whether they are in this set and in the other; nobody may be kept who is in neither.
     fn combined(&self, other: &Self, keep: impl Fn(bool, bool) -> bool) -> Self {
-        let mut bounds = SmallVec::new();
+        let mut bounds = SmallVec::with_capacity(self.0.len() + other.0.len());
         let (mut own_at, mut other_at) = (0, 0);
         let mut is_kept = false;
         loop {

@@ -31,6 +31,9 @@ pub(crate) struct Heap<T> {
     later: BinaryHeap<Reverse<Entry>>,
     planned: u64,
     places: Vec<Planned<T>>,
+    /// Of each of these, what was planned for its slice before it: apart, so that they are not read one after another only to
+    /// find the next.
+    before: Vec<u32>,
     free: Vec<u32>,
 }
 
@@ -43,8 +46,6 @@ struct Planned<T> {
     at: Timestamp,
     /// As the how manieth.
     nth: u64,
-    /// What was planned for its slice before.
-    before: u32,
     /// Nothing once it has happened.
     what: Option<T>,
 }
@@ -66,6 +67,7 @@ impl<T> Heap<T> {
             later: BinaryHeap::new(),
             planned: 0,
             places: Vec::new(),
+            before: Vec::new(),
             free: Vec::new(),
         }
     }
@@ -74,7 +76,6 @@ impl<T> Heap<T> {
         let planned = Planned {
             at,
             nth: self.planned,
-            before: NOWHERE,
             what: Some(what),
         };
         self.planned += 1;
@@ -85,6 +86,7 @@ impl<T> Heap<T> {
             }
             None => {
                 self.places.push(planned);
+                self.before.push(NOWHERE);
                 u32::try_from(self.places.len() - 1).expect("less is planned than memory holds")
             }
         };
@@ -93,7 +95,7 @@ impl<T> Heap<T> {
 
     /// Puts what was planned in order.
     fn enter(&mut self, place: u32) {
-        let planned = &mut self.places[place as usize];
+        let planned = &self.places[place as usize];
         let entry = (planned.at, planned.nth, place);
         let slice = slice_of(planned.at);
         match slice.saturating_sub(self.slice) {
@@ -103,7 +105,7 @@ impl<T> Heap<T> {
             }
             ahead if ahead < SLICES as u64 => {
                 let at = Self::place_of(slice);
-                planned.before = std::mem::replace(&mut self.slices[at], place);
+                self.before[place as usize] = std::mem::replace(&mut self.slices[at], place);
                 self.filled[at / 64] |= 1 << (at % 64);
             }
             _ => self.later.push(Reverse(entry)),
@@ -161,7 +163,7 @@ impl<T> Heap<T> {
         while place != NOWHERE {
             let planned = &self.places[place as usize];
             self.begun.push((planned.at, planned.nth, place));
-            place = planned.before;
+            place = self.before[place as usize];
         }
         while let Some(Reverse(entry)) = self.later.peek()
             && slice_of(entry.0) == self.slice

@@ -24,16 +24,39 @@ pub struct Flown<'a> {
     pub waypoints: &'a [Ned],
 }
 
-impl Flown<'_> {
-    /// The centre around which the slot of drone `id` of `layout` is the place nearest to its slot around `centre` that
-    /// nobody else's way leads over: from the ground to the first waypoint, from each waypoint to the next and from each
-    /// slot to that after a change. It is so near that nobody else who looks for one so, around the same centre, comes too
-    /// close. Where there is none, it is the one that is the farthest from all ways.
+impl<'a> Flown<'a> {
+    /// Who flies, stands and lands where once so many changes have been made.
     ///
     /// # Panics
-    /// When a layout has no such drone.
+    /// When there are fewer.
     #[must_use]
-    pub fn clearing(&self, id: NodeId, layout: &Layout, centre: Ned) -> Ned {
+    pub fn layout_after(&self, changes: u16) -> &'a Layout {
+        match changes.checked_sub(1) {
+            Some(last) => self.changes[usize::from(last)].layout(),
+            None => self.layout,
+        }
+    }
+
+    /// How many changes are made before the swarm makes for a waypoint.
+    #[must_use]
+    pub fn changes_before(&self, waypoint: usize) -> u16 {
+        let changes = self.changes.iter();
+        (0..)
+            .zip(changes.take_while(|change| usize::from(change.waypoint()) < waypoint))
+            .last()
+            .map_or(0, |(last, _)| last + 1)
+    }
+
+    /// The centre around which the slot of drone `id` after so many changes is the place nearest to its slot around `centre`
+    /// that nobody else's way leads over: from the ground to the first waypoint, from each waypoint to the next and from
+    /// each slot to that after a change. It is so near that nobody else who looks for one so, around the same centre, comes
+    /// too close. Where there is none, it is the one that is the farthest from all ways.
+    ///
+    /// # Panics
+    /// When there are fewer changes, or no such drone.
+    #[must_use]
+    pub fn clearing(&self, id: NodeId, changes: u16, centre: Ned) -> Ned {
+        let layout = self.layout_after(changes);
         let near_m = layout.separation().near_m();
         let slots = layout.formation().slots();
         let own = slots[id.0 as usize];
@@ -54,25 +77,20 @@ impl Flown<'_> {
 
     /// The ways of a drone, as seen from above.
     fn ways(&self, id: NodeId) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
-        let layouts = |done: usize| match done.checked_sub(1) {
-            Some(last) => self.changes[last].layout(),
-            None => self.layout,
-        };
-        let slot = move |done: usize, at: usize| layouts(done).slot(id, self.waypoints[at]).0.xy();
-        // How many changes have been made on the way to a waypoint.
-        let done = |at: usize| {
-            let is_before = |change: &Change| usize::from(change.waypoint()) < at;
-            self.changes.partition_point(is_before)
+        let slot = move |changes: u16, at: usize| {
+            let layout = self.layout_after(changes);
+            layout.slot(id, self.waypoints[at]).0.xy()
         };
         let stand = self.layout.stand(id, Ned::HOME).0.xy();
         let from_ground = self.waypoints.first().map(|_| (stand, slot(0, 0)));
         let in_the_air = (0..self.waypoints.len()).flat_map(move |at| {
-            let (first, last) = (done(at), done(at + 1));
+            let (first, last) = (self.changes_before(at), self.changes_before(at + 1));
             let is_followed = at + 1 < self.waypoints.len();
-            let crossings = (first..last).map(move |done| (slot(done, at), slot(done + 1, at)));
+            let crossings =
+                (first..last).map(move |before| (slot(before, at), slot(before + 1, at)));
             let legs = (first..=last)
                 .filter(move |_| is_followed)
-                .map(move |done| (slot(done, at), slot(last, at + 1)));
+                .map(move |changes| (slot(changes, at), slot(last, at + 1)));
             crossings.chain(legs)
         });
         from_ground.into_iter().chain(in_the_air)
@@ -156,10 +174,10 @@ mod tests {
                 changes: &changes,
                 waypoints: &waypoints,
             };
-            let last = changes[0].layout();
+            let last = flown.layout_after(1);
             let places: Vec<Ned> = (0..7)
                 .map(NodeId)
-                .map(|id| last.slot(id, flown.clearing(id, last, waypoints[3])))
+                .map(|id| last.slot(id, flown.clearing(id, 1, waypoints[3])))
                 .collect();
             for (id, place) in (0..).map(NodeId).zip(&places) {
                 for other in (0..7).map(NodeId).filter(|other| *other != id) {

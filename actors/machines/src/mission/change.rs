@@ -8,11 +8,7 @@ use crate::time::Timestamp;
 impl Mission {
     /// How many changes of formation are made before the swarm makes for a waypoint.
     pub(super) fn changes_before(&self, waypoint: u16) -> u16 {
-        let changes = self.config.changes.iter();
-        (0..)
-            .zip(changes.take_while(|change| change.waypoint() < waypoint))
-            .last()
-            .map_or(0, |(last, _)| last + 1)
+        self.flown().changes_before(waypoint.into())
     }
 
     /// At which waypoint a change is made.

@@ -28,13 +28,17 @@ impl Config {
 }
 
 impl Mission {
-    /// A ballot of this drone's own; its rank is the one that it took off with, whatever the formation is now.
+    /// The rank that this drone took off with, whatever the formation is now.
+    fn own_rank(&self) -> u32 {
+        self.config.layout.formation().ranks()[self.config.id.0 as usize]
+    }
+
+    /// A ballot of this drone's own.
     pub(super) fn own_ballot(&self, term: u32) -> Ballot {
-        let id = self.config.id;
         Ballot {
             term,
-            rank: self.config.layout.formation().ranks()[id.0 as usize],
-            master: id,
+            rank: self.own_rank(),
+            master: self.config.id,
         }
     }
 
@@ -114,8 +118,7 @@ impl Mission {
     /// How long it leaves it to others of better rank to lead: else all that miss a master at the same moment would claim to
     /// lead, and each would have to hear of all others.
     fn deference(&self) -> Duration {
-        let ranks = self.config.layout.formation().ranks();
-        let own = ranks[self.config.id.0 as usize];
+        let own = self.own_rank();
         let missed = self.durable.obeyed.ballot();
         let better = own - u32::from(missed.is_some_and(|missed| missed.rank < own));
         self.config.deference * better.min(DEFERENCES_MAX)

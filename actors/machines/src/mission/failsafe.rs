@@ -7,7 +7,6 @@
 
 use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
-use crate::formation::Flown;
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::navigation::{Failure, Goal};
@@ -126,12 +125,8 @@ impl Mission {
         if !self.flies_in_own_layer() {
             return centre;
         }
-        let flown = Flown {
-            layout: &self.config.layout,
-            changes: &self.config.changes,
-            waypoints: &self.durable.plan,
-        };
-        flown.clearing(self.config.id, self.layout(), centre)
+        self.flown()
+            .clearing(self.config.id, self.durable.changes, centre)
     }
 
     /// Around which centre the drone is in its slot, if it is.

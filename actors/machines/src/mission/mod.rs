@@ -21,7 +21,7 @@ pub use follow::Following;
 pub use order::{Order, Step};
 
 use crate::flaw::{self, Flaw};
-use crate::formation::{Change, Layout};
+use crate::formation::{Change, Flown, Layout};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
@@ -296,12 +296,18 @@ impl Mission {
         }
     }
 
+    /// The mission as far as this drone knows it.
+    fn flown(&self) -> Flown<'_> {
+        Flown {
+            layout: &self.config.layout,
+            changes: &self.config.changes,
+            waypoints: &self.durable.plan,
+        }
+    }
+
     /// Who flies, stands and lands where, as of now.
     fn layout(&self) -> &Layout {
-        match self.durable.changes.checked_sub(1) {
-            Some(last) => self.config.changes[usize::from(last)].layout(),
-            None => &self.config.layout,
-        }
+        self.flown().layout_after(self.durable.changes)
     }
 
     /// Where the drone's state wants it to be.

@@ -622,42 +622,6 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
 }
 
 #[test]
-fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
-    // One behind the other, and all ways lead north.
-    let drones = NonZeroU32::new(3).unwrap();
-    let formation = Formation::new(Kind::Linear, drones, 50.0, std::f64::consts::FRAC_PI_2);
-    let mut config = config(0, Liveness::Pulse);
-    let layout = Layout::new(formation, 10.0, config.layout.separation());
-    config.layout = Arc::new(layout.with_layers(Layering::Each));
-    let flies_apart = || {
-        let mut slave = Mission::new(config.clone(), None);
-        ordered(&mut slave, 1, &whole_plan());
-        ordered(&mut slave, 2, &Order::TakeOff);
-        let arrived = Input::Navigation(NavigationNotice::Arrived);
-        told(&mut slave, 20.0, arrived);
-        let (waypoint, apart) = (0, true);
-        ordered(&mut slave, 3, &Order::Move { waypoint, apart });
-        slave
-    };
-    let aside_m = |said: &[Transmit]| match goal(said) {
-        Some(Goal::TransitTo { to }) => {
-            assert!(to.altitude_m() > 25.0, "it makes for it in its layer");
-            to.0.y.abs()
-        }
-        other => panic!("{other:?}"),
-    };
-    let said = ordered(&mut flies_apart(), 4, &land_at(waypoints()[2]));
-    assert!((5.0..=10.0).contains(&aside_m(&said)), "{said:?}");
-    let battery_low = NavigationNotice::Failing {
-        failure: Failure::BatteryLow,
-        stop: Ned::HOME,
-        is_airborne: true,
-    };
-    let said = told(&mut flies_apart(), 40.0, Input::Navigation(battery_low));
-    assert!((5.0..=10.0).contains(&aside_m(&said)), "{said:?}");
-}
-
-#[test]
 fn every_part_of_a_long_mission_has_its_limit() {
     let mut config = config(1, Liveness::Pulse);
     config.mission = vec![Ned::new(0.0, 0.0, -25.0); wire::PLAN_PART_MAX * 2 + 1].into();

@@ -215,9 +215,20 @@ impl<A: Authenticator> Radio<A> {
     }
 
     /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(crate) fn read_ahead(&self, sender: Option<NodeId>) {
+    pub(crate) fn read_ahead(&self) {
         black_box((self.config.id, self.config.swarm, self.outbox.is_empty()));
-        self.admission.read_ahead(sender);
+        black_box((
+            self.written.len(),
+            self.counter,
+            self.life,
+            self.challenger.is_some(),
+        ));
+        self.admission.read_ahead();
+    }
+
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        self.admission.read_further_ahead(sender);
     }
 
     /// The next frame of this drone's; nothing for a payload that is too long.

@@ -292,11 +292,20 @@ impl Routing {
     }
 
     /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(crate) fn read_ahead(&self, sender: Option<NodeId>) {
+    pub(crate) fn read_ahead(&self) {
         match self {
             // Whoever repeats everything all the time flies in small swarms.
             Self::Flood(_) => {}
-            Self::Tree(routing) => routing.read_ahead(sender),
+            Self::Tree(routing) => routing.read_ahead(),
+        }
+    }
+
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        match self {
+            // Whoever repeats everything all the time flies in small swarms.
+            Self::Flood(_) => {}
+            Self::Tree(routing) => routing.read_further_ahead(sender),
         }
     }
 }

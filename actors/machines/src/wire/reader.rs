@@ -60,10 +60,13 @@ impl<'a> Reader<'a> {
             bound = bound.checked_add(distance).filter(|_| rises)?;
         }
         let mut bound = 0;
-        Some(NodeSet::of_bounds((0..bounds).map_while(|_| {
-            bound += again.number()?;
-            Some(bound)
-        })))
+        Some(NodeSet::of_bounds(
+            bounds as usize,
+            (0..bounds).map_while(|_| {
+                bound += again.number()?;
+                Some(bound)
+            }),
+        ))
     }
 
     pub(super) fn bytes(&mut self) -> Option<&'a [u8]> {

@@ -95,7 +95,7 @@ impl<'a> Runs<'a> {
     /// The set.
     #[must_use]
     pub fn to_set(self) -> NodeSet {
-        NodeSet::of_bounds(self.bounds())
+        NodeSet::of_bounds(self.0.len(), self.bounds())
     }
 }
 

@@ -188,6 +188,13 @@ impl Link {
         }
     }
 
+    /// Reads some of each part of it, as [`Links::read_further_ahead`] says.
+    fn read_ahead(&self) {
+        black_box((self.left_out, self.said.beat, self.said.by_parent));
+        black_box((self.words.len(), self.heard_at, self.quality.frames));
+        black_box((self.sets.is_some(), self.symmetric));
+    }
+
     /// How many frames for all were missed before one of these numbers; nothing for one that is not newer than the last.
     #[inline]
     fn missed_before(&self, beat: u32, aside: u32) -> Option<u32> {
@@ -395,16 +402,11 @@ impl Links {
         }
     }
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
-        let Some(sender) = sender else {
-            return self.iter().for_each(|link| {
-                black_box(link.heard_at);
-            });
-        };
-        if let Some(link) = self.get(sender) {
-            black_box((link.heard_at, link.said.sequence, link.quality.frames));
-            black_box((link.symmetric, link.sets.is_some(), link.words.first()));
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        match sender {
+            None => self.iter().for_each(Link::read_ahead),
+            Some(sender) => self.get(sender).into_iter().for_each(Link::read_ahead),
         }
     }
 

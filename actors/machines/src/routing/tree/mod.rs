@@ -197,7 +197,7 @@ impl TreeRouting {
     }
 
     /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+    pub(super) fn read_ahead(&self) {
         black_box((self.durable.reign.sequence(), self.durable.beats.pulse));
         black_box((self.config.id, self.config.beacon, self.routes.parent));
         black_box((self.good_parent, self.master_lands, self.pending_from));
@@ -207,7 +207,17 @@ impl TreeRouting {
             self.hold.is_some(),
             self.seek.is_some(),
         ));
-        self.links.read_ahead(sender);
+        black_box((
+            self.links.len(),
+            self.pending.0,
+            self.told.0,
+            self.passed_on,
+        ));
+    }
+
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        self.links.read_further_ahead(sender);
     }
 
     fn is_master(&self) -> bool {
@@ -531,10 +541,10 @@ impl TreeRouting {
             };
             let left = suspected.or(stale);
             // Where beacons are quick, most are left out for a moment under a new master, as few have spoken.
-            let leaves_out = |link: &Link| link.leaves_out() && !self.are_beacons_quick();
+            let is_left_out_by = |link: &Link| link.leaves_out() && !self.are_beacons_quick();
             let usable = |link: &&Link| {
                 link.symmetric
-                    && (parent == Some(link.id) || !leaves_out(link))
+                    && (parent == Some(link.id) || !is_left_out_by(link))
                     && link.is_reachable()
                     && link.said.hops.is_some()
                     && link.said.parent != Some(own)
