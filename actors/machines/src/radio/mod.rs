@@ -74,7 +74,7 @@ pub enum Input {
         /// From where, if the transport tells.
         source: Option<Source>,
         /// Which drone has proved to be at the other end, where they came by a connection: it says nothing in the name of
-        /// another.
+        /// another, and nobody else can have said it, so its signature is not looked at.
         peer: Option<NodeId>,
     },
     /// By the transport: what became of a frame of our own for one drone.
@@ -294,9 +294,8 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::Unproven);
         }
         self.admission.check(now, place, source)?;
-        let is_genuine = self
-            .authenticator
-            .verify(sender, frame.covered, frame.authenticator);
+        let is_genuine = peer.is_some()
+            || (self.authenticator).verify(sender, frame.covered, frame.authenticator);
         if !is_genuine && !flaw::has(Flaw::BelievesAnySender) {
             self.admission.refuse(now, place, source);
             return Err(DropReason::Forged);

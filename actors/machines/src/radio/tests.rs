@@ -236,9 +236,9 @@ fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
 }
 
 #[test]
-fn over_a_connection_a_drone_speaks_for_itself_only() {
+fn over_a_connection_a_drone_speaks_for_itself_only_and_its_signature_is_not_looked_at() {
     let mut receiver = radio(1);
-    let frame = sent_by(&mut radio(0), b"hello");
+    let frame = unsigned(&sent_by(&mut radio(0), b"hello"));
     let over_that_with = |peer| Input::Received {
         datagram: frame.clone(),
         source: Some(source(1, 7)),
@@ -249,6 +249,8 @@ fn over_a_connection_a_drone_speaks_for_itself_only() {
     assert_eq!(events, [Event::Dropped(DropReason::Relayed)]);
     let (transmits, events) = told(&mut receiver, 0, over_that_with(0));
     assert!(transmits.iter().any(is_passed_on) && events.is_empty());
+    let (_, events) = told(&mut receiver, 0, over_that_with(0));
+    assert_eq!(events, [Event::Dropped(DropReason::Replayed)]);
 }
 
 #[test]
