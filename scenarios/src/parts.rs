@@ -53,7 +53,7 @@ impl Link {
 
     /// All that a medium has as it is now, where `spoilt` is the share of a sender's frames that arrive and are good for
     /// nothing.
-    pub(crate) fn all(medium: &Medium, spoilt: impl Fn(NodeId) -> f64) -> Vec<Self> {
+    pub(crate) fn all(medium: &mut Medium, spoilt: impl Fn(NodeId) -> f64) -> Vec<Self> {
         let mut links = Vec::new();
         medium.each_link(|a, b, [there, back]| {
             let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - spoilt(from));

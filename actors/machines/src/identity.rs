@@ -123,7 +123,9 @@ impl NodeSet {
 
     /// Adds all of another set.
     pub fn extend_from(&mut self, other: &Self) {
-        if !self.is_superset(other) {
+        if self.is_empty() {
+            self.clone_from(other);
+        } else if !self.is_superset(other) {
             *self = self.combined(other, |own, others| own || others);
         }
     }
@@ -186,6 +188,30 @@ impl NodeSet {
             if keep(own_at % 2 == 1, other_at % 2 == 1) != is_kept {
                 is_kept = !is_kept;
                 bounds.push(bound);
+            }
+        }
+    }
+
+    /// Whether there is anybody who is wanted, given which of some sets have them; nobody may be wanted who is in none.
+    pub(crate) fn any_where<const N: usize>(
+        sets: [&Self; N],
+        is_wanted: impl Fn([bool; N]) -> bool,
+    ) -> bool {
+        let mut bounds = sets.map(|set| set.0.as_slice());
+        let mut has = [false; N];
+        loop {
+            let Some(next) = bounds.iter().filter_map(|it| it.first()).min().copied() else {
+                return false;
+            };
+            for (bounds, has) in bounds.iter_mut().zip(&mut has) {
+                if let [bound, rest @ ..] = bounds
+                    && *bound == next
+                {
+                    (*bounds, *has) = (rest, !*has);
+                }
+            }
+            if is_wanted(has) {
+                return true;
             }
         }
     }

@@ -82,10 +82,10 @@ impl Scenario {
         let slots = drones.map(|id| self.layout.slot(id, self.waypoints[0]));
         let places: Vec<_> = slots.chain(self.relays.iter().copied()).collect();
         // Nothing is drawn from it.
-        let medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
+        let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
         let mut parts = Parts::default();
         let live = vec![Some(0); places.len()];
-        parts.look(Timestamp::ZERO, live, Link::all(&medium, |_| 0.0));
+        parts.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
         Some(parts)
     }
 

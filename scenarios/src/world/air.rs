@@ -15,7 +15,8 @@ impl World {
             .bytes(self.now, drone, Kind::Sent, &frame[..covered]);
         self.tampering.record(drone, frame);
         if let Some(to) = to {
-            self.trace.value(self.now, drone, Kind::Addressed, &to);
+            self.trace
+                .bytes(self.now, drone, Kind::Addressed, &to.0.to_le_bytes());
         }
         let to = to.map_or(Destination::Broadcast, Destination::To);
         self.medium

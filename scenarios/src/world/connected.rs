@@ -51,7 +51,7 @@ impl World {
         let live: Vec<_> = ids
             .map(|id| self.passes_on(id).then(|| changes(id)))
             .collect();
-        let links = Link::all(&self.medium, |from| self.tampering.corrupted(from));
+        let links = Link::all(&mut self.medium, |from| self.tampering.corrupted(from));
         for swarm in &mut self.swarms {
             let mut own = live.clone();
             for (id, live) in (0..).map(NodeId).zip(&mut own) {

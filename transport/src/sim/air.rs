@@ -41,13 +41,19 @@ impl Air {
     }
 
     /// Overwrites `found` with the radios that may hear `from`, lowest first.
-    pub(super) fn in_reach(&self, from: NodeId, found: &mut Vec<NodeId>) -> Result<(), SendError> {
+    pub(super) fn in_reach(
+        &mut self,
+        from: NodeId,
+        found: &mut Vec<NodeId>,
+    ) -> Result<(), SendError> {
+        self.grid.put_in_order();
         self.grid.in_range(from, found)
     }
 
     /// Visits every two radios that may hear each other once, with the chances that a frame is lost on the way there and
     /// back.
-    pub(super) fn each_link(&self, mut visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
+    pub(super) fn each_link(&mut self, mut visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
+        self.grid.put_in_order();
         self.grid.each_pair_in_range(|a, b, distance_m| {
             let heard = self.heard_undisturbed(distance_m);
             let loss = |from, to| 1.0 - heard * (1.0 - self.spoilt(from, to));

@@ -154,7 +154,7 @@ impl Medium {
     /// Visits every two radios that may hear each other once, with that chance for frames of the first to the second, and
     /// of the second to the first; between all others each frame is lost. The order depends on nothing but where radios
     /// have been.
-    pub fn each_link(&self, visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
+    pub fn each_link(&mut self, visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
         self.air.each_link(visit);
     }
 

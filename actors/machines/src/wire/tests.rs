@@ -340,6 +340,11 @@ proptest! {
         prop_assert_eq!(both, &set_a & &set_b);
         let either: BTreeSet<_> = bits.symmetric_difference(&others).iter().collect();
         prop_assert_eq!(either, &set_a ^ &set_b);
+        let below = NodeSet::from(0..end);
+        let is_there = NodeSet::any_where([&bits, &others, &below], |[own, others, below]| {
+            own && !others && below
+        });
+        prop_assert_eq!(is_there, (&set_a - &set_b).iter().any(|id| id.0 < end));
         bits.extend_from(&others);
         prop_assert_eq!(bits.iter().collect::<BTreeSet<_>>(), &set_a | &set_b);
         let bytes = postcard::to_stdvec(&bits).unwrap();

@@ -53,21 +53,19 @@ impl Writer {
 
     /// The distances between the bounds of a set's runs, as bytes.
     pub(super) fn runs(&mut self, set: &NodeSet) {
-        let length = set.distances().map(varint_len).sum();
-        self.number(length);
+        let begin = self.0.len();
         for distance in set.distances() {
             self.number(distance);
         }
+        let end = self.0.len();
+        // How many bytes that took comes before it, and is known only now.
+        self.count(end - begin);
+        let length = self.0.len() - end;
+        self.0[begin..].rotate_right(length);
     }
 
     pub(super) fn bytes(&mut self, bytes: &[u8]) {
         self.count(bytes.len());
         self.0.extend_from_slice(bytes);
     }
-}
-
-/// How many bytes a number takes.
-const fn varint_len(number: u32) -> u32 {
-    let bits = u32::BITS - (number | 1).leading_zeros();
-    bits.div_ceil(7)
 }

@@ -137,6 +137,9 @@ static NO_SETS: Sets = Sets {
     landing: NodeSet::new(),
 };
 
+/// Who is known to have carried an order out, of whoever has said nothing of that one.
+static NOBODY: NodeSet = NodeSet::new();
+
 /// What all children say together.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Below {
@@ -261,19 +264,12 @@ impl Link {
         self.said.sequence.max(self.sets().told.0) >= sequence
     }
 
-    /// Those of `acknowledged` of whom it is not known to know that they have carried an order out.
-    pub(super) fn lacks(&self, sequence: u32, acknowledged: &NodeSet) -> NodeSet {
+    /// Who is known there to have carried an order out, as it said and as the medium did.
+    pub(super) fn known(&self, sequence: u32) -> [&NodeSet; 2] {
         let sets = self.sets();
         let said = (self.said.sequence, &sets.acknowledged);
         let told = (sets.told.0, &sets.told.1);
-        let known = [said, told].into_iter().filter(|it| it.0 == sequence);
-        let knows_all = |(_, known): (u32, &NodeSet)| known.is_superset(acknowledged);
-        if known.clone().any(knows_all) {
-            return NodeSet::new();
-        }
-        known.fold(acknowledged.clone(), |lacks, (_, known)| {
-            lacks.difference(known)
-        })
+        [said, told].map(|(of, known)| if of == sequence { known } else { &NOBODY })
     }
 
     /// Whether what it said shows that it knows what it was told.
@@ -660,9 +656,15 @@ impl Links {
                 below.landing.extend_from(&sets.landing);
             }
         }
-        let awaited = below.alive.difference(&below.landing);
-        let missing = awaited.difference(&below.acknowledged);
-        below.is_awaited = missing.iter().any(|id| id != self.own);
+        below.is_awaited = NodeSet::any_where(
+            [
+                &below.alive,
+                &below.landing,
+                &below.acknowledged,
+                &self.own.into(),
+            ],
+            |[alive, landing, acknowledged, own]| alive && !landing && !acknowledged && !own,
+        );
         below
     }
 

@@ -264,12 +264,26 @@ impl TreeRouting {
         if parent.said.sequence > sequence || !self.may_acknowledge() {
             return false;
         }
+        if !parent.knows(sequence) {
+            return true;
+        }
         // Once the master has named who is pending, only they answer.
-        let is_pending = |id| self.pending.0 != sequence || self.pending.1.contains(id);
-        let lacks_any = |of: &NodeSet| parent.lacks(sequence, of).iter().any(is_pending);
-        !parent.knows(sequence)
-            || lacks_any(&self.links.below(sequence).acknowledged)
-            || self.durable.reign.is_carried_out() && lacks_any(&self.config.id.into())
+        let are_named = self.pending.0 == sequence;
+        let (pending, [said, told]) = (&self.pending.1, parent.known(sequence));
+        let own = self.config.id;
+        let is_own_missed = self.durable.reign.is_carried_out()
+            && ![said, told].iter().any(|known| known.contains(own))
+            && (!are_named || pending.contains(own));
+        let below = &self.links.below(sequence).acknowledged;
+        let is_known = said.is_superset(below) || told.is_superset(below);
+        is_own_missed
+            || !is_known
+                && NodeSet::any_where(
+                    [below, said, told, pending],
+                    |[below, said, told, pending]| {
+                        below && !said && !told && (!are_named || pending)
+                    },
+                )
     }
 
     /// A leaf over a link that loses next to nothing is trusted to have heard what was said to all, unless it asks.
