@@ -41,7 +41,9 @@ impl<T> Roster<T> {
         if self.ids.len() > FEW {
             return self.ids.binary_search(&id);
         }
-        let place = self.ids.iter().map(|other| usize::from(*other < id)).sum();
+        // As wide as an id, so that none has to be widened.
+        let before: u32 = self.ids.iter().map(|other| u32::from(*other < id)).sum();
+        let place = before as usize;
         if self.ids.get(place) == Some(&id) {
             Ok(place)
         } else {

@@ -17,22 +17,22 @@ const UNIT: i64 = 1_000_000;
 impl Clock {
     /// What it shows at a time of the world.
     pub(super) fn at(self, now: Timestamp) -> Timestamp {
-        if self.ppm == 0 {
-            return self.shown + now.since(self.since);
-        }
-        let elapsed = u128::from(now.as_nanos().saturating_sub(self.since.as_nanos()));
-        let gone = elapsed * self.rate() / u128::from(UNIT.unsigned_abs());
-        self.shown + duration(gone)
+        let elapsed = now.as_nanos().saturating_sub(self.since.as_nanos());
+        let gone = match self.ppm {
+            0 => elapsed,
+            _ => nanos(u128::from(elapsed) * self.rate() / u128::from(UNIT.unsigned_abs())),
+        };
+        Timestamp::from_nanos(self.shown.as_nanos().saturating_add(gone))
     }
 
     /// The first time of the world at which it shows `shown` or later, as far as it runs on as it does.
     pub(super) fn when(self, shown: Timestamp) -> Timestamp {
-        if self.ppm == 0 {
-            return self.since + shown.since(self.shown);
-        }
-        let ahead = u128::from(shown.as_nanos().saturating_sub(self.shown.as_nanos()));
-        let elapsed = (ahead * u128::from(UNIT.unsigned_abs())).div_ceil(self.rate());
-        self.since + duration(elapsed)
+        let ahead = shown.as_nanos().saturating_sub(self.shown.as_nanos());
+        let elapsed = match self.ppm {
+            0 => ahead,
+            _ => nanos((u128::from(ahead) * u128::from(UNIT.unsigned_abs())).div_ceil(self.rate())),
+        };
+        Timestamp::from_nanos(self.since.as_nanos().saturating_add(elapsed))
     }
 
     /// From `now` on it gains `ppm` millionths.
@@ -49,12 +49,14 @@ impl Clock {
     }
 }
 
-fn duration(nanos: u128) -> std::time::Duration {
-    std::time::Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+fn nanos(nanos: u128) -> u64 {
+    u64::try_from(nanos).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;
@@ -86,7 +88,7 @@ mod tests {
         ) {
             let mut clock = Clock::default();
             clock.skew(Timestamp::from_nanos(since), ppm);
-            let deadline = clock.at(Timestamp::from_nanos(since)) + duration(u128::from(ahead));
+            let deadline = clock.at(Timestamp::from_nanos(since)) + Duration::from_nanos(ahead);
             let when = clock.when(deadline);
             prop_assert!(clock.at(when) >= deadline);
             if ahead > 0 {

@@ -50,7 +50,7 @@ pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
 pub(crate) use self::strikes::{Phase, Strike};
 use self::swarm::Swarm;
 use self::tampering::Tampering;
-use self::trace::{Kind, Trace};
+use self::trace::{HEADING_LEN, Kind, Trace};
 use self::whereabouts::Whereabouts;
 use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
@@ -447,7 +447,7 @@ impl World {
                 origin,
             } => {
                 let covered = datagram.len().saturating_sub(wire::AUTHENTICATOR_LEN);
-                let heading = &datagram[..covered.min(wire::HEADER_MAX)];
+                let heading = &datagram[..covered.min(HEADING_LEN)];
                 self.trace.bytes(self.now, to, Kind::Arrived, heading);
                 let source = None;
                 let message = Message {

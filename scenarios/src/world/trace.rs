@@ -7,6 +7,10 @@ use muster_machines::time::Timestamp;
 /// next is to stay in the processor's caches.
 const BUFFER_MAX: usize = 16 * 1_024;
 
+/// Of a frame that arrives, how many bytes are hashed: what tells whose it is, and which, lies within these as a rule, and
+/// all of it was hashed when it was sent.
+pub(super) const HEADING_LEN: usize = 16;
+
 /// A running BLAKE3 of everything that can be observed of a run: equal runs have equal traces.
 ///
 /// What was observed is hashed in the order in which it happened, each with its time, its drone and its kind.
@@ -51,11 +55,13 @@ impl Trace {
     }
 
     pub(crate) fn bytes(&mut self, now: Timestamp, drone: NodeId, kind: Kind, bytes: &[u8]) {
-        let mut head = [0; 8 + 4 + 1 + 8];
+        let len = u32::try_from(bytes.len())
+            .expect("what is observed is no longer than a datagram or a line");
+        let mut head = [0; 8 + 4 + 1 + 4];
         head[..8].copy_from_slice(&now.as_nanos().to_le_bytes());
         head[8..12].copy_from_slice(&drone.0.to_le_bytes());
         head[12] = kind as u8;
-        head[13..].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        head[13..].copy_from_slice(&len.to_le_bytes());
         self.bytes.extend_from_slice(&head);
         self.bytes.extend_from_slice(bytes);
         if self.bytes.len() >= BUFFER_MAX {

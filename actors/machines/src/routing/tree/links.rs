@@ -682,15 +682,14 @@ impl Links {
     /// nobody. Likewise one that has been silent for longer than it was known before: that little was heard of it is no
     /// reason to believe for longer that it is.
     pub(super) fn hears(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
+        let silent_for = now.since(link.heard_at);
         let stale = self.beacon * link.quality.stale_beacons.into();
-        let patience = if link.told_of_reign.is_some() {
-            stale
-        } else {
-            let known_for = link.heard_at.since(link.known_since);
-            let lost = self.pace * link.quality.lost_beacons.into();
-            lost.min(known_for.max(stale)).max(time_to_live / 2)
-        };
-        now.since(link.heard_at) <= patience
+        if silent_for <= stale || link.told_of_reign.is_some() {
+            return silent_for <= stale;
+        }
+        let known_for = link.heard_at.since(link.known_since);
+        let lost = self.pace * link.quality.lost_beacons.into();
+        silent_for <= lost.min(known_for.max(stale)).max(time_to_live / 2)
     }
 
     /// As if nobody had said anything before in the same words.
