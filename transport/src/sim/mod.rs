@@ -80,8 +80,8 @@ pub struct Counters {
 
 /// A medium that carries datagrams between places.
 ///
-/// A frame costs as much as the radios in reach, whatever the size of the swarm: they are looked up in a grid of
-/// cells as wide as the reach. Lots are drawn from the medium's own generator, for the receivers in rising order.
+/// A frame costs as much as the radios in reach, whatever the size of the swarm: they lie in memory by
+/// squares as wide as the reach. Lots are drawn from the medium's own generator, for the receivers in rising order.
 #[derive(Debug)]
 pub struct Medium {
     datagram_max: usize,
