@@ -54,6 +54,8 @@ pub enum Flaw {
     RejoinsWhileLanding,
     /// A drone that has lost its master never leads.
     NeverClaims,
+    /// Routes go by hops, however much their links lose.
+    RoutesByHops,
 }
 
 #[cfg(feature = "flaws")]

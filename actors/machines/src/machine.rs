@@ -113,6 +113,13 @@ impl<T, E> Outbox<T, E> {
         self.push(Output::Event(event));
     }
 
+    /// Puts an event ahead of everything that waits.
+    pub(crate) fn event_first(&mut self, event: E) {
+        if let Some(first) = self.first.replace(Output::Event(event)) {
+            self.others.push_front(first);
+        }
+    }
+
     /// Whether nothing waits.
     pub(crate) const fn is_empty(&self) -> bool {
         self.first.is_none()

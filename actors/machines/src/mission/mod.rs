@@ -428,6 +428,7 @@ impl Mission {
         self.durable.limit = Some(now + self.config.take_off_limit);
         self.durable.flies_until = Some(now + self.config.flight_time);
         self.enter(State::TakingOff);
+        self.outbox.transmit(Transmit::Scatter);
         self.pursue_goal();
     }
 

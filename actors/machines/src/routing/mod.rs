@@ -1,12 +1,14 @@
 //! Who is near, which way the master is, who must relay; orders outwards and acknowledgements inwards.
 //!
 //! It serves any protocol in which a master gives numbered orders and its members acknowledge them; what an order
-//! means is not known here. How orders and acknowledgements spread is a policy, a machine of its own.
+//! means is not known here. The [core](core::Core) holds what any dissemination shares; how orders and
+//! acknowledgements spread is a policy inside.
 
-mod beats;
+mod core;
+mod epoch;
 pub mod flood;
+mod heartbeat;
 mod packet;
-mod reign;
 pub mod tree;
 
 use std::convert::Infallible;
@@ -14,14 +16,15 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-pub use beats::Beats;
-pub use packet::{Flood, Member, Packet, Tree};
-pub use reign::Reign;
-
+pub use epoch::LeaderEpoch;
+pub use heartbeat::Heartbeats;
+pub use packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 use serde::{Deserialize, Serialize};
 
+use self::core::Core;
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};
+use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 
 /// What a routing is built with: the policy that it follows.
@@ -213,9 +216,31 @@ pub struct Routes {
     pub out_of_range: bool,
 }
 
-/// What outlives a routing.
+/// What outlives a routing: what both policies share, and what its policy adds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Checkpoint {
+pub struct Checkpoint {
+    /// By either policy.
+    pub common: Durable,
+    /// By its policy.
+    pub policy: PolicyCheckpoint,
+}
+
+/// What outlives a routing by either policy.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Durable {
+    /// Whom this drone obeys, and what it was ordered.
+    pub epoch: LeaderEpoch,
+    /// Since when the drone is going to land.
+    pub landing: Option<Timestamp>,
+    /// Whether the drone is done.
+    pub stopped: bool,
+    /// The signs of life.
+    pub heartbeats: Heartbeats,
+}
+
+/// What a policy adds to a checkpoint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum PolicyCheckpoint {
     /// Of policy `flood`.
     Flood(flood::Checkpoint),
     /// Of policy `tree`.
@@ -226,86 +251,126 @@ impl Checkpoint {
     /// Whom the drone obeys, if anybody.
     #[must_use]
     pub const fn ballot(&self) -> Option<Ballot> {
-        match self {
-            Self::Flood(own) => own.reign.ballot(),
-            Self::Tree(own) => own.reign.ballot(),
-        }
+        self.common.epoch.ballot()
     }
 
     /// Whether what must never fall back has changed since `before`: whom the drone obeys, which numbers it may have
-    /// used, whether it is done.
+    /// used, whether it is landing or done, and by `flood` what its routing is doing.
     pub(crate) fn is_news(&self, before: &Self) -> bool {
-        match (self, before) {
-            (Self::Flood(own), Self::Flood(before)) => {
-                (own.landing, own.phase) != (before.landing, before.phase)
-                    || own.reign.is_news(&before.reign)
-                    || own.beats.reserved() != before.beats.reserved()
-            }
-            (Self::Tree(own), Self::Tree(before)) => {
-                (own.landing, own.stopped) != (before.landing, before.stopped)
-                    || own.reign.is_news(&before.reign)
-                    || own.beats.reserved() != before.beats.reserved()
-            }
+        let (own, was) = (&self.common, &before.common);
+        let phases = match (&self.policy, &before.policy) {
+            (PolicyCheckpoint::Flood(own), PolicyCheckpoint::Flood(was)) => own.phase != was.phase,
+            (PolicyCheckpoint::Tree(_), PolicyCheckpoint::Tree(_)) => false,
             _ => true,
-        }
+        };
+        phases
+            || (own.landing, own.stopped) != (was.landing, was.stopped)
+            || own.epoch.is_news(&was.epoch)
+            || own.heartbeats.reserved() != was.heartbeats.reserved()
     }
+}
+
+/// How orders and acknowledgements spread.
+trait Policy: std::fmt::Debug {
+    /// Takes in a frame that the radio let in.
+    fn heard(&mut self, core: &mut Core, now: Timestamp, from: (NodeId, Ballot), payload: &Bytes);
+
+    /// Takes in what became of a frame for one drone.
+    fn outcome(
+        &mut self,
+        _core: &mut Core,
+        _now: Timestamp,
+        _to: NodeId,
+        _payload: &[u8],
+        _delivered: bool,
+    ) {
+    }
+
+    /// The current leader is another one than before.
+    fn begin_epoch(&mut self, core: &mut Core, now: Timestamp);
+
+    /// This drone leads; [`Self::begin_epoch`] was called if it did not before.
+    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot);
+
+    /// This master gave a newer order.
+    fn published(&mut self, core: &mut Core, now: Timestamp);
+
+    /// This drone has carried an order out.
+    fn carried_out(&mut self, core: &mut Core, now: Timestamp);
+
+    /// See [`Input::Discover`].
+    fn discover(&mut self, core: &mut Core, now: Timestamp);
+
+    /// See [`Input::Scatter`].
+    fn scatter(&mut self, core: &mut Core, now: Timestamp);
+
+    /// This drone is going to land.
+    fn land(&mut self, core: &mut Core, now: Timestamp);
+
+    /// Says the last words; nothing is said afterwards.
+    fn stop(&mut self, core: &mut Core, now: Timestamp);
+
+    /// Tells the protocol anew what this policy knows.
+    fn resync(&mut self, core: &mut Core, now: Timestamp);
+
+    /// The host stood still: silence since then says nothing about anybody.
+    fn forgive(&mut self, core: &mut Core, now: Timestamp);
+
+    /// Fires every deadline `<= now`.
+    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp);
+
+    /// When it wants to be stepped next; after `now` once [`Self::handle_timeout`] was called at `now`.
+    fn deadline(&self, core: &Core) -> Option<Timestamp>;
+
+    /// What outlives it.
+    fn checkpoint(&self) -> PolicyCheckpoint;
+
+    /// Entries in the larger of its tables, and the most that it takes.
+    fn occupancy(&self) -> (usize, usize);
 }
 
 /// The routing of one drone, by whichever policy.
 #[derive(Debug)]
-pub enum Routing {
-    /// By periodic repetition.
-    Flood(flood::FloodRouting),
-    /// Along a tree.
-    Tree(tree::TreeRouting),
+pub struct Routing(Kind);
+
+#[derive(Debug)]
+enum Kind {
+    Flood(Box<Dissemination<flood::FloodPolicy>>),
+    Tree(Dissemination<tree::TreePolicy>),
 }
 
 impl Routing {
     /// A routing as `checkpoint` left it; one without, or with another policy's, knows nothing.
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
-        match config {
+        Self(match config {
             Config::Flood(config) => {
-                let checkpoint = checkpoint.and_then(|checkpoint| match checkpoint {
-                    Checkpoint::Flood(checkpoint) => Some(checkpoint),
-                    Checkpoint::Tree(_) => None,
+                let core = Core::new(config.id, config.drones, seed);
+                let kept = checkpoint.and_then(|it| match it.policy {
+                    PolicyCheckpoint::Flood(own) => Some((it.common, own)),
+                    PolicyCheckpoint::Tree(_) => None,
                 });
-                Self::Flood(flood::FloodRouting::new(config, seed, now, checkpoint))
+                let new = |core: &mut Core| flood::FloodPolicy::new(config, core, now, kept);
+                Kind::Flood(Box::new(Dissemination::new(core, new)))
             }
             Config::Tree(config) => {
-                let checkpoint = checkpoint.and_then(|checkpoint| match checkpoint {
-                    Checkpoint::Tree(checkpoint) => Some(checkpoint),
-                    Checkpoint::Flood(_) => None,
+                let core = Core::new(config.id, config.drones, seed);
+                let kept = checkpoint.and_then(|it| match it.policy {
+                    PolicyCheckpoint::Tree(own) => Some((it.common, own)),
+                    PolicyCheckpoint::Flood(_) => None,
                 });
-                Self::Tree(tree::TreeRouting::new(config, seed, now, checkpoint))
+                let new = |core: &mut Core| tree::TreePolicy::new(config, core, now, kept);
+                Kind::Tree(Dissemination::new(core, new))
             }
-        }
+        })
     }
 
     /// Entries in the larger of its tables, and the most either takes.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
-        match self {
-            Self::Flood(routing) => routing.occupancy(),
-            Self::Tree(routing) => routing.occupancy(),
-        }
-    }
-
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(crate) fn read_ahead(&self) {
-        match self {
-            // Whoever repeats everything all the time flies in small swarms.
-            Self::Flood(_) => {}
-            Self::Tree(routing) => routing.read_ahead(),
-        }
-    }
-
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
-    pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
-        match self {
-            // Whoever repeats everything all the time flies in small swarms.
-            Self::Flood(_) => {}
-            Self::Tree(routing) => routing.read_further_ahead(sender),
+        match &self.0 {
+            Kind::Flood(routing) => routing.policy.occupancy(),
+            Kind::Tree(routing) => routing.policy.occupancy(),
         }
     }
 }
@@ -317,23 +382,152 @@ impl Machine for Routing {
     type Rejection = Infallible;
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
-        match self {
-            Self::Flood(routing) => routing.handle_input(now, input),
-            Self::Tree(routing) => routing.handle_input(now, input),
+        match &mut self.0 {
+            Kind::Flood(routing) => routing.handle_input(now, input),
+            Kind::Tree(routing) => routing.handle_input(now, input),
         }
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        match self {
-            Self::Flood(routing) => routing.handle_timeout(now),
-            Self::Tree(routing) => routing.handle_timeout(now),
+        match &mut self.0 {
+            Kind::Flood(routing) => routing.handle_timeout(now),
+            Kind::Tree(routing) => routing.handle_timeout(now),
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        match self {
-            Self::Flood(routing) => routing.poll_output(),
-            Self::Tree(routing) => routing.poll_output(),
+        match &mut self.0 {
+            Kind::Flood(routing) => routing.poll_output(),
+            Kind::Tree(routing) => routing.poll_output(),
         }
+    }
+}
+
+/// What both policies share, with one of them.
+///
+/// Invariant: a checkpoint leaves ahead of everything that rests on it.
+#[derive(Debug)]
+struct Dissemination<P> {
+    core: Core,
+    policy: P,
+    /// When it wants to act next, as of the end of its last step.
+    wakes: Option<Timestamp>,
+}
+
+impl<P: Policy> Dissemination<P> {
+    fn new(mut core: Core, policy: impl FnOnce(&mut Core) -> P) -> Self {
+        let policy = policy(&mut core);
+        let mut routing = Self {
+            wakes: policy.deadline(&core),
+            core,
+            policy,
+        };
+        routing.put_checkpoint();
+        routing
+    }
+
+    fn forgive_if_stalled(&mut self, now: Timestamp) {
+        if self.core.has_stalled(now) {
+            self.policy.forgive(&mut self.core, now);
+        }
+    }
+
+    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
+        match self.core.hear_ballot(ballot, Way::Mutual) {
+            // A better ballot has been heard of meanwhile, of which the protocol is being told.
+            Verdict::Ignored => return,
+            Verdict::Same => {}
+            Verdict::Turned => self.policy.begin_epoch(&mut self.core, now),
+        }
+        self.policy.lead(&mut self.core, now, ballot);
+    }
+
+    fn end_step(&mut self, now: Timestamp) {
+        self.put_checkpoint();
+        self.wakes = self.policy.deadline(&self.core);
+        self.core.ask(now, self.wakes);
+    }
+
+    /// Puts a checkpoint ahead of all that was said, if one is due.
+    fn put_checkpoint(&mut self) {
+        if self.core.takes_checkpoint() {
+            let checkpoint = Checkpoint {
+                common: self.core.durable.clone(),
+                policy: self.policy.checkpoint(),
+            };
+            self.core.put_first(Event::Checkpoint(Box::new(checkpoint)));
+        }
+    }
+}
+
+impl<P: Policy> Machine for Dissemination<P> {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.forgive_if_stalled(now);
+        let (core, policy) = (&mut self.core, &mut self.policy);
+        match input {
+            Input::Heard {
+                sender,
+                ballot,
+                payload,
+            } => policy.heard(core, now, (sender, ballot), &payload),
+            Input::Outcome {
+                to,
+                payload,
+                delivered,
+            } => policy.outcome(core, now, to, &payload, delivered),
+            Input::Lead(ballot) => self.lead(now, ballot),
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = core.id;
+                if core.durable.epoch.publish(own, ballot, sequence, order) {
+                    core.keep();
+                    policy.published(core, now);
+                }
+            }
+            Input::Acknowledge { ballot, sequence } => {
+                if core.durable.epoch.acknowledge(ballot, sequence) {
+                    core.keep();
+                    policy.carried_out(core, now);
+                }
+            }
+            Input::Discover => policy.discover(core, now),
+            Input::Land => {
+                core.begin_landing(now);
+                policy.land(core, now);
+            }
+            Input::Scatter => policy.scatter(core, now),
+            Input::Stop => {
+                if !core.durable.stopped {
+                    core.begin_landing(now);
+                    policy.stop(core, now);
+                    core.durable.stopped = true;
+                }
+            }
+            Input::Resync => {
+                core.resync();
+                policy.resync(core, now);
+                core.resync_master();
+            }
+        }
+        self.end_step(now);
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        self.forgive_if_stalled(now);
+        self.policy.handle_timeout(&mut self.core, now);
+        self.end_step(now);
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.core.poll(self.wakes)
     }
 }

@@ -67,10 +67,15 @@ pub struct Tree {
     pub beat: u32,
     /// Hops from the sender to the master, while it has a way there.
     pub hops: Option<u16>,
-    /// The neighbour on that way.
+    /// Expected transmissions on the sender's route to the master, in [`ETX_UNIT`]s; 0 at the master and without a route.
+    pub cost: u16,
+    /// The neighbour on that route.
     pub parent: Option<NodeId>,
-    /// The highest number of the master's own that the sender has heard of.
+    /// The master's heartbeat sequence: the highest that the sender has heard of.
     pub pulse: u32,
+    /// By how much the heartbeat sequence is older that came with the sender's route, by its parent. Routes are compared by
+    /// the age of theirs.
+    pub lag: u32,
     /// The newest order that the sender has heard of; 0 before the first.
     pub sequence: u32,
     /// Which ids the sets below tell of, where not all of them fit a datagram: what was said of others before still
@@ -82,8 +87,12 @@ pub struct Tree {
     pub alive: NodeSet,
     /// Who of them is on its way to the ground.
     pub landing: NodeSet,
-    /// Whom the sender has heard lately; not in every packet.
+    /// Whom the sender has heard lately; in keep-alives only.
     pub hears: Option<NodeSet>,
+    /// Those of them whose frames it misses noticeably, the lowest first; it hears the others well.
+    pub weak: Vec<Reception>,
+    /// Neighbours of whom the sender wants to hear what they know.
+    pub asks: NodeSet,
     /// For whom it is, if for one drone only; others may hear it too.
     pub to: Option<NodeId>,
     /// How many packets the sender has said to one drone alone since it last spoke to all, with this one; of a packet for
@@ -93,6 +102,18 @@ pub struct Tree {
     pub pending: NodeSet,
     /// The newest order, from the master and from whoever has drones below it.
     pub order: Option<Bytes>,
+}
+
+/// One expected transmission in [`Tree::cost`].
+pub const ETX_UNIT: u16 = 32;
+
+/// How well a neighbour is heard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reception {
+    /// The neighbour.
+    pub id: NodeId,
+    /// The share of its broadcasts that is heard, in sixteenths; 1 to 15.
+    pub sixteenths: u8,
 }
 
 impl Tree {
@@ -105,6 +126,13 @@ impl Tree {
             alive: self.alive.intersection(&ids),
             landing: self.landing.intersection(&ids),
             hears: self.hears.as_ref().map(|hears| hears.intersection(&ids)),
+            weak: self
+                .weak
+                .iter()
+                .filter(|it| ids.contains(it.id))
+                .copied()
+                .collect(),
+            asks: self.asks.intersection(&ids),
             pending: self.pending.intersection(&ids),
             ..self.clone()
         }

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::identity::NodeSet;
 use crate::radio;
-use crate::routing::Tree;
+use crate::routing::{Reception, Tree};
 
 const HEADER: Header = Header {
     swarm: SwarmId(7),
@@ -70,14 +70,21 @@ fn a_packet_of_policy_tree_has_these_bytes() {
     let tree = Packet::Tree(Tree {
         beat: 300,
         hops: Some(1),
+        cost: 64,
         parent: Some(NodeId(7)),
         pulse: 2,
+        lag: 1,
         sequence: 3,
         span: None,
         acknowledged: [NodeId(0), NodeId(9)].into_iter().collect(),
         alive: [NodeId(1)].into_iter().collect(),
         landing: NodeSet::default(),
         hears: Some([NodeId(2)].into_iter().collect()),
+        weak: vec![Reception {
+            id: NodeId(2),
+            sixteenths: 12,
+        }],
+        asks: NodeId(9).into(),
         to: Some(NodeId(5)),
         aside: 2,
         pending: NodeSet::default(),
@@ -85,7 +92,7 @@ fn a_packet_of_policy_tree_has_these_bytes() {
     });
     assert_eq!(
         hex(&encode_packet(&tree)),
-        "03ac0201010107020300000201010400010801000102020101050200010101"
+        "03ac02010140010702010300000201010400010801000102020102020c02090101050200010101"
     );
 }
 
@@ -279,32 +286,40 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         });
     let set = || ids_below_200().prop_map(NodeSet::from_iter);
     let tree = (
-        any::<[u32; 3]>(),
+        any::<([u32; 4], u16, u8)>(),
         any::<(Option<u16>, [Option<u32>; 2], Option<Vec<u8>>)>(),
         (set(), set(), set(), prop::option::of(set()), set()),
         any::<Option<[u32; 2]>>(),
     )
-        .prop_map(
-            |([beat, pulse, sequence], (hops, [parent, to], order), sets, span)| {
-                let (acknowledged, alive, landing, hears, pending) = sets;
-                Packet::Tree(Tree {
-                    beat,
-                    hops,
-                    parent: parent.map(NodeId),
-                    pulse,
-                    sequence,
-                    span: span.map(|[start, end]| start..end),
-                    acknowledged,
-                    alive,
-                    landing,
-                    hears,
-                    to: to.map(NodeId),
-                    aside: to.map_or(0, |to| to ^ sequence),
-                    pending,
-                    order: order.map(Into::into),
-                })
-            },
-        );
+        .prop_map(|(numbers, (hops, [parent, to], order), sets, span)| {
+            let ([beat, pulse, lag, sequence], cost, heard) = numbers;
+            let (acknowledged, alive, landing, hears, pending) = sets;
+            let heard_at = |id| Reception {
+                id,
+                sixteenths: heard % 15 + 1,
+            };
+            let weak = hears.iter().flat_map(NodeSet::iter).map(heard_at);
+            Packet::Tree(Tree {
+                beat,
+                hops,
+                cost,
+                parent: parent.map(NodeId),
+                pulse,
+                lag,
+                sequence,
+                weak: weak.collect(),
+                asks: pending.clone(),
+                span: span.map(|[start, end]| start..end),
+                acknowledged,
+                alive,
+                landing,
+                hears,
+                to: to.map(NodeId),
+                aside: to.map_or(0, |to| to ^ sequence),
+                pending,
+                order: order.map(Into::into),
+            })
+        });
     prop_oneof![hello, hop_update, flood, tree]
 }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::reader::{Reader, take_varint};
 use super::writer::Writer;
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::Tree;
+use crate::routing::{Reception, Tree};
 
 /// What a packet of policy `tree` begins with.
 #[derive(Debug, Clone, Copy, Default)]
@@ -16,9 +16,13 @@ pub struct TreeFront {
     /// See there.
     pub hops: Option<u16>,
     /// See there.
+    pub cost: u16,
+    /// See there.
     pub parent: Option<NodeId>,
     /// See there.
     pub pulse: u32,
+    /// See there.
+    pub lag: u32,
 }
 
 impl TreeFront {
@@ -27,8 +31,10 @@ impl TreeFront {
         Some(Self {
             beat: from.number()?,
             hops: from.hops()?,
+            cost: u16::try_from(from.number()?).ok()?,
             parent: from.id()?,
             pulse: from.number()?,
+            lag: from.number()?,
         })
     }
 }
@@ -45,6 +51,8 @@ pub struct TreeFrame<'a> {
     /// See there.
     pub hears: Option<Runs<'a>>,
     /// See there.
+    pub asks: Runs<'a>,
+    /// See there.
     pub to: Option<NodeId>,
     /// See there.
     pub aside: u32,
@@ -56,7 +64,49 @@ pub struct TreeFrame<'a> {
     pub alive: Runs<'a>,
     acknowledged: Runs<'a>,
     landing: Runs<'a>,
+    weak: Receptions<'a>,
     differences: u8,
+}
+
+/// Neighbours and how well they are heard, as they are written: the distance from the id before, and the share.
+#[derive(Debug, Clone, Copy, Default)]
+struct Receptions<'a>(&'a [u8]);
+
+/// The shares that a [`Reception`] may have.
+const SIXTEENTHS: Range<u8> = 1..16;
+
+impl<'a> Receptions<'a> {
+    fn read(bytes: &'a [u8]) -> Option<Self> {
+        let receptions = Self(bytes);
+        let mut rest = bytes;
+        let mut id = 0_u32;
+        let mut is_first = true;
+        while !rest.is_empty() {
+            let distance = take_varint(&mut rest)?;
+            let rises = distance > 0 || is_first;
+            id = id.checked_add(distance).filter(|_| rises)?;
+            is_first = false;
+            let (sixteenths, behind) = rest.split_first()?;
+            if !SIXTEENTHS.contains(sixteenths) {
+                return None;
+            }
+            rest = behind;
+        }
+        Some(receptions)
+    }
+
+    fn iter(self) -> impl Iterator<Item = Reception> + 'a {
+        let (mut rest, mut id) = (self.0, 0);
+        std::iter::from_fn(move || {
+            id += take_varint(&mut rest)?;
+            let (sixteenths, behind) = rest.split_first()?;
+            rest = behind;
+            Some(Reception {
+                id: NodeId(id),
+                sixteenths: *sixteenths,
+            })
+        })
+    }
 }
 
 /// A set of drones as it is written: the distances from each bound of its runs to the next, the first one from 0, as
@@ -92,6 +142,18 @@ impl<'a> Runs<'a> {
         self.bounds().take_while(|bound| *bound <= id.0).count() % 2 == 1
     }
 
+    /// How many drones it has; at most [`u16::MAX`] are told.
+    #[must_use]
+    pub fn members(self) -> u16 {
+        let distances = (0..).zip(std::iter::from_fn({
+            let mut rest = self.0;
+            move || take_varint(&mut rest)
+        }));
+        let members = distances.filter(|(place, _)| place % 2 == 1);
+        let members: u32 = members.fold(0, |sum: u32, (_, run)| sum.saturating_add(run));
+        u16::try_from(members).unwrap_or(u16::MAX)
+    }
+
     /// The set.
     #[must_use]
     pub fn to_set(self) -> NodeSet {
@@ -117,8 +179,10 @@ fn beside_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, Nod
 pub(super) fn write(tree: &Tree, to: &mut Writer) {
     to.number(tree.beat);
     to.hops(tree.hops);
+    to.number(tree.cost.into());
     to.id(tree.parent);
     to.number(tree.pulse);
+    to.number(tree.lag);
     to.number(tree.sequence);
     to.or_nothing(tree.span.as_ref(), |to, span| {
         to.number(span.start);
@@ -130,7 +194,11 @@ pub(super) fn write(tree: &Tree, to: &mut Writer) {
     to.runs(&tree.alive);
     to.runs(&acknowledged);
     to.runs(&landing);
-    to.or_nothing(tree.hears.as_ref(), Writer::runs);
+    to.or_nothing(tree.hears.as_ref(), |to, hears| {
+        to.runs(hears);
+        to.receptions(&tree.weak);
+    });
+    to.runs(&tree.asks);
     to.id(tree.to);
     if tree.to.is_some() {
         to.number(tree.aside);
@@ -158,7 +226,9 @@ impl<'a> TreeFrame<'a> {
         frame.landing = Runs::read(from.bytes()?)?;
         if from.is_there()? {
             frame.hears = Some(Runs::read(from.bytes()?)?);
+            frame.weak = Receptions::read(from.bytes()?)?;
         }
+        frame.asks = Runs::read(from.bytes()?)?;
         frame.to = from.id()?;
         if frame.to.is_some() {
             frame.aside = from.number()?;
@@ -210,6 +280,7 @@ impl TreeFrame<'_> {
             },
             span: self.span.clone(),
             hears: self.hears,
+            weak: self.weak,
             aside: self.aside,
             ..Self::default()
         }
@@ -221,6 +292,16 @@ impl TreeFrame<'_> {
         let tells_of = self.span.as_ref().is_none_or(|span| span.contains(&id.0));
         let hears = self.hears.filter(|_| tells_of);
         hears.map(|hears| hears.contains(id))
+    }
+
+    /// The share of a drone's broadcasts that its sender hears, in sixteenths; `None` if it does not tell.
+    #[must_use]
+    pub fn reception_of(&self, id: NodeId) -> Option<u8> {
+        if !self.hears(id)? {
+            return None;
+        }
+        let weak = self.weak.iter().find(|it| it.id == id);
+        Some(weak.map_or(SIXTEENTHS.end, |it| it.sixteenths))
     }
 
     /// What its sender says of everybody, where `said` is one of the sets of this packet and `before` what the sender
@@ -239,14 +320,18 @@ impl TreeFrame<'_> {
         Tree {
             beat: self.front.beat,
             hops: self.front.hops,
+            cost: self.front.cost,
             parent: self.front.parent,
             pulse: self.front.pulse,
+            lag: self.front.lag,
             sequence: self.sequence,
             span: self.span.clone(),
             acknowledged: self.acknowledged(),
             alive: self.alive.to_set(),
             landing: self.landing(),
             hears: self.hears.map(Runs::to_set),
+            weak: self.weak.iter().collect(),
+            asks: self.asks.to_set(),
             to: self.to,
             aside: self.aside,
             pending: self.pending.to_set(),

@@ -1,6 +1,9 @@
 //! Bytes as postcard writes them, written without serde: for the packets that drones say all the time.
 
+use std::ops::Range;
+
 use crate::identity::{NodeId, NodeSet};
+use crate::routing::Reception;
 
 /// Puts to the end what [`Reader`](super::reader::Reader) takes from the front.
 pub(super) struct Writer(pub(super) Vec<u8>);
@@ -58,10 +61,26 @@ impl Writer {
             self.number(distance);
         }
         let end = self.0.len();
-        // How many bytes that took comes before it, and is known only now.
-        self.count(end - begin);
-        let length = self.0.len() - end;
-        self.0[begin..].rotate_right(length);
+        self.put_length_before(begin..end);
+    }
+
+    /// Receptions in the order of their ids, as bytes: the distance from the id before, and the share.
+    pub(super) fn receptions(&mut self, receptions: &[Reception]) {
+        let begin = self.0.len();
+        let mut before = 0;
+        for Reception { id, sixteenths } in receptions {
+            self.number(id.0 - before);
+            self.byte(*sixteenths);
+            before = id.0;
+        }
+        self.put_length_before(begin..self.0.len());
+    }
+
+    /// How many bytes were written there comes before them, and is known only now.
+    fn put_length_before(&mut self, written: Range<usize>) {
+        self.count(written.len());
+        let length = self.0.len() - written.end;
+        self.0[written.start..].rotate_right(length);
     }
 
     pub(super) fn bytes(&mut self, bytes: &[u8]) {

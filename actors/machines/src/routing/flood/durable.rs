@@ -1,24 +1,18 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identity::NodeId;
-use crate::routing::{Beats, Reign, Routes};
+use crate::routing::Routes;
 use crate::time::Timestamp;
 
-/// What outlives a routing.
+/// What outlives a routing of policy `flood`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Whom this drone obeys, and what it was ordered.
-    pub reign: Reign,
-    /// What its routing is doing.
+    /// What it is doing.
     pub phase: Phase,
-    /// Since when the drone is going to land.
-    pub landing: Option<Timestamp>,
     /// The way to the master.
     pub routes: Routes,
     /// The stable neighbours, lowest first.
     pub stable: Vec<NodeId>,
-    /// The signs of life.
-    pub beats: Beats,
 }
 
 /// What a routing is doing.
@@ -41,6 +35,4 @@ pub enum Phase {
     Following,
     /// Routes were up and don't hold any more: everyone repeats all it knows.
     Scattered,
-    /// On the ground, done.
-    Stopped,
 }

@@ -8,22 +8,18 @@ mod neighbours;
 mod speak;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::convert::Infallible;
 use std::time::Duration;
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use bytes::Bytes;
 
 pub use durable::{Checkpoint, Phase};
 
 use self::members::Members;
 use self::neighbours::Neighbours;
 use super::packet::{Flood, Member, Packet};
-use super::{Event, Input, Notice, Routes, Transmit};
+use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint, Routes};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
-use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -53,11 +49,10 @@ pub struct Config {
     pub misses_early: bool,
 }
 
-/// The routing of one drone, by periodic repetition.
+/// Dissemination by periodic repetition.
 #[derive(Debug)]
-pub struct FloodRouting {
+pub(super) struct FloodPolicy {
     config: Config,
-    rng: ChaCha8Rng,
     durable: Checkpoint,
     neighbours: Neighbours,
     members: Members,
@@ -68,228 +63,195 @@ pub struct FloodRouting {
     /// When the parent was last heard to hear this drone.
     parent_heard_at: Timestamp,
     pulse_rose_at: Timestamp,
-    master_silent: bool,
-    /// Whether the master says that it is going to land.
-    master_lands: bool,
     /// When this drone speaks next; `None` until it has something to say.
     next_send: Option<Timestamp>,
-    punctuality: Punctuality,
-    outbox: Outbox<Transmit, Event>,
 }
 
-impl FloodRouting {
-    /// A routing as `checkpoint` left it; a default one knows nothing.
-    #[must_use]
-    pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
-        let mut routing = Self {
-            rng: ChaCha8Rng::seed_from_u64(seed),
+impl FloodPolicy {
+    /// Goes on from what was `kept`; knows nothing without.
+    pub(super) fn new(
+        config: Config,
+        core: &mut Core,
+        now: Timestamp,
+        kept: Option<(Durable, Checkpoint)>,
+    ) -> Self {
+        let mut policy = Self {
             neighbours: Neighbours::new(config.stable_after, config.hello_gap),
             members: Members::default(),
             heard_again: BTreeSet::new(),
             heard_at: BTreeMap::new(),
             parent_heard_at: now,
             pulse_rose_at: now,
-            master_silent: false,
-            master_lands: false,
             next_send: None,
-            punctuality: Punctuality::default(),
             durable: Checkpoint::default(),
-            outbox: Outbox::new(),
             config,
         };
-        if let Some(checkpoint) = checkpoint {
-            routing.resume(now, checkpoint);
+        if let Some((common, own)) = kept {
+            policy.neighbours.remember(own.stable.iter().copied(), now);
+            policy.durable = own;
+            core.resume(common);
+            if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
+                policy.next_send = Some(now + core.jitter(policy.config.period));
+            }
+            if core.is_master() {
+                policy.expect_members(core, now);
+            }
         }
-        routing
-    }
-
-    /// Entries in the larger of its tables, and the most either takes.
-    #[must_use]
-    pub fn occupancy(&self) -> (usize, usize) {
-        (
-            self.members.len().max(self.heard_at.len()),
-            self.config.drones as usize,
-        )
-    }
-
-    fn resume(&mut self, now: Timestamp, checkpoint: Checkpoint) {
-        self.neighbours
-            .remember(checkpoint.stable.iter().copied(), now);
-        self.durable = checkpoint;
-        self.durable.beats.skip_reserved(self.is_master());
-        if self.durable.reign.ballot().is_some() && self.durable.phase != Phase::Stopped {
-            self.next_send = Some(now + self.phase_in(self.config.period));
-        }
-        if self.is_master() {
-            self.expect_members(now);
-        }
-        self.outbox.transmit(Transmit::Inform(Notice::Resync));
-        self.checkpoint();
+        policy
     }
 
     /// As master: gives every member its time to live, heard of or not. Who was silent is not any more: while ways were
     /// looked for it could not have been heard.
-    fn expect_members(&mut self, now: Timestamp) {
-        let own = self.config.id;
-        let members = (0..self.config.drones).map(NodeId).filter(|id| *id != own);
+    fn expect_members(&mut self, core: &mut Core, now: Timestamp) {
+        let own = core.id;
+        let members = (0..core.drones).map(NodeId).filter(|id| *id != own);
         let returned = self.members.expect(members, now);
         if !returned.is_empty() {
-            self.inform(Notice::Returned(returned));
+            core.inform(Notice::Returned(returned));
         }
     }
 
-    fn is_master(&self) -> bool {
-        self.durable.reign.is_led_by(self.config.id)
-    }
-
-    fn is_member(&self, id: NodeId) -> bool {
-        id.0 < self.config.drones
-    }
-
-    /// A random part of a period: drones do not speak in step.
-    fn phase_in(&mut self, period: Duration) -> Duration {
-        let nanos = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX);
-        Duration::from_nanos(self.rng.random_range(0..nanos.max(1)))
-    }
-
-    fn inform(&mut self, notice: Notice) {
-        self.outbox.transmit(Transmit::Inform(notice));
-    }
-
-    fn checkpoint(&mut self) {
-        self.durable.stable = self.neighbours.stable().collect();
-        let checkpoint = super::Checkpoint::Flood(self.durable.clone());
-        self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
-    }
-
-    fn start_speaking(&mut self, now: Timestamp) {
+    fn start_speaking(&mut self, core: &mut Core, now: Timestamp) {
         if self.next_send.is_none() {
-            self.next_send = Some(now + self.phase_in(self.config.period));
-        }
-    }
-
-    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &[u8]) {
-        let Ok(packet) = wire::decode_packet(payload) else {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        };
-        if !self.is_member(sender) {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        }
-        self.heard_at.insert(sender, now);
-        let way = match &packet {
-            Packet::Flood(flood) if flood.hears.contains(self.config.id) => Way::Mutual,
-            _ => Way::OneWay,
-        };
-        if way == Way::Mutual && self.durable.routes.parent == Some(sender) {
-            self.parent_heard_at = now;
-        }
-        if !self.follow(now, ballot, way) {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        }
-        match packet {
-            Packet::Hello { remaining } => self.heard_hello(now, sender, remaining),
-            Packet::HopUpdate { hops, routing_list } => {
-                self.heard_hop_update(now, sender, hops, &routing_list);
-            }
-            Packet::Flood(flood) => self.heard_flood(now, sender, flood),
-            Packet::Tree(_) => self.outbox.event(Event::Ignored(sender)),
+            self.next_send = Some(now + core.jitter(self.config.period));
         }
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far, unless the
     /// sender does not say that it hears this drone.
-    fn follow(&mut self, now: Timestamp, ballot: Ballot, way: Way) -> bool {
-        match self.durable.reign.hear(ballot, way) {
+    fn follow(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot, way: Way) -> bool {
+        match core.hear_ballot(ballot, way) {
             Verdict::Ignored => return false,
             Verdict::Same => {}
             Verdict::Turned => {
-                self.begin_reign(now);
-                self.inform(Notice::Reign(ballot));
+                self.begin_epoch(core, now);
+                core.inform(Notice::Reign(ballot));
             }
         }
         true
     }
 
-    /// Another ballot is obeyed than before. Acknowledgements and routes were those of the reign before; until there are
-    /// routes again, everyone repeats everything.
-    fn begin_reign(&mut self, now: Timestamp) {
-        self.durable.phase = match self.durable.phase {
-            Phase::Following | Phase::Scattered => Phase::Scattered,
-            Phase::Stopped => Phase::Stopped,
-            _ => Phase::Gossip,
-        };
-        self.durable.routes = Routes::default();
-        self.durable.beats = self.durable.beats.under_another_master();
-        self.members.forget_all();
-        self.heard_again.clear();
-        self.master_silent = false;
-        self.master_lands = false;
-        self.pulse_rose_at = now;
-        self.start_speaking(now);
-        self.checkpoint();
-    }
-
-    /// By the protocol; nothing if a better ballot has been heard of meanwhile, of which the protocol is being told.
-    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
-        match self.durable.reign.hear(ballot, Way::Mutual) {
-            Verdict::Ignored => return,
-            Verdict::Same => {}
-            Verdict::Turned => self.begin_reign(now),
-        }
-        if ballot.is_elected() {
-            self.expect_members(now);
-        }
-    }
-
-    fn scatter(&mut self, now: Timestamp) {
+    fn leave_routes(&mut self, core: &mut Core, now: Timestamp) {
         if self.durable.phase == Phase::Following {
             self.durable.phase = Phase::Scattered;
             self.durable.routes = Routes::default();
-            if self.is_master() {
+            if core.is_master() {
                 self.members.forgive(now);
             }
-            self.checkpoint();
+            core.keep();
+        }
+    }
+}
+
+impl Policy for FloodPolicy {
+    fn heard(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        (sender, ballot): (NodeId, Ballot),
+        payload: &Bytes,
+    ) {
+        let packet = wire::decode_packet(payload).ok();
+        let Some(packet) = packet.filter(|_| sender.0 < core.drones) else {
+            core.show(Event::Ignored(sender));
+            return;
+        };
+        self.heard_at.insert(sender, now);
+        let way = match &packet {
+            Packet::Flood(flood) if flood.hears.contains(core.id) => Way::Mutual,
+            _ => Way::OneWay,
+        };
+        if way == Way::Mutual && self.durable.routes.parent == Some(sender) {
+            self.parent_heard_at = now;
+        }
+        if !self.follow(core, now, ballot, way) {
+            core.show(Event::Ignored(sender));
+            return;
+        }
+        if core.durable.stopped {
+            return;
+        }
+        match packet {
+            Packet::Hello { remaining } => self.heard_hello(core, now, sender, remaining),
+            Packet::HopUpdate { hops, routing_list } => {
+                self.heard_hop_update(core, now, sender, hops, &routing_list);
+            }
+            Packet::Flood(flood) => self.heard_flood(core, now, sender, flood),
+            Packet::Tree(_) => core.show(Event::Ignored(sender)),
         }
     }
 
-    fn resync(&mut self) {
-        for notice in self.durable.reign.clone().notices() {
-            self.inform(notice);
+    /// Acknowledgements and routes were those of the epoch before; until there are routes again, everyone repeats
+    /// everything.
+    fn begin_epoch(&mut self, core: &mut Core, now: Timestamp) {
+        self.durable.phase = match self.durable.phase {
+            Phase::Following | Phase::Scattered => Phase::Scattered,
+            _ => Phase::Gossip,
+        };
+        self.durable.routes = Routes::default();
+        self.members.forget_all();
+        self.heard_again.clear();
+        self.pulse_rose_at = now;
+        self.start_speaking(core, now);
+    }
+
+    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot) {
+        if ballot.is_elected() {
+            self.expect_members(core, now);
         }
+    }
+
+    // What is new is said at the next turn, as everything is.
+    fn published(&mut self, _core: &mut Core, _now: Timestamp) {}
+
+    fn carried_out(&mut self, _core: &mut Core, _now: Timestamp) {}
+
+    fn land(&mut self, _core: &mut Core, _now: Timestamp) {}
+
+    /// Starts discovery. Of those that obey an elected master some may have routes already, and some may be past the first
+    /// waypoint; there everyone goes on repeating everything.
+    fn discover(&mut self, core: &mut Core, now: Timestamp) {
+        let ballot = core.durable.epoch.ballot();
+        if !ballot.is_some_and(|ballot| ballot.is_elected()) {
+            return self.start_discovery(core, now, self.config.discovery);
+        }
+        self.durable.phase = Phase::Scattered;
+        self.expect_members(core, now);
+        self.inform_of_routes(core);
+        core.keep();
+    }
+
+    fn scatter(&mut self, core: &mut Core, now: Timestamp) {
+        self.leave_routes(core, now);
+    }
+
+    fn stop(&mut self, core: &mut Core, now: Timestamp) {
+        self.send_flood(core, now);
+        self.next_send = None;
+    }
+
+    fn resync(&mut self, core: &mut Core, _now: Timestamp) {
         match self.durable.phase {
-            Phase::Gossip | Phase::Scattered | Phase::Stopped => {}
-            Phase::Discovery { .. } => self.inform(Notice::DiscoveryStarted),
-            Phase::HopUpdate { .. } => self.inform(Notice::HopUpdateStarted),
-            Phase::Following => self.inform_of_routes(),
+            Phase::Gossip | Phase::Scattered => {}
+            Phase::Discovery { .. } => core.inform(Notice::DiscoveryStarted),
+            Phase::HopUpdate { .. } => core.inform(Notice::HopUpdateStarted),
+            Phase::Following => self.inform_of_routes(core),
         }
-        let sequence = self.durable.reign.sequence();
+        let sequence = core.sequence();
         let has_acknowledged = |it: &Member| it.acknowledged >= sequence;
         let silent: NodeSet = self.members.silent().collect();
-        self.inform(Notice::Progress {
+        core.inform(Notice::Progress {
             sequence,
             acknowledged: ids(self.members.iter().filter(has_acknowledged)),
             landing: ids(self.members.iter().filter(|it| it.landing)),
         });
         if !silent.is_empty() {
-            self.inform(Notice::Silent(silent));
-        }
-        if self.master_silent {
-            self.inform(Notice::MasterSilent);
-        }
-        if self.master_lands {
-            self.inform(Notice::MasterLands);
+            core.inform(Notice::Silent(silent));
         }
     }
 
-    /// The host stood still: that nobody was heard meanwhile says nothing about anybody, and what would have been said
-    /// is out of date.
-    fn forgive_if_stalled(&mut self, now: Timestamp) {
-        if self.punctuality.stalled_for(now).is_none() {
-            return;
-        }
+    /// What would have been said meanwhile is out of date.
+    fn forgive(&mut self, _core: &mut Core, now: Timestamp) {
         self.pulse_rose_at = now;
         self.members.forgive(now);
         self.heard_at
@@ -301,68 +263,34 @@ impl FloodRouting {
             *since = now;
         }
     }
+
+    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp) {
+        while let Some(due) = self.next_send.filter(|due| *due <= now) {
+            self.next_send = self.speak(core, now, due);
+        }
+    }
+
+    fn deadline(&self, _core: &Core) -> Option<Timestamp> {
+        self.next_send
+    }
+
+    fn checkpoint(&self) -> PolicyCheckpoint {
+        PolicyCheckpoint::Flood(Checkpoint {
+            stable: self.neighbours.stable().collect(),
+            ..self.durable.clone()
+        })
+    }
+
+    fn occupancy(&self) -> (usize, usize) {
+        (
+            self.members.len().max(self.heard_at.len()),
+            self.config.drones as usize,
+        )
+    }
 }
 
 fn ids(members: impl Iterator<Item = Member>) -> NodeSet {
     members.map(|member| member.id).collect()
-}
-
-impl Machine for FloodRouting {
-    type Input = Input;
-    type Transmit = Transmit;
-    type Event = Event;
-    type Rejection = Infallible;
-
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
-        self.forgive_if_stalled(now);
-        match input {
-            Input::Heard {
-                sender,
-                ballot,
-                payload,
-            } => self.heard(now, sender, ballot, &payload),
-            Input::Lead(ballot) => self.lead(now, ballot),
-            Input::Publish {
-                ballot,
-                sequence,
-                order,
-            } => {
-                let own = self.config.id;
-                if self.durable.reign.publish(own, ballot, sequence, order) {
-                    self.checkpoint();
-                }
-            }
-            Input::Acknowledge { ballot, sequence } => {
-                if self.durable.reign.acknowledge(ballot, sequence) {
-                    self.checkpoint();
-                }
-            }
-            // What is not heard of is said again in any case, each period.
-            Input::Outcome { .. } => {}
-            Input::Discover => self.discover(now),
-            Input::Land => {
-                self.durable.landing.get_or_insert(now);
-                self.checkpoint();
-            }
-            Input::Scatter => self.scatter(now),
-            Input::Stop => self.stop(now),
-            Input::Resync => self.resync(),
-        }
-        self.punctuality.ask(now, self.next_send);
-        Ok(())
-    }
-
-    fn handle_timeout(&mut self, now: Timestamp) {
-        self.forgive_if_stalled(now);
-        while let Some(due) = self.next_send.filter(|due| *due <= now) {
-            self.next_send = self.speak(now, due);
-        }
-        self.punctuality.ask(now, self.next_send);
-    }
-
-    fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.next_send)
-    }
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use super::{Config, Event, Flood, FloodRouting, Member, Notice, Packet, Phase, Routes, Transmit};
+use super::{Config, Core, Event, Flood, FloodPolicy, Member, Notice, Packet, Phase, Routes};
 use crate::flaw::{self, Flaw};
-use crate::identity::{Ballot, NodeId, NodeSet};
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -33,33 +33,40 @@ impl Config {
     }
 }
 
-impl FloodRouting {
+impl FloodPolicy {
     /// Says what is due at `due`; when to speak next.
-    pub(super) fn speak(&mut self, now: Timestamp, due: Timestamp) -> Option<Timestamp> {
+    pub(super) fn speak(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        due: Timestamp,
+    ) -> Option<Timestamp> {
+        if core.durable.stopped {
+            return None;
+        }
         let pause = match self.durable.phase {
-            Phase::Stopped => return None,
             Phase::Discovery { until } if now >= until => {
-                self.start_hop_update(now);
-                return Some(due + self.phase_in(self.config.period));
+                self.start_hop_update(core, now);
+                return Some(due + core.jitter(self.config.period));
             }
             Phase::Discovery { until } => {
                 let remaining = until.since(now);
-                self.send(&Packet::Hello { remaining });
+                Self::send(core, &Packet::Hello { remaining });
                 return Some(until.min(due + self.config.hello_period));
             }
             Phase::HopUpdate { since } => {
                 if now.since(since) >= self.config.time_to_live {
-                    self.finish_hop_update(now);
+                    self.finish_hop_update(core, now);
                 } else if let Some(hops) = self.durable.routes.hops {
                     let routing_list = self.durable.routes.routing_list.clone();
-                    self.send(&Packet::HopUpdate { hops, routing_list });
+                    Self::send(core, &Packet::HopUpdate { hops, routing_list });
                 }
                 self.config.period
             }
             Phase::Gossip | Phase::Following | Phase::Scattered => {
-                self.watch(now);
-                self.send_flood(now);
-                match self.durable.landing {
+                self.watch(core, now);
+                self.send_flood(core, now);
+                match core.durable.landing {
                     Some(since) if now.since(since) > self.config.time_to_live => {
                         self.config.keep_alive
                     }
@@ -70,42 +77,21 @@ impl FloodRouting {
         Some(due + pause)
     }
 
-    /// Says for the last time how far this drone has got.
-    pub(super) fn stop(&mut self, now: Timestamp) {
-        if self.durable.phase != Phase::Stopped {
-            self.durable.landing.get_or_insert(now);
-            if self.durable.reign.ballot().is_some() {
-                self.send_flood(now);
-            }
-            self.durable.phase = Phase::Stopped;
-            self.next_send = None;
-            self.checkpoint();
-        }
+    fn send(core: &mut Core, packet: &Packet) {
+        core.send(None, wire::encode_packet(packet), false);
     }
 
-    fn send(&mut self, packet: &Packet) {
-        if let Some(ballot) = self.durable.reign.ballot() {
-            let payload = wire::encode_packet(packet);
-            self.outbox.transmit(Transmit::Send {
-                to: None,
-                ballot,
-                payload,
-                keep_alive: false,
-            });
-        }
-    }
-
-    fn send_flood(&mut self, now: Timestamp) {
-        let is_master = self.is_master();
-        if self.durable.beats.advance(is_master) {
-            self.checkpoint();
+    pub(super) fn send_flood(&mut self, core: &mut Core, now: Timestamp) {
+        let is_master = core.is_master();
+        if core.durable.heartbeats.advance(is_master) {
+            core.keep();
         }
         let own = Member {
-            id: self.config.id,
-            beat: self.durable.beats.own,
-            acknowledged: self.durable.reign.acknowledged(),
+            id: core.id,
+            beat: core.durable.heartbeats.own,
+            acknowledged: core.durable.epoch.acknowledged(),
             out_of_range: self.durable.routes.out_of_range,
-            landing: self.durable.landing.is_some(),
+            landing: core.durable.landing.is_some(),
         };
         let time_to_live = self.config.time_to_live;
         self.heard_at
@@ -118,107 +104,92 @@ impl FloodRouting {
         };
         let everyone_repeats = matches!(self.durable.phase, Phase::Gossip | Phase::Scattered);
         let repeats_orders = is_master || everyone_repeats || self.durable.routes.relay;
-        let order = self
-            .durable
-            .reign
-            .order()
-            .cloned()
-            .filter(|_| repeats_orders);
-        self.send(&Packet::Flood(Flood {
-            hops: self.durable.routes.hops,
-            parent: self.durable.routes.parent,
-            pulse: self.durable.beats.pulse,
-            sequence: self.durable.reign.sequence(),
-            hears: self.heard_at.keys().copied().collect(),
-            members,
-            order,
-        }));
+        let order = core.durable.epoch.order().cloned();
+        let order = order.filter(|_| repeats_orders);
+        Self::send(
+            core,
+            &Packet::Flood(Flood {
+                hops: self.durable.routes.hops,
+                parent: self.durable.routes.parent,
+                pulse: core.durable.heartbeats.pulse,
+                sequence: core.durable.epoch.sequence(),
+                hears: self.heard_at.keys().copied().collect(),
+                members,
+                order,
+            }),
+        );
     }
 
     /// Notices who has fallen silent.
-    fn watch(&mut self, now: Timestamp) {
+    fn watch(&mut self, core: &mut Core, now: Timestamp) {
         let time_to_live = self.config.time_to_live;
-        if !self.is_master() {
+        if !core.is_master() {
             if self.durable.routes.parent.is_some()
                 && now.since(self.parent_heard_at) > time_to_live / 2
             {
-                self.scatter(now);
+                self.leave_routes(core, now);
             }
             self.members.forget_silent(now, time_to_live);
-            if !self.master_silent && now.since(self.pulse_rose_at) > time_to_live {
-                self.master_silent = true;
-                self.inform(Notice::MasterSilent);
+            if now.since(self.pulse_rose_at) > time_to_live {
+                core.miss_master();
             }
         } else if self.config.misses_early || self.durable.phase != Phase::Gossip {
             let silent = self.members.fall_silent(now, time_to_live);
             if !silent.is_empty() {
-                self.inform(Notice::Silent(silent));
+                core.inform(Notice::Silent(silent));
             }
         }
     }
 
-    pub(super) fn start_discovery(&mut self, now: Timestamp, remaining: Duration) {
+    pub(super) fn start_discovery(&mut self, core: &mut Core, now: Timestamp, remaining: Duration) {
         if self.durable.phase == Phase::Gossip {
             // The master has begun it, and nobody says its number until there are ways.
-            self.found_master();
+            core.find_master();
             let until = now + remaining.min(self.config.discovery);
             self.durable.phase = Phase::Discovery { until };
-            self.next_send = Some(now + self.phase_in(FIRST_HELLO_MAX));
-            self.inform(Notice::DiscoveryStarted);
-            self.checkpoint();
+            self.next_send = Some(now + core.jitter(FIRST_HELLO_MAX));
+            core.inform(Notice::DiscoveryStarted);
+            core.keep();
         }
     }
 
-    /// As master, by its protocol: starts discovery. Of those that obey one that was elected some may have ways already,
-    /// and some may be past the first waypoint; there everyone goes on repeating everything.
-    pub(super) fn discover(&mut self, now: Timestamp) {
-        let is_elected = |ballot: Ballot| ballot.is_elected();
-        if !self.durable.reign.ballot().is_some_and(is_elected) {
-            return self.start_discovery(now, self.config.discovery);
-        }
-        self.durable.phase = Phase::Scattered;
-        self.expect_members(now);
-        self.inform_of_routes();
-        self.checkpoint();
-    }
-
-    fn found_master(&mut self) {
-        if self.master_silent {
-            self.master_silent = false;
-            self.inform(Notice::MasterReturned);
-        }
-    }
-
-    pub(super) fn heard_hello(&mut self, now: Timestamp, sender: NodeId, remaining: Duration) {
-        self.start_discovery(now, remaining);
+    pub(super) fn heard_hello(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        sender: NodeId,
+        remaining: Duration,
+    ) {
+        self.start_discovery(core, now, remaining);
         if matches!(self.durable.phase, Phase::Discovery { .. })
             && self.neighbours.hear(sender, now)
         {
-            self.outbox.event(Event::NeighbourStable(sender));
-            self.checkpoint();
+            core.show(Event::NeighbourStable(sender));
+            core.keep();
         }
     }
 
-    fn start_hop_update(&mut self, now: Timestamp) {
+    fn start_hop_update(&mut self, core: &mut Core, now: Timestamp) {
         self.durable.phase = Phase::HopUpdate { since: now };
         self.durable.routes = Routes::default();
         self.heard_again.clear();
-        self.inform(Notice::HopUpdateStarted);
-        if self.is_master() {
+        core.inform(Notice::HopUpdateStarted);
+        if core.is_master() {
             self.durable.routes.hops = Some(0);
             self.durable.routes.routing_list = self.neighbours.stable().collect();
             self.durable.routes.relay = true;
-            self.finish_once_all_heard(now);
+            self.finish_once_all_heard(core, now);
         } else {
-            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+            let master = core.durable.epoch.ballot().map(|ballot| ballot.master);
             self.durable.routes.out_of_range =
                 !master.is_some_and(|master| self.neighbours.is_stable(master));
         }
-        self.checkpoint();
+        core.keep();
     }
 
     pub(super) fn heard_hop_update(
         &mut self,
+        core: &mut Core,
         now: Timestamp,
         sender: NodeId,
         hops: u16,
@@ -229,26 +200,33 @@ impl FloodRouting {
             return;
         }
         if self.durable.routes.hops.is_none() {
-            self.take_parent(now, sender, hops, routing_list);
+            self.take_parent(core, now, sender, hops, routing_list);
         }
         self.heard_again.insert(sender);
-        self.finish_once_all_heard(now);
+        self.finish_once_all_heard(core, now);
     }
 
     /// Takes the first stable neighbour that is heard as parent (thesis, section 4.2, step 3).
-    fn take_parent(&mut self, now: Timestamp, parent: NodeId, hops: u16, routing_list: &[NodeId]) {
-        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
+    fn take_parent(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        parent: NodeId,
+        hops: u16,
+        routing_list: &[NodeId],
+    ) {
+        let master = core.durable.epoch.ballot().map(|ballot| ballot.master);
         self.parent_heard_at = now;
         let routes = &mut self.durable.routes;
         routes.hops = Some(hops.saturating_add(1));
         routes.parent = Some(parent);
         routes.routing_list.clear();
         for id in routing_list {
-            if id.0 < self.config.drones && !routes.routing_list.contains(id) {
+            if id.0 < core.drones && !routes.routing_list.contains(id) {
                 routes.routing_list.push(*id);
             }
         }
-        let is_listed = routes.routing_list.contains(&self.config.id);
+        let is_listed = routes.routing_list.contains(&core.id);
         let listed_by_others = routes.routing_list.len();
         for id in self.neighbours.stable() {
             if Some(id) != master && !routes.routing_list.contains(&id) {
@@ -256,54 +234,66 @@ impl FloodRouting {
             }
         }
         routes.relay = is_listed && routes.routing_list.len() > listed_by_others;
-        self.checkpoint();
+        core.keep();
     }
 
-    fn finish_once_all_heard(&mut self, now: Timestamp) {
+    fn finish_once_all_heard(&mut self, core: &mut Core, now: Timestamp) {
         let all_heard = self
             .neighbours
             .stable()
             .all(|id| self.heard_again.contains(&id));
         if self.durable.routes.hops.is_some() && all_heard {
-            self.finish_hop_update(now);
+            self.finish_hop_update(core, now);
         }
     }
 
-    fn finish_hop_update(&mut self, now: Timestamp) {
+    fn finish_hop_update(&mut self, core: &mut Core, now: Timestamp) {
         self.durable.phase = Phase::Following;
-        if self.is_master() {
+        if core.is_master() {
             // Others may still wait as long to hear all their neighbours again.
-            self.expect_members(now + self.config.time_to_live);
+            self.expect_members(core, now + self.config.time_to_live);
         } else {
             self.members.forget_all();
         }
         self.pulse_rose_at = now;
-        self.outbox
-            .event(Event::Routes(self.durable.routes.clone()));
-        self.inform_of_routes();
-        self.checkpoint();
+        core.show(Event::Routes(self.durable.routes.clone()));
+        self.inform_of_routes(core);
+        core.keep();
     }
 
     /// Says that routes are up; to a master also to whom they need not lead over others.
-    pub(super) fn inform_of_routes(&mut self) {
-        if self.is_master() {
-            self.inform(Notice::Hears(self.neighbours.stable().collect()));
+    pub(super) fn inform_of_routes(&mut self, core: &mut Core) {
+        if core.is_master() {
+            core.inform(Notice::Hears(self.neighbours.stable().collect()));
         }
-        self.inform(Notice::RoutesReady);
+        core.inform(Notice::RoutesReady);
     }
 
-    pub(super) fn heard_flood(&mut self, now: Timestamp, sender: NodeId, flood: Flood) {
+    pub(super) fn heard_flood(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        sender: NodeId,
+        flood: Flood,
+    ) {
         // Of a drone that does not hear this one, it is no sign that there is a way to the master.
-        let is_mutual = flood.hears.contains(self.config.id);
-        let is_echo = flood.pulse == self.durable.beats.pulse && flaw::has(Flaw::CountsEchoes);
-        let is_rise = flood.pulse > self.durable.beats.pulse || is_echo;
-        if is_rise && !self.is_master() && is_mutual {
-            self.durable.beats.pulse = flood.pulse;
+        let is_mutual = flood.hears.contains(core.id);
+        let is_echo = flood.pulse == core.durable.heartbeats.pulse && flaw::has(Flaw::CountsEchoes);
+        let is_rise = flood.pulse > core.durable.heartbeats.pulse || is_echo;
+        if is_rise && !core.is_master() && is_mutual {
+            core.durable.heartbeats.pulse = flood.pulse;
             self.pulse_rose_at = now;
-            self.found_master();
+            core.find_master();
         }
-        self.heard_order(flood.sequence, flood.order);
-        self.hear_of_landing(flood.sequence, &flood.members);
+        core.take_order(flood.sequence, flood.order.as_deref());
+        let master = core.master();
+        if flood
+            .members
+            .iter()
+            .any(|it| it.landing && Some(it.id) == master)
+        {
+            core.hear_of_landing(flood.sequence);
+        }
         if self.durable.routes.hops.is_none()
             && matches!(
                 self.durable.phase,
@@ -316,68 +306,50 @@ impl FloodRouting {
         let is_parent = self.durable.routes.parent == Some(sender);
         if is_parent && flood.hops.is_none() && self.durable.phase == Phase::Following {
             // It has lost its own way.
-            self.scatter(now);
+            self.leave_routes(core, now);
         }
         match self.durable.phase {
             Phase::Gossip | Phase::Scattered => {
-                self.hear_members(now, sender, &flood.members);
+                self.hear_members(core, now, sender, &flood.members);
             }
             Phase::Following => {
-                if flood.parent == Some(self.config.id) {
-                    self.become_relay();
-                    self.hear_members(now, sender, &flood.members);
+                if flood.parent == Some(core.id) {
+                    self.become_relay(core);
+                    self.hear_members(core, now, sender, &flood.members);
                 } else if flood.parent.is_none() {
                     // It has no way: whoever hears it passes on what it says, and orders to it.
                     if flood.hops.is_none() {
-                        self.become_relay();
+                        self.become_relay(core);
                     }
-                    self.hear_members(now, sender, &flood.members);
+                    self.hear_members(core, now, sender, &flood.members);
                 }
-                self.adopt_parent_late(now, sender, flood.hops);
+                self.adopt_parent_late(core, now, sender, flood.hops);
             }
             Phase::HopUpdate { .. } if self.neighbours.is_stable(sender) => {
                 // A neighbour that follows the mission already counts as heard again (thesis, table 7).
-                self.adopt_parent_late(now, sender, flood.hops);
+                self.adopt_parent_late(core, now, sender, flood.hops);
                 self.heard_again.insert(sender);
-                self.finish_once_all_heard(now);
+                self.finish_once_all_heard(core, now);
             }
-            Phase::Discovery { .. } | Phase::HopUpdate { .. } | Phase::Stopped => {}
+            Phase::Discovery { .. } | Phase::HopUpdate { .. } => {}
         }
     }
 
-    fn heard_order(&mut self, sequence: u32, order: Option<bytes::Bytes>) {
-        let own = self.config.id;
-        if order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order)) {
-            if let Some(notice) = self.durable.reign.newest_order() {
-                self.inform(notice);
-            }
-            self.checkpoint();
-        }
-    }
-
-    /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
-    /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, sequence: u32, members: &[Member]) {
-        let Some(ballot) = self.durable.reign.ballot().filter(|_| !self.is_master()) else {
-            return;
-        };
-        let is_known = sequence <= self.durable.reign.sequence();
-        let mut landing = members.iter().filter(|member| member.landing);
-        if is_known && landing.any(|member| member.id == ballot.master) && !self.master_lands {
-            self.master_lands = true;
-            self.inform(Notice::MasterLands);
-        }
-    }
-
-    fn hear_members(&mut self, now: Timestamp, sender: NodeId, members: &[Member]) {
-        let is_master = self.is_master();
-        let master = self.durable.reign.ballot().map(|ballot| ballot.master);
-        let sequence = self.durable.reign.sequence();
+    fn hear_members(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        sender: NodeId,
+        members: &[Member],
+    ) {
+        let is_master = core.is_master();
+        let master = core.durable.epoch.ballot().map(|ballot| ballot.master);
+        let sequence = core.durable.epoch.sequence();
         let mut returned = NodeSet::default();
         let (mut acknowledged, mut landing) = (NodeSet::default(), NodeSet::default());
         for member in members {
-            let is_another = self.is_member(member.id) && Some(member.id) != master;
-            if !is_another || member.id == self.config.id {
+            let is_another = member.id.0 < core.drones && Some(member.id) != master;
+            if !is_another || member.id == core.id {
                 continue;
             }
             let change = self.members.hear(*member, sender, now);
@@ -394,7 +366,7 @@ impl FloodRouting {
                 landing.insert(member.id);
             }
             if change.moved && self.durable.phase == Phase::Following {
-                self.outbox.event(Event::Reached {
+                core.show(Event::Reached {
                     member: member.id,
                     via: sender,
                     out_of_range: member.out_of_range,
@@ -402,10 +374,10 @@ impl FloodRouting {
             }
         }
         if !returned.is_empty() {
-            self.inform(Notice::Returned(returned));
+            core.inform(Notice::Returned(returned));
         }
         if !acknowledged.is_empty() || !landing.is_empty() {
-            self.inform(Notice::Progress {
+            core.inform(Notice::Progress {
                 sequence,
                 acknowledged,
                 landing,
@@ -414,23 +386,27 @@ impl FloodRouting {
     }
 
     /// Whoever is named as a parent must relay, whatever its routing list said.
-    fn become_relay(&mut self) {
+    fn become_relay(&mut self, core: &mut Core) {
         if !self.durable.routes.relay {
             self.durable.routes.relay = true;
-            self.outbox
-                .event(Event::Routes(self.durable.routes.clone()));
-            self.checkpoint();
+            core.show(Event::Routes(self.durable.routes.clone()));
+            core.keep();
         }
     }
 
     /// A drone that missed the hop update takes its parent from a neighbour that has routes.
-    fn adopt_parent_late(&mut self, now: Timestamp, sender: NodeId, hops: Option<u16>) {
+    fn adopt_parent_late(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        sender: NodeId,
+        hops: Option<u16>,
+    ) {
         if let (Some(hops), None) = (hops, self.durable.routes.hops)
             && self.neighbours.is_stable(sender)
         {
-            self.take_parent(now, sender, hops, &[]);
-            self.outbox
-                .event(Event::Routes(self.durable.routes.clone()));
+            self.take_parent(core, now, sender, hops, &[]);
+            core.show(Event::Routes(self.durable.routes.clone()));
         }
     }
 }

@@ -2,7 +2,9 @@ use bytes::Bytes;
 
 use super::*;
 use crate::machine::{Said, Stimulus, step};
-use crate::routing::Reign;
+use crate::routing::{Dissemination, Input, LeaderEpoch, Transmit};
+
+type Flooding = Dissemination<FloodPolicy>;
 
 const MASTER: Ballot = Ballot {
     term: 1,
@@ -25,8 +27,13 @@ fn config(id: u32) -> Config {
     }
 }
 
-fn routing(id: u32) -> FloodRouting {
-    FloodRouting::new(config(id), 1, Timestamp::ZERO, None)
+fn with(config: Config, now: Timestamp, kept: Option<(Durable, Checkpoint)>) -> Flooding {
+    let core = Core::new(config.id, config.drones, 1);
+    Dissemination::new(core, |core| FloodPolicy::new(config, core, now, kept))
+}
+
+fn routing(id: u32) -> Flooding {
+    with(config(id), Timestamp::ZERO, None)
 }
 
 fn at(seconds: f64) -> Timestamp {
@@ -39,7 +46,7 @@ struct Outcome {
     events: Vec<Event>,
 }
 
-fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
+fn stimulate(routing: &mut Flooding, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
     let mut outcome = Outcome {
         sent: Vec::new(),
         notices: Vec::new(),
@@ -55,12 +62,12 @@ fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Inpu
     outcome
 }
 
-fn hears(routing: &mut FloodRouting, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
+fn hears(routing: &mut Flooding, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
     hears_under(routing, now, from, MASTER, packet)
 }
 
 fn hears_under(
-    routing: &mut FloodRouting,
+    routing: &mut Flooding,
     now: Timestamp,
     from: u32,
     ballot: Ballot,
@@ -87,13 +94,13 @@ fn flood(pulse: u32, sequence: u32) -> Flood {
 }
 
 /// Lets time pass up to `until`, timer by timer.
-fn wait(routing: &mut FloodRouting, until: Timestamp) -> Outcome {
+fn wait(routing: &mut Flooding, until: Timestamp) -> Outcome {
     let mut all = Outcome {
         sent: Vec::new(),
         notices: Vec::new(),
         events: Vec::new(),
     };
-    while let Some(due) = routing.next_send.filter(|due| *due <= until) {
+    while let Some(due) = routing.policy.next_send.filter(|due| *due <= until) {
         let outcome = stimulate(routing, due, Stimulus::Timeout);
         all.sent.extend(outcome.sent);
         all.notices.extend(outcome.notices);
@@ -103,7 +110,7 @@ fn wait(routing: &mut FloodRouting, until: Timestamp) -> Outcome {
 }
 
 /// Slave 1, whose neighbours 0 (the master) and 2 are stable, at the start of its hop update.
-fn in_hop_update() -> (FloodRouting, Timestamp) {
+fn in_hop_update() -> (Flooding, Timestamp) {
     let mut slave = routing(1);
     for beat in 0..16_u32 {
         let now = at(0.5 * f64::from(beat));
@@ -120,7 +127,7 @@ fn in_hop_update() -> (FloodRouting, Timestamp) {
 #[test]
 fn a_drone_that_was_told_nothing_says_nothing() {
     let mut slave = routing(1);
-    assert_eq!(slave.next_send, None);
+    assert_eq!(slave.policy.next_send, None);
     assert!(
         stimulate(&mut slave, at(9.0), Stimulus::Timeout)
             .sent
@@ -152,7 +159,7 @@ fn whoever_hears_of_discovery_late_ends_with_the_others() {
     let remaining = Duration::from_secs(3);
     let outcome = hears(&mut slave, at(5.0), 2, &Packet::Hello { remaining });
     assert!(outcome.notices.contains(&Notice::DiscoveryStarted));
-    let phase = slave.durable.phase;
+    let phase = slave.policy.durable.phase;
     assert_eq!(phase, Phase::Discovery { until: at(8.0) });
 }
 
@@ -164,10 +171,10 @@ fn the_first_stable_neighbour_heard_becomes_the_parent() {
         routing_list: vec![NodeId(1)],
     };
     hears(&mut slave, now, 3, &hop_update(0));
-    assert_eq!(slave.durable.routes.parent, None, "3 is not stable");
+    assert_eq!(slave.policy.durable.routes.parent, None, "3 is not stable");
     hears(&mut slave, now, 0, &hop_update(0));
     hears(&mut slave, now, 2, &hop_update(4));
-    let routes = &slave.durable.routes;
+    let routes = &slave.policy.durable.routes;
     assert_eq!((routes.hops, routes.parent), (Some(1), Some(NodeId(0))));
     assert_eq!(routes.routing_list, [NodeId(1), NodeId(2)]);
     assert!(routes.relay, "it is listed, and reaches 2, which is not");
@@ -186,7 +193,7 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
         !outcome.notices.contains(&Notice::RoutesReady),
         "2 is missing"
     );
-    let mut patient = slave.durable.clone();
+    let mut patient = slave.policy.durable.clone();
     let follows = Packet::Flood(flood(1, 0));
     let outcome = hears(&mut slave, now, 2, &follows);
     assert!(
@@ -194,7 +201,7 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
         "a follower counts as heard"
     );
     patient.phase = Phase::HopUpdate { since: now };
-    let mut waiting = FloodRouting::new(config(1), 2, now, Some(patient));
+    let mut waiting = with(config(1), now, Some((slave.core.durable.clone(), patient)));
     let outcome = wait(&mut waiting, now + Duration::from_millis(5_400));
     assert!(outcome.notices.contains(&Notice::RoutesReady));
 }
@@ -203,12 +210,15 @@ fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_u
 fn only_a_master_is_told_whom_it_hears_itself_and_once_more_when_it_asks() {
     for (id, is_told) in [(0, true), (1, false)] {
         let checkpoint = Checkpoint {
-            reign: Reign::of(MASTER),
             phase: Phase::Following,
             stable: vec![NodeId(2), NodeId(3)],
             ..Checkpoint::default()
         };
-        let mut routing = FloodRouting::new(config(id), 1, Timestamp::ZERO, Some(checkpoint));
+        let common = Durable {
+            epoch: LeaderEpoch::of(MASTER),
+            ..Durable::default()
+        };
+        let mut routing = with(config(id), Timestamp::ZERO, Some((common, checkpoint)));
         let outcome = stimulate(&mut routing, at(1.0), Stimulus::Input(Input::Resync));
         let heard = Notice::Hears([NodeId(2), NodeId(3)].into_iter().collect());
         let ready = |notice: &Notice| *notice == Notice::RoutesReady;
@@ -272,8 +282,8 @@ fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
     };
     hears(&mut slave, now, 2, &member(2, Some(NodeId(0))));
     hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
-    assert_eq!(slave.durable.phase, Phase::Following);
-    let says = |slave: &mut FloodRouting, until| {
+    assert_eq!(slave.policy.durable.phase, Phase::Following);
+    let says = |slave: &mut Flooding, until| {
         let sent = wait(slave, until).sent;
         match sent.into_iter().next_back() {
             Some(Packet::Flood(flood)) => (flood.members.len(), flood.order.is_some()),
@@ -324,7 +334,7 @@ fn an_older_ballot_and_a_stranger_are_ignored_and_a_better_ballot_is_obeyed() {
     assert_eq!(older.events, [Event::Ignored(NodeId(0))]);
     let stranger = hears_under(&mut slave, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
     assert_eq!(stranger.events, [Event::Ignored(NodeId(4))]);
-    assert_eq!(slave.durable.reign.sequence(), 1);
+    assert_eq!(slave.core.durable.epoch.sequence(), 1);
 }
 
 #[test]
@@ -335,16 +345,16 @@ fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
     for outcome in [wait(&mut slave, at(2.0)), wait(&mut slave, at(60.0))] {
         for event in outcome.events {
             if let Event::Checkpoint(checkpoint) = event
-                && let crate::routing::Checkpoint::Flood(checkpoint) = *checkpoint
+                && let PolicyCheckpoint::Flood(own) = checkpoint.policy
             {
-                kept = Some(checkpoint);
+                kept = Some((checkpoint.common, own));
             }
         }
     }
-    let beat = slave.durable.beats.own;
-    let restarted = FloodRouting::new(config(1), 2, at(60.0), kept);
+    let beat = slave.core.durable.heartbeats.own;
+    let restarted = with(config(1), at(60.0), kept);
     assert!(
-        restarted.durable.beats.own >= beat,
+        restarted.core.durable.heartbeats.own >= beat,
         "{beat} was used already"
     );
 }
@@ -366,7 +376,7 @@ fn a_drone_that_is_done_says_so_once_and_falls_silent() {
         panic!("one last packet, not {last:?}");
     };
     assert_eq!(last.members[0].acknowledged, 4);
-    assert_eq!(slave.next_send, None);
+    assert_eq!(slave.policy.next_send, None);
 }
 
 #[test]
@@ -404,8 +414,8 @@ fn whoever_hears_a_neighbour_without_a_way_repeats_orders_to_it() {
     hears(&mut slave, now, 0, &hop_update);
     hears(&mut slave, now, 2, &Packet::Flood(flood(0, 0)));
     hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
-    assert_eq!(slave.durable.phase, Phase::Following);
-    assert!(!slave.durable.routes.relay);
+    assert_eq!(slave.policy.durable.phase, Phase::Following);
+    assert!(!slave.policy.durable.routes.relay);
     let lost = Flood {
         hops: None,
         ..flood(0, 0)
@@ -444,7 +454,7 @@ fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_u
         misses_early: true,
         ..config(0)
     };
-    let mut master = FloodRouting::new(config, 1, Timestamp::ZERO, None);
+    let mut master = with(config, Timestamp::ZERO, None);
     let input = Input::Lead(MASTER);
     stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
     let member = Member {

@@ -3,16 +3,24 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::{Event, NodeId, NodeSet, Notice, TreeRouting};
+use super::link_table::LinkTable;
+use crate::identity::{NodeId, NodeSet};
+use crate::routing::core::Core;
+use crate::routing::{Event, Notice};
 use crate::time::Timestamp;
 
-/// Who is alive, and who is missed.
+/// Who is alive, who is missed, and what the protocol was told of them.
+///
+/// Invariant: nobody is both alive and missed; what the protocol was told of acknowledgements is of one order.
 #[derive(Debug, Default)]
 pub(super) struct Members {
     /// Who was alive when last looked.
     alive: NodeSet,
     /// The others that are known of or expected.
     missed: BTreeMap<NodeId, Missed>,
+    /// Whose acknowledgements the protocol has been told of, and of which order.
+    told: (u32, NodeSet),
+    told_landing: NodeSet,
 }
 
 /// Since when a member has been missed.
@@ -32,7 +40,12 @@ impl Missed {
 }
 
 impl Members {
-    /// Gives each of these its time to live, heard of or not.
+    /// Gives every other drone its time to live, heard of or not.
+    pub(super) fn expect_all(&mut self, core: &Core, now: Timestamp) {
+        let others = (0..core.drones).map(NodeId).filter(|id| *id != core.id);
+        self.expect(others, now);
+    }
+
     fn expect(&mut self, ids: impl Iterator<Item = NodeId>, now: Timestamp) {
         for id in ids.filter(|id| !self.alive.contains(*id)) {
             self.missed.entry(id).or_insert(Missed::from(now));
@@ -79,74 +92,59 @@ impl Members {
             missed.since = now;
         }
     }
-}
 
-impl TreeRouting {
-    /// As master: tells the protocol what the members' reports have changed.
-    pub(super) fn report_members(&mut self, now: Timestamp) {
-        if !self.is_master() {
-            return;
-        }
-        let sequence = self.durable.reign.sequence();
+    /// Tells the protocol what the members' reports have changed.
+    pub(super) fn report(
+        &mut self,
+        core: &mut Core,
+        links: &LinkTable,
+        (now, time_to_live): (Timestamp, Duration),
+    ) {
+        let sequence = core.sequence();
         if self.told.0 != sequence {
             self.told = (sequence, NodeSet::default());
         }
-        let below = self.links.below(sequence);
+        let below = links.below(sequence);
         let acknowledged = below.acknowledged.difference(&self.told.1);
         let landing = below.landing.difference(&self.told_landing);
         if !acknowledged.is_empty() || !landing.is_empty() {
             self.told.1.extend_from(&acknowledged);
             self.told_landing.extend_from(&landing);
-            self.inform(Notice::Progress {
+            core.inform(Notice::Progress {
                 sequence,
                 acknowledged,
                 landing,
             });
         }
-        self.miss_members(now);
-    }
-
-    /// Says that routes are up; to a master also to whom they need not lead over others.
-    pub(super) fn inform_of_routes(&mut self) {
-        if self.is_master() {
-            let heard = self.links.iter().map(|link| link.id).collect();
-            self.inform(Notice::Hears(heard));
-        }
-        self.inform(Notice::RoutesReady);
-    }
-
-    /// As master: gives every member its time to live, heard of or not.
-    pub(super) fn expect_members(&mut self, now: Timestamp) {
-        let own = self.config.id;
-        let others = (0..self.config.drones).map(NodeId).filter(|id| *id != own);
-        self.members.expect(others, now);
-    }
-
-    fn miss_members(&mut self, now: Timestamp) {
-        let below = self.links.below(self.durable.reign.sequence());
-        let (back, new) = self.members.look(&below.alive, now);
+        let (back, new) = self.look(&below.alive, now);
         if !back.is_empty() {
-            self.inform(Notice::Returned(back));
+            core.inform(Notice::Returned(back));
         }
-        for id in new.iter() {
-            self.reached(id);
+        for member in new.iter() {
+            show_reached(core, links, member);
         }
-        let silent = self.members.fall_silent(now, self.config.time_to_live);
+        let silent = self.fall_silent(now, time_to_live);
         if !silent.is_empty() {
-            self.inform(Notice::Silent(silent));
+            core.inform(Notice::Silent(silent));
         }
     }
 
-    /// Lets it be seen through whom the master hears of a member.
-    fn reached(&mut self, member: NodeId) {
-        let mut children = self.links.children();
-        let via = children.find(|link| link.alive().contains(member));
-        if let Some(via) = via.map(|link| link.id) {
-            self.outbox.event(Event::Reached {
-                member,
-                via,
-                out_of_range: self.links.get(member).is_none(),
-            });
-        }
+    /// The protocol restarted: it has been told nothing.
+    pub(super) fn forget_told(&mut self) {
+        self.told = (0, NodeSet::default());
+        self.told_landing = NodeSet::default();
+    }
+}
+
+/// Lets it be seen through whom the master hears of a member.
+fn show_reached(core: &mut Core, links: &LinkTable, member: NodeId) {
+    let mut children = links.children();
+    let via = children.find(|link| link.sets().alive.contains(member));
+    if let Some(via) = via.map(|link| link.id) {
+        core.show(Event::Reached {
+            member,
+            via,
+            out_of_range: links.get(member).is_none(),
+        });
     }
 }

@@ -1,40 +1,46 @@
 //! Policy `tree`: what has changed is said at once, to whoever must know it, and said again until it is seen to have
 //! arrived.
 //!
-//! Each drone keeps what its neighbours last said and takes the one nearest to the master for its parent. An order
-//! goes outwards from parent to child; acknowledgements come inwards, merged: a drone speaks once all below it have
-//! carried the order out. What one neighbour alone has yet to learn is said to that one, and the medium may tell what
-//! became of it; besides, hearing a neighbour say what it was to learn is the acknowledgement of a hop. Whatever is not
-//! known to have arrived in time is said again, at that hop only. With each beacon, once a second say, the master's own
-//! number goes outwards, each drone passing it on as it comes in; that one frame serves discovery, liveness and routing.
-//! Where beacons are quicker than ten a second, whoever is nobody's parent passes on only as many as that.
+//! Each drone keeps what its neighbours last said ([`link_table`]) and takes the one with the cheapest route to the master
+//! for its parent ([`parent`]). An order goes outwards from parent to child; acknowledgements come inwards, merged
+//! ([`aggregation`]): a drone speaks once all below it have carried the order out. What one neighbour alone has yet to
+//! learn is said to that one, and the medium may tell what became of it; besides, hearing a neighbour say what it was to
+//! learn is the acknowledgement of a hop. Whatever is not known to have arrived in time is said again, at that hop only
+//! ([`retransmission`]). With each [`beacon`], once a second say, the master's heartbeat goes outwards, each drone passing
+//! it on as it comes in; that one frame serves discovery, liveness and routing. A parent that falls silent is probed
+//! ([`probe`]) before it is left.
 
+mod aggregation;
+mod beacon;
+mod compose;
 mod durable;
-mod links;
+mod link;
+mod link_table;
 mod members;
-mod seek;
-mod speak;
+mod parent;
+mod probe;
+mod quality;
+mod retransmission;
 
-use std::convert::Infallible;
-use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 pub use durable::Checkpoint;
 
-use self::links::{Heard, Link, Links, Speaker};
+use self::aggregation::{Aggregation, Pass};
+use self::beacon::{Audience, Beacon};
+use self::compose::Composer;
+use self::link::{Link, Speaker};
+use self::link_table::{Frame, Heard, LinkTable};
 use self::members::Members;
-use self::seek::Seek;
-use super::packet::{Packet, Tree};
-use super::{Event, Input, Notice, Routes, Transmit};
+use self::parent::{ParentSelection, Place};
+use self::probe::{ParentProbe, Route, Step};
+use self::retransmission::{Due, Owed, Retransmission};
+use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint};
 use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::machine::{Machine, Outbox, Output};
 use crate::reign::{Verdict, Way};
-use crate::stall::Punctuality;
 use crate::time::Timestamp;
 use crate::wire::{self, TreeFrame};
 
@@ -48,315 +54,148 @@ pub struct Config {
     /// How many pure relays there are besides, whose ids follow: they pass on and are not awaited, and their protocol
     /// is told nothing.
     pub relays: u32,
-    /// How often the master's number goes out.
+    /// How often the master's heartbeat goes out.
     pub beacon: Duration,
-    /// How long a drone waits to hear what it said come back before it says it again; grows by half with each time.
+    /// How long a drone waits to hear what it said come back before it says it again.
     pub repair: Duration,
     /// The longest such wait.
     pub repair_max: Duration,
     /// How long a neighbour may be silent before its link is taken for lost.
     pub link_time_to_live: Duration,
-    /// How long a member may be without a way to this drone before it is taken for lost.
+    /// How long a member may be without a route to this drone before it is taken for lost.
     pub time_to_live: Duration,
-    /// How long a drone may be without a way to the master before that is taken for lost.
+    /// How long a drone may be without a route to the master before that is taken for lost.
     pub patience: Duration,
 }
 
-/// From this share of missed frames on a leaf is not trusted to have heard what was said to all.
-const CONFIRM_ABOVE_LOSS: f64 = 0.005;
+/// Up to so many neighbours are told one by one, where the medium tells what became of it and one of their links loses
+/// much: each by itself is tried again by the medium, or at once.
+const ONE_BY_ONE_MAX: usize = 3;
 
-/// The routing of one drone, along a tree.
+/// Why a drone speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reason {
+    /// Its time has come.
+    KeepAlive,
+    /// Something has changed that others must know.
+    News,
+    /// Something was not seen to arrive.
+    Repair,
+    /// The newest order is said to all once more.
+    Copy,
+    /// Others ask.
+    Answer,
+    /// The parent has not been heard for a while.
+    Probe,
+    /// There is no route, and nobody near is known to have heard of the master.
+    Inquiry,
+}
+
+/// Dissemination along a tree.
 #[derive(Debug)]
-pub struct TreeRouting {
+pub(super) struct TreePolicy {
     config: Config,
-    rng: Box<ChaCha8Rng>,
     durable: Checkpoint,
-    links: Links,
-    routes: Routes,
-    /// The parent, as long as nothing but its silence speaks against it and it was not stale when it was chosen.
-    good_parent: Option<GoodParent>,
-    /// When the way to the master was lost, and how far its number was by then.
-    orphaned: Option<(Timestamp, u32)>,
-    master_silent: bool,
-    /// Whether the master says that it is going to land.
-    master_lands: bool,
+    links: LinkTable,
+    route: ParentSelection,
+    probe: ParentProbe,
     /// As master: who is alive, and who is missed.
     members: Members,
-    /// What the protocol has been told of the members' acknowledgements: of which order, and who.
-    told: (u32, NodeSet),
-    told_landing: NodeSet,
-    /// What was last heard to be pending, and of which order.
-    pending: (u32, NodeSet),
-    /// The neighbour that said so last, and has said nothing else since.
-    pending_from: Option<NodeId>,
-    /// From which id on the next frame tells of others, where not all fit one.
-    next_span: u32,
-    /// How many frames it has said to one drone alone since it last spoke to all.
-    aside: u32,
-    /// The order that this drone's last frame told that it knows of.
-    said_sequence: u32,
-    /// Each how many of the master's numbers a drone passes on that is nobody's parent.
-    numbers_a_turn: u32,
-    /// The master's number that this drone passed on last.
-    passed_on: u32,
-    next_beacon: Option<Timestamp>,
-    /// When this drone last acknowledged anything by itself.
-    acknowledged_at: Option<Timestamp>,
-    repair: Option<Repair>,
-    /// Whether the parent lives is being found out.
-    seek: Option<Seek>,
-    /// Until when acknowledgements wait for those still missing below, and of which order.
-    hold: Option<Hold>,
-    /// When it wants to act next, as of the end of its last step.
-    wakes: Option<Timestamp>,
-    punctuality: Punctuality,
-    outbox: Outbox<Transmit, Event>,
+    aggregation: Aggregation,
+    retransmission: Retransmission,
+    beacon: Beacon,
+    composer: Composer,
+    /// Whether the medium tells what becomes of a frame for one drone.
+    medium_tells: bool,
 }
 
-/// A parent that there is no reason to leave, so that its link need not be looked at each time.
-#[derive(Debug, Clone, Copy)]
-struct GoodParent {
-    /// How far it is from the master.
-    hops: u16,
-    /// From when on it is stale, unless it is heard.
-    stale_at: Timestamp,
-}
-
-/// Something that was said and has not been seen to arrive.
-#[derive(Debug, Clone, Copy)]
-struct Repair {
-    since: Timestamp,
-    due: Timestamp,
-    pause: Duration,
-    tries: u32,
-}
-
-/// Acknowledgements of an order that wait to be merged with those still missing.
-#[derive(Debug, Clone, Copy)]
-struct Hold {
-    sequence: u32,
-    until: Timestamp,
-    is_over: bool,
-}
-
-impl TreeRouting {
-    /// A routing as `checkpoint` left it; one without knows nothing.
-    #[must_use]
-    pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
-        let mut routing = Self {
-            rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
+impl TreePolicy {
+    /// Goes on from what was `kept`; knows nothing without.
+    pub(super) fn new(
+        config: Config,
+        core: &mut Core,
+        now: Timestamp,
+        kept: Option<(Durable, Checkpoint)>,
+    ) -> Self {
+        let mut policy = Self {
             durable: Checkpoint::default(),
-            links: Links::new(config.id, config.drones, config.beacon, config.pace()),
-            routes: Routes::default(),
-            good_parent: None,
-            orphaned: None,
-            master_silent: false,
-            master_lands: false,
+            links: LinkTable::new(config.id, config.drones, config.beacon, config.pace()),
+            route: ParentSelection::new(config.id, config.beacon),
+            probe: ParentProbe::default(),
             members: Members::default(),
-            told: (0, NodeSet::default()),
-            told_landing: NodeSet::default(),
-            pending: (0, NodeSet::default()),
-            pending_from: None,
-            next_span: 0,
-            aside: 0,
-            said_sequence: 0,
-            numbers_a_turn: config.numbers_a_turn(),
-            passed_on: 0,
-            next_beacon: None,
-            acknowledged_at: None,
-            repair: None,
-            seek: None,
-            hold: None,
-            wakes: None,
-            punctuality: Punctuality::default(),
-            outbox: Outbox::new(),
+            aggregation: Aggregation::default(),
+            retransmission: Retransmission::default(),
+            beacon: Beacon::new(&config),
+            composer: Composer::default(),
+            medium_tells: false,
             config,
         };
-        if let Some(checkpoint) = checkpoint {
-            routing.durable = checkpoint;
-            let is_master = routing.is_master();
-            routing.durable.beats.skip_reserved(is_master);
-            routing.inform(Notice::Resync);
-            if routing.durable.reign.ballot().is_some() && !routing.durable.stopped {
-                routing.next_beacon = Some(now);
+        if let Some((common, own)) = kept {
+            policy.durable = own;
+            core.resume(common);
+            policy.route.resume(core.durable.heartbeats.pulse);
+            if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
+                policy.beacon.set(now);
             }
-            routing.update_routes(now);
-            if routing.durable.discovered {
-                routing.expect_members(now);
+            policy.update_route(core, now);
+            if policy.durable.discovered {
+                policy.members.expect_all(core, now);
             }
-            routing.checkpoint();
         }
-        routing
-    }
-
-    /// Entries in its table of links, and the most that it takes.
-    #[must_use]
-    pub fn occupancy(&self) -> (usize, usize) {
-        let nodes = self.config.drones + self.config.relays;
-        (self.links.len(), nodes as usize)
-    }
-
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
-    pub(super) fn read_ahead(&self) {
-        black_box((self.durable.reign.sequence(), self.durable.beats.pulse));
-        black_box((self.config.id, self.config.beacon, self.routes.parent));
-        black_box((self.good_parent, self.master_lands, self.pending_from));
-        black_box((self.next_beacon, self.wakes, self.outbox.is_empty()));
-        black_box((
-            self.repair.is_some(),
-            self.hold.is_some(),
-            self.seek.is_some(),
-        ));
-        black_box((
-            self.links.len(),
-            self.pending.0,
-            self.told.0,
-            self.passed_on,
-        ));
-    }
-
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
-    pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
-        self.links.read_further_ahead(sender);
-    }
-
-    fn is_master(&self) -> bool {
-        self.durable.reign.is_led_by(self.config.id)
-    }
-
-    /// Whether this is a pure relay.
-    const fn is_relay(&self) -> bool {
-        self.config.id.0 >= self.config.drones
-    }
-
-    fn inform(&mut self, notice: Notice) {
-        if !self.is_relay() {
-            self.outbox.transmit(Transmit::Inform(notice));
-        }
-    }
-
-    fn checkpoint(&mut self) {
-        let checkpoint = super::Checkpoint::Tree(self.durable.clone());
-        self.outbox.event(Event::Checkpoint(Box::new(checkpoint)));
-    }
-
-    fn heard(&mut self, now: Timestamp, sender: NodeId, ballot: Ballot, payload: &Bytes) {
-        let Ok((front, words)) = wire::split_tree(payload) else {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        };
-        let is_obeyed = self.durable.reign.ballot() == Some(ballot) && !self.durable.stopped;
-        if is_obeyed && self.links.has_said(self.speaker(sender), &front, words) {
-            // As is the rule: nothing is news but that the sender lives, and the master.
-            if let Some(heard) = self.links.hear_again(sender, &front, now) {
-                self.take_in(now, sender, heard, false, || TreeFrame::read(front, words));
-            }
-            return;
-        }
-        let is_member = sender.0 < self.config.drones + self.config.relays;
-        let Some(said) = TreeFrame::read(front, words) else {
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        };
-        if !is_member || self.durable.stopped || !self.obeys(now, sender, ballot, &said) {
-            if is_member {
-                self.links.hear_of_another_reign(sender, &said, now);
-                self.look_at_parent_again();
-            }
-            self.outbox.event(Event::Ignored(sender));
-            return;
-        }
-        let (speaker, words) = (self.speaker(sender), payload.slice_ref(words));
-        if let Some(heard) = self.links.hear(speaker, &said, words, now) {
-            self.pending_from = self.pending_from.filter(|from| *from != sender);
-            let news = self.take_order(said.sequence, said.order);
-            self.take_in(now, sender, heard, news, || Some(said));
-        }
+        policy
     }
 
     /// A drone as this one knows it.
-    fn speaker(&self, id: NodeId) -> Speaker {
+    fn speaker(&self, core: &Core, id: NodeId) -> Speaker {
         Speaker {
             id,
-            is_parent: self.routes.parent == Some(id),
-            master: self.durable.reign.ballot().map(|ballot| ballot.master),
+            is_parent: self.route.parent() == Some(id),
+            master: core.master(),
         }
+    }
+
+    fn parent_link(&self) -> Option<&Link> {
+        self.links.get(self.route.parent()?)
+    }
+
+    fn is_settled_to_land(&self, core: &Core, now: Timestamp) -> bool {
+        core.is_settled_to_land(now, self.config.time_to_live)
     }
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
     /// What comes over a link that carries one way only makes nobody turn.
     fn obeys(
         &mut self,
+        core: &mut Core,
         now: Timestamp,
-        sender: NodeId,
-        ballot: Ballot,
+        (sender, ballot): (NodeId, Ballot),
         said: &TreeFrame<'_>,
     ) -> bool {
         let is_symmetric = self.links.is_symmetric(sender, said);
-        let stays = self.is_master() && flaw::has(Flaw::NeverStepsDown);
+        let stays = core.is_master() && flaw::has(Flaw::NeverStepsDown);
         let way = if is_symmetric && !stays {
             Way::Mutual
         } else {
             Way::OneWay
         };
-        match self.durable.reign.hear(ballot, way) {
+        match core.hear_ballot(ballot, way) {
             Verdict::Ignored => return false,
             Verdict::Same => {}
             Verdict::Turned => {
-                self.begin_reign(now);
-                self.inform(Notice::Reign(ballot));
+                self.begin_epoch(core, now);
+                core.inform(Notice::Reign(ballot));
             }
         }
         true
     }
 
-    /// Another ballot is obeyed than before: acknowledgements, ways and the master's number were those of the reign
-    /// before. Who is near, and how well each is heard, is still known.
-    fn begin_reign(&mut self, now: Timestamp) {
-        self.durable.beats = self.durable.beats.under_another_master();
-        self.links.forget_reign();
-        self.routes = Routes::default();
-        self.good_parent = None;
-        self.orphaned = None;
-        self.master_silent = false;
-        self.master_lands = false;
-        self.members = Members::default();
-        self.told = (0, NodeSet::default());
-        self.told_landing = NodeSet::default();
-        self.pending = (0, NodeSet::default());
-        self.pending_from = None;
-        self.said_sequence = 0;
-        self.passed_on = 0;
-        self.repair = None;
-        self.seek = None;
-        self.hold = None;
-        self.next_beacon.get_or_insert(now + self.config.beacon);
-        self.checkpoint();
-    }
-
-    /// By the protocol; nothing if a better ballot has been heard of meanwhile, of which the protocol is being told.
-    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
-        match self.durable.reign.hear(ballot, Way::Mutual) {
-            Verdict::Ignored => return,
-            Verdict::Same => {}
-            Verdict::Turned => self.begin_reign(now),
-        }
-        if ballot.is_elected() {
-            self.expect_members(now);
-        }
-        self.update_routes(now);
-        self.next_beacon = Some(now);
-    }
-
-    /// Acts on what a neighbour said, which its link keeps by now, and on whether that brought a newer order; all of it can
-    /// be had once more.
-    fn take_in<'a>(
+    /// Acts on what a neighbour said, which its link keeps by now, and on whether that brought a newer order.
+    fn take_in(
         &mut self,
+        core: &mut Core,
         now: Timestamp,
-        sender: NodeId,
-        heard: Heard,
-        news: bool,
-        all: impl FnOnce() -> Option<TreeFrame<'a>>,
+        (sender, heard): (NodeId, Heard),
+        is_news: bool,
     ) {
         let Some(link) = self.links.get(sender) else {
             return;
@@ -365,364 +204,601 @@ impl TreeRouting {
         let master_lands = link.said.master_lands;
         if heard.is_new || link.needs_to_hear() {
             // It learns that it is heard.
-            self.beacon_soon(now);
+            self.beacon.for_new_neighbour(core, now);
         }
-        self.hear_of_landing(sequence, master_lands);
-        if self.routes.parent == Some(sender) {
-            self.look_at_parent_again();
+        if master_lands {
+            core.hear_of_landing(sequence);
         }
-        if heard.has_moved || !self.keeps_its_way(now, sender) {
-            self.update_routes(now);
+        if self.route.parent() == Some(sender) {
+            self.route.look_at_parent_again(&self.links);
+            self.route.follow_parent(&self.links);
         }
-        self.take_pulse(now, sender, pulse);
-        self.report_members(now);
-        let is_of_parents_order =
-            self.routes.parent == Some(sender) && sequence == self.durable.reign.sequence();
-        if is_of_parents_order
-            && self.pending_from != Some(sender)
-            && let Some(all) = all()
-        {
-            self.pending = (sequence, self.pending_as_said(&all));
-            self.pending_from = Some(sender);
+        if heard.has_moved || !self.route.keeps_route(now, sender, &self.links) {
+            self.update_route(core, now);
         }
-        self.answer(now, sender, heard, news);
+        self.take_pulse(core, now, sender, pulse);
+        self.report_members(core, now);
+        self.answer(core, now, (sender, heard), is_news);
     }
 
-    /// Who is pending as the parent says it: whoever it does not tell of is as far as is known.
-    fn pending_as_said(&self, said: &TreeFrame<'_>) -> NodeSet {
-        let mut pending = said.pending.to_set();
-        pending.truncate(self.config.drones);
-        if self.pending.0 == said.sequence {
-            said.and_before(pending, &self.pending.1)
-        } else {
-            said.and_before(pending, &NodeSet::from(0..self.config.drones))
-        }
-    }
-
-    /// Takes in an order; whether it is news.
-    fn take_order(&mut self, sequence: u32, order: Option<&[u8]>) -> bool {
-        let order = order.filter(|_| sequence > self.durable.reign.sequence());
-        let order = order.map(Bytes::copy_from_slice);
-        let own = self.config.id;
-        let is_news =
-            order.is_some_and(|order| self.durable.reign.hear_order(own, sequence, order));
-        if is_news {
-            self.repair = None;
-            if let Some(notice) = self.durable.reign.newest_order() {
-                self.inform(notice);
-            }
-            self.links.begin_order();
-            self.checkpoint();
-        }
-        is_news
-    }
-
-    /// Takes in that the master is going to land. A master that takes the swarm down with it says so in its last order;
-    /// so only whoever knows that order can tell.
-    fn hear_of_landing(&mut self, sequence: u32, master_lands: bool) {
-        let is_known = sequence <= self.durable.reign.sequence();
-        if master_lands && is_known && !self.master_lands && !self.is_master() {
-            self.master_lands = true;
-            self.inform(Notice::MasterLands);
-        }
-    }
-
-    /// A number of the master's own that has risen goes on outwards at once.
-    fn take_pulse(&mut self, now: Timestamp, sender: NodeId, pulse: u32) {
-        if self.is_master() {
+    /// A heartbeat sequence that has risen goes on outwards: at once if the parent brings it, and soon in any case, for
+    /// the parent's word may be lost.
+    fn take_pulse(&mut self, core: &mut Core, now: Timestamp, sender: NodeId, pulse: u32) {
+        if core.is_master() {
             return;
         }
-        if pulse <= self.durable.beats.pulse {
-            return self.tell_if_behind(now, pulse);
-        }
-        self.durable.beats.pulse = pulse;
-        let is_by_parent = self.routes.parent == Some(sender);
-        if is_by_parent && self.is_its_turn() && !self.is_settled_to_land(now) {
-            self.beacon_soon(now);
-        }
-    }
-
-    /// Brings the next beacon forward.
-    fn beacon_soon(&mut self, now: Timestamp) {
-        let soon = now + self.jitter(speak::SPREAD);
-        self.next_beacon = self.next_beacon.map(|due| due.min(soon));
-    }
-
-    /// Chooses the parent anew: the symmetric neighbour nearest to the master, then the one with the least loss; the
-    /// one it has unless another is nearer. It takes only a drone that has heard more of the master since or, unless the
-    /// parent that it has is lost or stale, one that has heard as much and is nearer to the master than itself: the way of
-    /// neither can be through this one, so that no ring of drones follows itself. Nor does it take one that leaves it out of
-    /// those that it hears, though it may only have restarted: the parent that it has it keeps for a beacon then.
-    fn update_routes(&mut self, now: Timestamp) {
-        let routes = self.best_routes(now);
-        if !self.is_master() {
-            match routes.parent {
-                Some(_) => self.found_master(),
-                None => {
-                    let pulse = self.durable.beats.pulse;
-                    self.orphaned.get_or_insert((now, pulse));
-                }
+        let known = core.durable.heartbeats.pulse;
+        let is_settled = self.is_settled_to_land(core, now);
+        if pulse <= known {
+            // Not only because the newest one is still on its way: where drones do not speak at each, its route to the
+            // master may be gone.
+            let is_behind = known.saturating_sub(pulse) > 1;
+            if self.beacon.are_quick() && is_behind && !is_settled {
+                self.beacon_soon(core, now);
             }
+            return;
         }
-        if routes != self.routes {
-            let way_changed =
-                routes.hops != self.routes.hops || routes.parent != self.routes.parent;
-            self.routes = routes;
-            self.outbox.event(Event::Routes(self.routes.clone()));
-            if way_changed && !self.is_settled_to_land(now) {
-                self.beacon_soon(now);
-            }
+        core.durable.heartbeats.pulse = pulse;
+        let is_its_turn = self.beacon.is_its_turn(core, self.links.has_children());
+        if !is_its_turn || is_settled {
+            return;
         }
-        let is_good = |it: &GoodParent| now <= it.stale_at;
-        self.good_parent = self.look_at_parent().filter(is_good);
-    }
-
-    /// The parent, unless something speaks against it, or it is out of reach.
-    fn look_at_parent(&self) -> Option<GoodParent> {
-        let link = self.links.get(self.routes.parent?)?;
-        let is_sound =
-            link.symmetric && link.is_reachable() && link.said.parent != Some(self.config.id);
-        Some(GoodParent {
-            hops: link.said.hops.filter(|_| is_sound)?,
-            stale_at: link.stale_at(self.config.beacon),
-        })
-    }
-
-    /// Something about the parent's link has changed, and its way has not.
-    fn look_at_parent_again(&mut self) {
-        if self.good_parent.is_some() {
-            self.good_parent = self.look_at_parent();
+        if self.route.parent() == Some(sender) {
+            self.beacon_soon(core, now);
+        } else if self.route.parent().is_some() {
+            self.beacon.in_a_while(core, now);
         }
     }
 
-    /// Whether a neighbour that has just spoken, whose own way is what it was, leaves this drone's as it is: it is the
-    /// parent or no nearer to the master than that, and the parent is as good as when it was chosen. A neighbour that is
-    /// better by now without having spoken is taken when it speaks next.
-    fn keeps_its_way(&self, now: Timestamp, sender: NodeId) -> bool {
-        let hops = self.links.get(sender).and_then(|link| link.said.hops);
-        self.good_parent.is_some_and(|parent| {
-            let is_nearer = hops.is_some_and(|hops| hops < parent.hops);
-            now <= parent.stale_at && (self.routes.parent == Some(sender) || !is_nearer)
-        })
-    }
-
-    fn best_routes(&self, now: Timestamp) -> Routes {
-        let own = self.config.id;
-        let is_master = self.is_master();
-        let mut routes = Routes {
-            relay: self.links.children().next().is_some(),
-            ..Routes::default()
+    fn beacon_soon(&mut self, core: &mut Core, now: Timestamp) {
+        let audience = Audience {
+            has_children: self.links.has_children(),
+            neighbours: self.links.len(),
         };
-        if is_master {
-            routes.hops = Some(0);
+        self.beacon.soon(core, now, audience);
+    }
+
+    fn update_route(&mut self, core: &mut Core, now: Timestamp) {
+        let place = Place {
+            is_master: core.is_master(),
+            master: core.master(),
+            pulse: core.durable.heartbeats.pulse,
+            are_beacons_quick: self.beacon.are_quick(),
+        };
+        let moved = self.route.update(now, place, &self.links);
+        if self.route.parent().is_some() {
+            core.find_master();
+        }
+        if moved.routes {
+            core.show(Event::Routes(self.route.routes().clone()));
+        }
+        if moved.way && !self.is_settled_to_land(core, now) {
+            self.beacon_soon(core, now);
+        }
+    }
+
+    /// As master: tells the protocol what the members' reports have changed.
+    fn report_members(&mut self, core: &mut Core, now: Timestamp) {
+        if core.is_master() {
+            let times = (now, self.config.time_to_live);
+            self.members.report(core, &self.links, times);
+        }
+    }
+
+    /// Says that routes are up; to a master also to whom they need not lead over others.
+    fn inform_of_routes(&self, core: &mut Core) {
+        if core.is_master() {
+            let heard = self.links.iter().map(|link| link.id).collect();
+            core.inform(Notice::Hears(heard));
+        }
+        core.inform(Notice::RoutesReady);
+    }
+
+    /// Acknowledges, or begins to wait for what is still missing below.
+    fn acknowledge(&mut self, core: &mut Core, now: Timestamp) {
+        let parent = self
+            .route
+            .parent()
+            .and_then(|parent| self.links.get(parent));
+        let times = (now, self.config.repair);
+        match self.aggregation.pass(core, &self.links, parent, times) {
+            Pass::No => {}
+            Pass::Now => self.say(core, now, Reason::News),
+            Pass::At(at) => self
+                .retransmission
+                .bring_forward(now, at, self.config.repair),
+        }
+    }
+
+    fn owed(&self, core: &Core, now: Timestamp) -> Owed {
+        let parent = self.parent_link();
+        let lacks = self.aggregation.parent_lacks(core, &self.links, parent);
+        let parent = self.route.parent().filter(|_| lacks);
+        Owed::of(core, &self.links, parent, (now, self.config.beacon))
+    }
+
+    /// What a neighbour's words call for.
+    fn answer(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        (sender, heard): (NodeId, Heard),
+        is_news: bool,
+    ) {
+        if self
+            .links
+            .get(sender)
+            .is_some_and(|link| link.said.asks_own)
+        {
+            self.links.asks(sender);
+        }
+        if is_news && self.links.has_children() {
+            // A leaf is silent unless it is asked: whoever told it knows from the medium, or trusts it.
+            let hops = self.route.routes().hops;
+            let competes = |link: &&Link| hops.is_some() && link.said.hops == hops;
+            let others = self.links.iter().filter(competes).count();
+            if others == 0 {
+                self.say(core, now, Reason::News);
+            } else {
+                self.retransmission.relay(core, now, others);
+            }
+        }
+        let Some(link) = self.links.get(sender) else {
+            return;
+        };
+        let (asks, asked) = (link.asks, usize::from(link.said.asked));
+        let is_child = link.is_child_of(core.id);
+        let (sequence, newest) = (link.said.sequence, core.sequence());
+        let is_parent = self.route.parent() == Some(sender);
+        if asks {
+            let repair = self.config.repair;
+            self.retransmission.answer(core, now, (asked, repair));
+        }
+        if is_news {
+            return;
+        }
+        if sequence > newest {
+            // There is an order that this drone has missed.
+            return self
+                .retransmission
+                .ask(core, now, sender, self.config.repair);
+        }
+        if is_child && sequence < newest && !asks {
+            return self.retransmission.hurry(core, now, self.config.repair);
+        }
+        if is_child && heard.has_progressed || is_parent && self.is_missed(core) {
+            self.acknowledge(core, now);
+        }
+        self.end_repair_if_done(core, now);
+    }
+
+    /// Whether the master misses, and the parent does not have, what this drone could tell.
+    fn is_missed(&self, core: &Core) -> bool {
+        let parent = self.parent_link();
+        let is_named =
+            parent.is_some_and(|link| aggregation::pending(link, core.sequence()).is_some());
+        is_named && self.aggregation.parent_lacks(core, &self.links, parent)
+    }
+
+    fn end_repair_if_done(&mut self, core: &Core, now: Timestamp) {
+        if self.retransmission.is_under_way() && !self.owed(core, now).is_anyone_behind() {
+            self.retransmission.end();
+        }
+    }
+
+    /// Speaks now, to one, to a few one by one, or to all, and sets the time by which it must have been seen to arrive.
+    fn say(&mut self, core: &mut Core, now: Timestamp, reason: Reason) {
+        if core.durable.epoch.ballot().is_none() || core.durable.stopped {
+            return self.retransmission.end();
+        }
+        let waits = !matches!(reason, Reason::KeepAlive | Reason::Probe | Reason::Inquiry);
+        if waits && !self.retransmission.may_speak(now, self.config.repair) {
+            return;
+        }
+        let owed = self.owed(core, now);
+        let receivers = self.receivers(now, reason, &owed);
+        if receivers.is_empty() {
+            self.send(core, now, reason, None, &owed);
+        }
+        for to in receivers.iter() {
+            let is_waited_for = |link: &Link| link.is_on_its_way(now);
+            if reason != Reason::Repair || !self.links.get(to).is_some_and(is_waited_for) {
+                self.send(core, now, reason, Some(to), &owed);
+            }
+        }
+        let is_unsure = receivers.is_empty() || !self.medium_tells;
+        if is_unsure && reason == Reason::News {
+            let (leaves, repair) = (owed.trusted.len(), self.config.repair);
+            self.retransmission.copy_for(core, now, leaves, repair);
+        }
+        self.wait_for_arrival(core, now, reason);
+    }
+
+    /// Whom something is said to one by one; to all, if nobody. What one alone is to hear is said to that one, and the
+    /// medium sees to it that it arrives; but not to one that is not heard itself: to be spoken to shows that one is.
+    fn receivers(&self, now: Timestamp, reason: Reason, owed: &Owed) -> NodeSet {
+        let receivers = match reason {
+            Reason::KeepAlive | Reason::Copy | Reason::Inquiry => return NodeSet::new(),
+            Reason::Probe => return self.route.parent().into_iter().collect(),
+            Reason::News => owed.all(),
+            Reason::Answer => owed.asking.clone(),
+            Reason::Repair => {
+                let mut receivers = owed.unaware.clone();
+                receivers.extend_from(&owed.asking);
+                receivers
+            }
+        };
+        let links = || receivers.iter().filter_map(|id| self.links.get(id));
+        let time_to_live = self.config.link_time_to_live;
+        let are_heard = links().all(|link| self.links.hears(link, now, time_to_live));
+        let is_unsure = |link: &Link| !link.quality.is_good() || link.is_leaf_of(self.config.id);
+        let most = if self.medium_tells && links().any(is_unsure) {
+            ONE_BY_ONE_MAX
         } else {
-            let parent = self.routes.parent;
-            let suspected = parent.filter(|parent| {
-                let link = self.links.get(*parent);
-                link.is_some_and(|link| !link.is_reachable())
-            });
-            let stale = parent.filter(|parent| {
-                let link = self.links.get(*parent);
-                link.is_some_and(|link| link.is_stale(now, self.config.beacon))
-            });
-            let own_pulse = self.durable.beats.pulse;
-            let has_newer_pulse = |link: &Link, pulse: u32| {
-                link.said.pulse > pulse || link.said.pulse == pulse && flaw::has(Flaw::CountsEchoes)
-            };
-            // Whoever has heard as much of the master and is nearer to it: its way can't be through this drone.
-            let is_nearer =
-                |link: &Link| link.said.pulse == own_pulse && link.said.hops < self.routes.hops;
-            let is_elsewhere = |id: NodeId, link: &Link| match (self.orphaned, stale) {
-                (Some((_, pulse)), _) => has_newer_pulse(link, pulse),
-                (None, Some(_)) => has_newer_pulse(link, own_pulse),
-                (None, None) => {
-                    parent == Some(id) || has_newer_pulse(link, own_pulse) || is_nearer(link)
+            1
+        };
+        if are_heard && (1..=most).contains(&receivers.len()) {
+            receivers
+        } else {
+            NodeSet::new()
+        }
+    }
+
+    fn send(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        reason: Reason,
+        to: Option<NodeId>,
+        owed: &Owed,
+    ) {
+        if self.composer.count(to) {
+            // The master's number rises with its beacons only: each rise makes every drone speak once.
+            let raises_pulse = core.is_master() && reason == Reason::KeepAlive;
+            if core.durable.heartbeats.advance(raises_pulse) {
+                core.keep();
+            }
+        }
+        let mut state = self.composer.state(core, &self.links, &self.route, to);
+        if reason == Reason::KeepAlive {
+            let time_to_live = self.config.link_time_to_live;
+            let (hears, weak) = self.links.heard_lately(now, time_to_live);
+            (state.hears, state.weak) = (Some(hears), weak);
+            if core.master_lands() {
+                // Whoever does not hear it itself is to know, too.
+                state.landing.extend(core.master());
+            }
+        }
+        state.asks = self.asks(core, reason, to, owed);
+        self.links.answered(to);
+        let nodes = self.config.drones + self.config.relays;
+        let payload = self.composer.encode(state, nodes);
+        core.send(to, payload, reason == Reason::KeepAlive);
+        if let Some(to) = to.filter(|_| self.medium_tells) {
+            self.links.sent(to, now);
+        }
+        self.retransmission.spoken(now);
+    }
+
+    /// Who is to say what it knows: whoever would show it by nothing else.
+    fn asks(&self, core: &Core, reason: Reason, to: Option<NodeId>, owed: &Owed) -> NodeSet {
+        match (reason, to) {
+            (Reason::KeepAlive | Reason::Copy | Reason::Answer, _) => NodeSet::new(),
+            (Reason::Probe, _) => to.into_iter().collect(),
+            (Reason::Inquiry, _) => {
+                let symmetric = self.links.iter().filter(|link| link.symmetric);
+                symmetric.map(|link| link.id).collect()
+            }
+            (Reason::Repair, None) => owed.unaware.clone(),
+            (Reason::Repair, Some(to)) => {
+                let shows = self.medium_tells || !owed.unaware.contains(to);
+                (!shows).then_some(to).into_iter().collect()
+            }
+            // Those with drones below them pass it on, which shows that they know.
+            (Reason::News, None) => {
+                let unaware = owed.unaware.iter().filter_map(|id| self.links.get(id));
+                let leaves = unaware.filter(|link| link.is_leaf_of(core.id));
+                leaves.map(|link| link.id).collect()
+            }
+            (Reason::News, Some(_)) => NodeSet::new(),
+        }
+    }
+
+    fn wait_for_arrival(&mut self, core: &mut Core, now: Timestamp, reason: Reason) {
+        let owed = self.owed(core, now);
+        if !owed.is_anyone_behind() {
+            return self.retransmission.end();
+        }
+        let (repair, repair_max) = (self.config.repair, self.config.repair_max);
+        match reason {
+            Reason::Repair => (self.retransmission).go_on(core, now, (repair, repair_max)),
+            Reason::News => self.retransmission.begin(core, now, repair),
+            _ if self.retransmission.is_under_way() => {}
+            _ => self.retransmission.begin(core, now, repair),
+        }
+    }
+
+    /// What was not seen to arrive is said again. A parent of which nothing was heard meanwhile may be out of reach.
+    fn repair(&mut self, core: &mut Core, now: Timestamp) {
+        if let Some((parent, heard_at)) = self.parent_link().map(|link| (link.id, link.heard_at))
+            && self.retransmission.has_tried_in_vain(heard_at)
+        {
+            self.links.change_reach(parent, Link::suspect);
+            self.update_route(core, now);
+        }
+        if self.owed(core, now).is_anyone_behind() {
+            self.say(core, now, Reason::Repair);
+        } else {
+            self.retransmission.end();
+        }
+    }
+
+    /// A neighbour has said more than this drone knows, and may still be the only one.
+    fn ask(&mut self, core: &mut Core, now: Timestamp, neighbour: NodeId) {
+        let sequence = core.sequence();
+        let knows_more = |link: &Link| link.said.sequence > sequence;
+        if self.links.get(neighbour).is_some_and(knows_more) {
+            let owed = Owed::default();
+            self.send(core, now, Reason::Probe, Some(neighbour), &owed);
+        }
+    }
+
+    fn watched_route(&self) -> Route {
+        Route {
+            parent: self.route.parent(),
+            stale_at: self.route.stale_at(&self.links),
+            orphaned_since: self.route.orphaned_since(),
+        }
+    }
+
+    fn next_probe(&self, core: &Core) -> Option<Timestamp> {
+        let (route, patience) = (self.watched_route(), self.config.patience);
+        self.probe.deadline(core, &self.links, route, patience)
+    }
+
+    /// Takes what steps are due. Each is one less that can be: a parent is probed later, or left, or the master is missed.
+    fn probe_while_due(&mut self, core: &mut Core, now: Timestamp) {
+        while self.next_probe(core).is_some_and(|due| due <= now) {
+            let route = self.watched_route();
+            let step = (self.probe).step(core, &self.links, route, (now, &self.config));
+            match step {
+                Some(Step::Probe { is_first }) => {
+                    if is_first && self.beacon.are_quick() {
+                        // All hear that it is there, and whoever has heard more of the master says so.
+                        self.beacon_soon(core, now);
+                    }
+                    self.say(core, now, Reason::Probe);
                 }
-            };
-            let left = suspected.or(stale);
-            // Where beacons are quick, most are left out for a moment under a new master, as few have spoken.
-            let is_left_out_by = |link: &Link| link.leaves_out() && !self.are_beacons_quick();
-            let usable = |link: &&Link| {
-                link.symmetric
-                    && (parent == Some(link.id) || !is_left_out_by(link))
-                    && link.is_reachable()
-                    && link.said.hops.is_some()
-                    && link.said.parent != Some(own)
-                    && Some(link.id) != left
-                    && is_elsewhere(link.id, link)
-            };
-            let kept = left.and_then(|parent| self.links.get(parent));
-            let is_another = |link: &Link| Some(link.id) != self.routes.parent;
-            let best = self
-                .links
-                .iter()
-                .filter(usable)
-                .min_by(|a, b| {
-                    let hops = a.said.hops.cmp(&b.said.hops);
-                    hops.then(is_another(a).cmp(&is_another(b)))
-                        .then(a.quality.loss.total_cmp(&b.quality.loss))
-                        .then(a.id.cmp(&b.id))
-                })
-                .or(kept);
-            routes.parent = best.map(|link| link.id);
-            routes.hops = best
-                .and_then(|link| link.said.hops)
-                .map(|hops| hops.saturating_add(1));
-            let master = self.durable.reign.ballot().map(|ballot| ballot.master);
-            routes.out_of_range = master.is_none_or(|master| self.links.get(master).is_none());
-        }
-        routes
-    }
-
-    fn found_master(&mut self) {
-        self.orphaned = None;
-        if self.master_silent {
-            self.master_silent = false;
-            self.inform(Notice::MasterReturned);
+                Some(Step::Leave(parent)) => {
+                    self.links.forget(parent);
+                    self.update_route(core, now);
+                }
+                Some(Step::Inquire) => {
+                    if self.links.iter().any(|link| link.symmetric) {
+                        self.say(core, now, Reason::Inquiry);
+                    }
+                }
+                Some(Step::Miss) => core.miss_master(),
+                None => return,
+            }
         }
     }
 
-    /// Notices who has fallen silent.
-    fn watch(&mut self, now: Timestamp) {
+    fn retransmit_while_due(&mut self, core: &mut Core, now: Timestamp) {
+        while let Some(due) = self.retransmission.take_due(now) {
+            match due {
+                Due::Relay => self.say(core, now, Reason::News),
+                Due::Repair => self.repair(core, now),
+                Due::Answer => {
+                    if !self.owed(core, now).asking.is_empty() {
+                        self.say(core, now, Reason::Answer);
+                    }
+                }
+                Due::Copy(sequence) => {
+                    if sequence == core.sequence() && !self.owed(core, now).trusted.is_empty() {
+                        self.say(core, now, Reason::Copy);
+                    }
+                }
+                Due::Ask(neighbour) => self.ask(core, now, neighbour),
+            }
+        }
+    }
+
+    fn beacon_if_due(&mut self, core: &mut Core, now: Timestamp) {
+        if self.beacon.deadline().is_none_or(|due| due > now) {
+            return;
+        }
         let time_to_live = self.config.link_time_to_live;
         if self.links.forget_silent(now, time_to_live) {
-            self.update_routes(now);
+            self.update_route(core, now);
         }
-        self.report_members(now);
-    }
-
-    fn miss_master(&mut self) {
-        if !self.master_silent {
-            self.master_silent = true;
-            self.inform(Notice::MasterSilent);
-        }
-    }
-
-    fn jitter(&mut self, up_to: Duration) -> Duration {
-        let nanos = u64::try_from(up_to.as_nanos()).unwrap_or(u64::MAX);
-        Duration::from_nanos(self.rng.random_range(0..nanos.max(1)))
-    }
-
-    fn resync(&mut self, now: Timestamp) {
-        for notice in self.durable.reign.clone().notices() {
-            self.inform(notice);
-        }
-        if self.durable.discovered {
-            self.inform_of_routes();
-        }
-        self.told = (0, NodeSet::default());
-        self.told_landing = NodeSet::default();
-        self.report_members(now);
-        let silent = self.members.silent();
-        if !silent.is_empty() {
-            self.inform(Notice::Silent(silent));
-        }
-        if self.master_silent {
-            self.inform(Notice::MasterSilent);
-        }
-        if self.master_lands {
-            self.inform(Notice::MasterLands);
-        }
-    }
-
-    /// The host stood still: that nobody was heard meanwhile says nothing about anybody.
-    fn forgive_if_stalled(&mut self, now: Timestamp) {
-        if self.punctuality.stalled_for(now).is_none() {
-            return;
-        }
-        self.links.forgive(now);
-        self.look_at_parent_again();
-        self.seek = None;
-        if let Some((since, _)) = &mut self.orphaned {
-            *since = now;
-        }
-        self.members.forgive(now);
-    }
-
-    fn deadline(&self) -> Option<Timestamp> {
-        let repair = self.repair.map(|repair| repair.due);
-        let hold = self
-            .hold
-            .filter(|hold| !hold.is_over)
-            .map(|hold| hold.until);
-        let deadlines = [self.next_beacon, repair, hold, self.next_seek()];
-        deadlines.into_iter().flatten().min()
+        self.report_members(core, now);
+        self.say(core, now, Reason::KeepAlive);
+        let has_children = self.links.has_children();
+        let is_settled = self.is_settled_to_land(core, now);
+        self.beacon.said(core, now, has_children, is_settled);
     }
 }
 
-impl Machine for TreeRouting {
-    type Input = Input;
-    type Transmit = Transmit;
-    type Event = Event;
-    type Rejection = Infallible;
-
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
-        self.forgive_if_stalled(now);
-        match input {
-            Input::Heard {
-                sender,
-                ballot,
-                payload,
-            } => self.heard(now, sender, ballot, &payload),
-            Input::Outcome {
-                to,
-                payload,
-                delivered,
-            } => self.outcome(now, to, &payload, delivered),
-            Input::Lead(ballot) => self.lead(now, ballot),
-            Input::Publish {
-                ballot,
-                sequence,
-                order,
-            } => {
-                let own = self.config.id;
-                if self.durable.reign.publish(own, ballot, sequence, order) {
-                    self.links.begin_order();
-                    self.checkpoint();
-                    self.say(now, speak::Occasion::News);
+impl Policy for TreePolicy {
+    fn heard(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        (sender, ballot): (NodeId, Ballot),
+        payload: &Bytes,
+    ) {
+        let Ok((front, words)) = wire::split_tree(payload) else {
+            return core.show(Event::Ignored(sender));
+        };
+        let speaker = self.speaker(core, sender);
+        let Ok(frame) = self.links.read(speaker, front, words) else {
+            return core.show(Event::Ignored(sender));
+        };
+        let is_obeyed = core.durable.epoch.ballot() == Some(ballot) && !core.durable.stopped;
+        let said = match frame {
+            Frame::Unchanged(front) if is_obeyed => {
+                // Nothing is news but that the sender lives, and the master.
+                if let Some(heard) = self.links.hear_again(sender, &front, now) {
+                    self.take_in(core, now, (sender, heard), false);
                 }
+                return;
             }
-            Input::Acknowledge { ballot, sequence } => {
-                if self.durable.reign.acknowledge(ballot, sequence) {
-                    self.checkpoint();
-                    self.acknowledge(now);
-                }
+            Frame::Unchanged(front) => TreeFrame::read(front, words).unwrap_or_default(),
+            Frame::Read(said) => said,
+        };
+        let is_member = sender.0 < self.config.drones + self.config.relays;
+        let is_heard =
+            is_member && !core.durable.stopped && self.obeys(core, now, (sender, ballot), &said);
+        if !is_heard {
+            if is_member {
+                self.links.hear_of_another_epoch(sender, &said, now);
+                self.route.look_at_parent_again(&self.links);
             }
-            Input::Discover => {
-                self.durable.discovered = true;
-                self.expect_members(now);
-                self.inform(Notice::DiscoveryStarted);
-                self.inform(Notice::HopUpdateStarted);
-                self.inform_of_routes();
-                self.checkpoint();
-            }
-            Input::Land => {
-                self.durable.landing.get_or_insert(now);
-                self.checkpoint();
-                self.beacon_soon(now);
-            }
-            // Its ways follow the drones all the time.
-            Input::Scatter => {}
-            Input::Stop => self.stop(now),
-            Input::Resync => self.resync(now),
+            return core.show(Event::Ignored(sender));
         }
-        self.wakes = self.deadline();
-        self.punctuality.ask(now, self.wakes);
-        Ok(())
+        let speaker = self.speaker(core, sender);
+        let words = payload.slice_ref(words);
+        if let Some(heard) = self.links.hear(speaker, &said, words, now) {
+            let is_news = core.take_order(said.sequence, said.order);
+            if is_news {
+                self.retransmission.begin_order();
+                self.links.begin_order();
+            }
+            self.take_in(core, now, (sender, heard), is_news);
+        }
     }
 
-    fn handle_timeout(&mut self, now: Timestamp) {
-        self.forgive_if_stalled(now);
-        self.let_go_if_due(now);
-        self.seek_if_due(now);
-        self.repair_if_due(now);
-        self.beacon_if_due(now);
-        self.wakes = self.deadline();
-        self.punctuality.ask(now, self.wakes);
+    fn outcome(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        to: NodeId,
+        payload: &[u8],
+        delivered: bool,
+    ) {
+        self.medium_tells = true;
+        let Ok(told) = wire::decode_tree(payload) else {
+            return;
+        };
+        if delivered {
+            self.links.told(to, &told);
+        } else {
+            self.links.change_reach(to, Link::give_up_once);
+            self.update_route(core, now);
+            self.retransmission.retry(core, now, self.config.repair);
+            let is_lost = |link: &Link| !link.is_reachable();
+            if Some(to) != self.route.parent() && self.links.get(to).is_some_and(is_lost) {
+                // Perhaps it was all that was waited for.
+                self.acknowledge(core, now);
+            }
+        }
+        self.end_repair_if_done(core, now);
     }
 
-    fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.wakes)
+    /// Acknowledgements, routes and heartbeats were those of the epoch before. Who is near, and how well each is heard, is
+    /// still known.
+    fn begin_epoch(&mut self, _core: &mut Core, now: Timestamp) {
+        self.links.forget_epoch();
+        self.route.begin_epoch();
+        self.probe.forget();
+        self.members = Members::default();
+        self.aggregation.begin_epoch();
+        self.retransmission.begin_epoch();
+        self.beacon.begin_epoch(now);
+    }
+
+    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot) {
+        if ballot.is_elected() {
+            self.members.expect_all(core, now);
+        }
+        self.update_route(core, now);
+        self.beacon.set(now);
+    }
+
+    fn published(&mut self, core: &mut Core, now: Timestamp) {
+        self.retransmission.begin_order();
+        self.links.begin_order();
+        self.beacon.quicken(false);
+        self.say(core, now, Reason::News);
+    }
+
+    fn carried_out(&mut self, core: &mut Core, now: Timestamp) {
+        self.acknowledge(core, now);
+    }
+
+    fn discover(&mut self, core: &mut Core, now: Timestamp) {
+        self.durable.discovered = true;
+        self.members.expect_all(core, now);
+        core.inform(Notice::DiscoveryStarted);
+        core.inform(Notice::HopUpdateStarted);
+        self.inform_of_routes(core);
+        core.keep();
+    }
+
+    /// Until the next order, by which all will be in their places.
+    fn scatter(&mut self, _core: &mut Core, _now: Timestamp) {
+        self.beacon.quicken(true);
+    }
+
+    fn land(&mut self, core: &mut Core, now: Timestamp) {
+        self.beacon_soon(core, now);
+    }
+
+    fn stop(&mut self, core: &mut Core, now: Timestamp) {
+        self.say(core, now, Reason::News);
+        self.beacon.stop();
+        self.retransmission.end();
+    }
+
+    fn resync(&mut self, core: &mut Core, now: Timestamp) {
+        if self.durable.discovered {
+            self.inform_of_routes(core);
+        }
+        self.members.forget_told();
+        self.report_members(core, now);
+        let silent = self.members.silent();
+        if !silent.is_empty() {
+            core.inform(Notice::Silent(silent));
+        }
+    }
+
+    fn forgive(&mut self, _core: &mut Core, now: Timestamp) {
+        self.links.forgive(now);
+        self.route.look_at_parent_again(&self.links);
+        self.route.forgive(now);
+        self.probe.forget();
+        self.members.forgive(now);
+    }
+
+    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp) {
+        if self.aggregation.ends_hold(now) {
+            self.acknowledge(core, now);
+        }
+        self.probe_while_due(core, now);
+        self.retransmit_while_due(core, now);
+        self.beacon_if_due(core, now);
+    }
+
+    fn deadline(&self, core: &Core) -> Option<Timestamp> {
+        let hold = self.aggregation.deadline();
+        let said_again = self.retransmission.deadline();
+        let deadlines = [
+            self.beacon.deadline(),
+            said_again,
+            hold,
+            self.next_probe(core),
+        ];
+        deadlines.into_iter().flatten().min()
+    }
+
+    fn checkpoint(&self) -> PolicyCheckpoint {
+        PolicyCheckpoint::Tree(self.durable.clone())
+    }
+
+    fn occupancy(&self) -> (usize, usize) {
+        let nodes = self.config.drones + self.config.relays;
+        (self.links.len(), nodes as usize)
     }
 }
 

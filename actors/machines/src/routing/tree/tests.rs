@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use self::liveness::beacon_of_the_master;
 use super::*;
 use crate::machine::{Said, Stimulus, step};
+use crate::routing::{Dissemination, ETX_UNIT, Input, Packet, Transmit, Tree};
 
 const MASTER: Ballot = Ballot {
     term: 1,
@@ -34,9 +35,16 @@ fn ids<const N: usize>(ids: [u32; N]) -> NodeSet {
     ids.into_iter().map(NodeId).collect()
 }
 
+fn routing(config: Config) -> Dissemination<TreePolicy> {
+    let core = Core::new(config.id, config.drones, 1);
+    Dissemination::new(core, |core| {
+        TreePolicy::new(config, core, Timestamp::ZERO, None)
+    })
+}
+
 /// A routing whose clock the test turns.
 struct Node {
-    routing: TreeRouting,
+    routing: Dissemination<TreePolicy>,
     now: Timestamp,
     deadline: Option<Timestamp>,
     beats: BTreeMap<u32, u32>,
@@ -47,7 +55,7 @@ struct Node {
 impl Node {
     fn new(id: u32) -> Self {
         Self {
-            routing: TreeRouting::new(config(id), 1, Timestamp::ZERO, None),
+            routing: routing(config(id)),
             now: Timestamp::ZERO,
             deadline: None,
             beats: BTreeMap::new(),
@@ -72,6 +80,10 @@ impl Node {
         });
         self.deadline = deadline;
         std::mem::take(&mut self.sent)
+    }
+
+    fn parent(&self) -> Option<NodeId> {
+        self.routing.policy.route.parent()
     }
 
     fn tell(&mut self, input: Input) -> Vec<Tree> {
@@ -121,6 +133,7 @@ impl Node {
             parent,
             Tree {
                 hops: Some(hops - 1),
+                cost: (hops - 1) * ETX_UNIT,
                 parent: hops.checked_sub(2).map(|_| NodeId(9)),
                 pulse: 1,
                 hears: Some(ids([id])),
@@ -130,7 +143,7 @@ impl Node {
         for child in children {
             node.hear(*child, beacon_of_child(*child, id, hops + 1));
         }
-        assert_eq!(node.routing.routes.parent, Some(NodeId(parent)));
+        assert_eq!(node.parent(), Some(NodeId(parent)));
         node.wait(20);
         node
     }
@@ -139,6 +152,7 @@ impl Node {
 fn beacon_of_child(child: u32, parent: u32, hops: u16) -> Tree {
     Tree {
         hops: Some(hops),
+        cost: hops * ETX_UNIT,
         parent: Some(NodeId(parent)),
         pulse: 1,
         alive: ids([child]),
@@ -151,6 +165,7 @@ fn beacon_of_child(child: u32, parent: u32, hops: u16) -> Tree {
 fn order(hops: u16, pending: NodeSet) -> Tree {
     Tree {
         hops: Some(hops),
+        cost: hops * ETX_UNIT,
         pulse: 1,
         sequence: 1,
         pending,
@@ -163,6 +178,7 @@ fn order(hops: u16, pending: NodeSet) -> Tree {
 fn done(parent: u32, hops: u16, acknowledged: NodeSet) -> Tree {
     Tree {
         hops: Some(hops),
+        cost: hops * ETX_UNIT,
         parent: Some(NodeId(parent)),
         pulse: 1,
         sequence: 1,
@@ -207,7 +223,7 @@ fn acknowledgements_come_from_the_farthest_inwards_merged_on_the_way() {
     assert_eq!(merged.len(), 1);
     assert_eq!(merged[0].to, Some(NodeId(0)));
     assert_eq!(merged[0].acknowledged, ids([1, 2, 3]));
-    assert!(merged[0].order.is_none() || node.routing.routes.relay);
+    assert!(merged[0].order.is_none() || node.routing.policy.route.routes().relay);
 }
 
 #[test]
@@ -244,14 +260,14 @@ fn what_the_medium_says_has_arrived_is_not_said_again() {
     node.outcome(&said[0], true);
     assert_eq!(node.wait(500), []);
     // A parent that shows that it does not know restarted.
-    node.hear(
+    let said = node.hear(
         1,
         Tree {
             order: None,
             ..order(1, ids([1, 2]))
         },
     );
-    assert_eq!(node.wait(20)[0].acknowledged, ids([2]));
+    assert_eq!(said[0].acknowledged, ids([2]));
 }
 
 #[test]
@@ -343,18 +359,18 @@ fn a_repair_goes_to_the_one_that_needs_it() {
 
 #[test]
 fn what_was_not_delivered_is_repaired_sooner() {
-    let next = |delivered: Option<bool>| {
+    let said_again_within = |delivered: Option<bool>, millis: u64| {
         let mut node = Node::placed(2, 1, 2, &[]);
         node.hear(1, order(1, ids([1, 2])));
         let said = node.tell(ACKNOWLEDGE);
         if let Some(delivered) = delivered {
             node.outcome(&said[0], delivered);
         }
-        node.routing.repair.map(|repair| repair.due.since(node.now))
+        !node.wait(millis).is_empty()
     };
-    let untold = next(None).unwrap();
-    assert_eq!(next(Some(false)), Some(untold / 2));
-    assert_eq!(next(Some(true)), None);
+    assert!(!said_again_within(None, 3) && said_again_within(None, 12));
+    assert!(said_again_within(Some(false), 3));
+    assert!(!said_again_within(Some(true), 500));
 }
 
 #[test]
@@ -370,19 +386,15 @@ fn a_parent_that_the_medium_gave_up_twice_is_left_for_one_that_has_heard_more() 
     node.hear(1, order(1, ids([1, 2, 3])));
     let said = node.tell(ACKNOWLEDGE);
     node.outcome(&said[0], false);
-    assert_eq!(
-        node.routing.routes.parent,
-        Some(NodeId(1)),
-        "once is no proof"
-    );
+    assert_eq!(node.parent(), Some(NodeId(1)), "once is no proof");
     node.outcome(&said[0], false);
     assert_eq!(
-        node.routing.routes.parent,
+        node.parent(),
         Some(NodeId(1)),
         "the other may think of going this way itself"
     );
     let mut said = node.hear(2, sibling(9));
-    assert_eq!(node.routing.routes.parent, Some(NodeId(2)));
+    assert_eq!(node.parent(), Some(NodeId(2)));
     said.extend(node.wait(200));
     assert!(said.iter().any(|it| it.to == Some(NodeId(2))), "{said:?}");
 }
@@ -399,18 +411,24 @@ fn a_child_that_the_medium_gave_up_holds_nothing_up() {
 }
 
 #[test]
-fn what_a_child_repeats_to_its_own_child_is_not_answered() {
-    for (to, is_answered) in [(3, false), (1, true)] {
+fn only_those_that_a_child_asks_answer_it() {
+    for (asked, is_answered) in [(3, false), (1, true)] {
         let mut node = Node::placed(1, 0, 1, &[2]);
         node.hear(0, order(0, ids([1, 2, 3])));
         let repeated = Tree {
             alive: ids([2, 3]),
-            to: Some(NodeId(to)),
             ..done(1, 2, ids([2]))
         };
         node.hear(2, repeated.clone());
         assert_eq!(node.wait(20), []);
-        node.hear(2, repeated);
+        node.hear(
+            2,
+            Tree {
+                asks: ids([asked]),
+                to: None,
+                ..repeated
+            },
+        );
         let answers = node.wait(20);
         assert_eq!(!answers.is_empty(), is_answered);
         assert!(answers.iter().all(|answer| answer.to == Some(NodeId(2))));
@@ -440,9 +458,9 @@ fn a_pure_relay_passes_on_what_others_say_and_is_awaited_by_nobody() {
 fn who_is_neither_drone_nor_relay_is_not_heard() {
     let mut node = Node::new(1);
     node.hear(5, beacon_of_child(5, 1, 1));
-    assert_eq!(node.routing.occupancy(), (0, 5));
+    assert_eq!(node.routing.policy.occupancy(), (0, 5));
     node.hear(4, beacon_of_child(4, 1, 1));
-    assert_eq!(node.routing.occupancy(), (1, 5));
+    assert_eq!(node.routing.policy.occupancy(), (1, 5));
 }
 
 impl Node {
@@ -471,7 +489,7 @@ fn what_does_not_fit_a_datagram_is_said_in_several() {
         ..config(id)
     };
     let mut child = Node::new(1);
-    child.routing = TreeRouting::new(config(1), 1, Timestamp::ZERO, None);
+    child.routing = routing(config(1));
     child.hear(0, beacon_of_the_master(1));
     child.hear(0, order(0, every_other()));
     let mut below = done(1, 2, every_other());
@@ -481,7 +499,7 @@ fn what_does_not_fit_a_datagram_is_said_in_several() {
         child.hear(2, below.cut_to(span));
     }
     let mut parent = Node::new(0);
-    parent.routing = TreeRouting::new(config(0), 1, Timestamp::ZERO, None);
+    parent.routing = routing(config(0));
     parent.tell(Input::Lead(MASTER));
     parent.tell(Input::Publish {
         ballot: MASTER,
@@ -489,10 +507,11 @@ fn what_does_not_fit_a_datagram_is_said_in_several() {
         order: Bytes::from_static(b"go"),
     });
     parent.stimulate(Stimulus::Timeout);
-    let acknowledged = |parent: &Node| parent.routing.links.below(1).acknowledged.clone();
+    let acknowledged = |parent: &Node| parent.routing.policy.links.below(1).acknowledged.clone();
     for frames in 1.. {
         assert!(frames < 20, "they get through");
-        child.routing.say(child.now, speak::Occasion::News);
+        let Dissemination { core, policy, .. } = &mut child.routing;
+        policy.say(core, child.now, Reason::News);
         for said in child.stimulate(Stimulus::Timeout) {
             assert!(wire::encode_packet(&Packet::Tree(said.clone())).len() <= wire::PAYLOAD_MAX);
             assert!(said.span.is_some());
@@ -527,6 +546,7 @@ fn who_is_not_told_of_in_a_datagram_is_neither_heard_nor_left_out() {
     }
     assert!(
         node.routing
+            .policy
             .links
             .get(NodeId(0))
             .is_some_and(|link| link.symmetric)
@@ -658,7 +678,7 @@ proptest! {
     ) {
         let (mut node, mut forgetful) = (Node::new(2), Node::new(2));
         for step in &steps {
-            forgetful.routing.links.forget_words();
+            forgetful.routing.policy.links.forget_words();
             prop_assert_eq!(node.take(step), forgetful.take(step), "{:?}", step);
         }
     }

@@ -3,12 +3,12 @@ use std::sync::Arc;
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::Checkpoint;
-use muster_machines::routing::Reign;
+use muster_machines::routing::LeaderEpoch;
 
 /// What a drone remembers: what each of its two machines is rebuilt from.
 #[derive(Debug, Clone, PartialEq, Hash, Default)]
 pub(crate) struct Journal {
-    pub(crate) reign: Log<Reign>,
+    pub(crate) reign: Log<LeaderEpoch>,
     pub(crate) mission: Log<Mission>,
 }
 

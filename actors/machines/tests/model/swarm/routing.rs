@@ -1,12 +1,12 @@
 use bytes::Bytes;
 use muster_machines::identity::{Ballot, NodeId, NodeSet};
 use muster_machines::reign::{Verdict, Way};
-use muster_machines::routing::{Input, Notice, Reign};
+use muster_machines::routing::{Input, LeaderEpoch, Notice};
 
-/// What both policies of the routing have in common, around the shipped [`Reign`].
+/// What both policies of the routing have in common, around the shipped [`LeaderEpoch`].
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub(crate) struct Routing {
-    pub(crate) reign: Reign,
+    pub(crate) reign: LeaderEpoch,
     /// As master: whose acknowledgements of which order the mission has been told of.
     told: (u32, NodeSet),
     /// Whether the mission has been told that the master is silent.
@@ -37,7 +37,7 @@ pub(crate) enum Broken {
 
 impl Routing {
     /// As it starts from a checkpoint, or under another ballot than before.
-    pub(crate) fn under(reign: Reign) -> Self {
+    pub(crate) fn under(reign: LeaderEpoch) -> Self {
         Self {
             reign,
             ..Self::default()
@@ -138,7 +138,7 @@ impl Routing {
         let under = self.reign.ballot();
         match input {
             Input::Lead(ballot) if under != Some(ballot) => {
-                *self = Self::under(Reign::of(ballot));
+                *self = Self::under(LeaderEpoch::of(ballot));
             }
             Input::Publish {
                 ballot,

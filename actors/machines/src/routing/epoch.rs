@@ -8,14 +8,14 @@ use crate::reign::{Obeyed, Verdict, Way};
 /// What a drone's routing knows of the reign that it is under, by any policy: whose it is, its newest order, and how
 /// far the drone has got.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub struct Reign {
+pub struct LeaderEpoch {
     obeyed: Obeyed,
     sequence: u32,
     order: Option<Bytes>,
     acknowledged: u32,
 }
 
-impl Reign {
+impl LeaderEpoch {
     /// A reign that has just begun.
     #[must_use]
     pub fn of(ballot: Ballot) -> Self {
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn what_a_protocol_says_under_an_older_ballot_is_not_taken() {
         let (own, claimed, better) = (NodeId(1), ballot(2, 1), ballot(3, 2));
-        let mut reign = Reign::of(claimed);
+        let mut reign = LeaderEpoch::of(claimed);
         assert!(reign.publish(own, claimed, 1, ORDER));
         assert!(reign.acknowledge(claimed, 1) && reign.is_carried_out());
         // A frame under a better ballot comes before what the protocol said next.
@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn orders_are_taken_from_the_master_only_and_each_once() {
         let master = ballot(1, 2);
-        let mut reign = Reign::of(master);
+        let mut reign = LeaderEpoch::of(master);
         assert!(reign.hear_order(NodeId(1), 3, ORDER));
         assert!(!reign.hear_order(NodeId(1), 3, ORDER) && !reign.hear_order(NodeId(1), 2, ORDER));
         assert!(
@@ -162,7 +162,7 @@ mod tests {
             "a master has its own"
         );
         assert!(
-            !Reign::default().hear_order(NodeId(1), 1, ORDER),
+            !LeaderEpoch::default().hear_order(NodeId(1), 1, ORDER),
             "whose is it?"
         );
         let order = Notice::Order {

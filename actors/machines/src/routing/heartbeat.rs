@@ -9,7 +9,7 @@ pub(super) const RESTART_GAP: u32 = 64;
 
 /// The numbers by which drones prove that they live; they only rise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Beats {
+pub struct Heartbeats {
     /// This drone's own last number.
     pub own: u32,
     /// The highest number of the master's own that was heard of, or used as master.
@@ -18,7 +18,7 @@ pub struct Beats {
     reserved: u32,
 }
 
-impl Beats {
+impl Heartbeats {
     /// Goes on to the next number; whether a new block of them was reserved, which is to be remembered before it is
     /// used.
     pub(super) fn advance(&mut self, is_master: bool) -> bool {
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn a_restart_skips_more_numbers_than_may_be_missed() {
-        let (mut beats, mut kept) = (Beats::default(), Beats::default());
+        let (mut beats, mut kept) = (Heartbeats::default(), Heartbeats::default());
         for _ in 0..BLOCK * 2 {
             if beats.advance(false) {
                 kept = beats;

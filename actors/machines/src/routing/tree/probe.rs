@@ -1,0 +1,146 @@
+//! Whether the parent is still there: a drone that has not heard it for a while probes it, the more often the more the
+//! link loses. Only if it answers none of the probes, and nobody near has heard more of the master, the master is missed.
+//!
+//! Each drone watches its own link only. Drones farther out hear from their parents, which live, what has become of the
+//! master; so nobody waits for as long as heartbeats may be lost over all hops together.
+
+use std::time::Duration;
+
+use super::Config;
+use super::link_table::LinkTable;
+use super::quality::{PROBES_MAX, STALE_BEACONS_MAX};
+use crate::identity::NodeId;
+use crate::routing::core::Core;
+use crate::time::Timestamp;
+
+/// How often a drone without a route asks all that are near, before it misses the master.
+const INQUIRIES: u32 = 3;
+
+/// A parent that is being probed.
+///
+/// Invariant: the next probe is due after the step in which the last one was sent.
+#[derive(Debug, Default)]
+pub(super) struct ParentProbe {
+    probe: Option<Probe>,
+    /// How often all that are near were asked since there is no route, and when they are asked next.
+    inquiries: Option<(u32, Timestamp)>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Probe {
+    parent: NodeId,
+    /// When it was last heard.
+    heard_at: Timestamp,
+    due: Timestamp,
+    sent: u32,
+}
+
+/// What a drone does that does not hear its parent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Step {
+    /// Sends the first probe, or another one.
+    Probe { is_first: bool },
+    /// Leaves a parent that has answered none.
+    Leave(NodeId),
+    /// Asks all that are near.
+    Inquire,
+    /// Misses the master.
+    Miss,
+}
+
+impl Config {
+    /// How long a drone takes at most, from when it last heard a parent that is gone, until the master is missed: until
+    /// the parent is probed, until it has not answered, both once more for another route that turns out to be gone too,
+    /// and until nobody near has heard more of the master.
+    #[must_use]
+    pub fn detection(&self) -> Duration {
+        let probed = self.repair * 2 * PROBES_MAX;
+        (self.beacon * STALE_BEACONS_MAX.into() + probed) * 2 + self.patience
+    }
+}
+
+impl ParentProbe {
+    /// Whatever was found out counts no more.
+    pub(super) fn forget(&mut self) {
+        *self = Self::default();
+    }
+
+    /// When the parent, heard last as `links` says, is probed next: `stale_at` for the first time; or when the next step is
+    /// that a drone takes without a parent, since `orphaned_since`.
+    pub(super) fn deadline(
+        &self,
+        core: &Core,
+        links: &LinkTable,
+        route: Route,
+        patience: Duration,
+    ) -> Option<Timestamp> {
+        if core.durable.landing.is_some() || core.durable.stopped {
+            return None;
+        }
+        let Some(parent) = route.parent else {
+            let since = route.orphaned_since.filter(|_| !core.misses_master())?;
+            let missed_at = since + patience;
+            let inquiry = match self.inquiries {
+                None => Some(since),
+                Some((asked, due)) => (asked < INQUIRIES).then_some(due),
+            };
+            return Some(inquiry.map_or(missed_at, |due| due.min(missed_at)));
+        };
+        match self.current(parent, links) {
+            Some(probe) => Some(probe.due),
+            None => route.stale_at,
+        }
+    }
+
+    /// Unless the parent has been heard since, or is another one by now.
+    fn current(&self, parent: NodeId, links: &LinkTable) -> Option<Probe> {
+        let probe = self.probe?;
+        let heard_at = links.get(parent)?.heard_at;
+        (probe.parent == parent && probe.heard_at == heard_at).then_some(probe)
+    }
+
+    /// Takes the next step, which is due.
+    pub(super) fn step(
+        &mut self,
+        core: &mut Core,
+        links: &LinkTable,
+        route: Route,
+        (now, config): (Timestamp, &Config),
+    ) -> Option<Step> {
+        let Some(parent) = route.parent else {
+            let since = route.orphaned_since?;
+            if now >= since + config.patience {
+                self.inquiries = None;
+                return Some(Step::Miss);
+            }
+            let asked = self.inquiries.map_or(0, |it| it.0);
+            let pause = config.repair + core.jitter(config.repair);
+            self.inquiries = Some((asked + 1, now + pause));
+            return Some(Step::Inquire);
+        };
+        self.inquiries = None;
+        let link = links.get(parent)?;
+        let sent = self.current(parent, links).map_or(0, |it| it.sent);
+        if sent >= link.quality.probes() {
+            self.probe = None;
+            return Some(Step::Leave(parent));
+        }
+        self.probe = Some(Probe {
+            parent,
+            heard_at: link.heard_at,
+            due: now + config.repair + core.jitter(config.repair),
+            sent: sent + 1,
+        });
+        Some(Step::Probe {
+            is_first: sent == 0,
+        })
+    }
+}
+
+/// The route that is watched.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Route {
+    pub(super) parent: Option<NodeId>,
+    pub(super) stale_at: Option<Timestamp>,
+    pub(super) orphaned_since: Option<Timestamp>,
+}
