@@ -54,6 +54,8 @@ pub enum Flaw {
     RejoinsWhileLanding,
     /// A drone that has lost its master never leads.
     NeverClaims,
+    /// A mission does nothing when it is to take over from a silent master, and asks to be woken for that again.
+    DeadlineInThePast,
 }
 
 #[cfg(feature = "flaws")]
