@@ -1,15 +1,19 @@
 use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
-use muster_scenarios::campaign::{self, Campaign, JOBS_MAX, Published, Request, Seeds, Shard};
+use muster_scenarios::campaign::{
+    self, Campaign, Effort, JOBS_MAX, Published, RUN_LIMIT, Request, Seeds, Shard,
+};
 use muster_scenarios::scenario::{Override, Variation};
 
 use crate::sim::EngineName;
 use crate::{Ended, Failure, folder, terminal};
 
+/// The longest limit of a run, in seconds: a week.
+const RUN_LIMIT_MAX_S: u64 = 604_800;
 /// The most folders of one scenario's campaigns that are named without being told.
 const FOLDERS_MAX: u32 = 1_000;
 
@@ -54,6 +58,9 @@ pub(crate) struct Arguments {
     /// How many runs are flown at once [default: one a core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
+    /// Wall-clock seconds that a run may take; one that takes longer breaks rule 10, and the others go on
+    #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
+    run_limit: u64,
     /// The folder to write to, and to go on in [default: runs/SCENARIO-campaign, or -campaign-I-of-N; where that is
     /// another campaign's, with the first of -2, -3, … that is not]
     #[arg(long, value_name = "DIR")]
@@ -83,6 +90,12 @@ pub(crate) fn jobs(text: &str) -> Result<NonZeroUsize, String> {
     jobs.ok_or_else(|| format!("a whole number from 1 to {JOBS_MAX}"))
 }
 
+pub(crate) fn run_limit(text: &str) -> Result<u64, String> {
+    let seconds = text.parse().ok();
+    let seconds = seconds.filter(|seconds| (1..=RUN_LIMIT_MAX_S).contains(seconds));
+    seconds.ok_or_else(|| format!("a whole number of seconds from 1 to {RUN_LIMIT_MAX_S}"))
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let (campaign, scenarios) = Campaign::load(&Request {
         scenario: arguments.scenario.clone(),
@@ -99,6 +112,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok());
+    let effort = Effort {
+        jobs: jobs.unwrap_or(NonZeroUsize::MIN),
+        run_limit: Duration::from_secs(arguments.run_limit),
+    };
     let bar = terminal::progress_bar(
         "{pos:>8}/{len} runs {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left{msg}",
     );
@@ -119,13 +136,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         }
         flown = progress.done - progress.kept;
     };
-    let published = campaign::run(
-        &campaign,
-        &scenarios,
-        &out,
-        jobs.unwrap_or(NonZeroUsize::MIN),
-        watcher,
-    )?;
+    let published = campaign::run(&campaign, &scenarios, &out, effort, watcher)?;
     bar.finish_and_clear();
     print(&published)?;
     let took_s = started.elapsed().as_secs_f64();

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::ProgressBar;
-use muster_scenarios::campaign::Seeds;
-use muster_scenarios::chaos::{self, Progress, Request, Search};
+use muster_scenarios::campaign::{Effort, Seeds};
+use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search};
 use muster_scenarios::scenario::Override;
 
-use crate::campaign::jobs;
+use crate::campaign::{jobs, run_limit};
 use crate::{Ended, Failure, folder, terminal};
 
 /// Search for a fault plan that breaks a rule, and make it as small as it gets.
@@ -35,6 +35,9 @@ pub(crate) struct Arguments {
     /// How many plans are flown at once [default: one a core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
+    /// Wall-clock seconds that a plan may take; one that takes longer breaks rule 10
+    #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
+    run_limit: u64,
     /// The folder to write to, and to go on in [default: runs/SCENARIO-chaos-A]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -55,10 +58,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         .jobs
         .or_else(|| std::thread::available_parallelism().ok())
         .unwrap_or(NonZeroUsize::MIN);
+    let run_limit = Duration::from_secs(arguments.run_limit);
+    let effort = Effort { jobs, run_limit };
     let bar = terminal::progress_bar(
         "{pos:>8}/{len} plans {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left{msg}",
     );
-    let searched = chaos::run(&search, &out, jobs, &|fly| fly(), |progress| {
+    let searched = chaos::run(&search, &out, effort, &|fly| fly(), |progress| {
         show(&bar, progress);
     })?;
     bar.finish_and_clear();

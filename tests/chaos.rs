@@ -63,3 +63,15 @@ fn what_is_found_is_a_scenario_that_breaks_the_rule_by_itself() {
     assert_eq!(run.status.code(), Some(3));
     assert!(String::from_utf8(run.stdout).unwrap().contains("rule 5"));
 }
+
+#[test]
+fn a_run_limit_that_is_no_number_of_seconds_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for limit in ["0", "-1", "a minute"] {
+        let limit = format!("--run-limit={limit}");
+        let (code, said) = searched(folder.path(), &["--seeds", "0..1", &limit]);
+        assert_eq!(code, Some(2), "{said}");
+        let accepted = "a whole number of seconds from 1 to 604800";
+        assert!(said.contains(accepted), "{said}");
+    }
+}

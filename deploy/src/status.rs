@@ -147,6 +147,8 @@ pub struct ActorStatus {
     pub failures: u64,
     /// How often it was started again.
     pub restarts: u64,
+    /// How often it handled a timeout and had a deadline that was not after it, which is a defect.
+    pub overdue: u64,
 }
 
 /// Frames, as the radio sees them.

@@ -376,6 +376,8 @@ pub struct Reaction {
     pub deadline: Option<Timestamp>,
     /// How full its fullest table is.
     pub occupancy: Occupancy,
+    /// Whether it handled a timeout and its deadline still is not after now. It would be woken at once, again and again.
+    pub is_overdue: bool,
 }
 
 impl Cell {
@@ -397,6 +399,7 @@ impl Cell {
     /// When the envelope is for another machine: whoever runs cells delivers by [`Envelope::address`].
     pub fn react(&mut self, now: Timestamp, stimulus: Stimulus<Envelope>, reaction: &mut Reaction) {
         reaction.effects.clear();
+        let is_timeout = matches!(stimulus, Stimulus::Timeout);
         let effects = &mut reaction.effects;
         reaction.deadline = match (&mut *self, stimulus) {
             (Self::Radio(machine), Stimulus::Timeout) => {
@@ -434,6 +437,8 @@ impl Cell {
             }
         };
         reaction.occupancy = self.occupancy();
+        reaction.is_overdue =
+            is_timeout && reaction.deadline.is_some_and(|deadline| deadline <= now);
     }
 
     /// Reads what its next step will touch of what lies in it, and changes nothing. Whoever runs many cells does so with all
@@ -637,5 +642,54 @@ impl From<msp::Event> for Effect {
     fn from(event: msp::Event) -> Self {
         let msp::Event::Checkpoint(checkpoint) = event;
         Self::Keep(Checkpoint::Msp(checkpoint))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::machine::Output;
+
+    /// A link whose deadline stays where it is, whatever it handles.
+    struct Stuck(Timestamp);
+
+    impl Machine for Stuck {
+        type Input = msp::Input;
+        type Transmit = msp::Transmit;
+        type Event = msp::Event;
+        type Rejection = Infallible;
+
+        fn handle_input(&mut self, _: Timestamp, _: msp::Input) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn handle_timeout(&mut self, _: Timestamp) {}
+
+        fn poll_output(&mut self) -> Output<msp::Transmit, msp::Event> {
+            let deadline = Some(self.0);
+            Output::Idle { deadline }
+        }
+    }
+
+    #[test]
+    fn a_machine_is_overdue_whose_deadline_is_not_after_the_timeout_that_it_handled() {
+        let deadline = Timestamp::from_secs_f64(2.0);
+        let is_overdue = |now, stimulus| {
+            let (mut cell, mut reaction) =
+                (Cell::Msp(Box::new(Stuck(deadline))), Reaction::default());
+            cell.react(now, stimulus, &mut reaction);
+            reaction.is_overdue
+        };
+        let input = || Stimulus::Input(Envelope::Msp(Box::new(msp::Input::GiveUp)));
+        let later = deadline + Duration::from_secs(1);
+        assert!(is_overdue(deadline, Stimulus::Timeout) && is_overdue(later, Stimulus::Timeout));
+        assert!(!is_overdue(Timestamp::ZERO, Stimulus::Timeout));
+        assert!(
+            !is_overdue(later, input()),
+            "a message may ask for a timeout at once"
+        );
     }
 }

@@ -23,7 +23,7 @@ pub trait Machine {
     /// When the input breaks one of our own invariants; the state is then unchanged.
     fn handle_input(&mut self, now: Timestamp, input: Self::Input) -> Result<(), Self::Rejection>;
 
-    /// Fires every deadline `<= now`; early or repeated calls do nothing.
+    /// Fires every deadline `<= now`, after which the next deadline lies after `now`; early or repeated calls do nothing.
     fn handle_timeout(&mut self, now: Timestamp);
 
     /// What is to be done next; to be called until [`Output::Idle`] before anything else is handled.

@@ -187,6 +187,8 @@ fn actors(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     page.counters(("actor_failures", help), counts(|it| it.failures))?;
     let help = "How often an actor was started again";
     page.counters(("actor_restarts", help), counts(|it| it.restarts))?;
+    let help = "How often an actor handled a timeout and had a deadline that was not after it";
+    page.counters(("actor_overdue", help), counts(|it| it.overdue))?;
     let help = "Messages, no frames among them, for which an actor had no room or was not there";
     page.counter(("messages_refused", help), status.messages_refused)
 }

@@ -127,7 +127,7 @@ impl Environment for Process {
                 state.effect(now, effect);
             }
         }
-        state.set_timer(from, reaction.deadline);
+        state.set_timer(now, from, reaction);
         drop(state);
         self.look_round();
     }

@@ -1,9 +1,12 @@
 //! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use muster_actors::{Drone, Message};
-use muster_machines::cell::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
+use muster_machines::cell::{
+    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, Reaction,
+};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
@@ -35,6 +38,10 @@ pub(super) use self::tell::STATES;
 
 /// How many datagrams are taken in before the actors get their turn.
 const DRAIN_MAX: usize = 64;
+
+/// The least pause before an actor is woken again that handled a timeout and has a deadline that is not after it. Such an actor
+/// has a defect; without the pause it would take a core for itself. The timers of tokio are no finer than this.
+const OVERDUE_PAUSE: Duration = Duration::from_millis(1);
 
 pub(super) struct State {
     id: NodeId,
@@ -90,11 +97,22 @@ struct Seat {
     has_answered: bool,
     starts: u64,
     failures: u64,
+    /// How often it was overdue.
+    overdue: u64,
 }
 
 impl Seat {
     const fn restarts(&self) -> u64 {
         self.starts.saturating_sub(1)
+    }
+
+    /// Sets its timer as its step wants it; no sooner than after a pause if it is overdue.
+    fn set_timer(&mut self, now: Timestamp, reaction: &Reaction) {
+        self.deadline = reaction.deadline;
+        if reaction.is_overdue {
+            self.overdue += 1;
+            self.deadline = Some(now + OVERDUE_PAUSE);
+        }
     }
 }
 
@@ -433,8 +451,15 @@ impl State {
         is_sooner
     }
 
-    pub(super) const fn set_timer(&mut self, address: Address, deadline: Option<Timestamp>) {
-        self.seats[address as usize].deadline = deadline;
+    pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, reaction: &Reaction) {
+        let seat = &mut self.seats[address as usize];
+        seat.set_timer(now, reaction);
+        if reaction.is_overdue && seat.overdue == 1 {
+            tracing::error!(
+                actor = %address,
+                "an actor handled a timeout and has a deadline that is not after it: it is woken again after {OVERDUE_PAUSE:?}"
+            );
+        }
     }
 
     pub(super) fn restart(&mut self, at: Timestamp, address: Address) {
@@ -509,5 +534,36 @@ impl State {
 
     fn lines_lost(&self) -> u64 {
         self.lines_lost.lines()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(now_ms: u64, deadline_ms: u64, is_overdue: bool) -> Seat {
+        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
+        let reaction = Reaction {
+            deadline: Some(at(deadline_ms)),
+            is_overdue,
+            ..Reaction::default()
+        };
+        let mut seat = Seat::default();
+        seat.set_timer(at(now_ms), &reaction);
+        seat
+    }
+
+    #[test]
+    fn an_actor_that_is_overdue_is_counted_and_woken_after_a_pause() {
+        let seat = set(5_000, 4_000, true);
+        let paused = Timestamp::from_nanos(5_000_000_000) + OVERDUE_PAUSE;
+        assert_eq!((seat.deadline, seat.overdue), (Some(paused), 1));
+    }
+
+    #[test]
+    fn a_message_may_set_a_deadline_that_has_passed_already() {
+        let seat = set(5_000, 4_000, false);
+        let passed = Timestamp::from_nanos(4_000_000_000);
+        assert_eq!((seat.deadline, seat.overdue), (Some(passed), 0));
     }
 }

@@ -24,7 +24,7 @@ pub(crate) use plan::PROGRAM;
 pub use plan::{COMBINATIONS_MAX, Campaign, RUNS_MAX, Request};
 pub use publish::{Published, RUNS_CSV, RUNS_JSONL, SUMMARY_CSV, SUMMARY_HTML};
 pub use row::Row;
-pub use run::{JOBS_MAX, Progress, run};
+pub use run::{Effort, JOBS_MAX, Progress, RUN_LIMIT, run};
 pub use seeds::Seeds;
 pub use shard::Shard;
 pub use statistics::{Estimate, interval_ranks};

@@ -14,7 +14,7 @@ mod state;
 mod table;
 
 pub use coverage::{Coverage, Row};
-pub use run::{Finding, Progress, Searched, run};
+pub use run::{Finding, Progress, RUN_LIMIT, Searched, run};
 pub use search::{Request, Search};
 pub use state::CHAOS_JSON;
 pub use table::table;

@@ -2,25 +2,26 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use muster_runtime::diagnostic::read_text;
 
 use super::coverage::Coverage;
 use super::search::{Plan, Search};
-use super::shrink::{Broken, shrink};
+use super::shrink::shrink;
 use super::state::{self, Tally};
-use crate::campaign::CampaignError;
+use crate::campaign::{CampaignError, Effort};
 use crate::engine;
 use crate::report::{self, Complete, Engine, Report, Violation, is_completed, make_folder};
 use crate::scenario::{self, Scenario};
 
 /// How many plans a thread takes at once, and so how many are flown again after an interruption.
 const CHUNK: u64 = 50;
+/// Wall-clock time that a plan may be flown for, unless the operator says otherwise.
+pub const RUN_LIMIT: Duration = Duration::from_secs(60);
 /// The scenario that breaks a rule, and the folder of its report.
 const FOUND_TOML: &str = "found.toml";
 const FOUND: &str = "found";
@@ -94,10 +95,16 @@ pub struct Finding {
 struct Brought {
     chunk: u64,
     tally: Tally,
-    broken: Option<Plan>,
+    broken: Option<Broken>,
 }
 
-/// Flies the plans of a search, `jobs` at a time, until one breaks a rule, and makes that one small. How far the search
+/// A plan that breaks a rule, as it was drawn.
+struct Broken {
+    plan: Plan,
+    violation: Violation,
+}
+
+/// Flies the plans of a search, `effort.jobs` at a time, until one breaks a rule, and makes that one small. How far the search
 /// is, is kept in the folder `dir`: whatever stops the process, the same call goes on from there.
 ///
 /// Whatever flies is called within `around`, on each thread by itself.
@@ -108,16 +115,18 @@ struct Brought {
 pub fn run(
     search: &Search,
     dir: &Path,
-    jobs: NonZeroUsize,
+    effort: Effort,
     around: &(dyn Fn(&mut dyn FnMut()) + Sync),
     mut watcher: impl FnMut(Progress),
 ) -> Result<Searched, CampaignError> {
     let mut tally = state::begin(search, dir)?;
-    let broken = fly(search, dir, jobs, around, &mut tally, &mut watcher)?;
+    let broken = fly(search, dir, effort, around, &mut tally, &mut watcher)?;
     let mut finding = None;
-    if let Some(plan) = broken {
-        let mut found = Ok(None);
-        around(&mut || found = find(search, dir, &plan, &mut watcher).map(Some));
+    if let Some(broken) = broken {
+        let (run_limit, mut found) = (effort.run_limit, Ok(None));
+        around(&mut || {
+            found = find(search, dir, run_limit, &broken, &mut watcher).map(Some);
+        });
         finding = found?;
     }
     Ok(Searched {
@@ -135,11 +144,11 @@ pub fn run(
 fn fly(
     search: &Search,
     dir: &Path,
-    jobs: NonZeroUsize,
+    effort: Effort,
     around: &(dyn Fn(&mut dyn FnMut()) + Sync),
     tally: &mut Tally,
     watcher: &mut impl FnMut(Progress),
-) -> Result<Option<Plan>, CampaignError> {
+) -> Result<Option<Broken>, CampaignError> {
     let (kept, total) = (tally.plans, search.seeds().number());
     let mut told = |tally: &Tally| {
         watcher(Progress::Searching {
@@ -154,11 +163,19 @@ fn fly(
     let next = AtomicU64::new(0);
     let chunks = (total - kept).div_ceil(CHUNK);
     std::thread::scope(|scope| {
-        let (sender, receiver) = sync_channel(jobs.get());
-        for _ in 0..jobs.get() {
+        let (sender, receiver) = sync_channel(effort.jobs.get());
+        for _ in 0..effort.jobs.get() {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
-                around(&mut || work(search, (kept, total), (next, chunks), &sender));
+                around(&mut || {
+                    work(
+                        search,
+                        effort.run_limit,
+                        (kept, total),
+                        (next, chunks),
+                        &sender,
+                    );
+                });
             });
         }
         drop(sender);
@@ -188,6 +205,7 @@ fn fly(
 /// Takes chunks of plans until there are none left or nobody wants them.
 fn work(
     search: &Search,
+    run_limit: Duration,
     (kept, total): (u64, u64),
     (next, chunks): (&AtomicU64, u64),
     brings: &SyncSender<Result<Brought, CampaignError>>,
@@ -198,7 +216,7 @@ fn work(
             return;
         }
         let first = kept + chunk * CHUNK;
-        let brought = fly_chunk(search, first..(first + CHUNK).min(total));
+        let brought = fly_chunk(search, run_limit, first..(first + CHUNK).min(total));
         let brought = brought.map(|(tally, broken)| Brought {
             chunk,
             tally,
@@ -213,16 +231,18 @@ fn work(
 /// Flies some plans, up to the first that breaks a rule.
 fn fly_chunk(
     search: &Search,
+    run_limit: Duration,
     places: std::ops::Range<u64>,
-) -> Result<(Tally, Option<Plan>), CampaignError> {
+) -> Result<(Tally, Option<Broken>), CampaignError> {
     let started = Instant::now();
     let mut tally = Tally::default();
     let mut broken = None;
     for place in places {
         let (plan, scenario) = search.draw(search.seeds().at(place))?;
-        let outcome = engine::fly(&scenario, Engine::Events, None)?;
-        if !outcome.violations.is_empty() {
-            broken = Some(plan);
+        let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
+        if let Some(violation) = outcome.violations.first() {
+            let violation = violation.into();
+            broken = Some(Broken { plan, violation });
             break;
         }
         let simulated_s = outcome.ended.as_secs_f64();
@@ -238,45 +258,48 @@ fn fly_chunk(
     Ok((tally, broken))
 }
 
-/// The first rule that a scenario breaks.
-pub(super) fn broken(scenario: &Scenario) -> Result<Option<Broken>, CampaignError> {
-    let outcome = engine::fly(scenario, Engine::Events, None)?;
-    Ok(outcome.violations.first().map(|violation| Broken {
-        rule: violation.rule,
-    }))
-}
-
 /// Makes a plan that breaks a rule small, and writes it down as a scenario.
 fn find(
     search: &Search,
     dir: &Path,
-    plan: &Plan,
+    run_limit: Duration,
+    Broken { plan, violation }: &Broken,
     watcher: &mut impl FnMut(Progress),
 ) -> Result<Finding, CampaignError> {
-    let (small, tried) = shrink(search, plan, watcher)?;
+    let breaks = |scenario: &Scenario| {
+        let outcome = engine::fly_within(run_limit, scenario, Engine::Events)?;
+        let first = outcome.violations.first();
+        Ok(first.is_some_and(|it| it.rule == violation.rule))
+    };
+    let (small, tried) = shrink(search, plan, breaks, watcher)?;
     let mission = search.mission(&small)?;
     let mission_name = mission
         .file_name()
         .map_or_else(|| "mission.waypoints".into(), |name| name.to_string_lossy());
     let seed = format!("{}..={}", plan.seed, plan.seed);
-    let command = search.command(seed.parse().expect("one seed is a range"));
+    let mut command = search.command(seed.parse().expect("one seed is a range"));
+    if run_limit != RUN_LIMIT {
+        command.push_str(&format!(" --run-limit {}", run_limit.as_secs()));
+    }
     let text = search.written(&small, &mission_name)?;
     let text = format!("# Breaks a rule, as found by: {command}\n\n{text}");
     make_folder(dir)?;
     Complete::new(dir, &mission_name, read_text(&mission)?.as_bytes())?.publish()?;
     let path = Complete::new(dir, FOUND_TOML, text.as_bytes())?.publish()?;
     // What was written, and nothing else, is what breaks the rule.
-    let (report, flight) = engine::run(&scenario::load(&path, &[])?, Engine::Events, None)?;
+    let reread = scenario::load(&path, &[])?;
+    let (report, flight) = engine::run_within(run_limit, &reread, Engine::Events)?;
     let folder = dir.join(FOUND);
     let _ = fs::remove_dir_all(&folder);
     let written = report::write(&folder, &report, &flight)?;
-    let violation = (report.violations.first().cloned()).expect("the file says what was flown");
+    // A run that reached its limit may end within it the next time.
+    let again = report.violations.first().cloned();
     Ok(Finding {
         seed: plan.seed,
         command,
         faults: (plan.faults.len(), small.faults.len()),
         tried,
-        violation,
+        violation: again.unwrap_or_else(|| violation.clone()),
         scenario: path,
         report: Box::new(report),
         written,
@@ -285,6 +308,8 @@ fn find(
 
 #[cfg(test)]
 mod tests {
+    use std::num::NonZeroUsize;
+
     use super::super::search::Request;
     use super::*;
 
@@ -298,9 +323,15 @@ mod tests {
         .unwrap()
     }
 
+    fn effort(jobs: usize) -> Effort {
+        Effort {
+            jobs: NonZeroUsize::new(jobs).unwrap(),
+            run_limit: RUN_LIMIT,
+        }
+    }
+
     fn searched(seeds: &str, dir: &Path, jobs: usize) -> (u64, f64, Coverage) {
-        let jobs = NonZeroUsize::new(jobs).unwrap();
-        let searched = run(&search(seeds), dir, jobs, &|fly| fly(), |_| ()).unwrap();
+        let searched = run(&search(seeds), dir, effort(jobs), &|fly| fly(), |_| ()).unwrap();
         assert!(searched.finding.is_none());
         (searched.plans, searched.simulated_s, searched.coverage)
     }
@@ -317,17 +348,32 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_that_reaches_its_limit_is_a_finding_and_so_is_each_try_to_make_it_small() {
+        let folder = tempfile::tempdir().unwrap();
+        let effort = Effort {
+            run_limit: Duration::ZERO,
+            ..effort(2)
+        };
+        let searched = run(&search("3..9"), folder.path(), effort, &|fly| fly(), |_| ());
+        let finding = searched.unwrap().finding.unwrap();
+        let what = "the run did not end within 0 s of wall-clock time";
+        assert_eq!((finding.seed, finding.violation.rule), (3, 10));
+        assert_eq!(finding.violation.what, what);
+        assert_eq!(finding.faults.1, 0, "every smaller plan reaches it, too");
+        assert!(
+            finding.command.ends_with("--seeds 3..4 --run-limit 0"),
+            "{}",
+            finding.command
+        );
+        assert!(finding.scenario.exists());
+    }
+
+    #[test]
     fn a_folder_of_another_search_is_refused_and_left_alone() {
         let dir = tempfile::tempdir().unwrap();
         searched("0..2", dir.path(), 1);
         let kept = fs::read(dir.path().join(state::CHAOS_JSON)).unwrap();
-        let refused = run(
-            &search("5..7"),
-            dir.path(),
-            NonZeroUsize::MIN,
-            &|fly| fly(),
-            |_| (),
-        );
+        let refused = run(&search("5..7"), dir.path(), effort(1), &|fly| fly(), |_| ());
         let message = refused.unwrap_err().to_string();
         assert!(message.contains("another search"), "{message}");
         assert_eq!(fs::read(dir.path().join(state::CHAOS_JSON)).unwrap(), kept);

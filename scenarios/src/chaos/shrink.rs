@@ -5,29 +5,23 @@ use std::time::Duration;
 
 use muster_machines::time::Timestamp;
 
-use super::run::{Progress, broken};
+use super::run::Progress;
 use super::search::{Plan, Search};
 use crate::campaign::CampaignError;
-use crate::scenario::{Fault, FaultKind, Links, Target, When};
+use crate::scenario::{Fault, FaultKind, Links, Scenario, Target, When};
 
 /// The most plans that are tried.
 const TRIED_MAX: u64 = 600;
 
-/// What breaks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Broken {
-    pub(super) rule: u8,
-}
-
-/// A smaller plan that breaks the same rule, and how many were tried. Faults go first, one after another; then the
+/// A smaller plan of which `breaks` holds, which holds of `plan`, and how many were tried. Faults go first, one after another; then the
 /// swarm gets simpler values; then what is left of the faults gets simpler. All that again, as long as it helps.
 pub(super) fn shrink(
     search: &Search,
     plan: &Plan,
+    breaks: impl Fn(&Scenario) -> Result<bool, CampaignError>,
     watcher: &mut impl FnMut(Progress),
 ) -> Result<(Plan, u64), CampaignError> {
     let mut small = plan.clone();
-    let rule = broken(&search.scenario(&small)?)?;
     let mut tried = 0;
     loop {
         let mut candidates = smaller(&small).into_iter();
@@ -48,7 +42,7 @@ pub(super) fn shrink(
             if names_strangers(&candidate, scenario.nodes()) {
                 continue;
             }
-            if broken(&scenario)? == rule {
+            if breaks(&scenario)? {
                 break Some(candidate);
             }
         };

@@ -10,6 +10,7 @@ mod election;
 mod failure;
 mod landing;
 mod obedience;
+mod progress;
 mod separation;
 mod settled;
 
@@ -21,6 +22,7 @@ pub(crate) use election::ElectionChecker;
 pub(crate) use failure::unplanned_failure;
 pub(crate) use landing::check_landed;
 pub(crate) use obedience::ObedienceChecker;
+pub(crate) use progress::ProgressChecker;
 pub(crate) use separation::SeparationChecker;
 pub(crate) use settled::{SettledChecker, Standing};
 

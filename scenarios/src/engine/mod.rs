@@ -2,11 +2,13 @@
 
 mod actors;
 mod events;
+mod run_limit;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use thiserror::Error;
 
+pub(crate) use self::run_limit::RunLimit;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
@@ -47,20 +49,44 @@ pub fn run(
     watcher: Option<Watcher>,
 ) -> Result<(Report, Flight), RunError> {
     let started = Instant::now();
-    let outcome = fly(scenario, engine, watcher)?;
+    let world = World::new(scenario);
+    let outcome = fly_world(scenario, engine, world, watcher)?;
     Ok(summary(scenario, Some(engine), &outcome, started.elapsed()))
 }
 
-/// Likewise, and gives what came of it as it is.
+/// Likewise; a run that takes longer than `run_limit` of wall-clock time ends there and breaks rule 10.
 ///
 /// # Errors
 /// As [`run`].
-pub(crate) fn fly(
+pub(crate) fn run_within(
+    run_limit: Duration,
     scenario: &Scenario,
     engine: Engine,
+) -> Result<(Report, Flight), RunError> {
+    let started = Instant::now();
+    let outcome = fly_within(run_limit, scenario, engine)?;
+    Ok(summary(scenario, Some(engine), &outcome, started.elapsed()))
+}
+
+/// As [`run_within`], without a report.
+///
+/// # Errors
+/// As [`run`].
+pub(crate) fn fly_within(
+    run_limit: Duration,
+    scenario: &Scenario,
+    engine: Engine,
+) -> Result<Outcome, RunError> {
+    let world = World::new(scenario).within(RunLimit::begin(run_limit));
+    fly_world(scenario, engine, world, None)
+}
+
+fn fly_world(
+    scenario: &Scenario,
+    engine: Engine,
+    world: World,
     watcher: Option<Watcher>,
 ) -> Result<Outcome, RunError> {
-    let world = World::new(scenario);
     let meter = watcher.map(|watcher| Meter::new(scenario, watcher));
     let world = match engine {
         Engine::Actors => actors::run(scenario, world, meter)?,

@@ -35,6 +35,8 @@ pub(super) struct Drone {
     pub(crate) hangs: u32,
     pub(super) clock: Clock,
     motion: u32,
+    /// When it was last stepped, and the number of its steps at that instant.
+    steps: (Timestamp, u64),
 }
 
 /// What is kept of one of a drone's actors.
@@ -68,7 +70,17 @@ impl Drone {
             hangs: 0,
             clock: Clock::default(),
             motion: 0,
+            steps: (Timestamp::ZERO, 0),
         }
+    }
+
+    /// Counts a step; the number of its steps at this instant, this one included.
+    pub(crate) fn count_step(&mut self, now: Timestamp) -> u64 {
+        if self.steps.0 != now {
+            self.steps = (now, 0);
+        }
+        self.steps.1 += 1;
+        self.steps.1
     }
 
     /// Reads what a frame for it will touch, as [`Cell::read_ahead`](muster_machines::cell::Cell::read_ahead) does.

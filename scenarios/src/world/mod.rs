@@ -54,8 +54,9 @@ use self::trace::{HEADING_LEN, Kind, Trace};
 use self::whereabouts::Whereabouts;
 use crate::checkers::{
     AdmissionChecker, ArmingChecker, BoundsChecker, ElectionChecker, ObedienceChecker,
-    SeparationChecker, Violation, check_landed, unplanned_failure,
+    ProgressChecker, SeparationChecker, Violation, check_landed, unplanned_failure,
 };
+use crate::engine::RunLimit;
 use crate::scenario::{Mishap, Occasion, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -195,6 +196,8 @@ enum Origin {
 pub(crate) struct World {
     now: Timestamp,
     limit: Timestamp,
+    /// Ends the run after so much wall-clock time.
+    run_limit: Option<RunLimit>,
     heap: Heap<Planned>,
     plan: Plan,
     tampering: Tampering,
@@ -236,6 +239,7 @@ pub(crate) struct World {
     arming: ArmingChecker,
     separation: SeparationChecker,
     bounds: BoundsChecker,
+    progress: ProgressChecker,
     /// The frame that a radio was told of last, where somebody listens.
     told_of: Option<Bytes>,
     violation: Option<Violation>,
@@ -282,6 +286,7 @@ impl World {
         Self {
             now: Timestamp::ZERO,
             limit: Timestamp::ZERO + scenario.bound(),
+            run_limit: None,
             heap,
             tampering: Tampering::new(
                 generator(FAULTS_STREAM),
@@ -318,12 +323,21 @@ impl World {
             bounds: BoundsChecker {
                 waiting_max: scenario.limits.waiting_max,
             },
+            progress: ProgressChecker::new(nodes, scenario.limits.waiting_max),
             told_of: None,
             violation: None,
             crashing: None,
             struck: Vec::new(),
             #[cfg(test)]
             said: Vec::new(),
+        }
+    }
+
+    /// The same world, whose run ends once this limit has passed.
+    pub(crate) fn within(self, run_limit: RunLimit) -> Self {
+        Self {
+            run_limit: Some(run_limit),
+            ..self
         }
     }
 
@@ -348,7 +362,23 @@ impl World {
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
         self.obedience.goes_on();
+        let task = self.next_task()?;
+        let (now, drone) = (self.now, task.drone);
+        let nth = self.drone(drone).count_step(now);
+        match self.progress.steps(now, drone, task.address, nth) {
+            None => Some(task),
+            Some(spins) => self.give_up(spins),
+        }
+    }
+
+    fn next_task(&mut self) -> Option<Task> {
         loop {
+            if let Some(run_limit) = &mut self.run_limit
+                && run_limit.is_over()
+            {
+                let overran = ProgressChecker::overran(self.now, run_limit.limit);
+                return self.give_up(overran);
+            }
             while let Some((drone, message)) = self.inbox.pop_front() {
                 self.drone(drone).unqueue(message.envelope.address());
                 if let Some(task) = self.hand_over(drone, message) {
@@ -370,6 +400,13 @@ impl World {
                 return Some(task);
             }
         }
+    }
+
+    /// Ends a run that would not end by itself, whether or not rules are checked.
+    fn give_up(&mut self, why: Violation) -> Option<Task> {
+        self.inbox.clear();
+        self.violation.get_or_insert(why);
+        None
     }
 
     /// Hands a message to the actor that it is for: a task, if that runs.
@@ -549,6 +586,8 @@ impl World {
         if self.checks {
             let table = reaction.occupancy;
             self.find(self.bounds.table(self.now, drone, from, table));
+            let is_overdue = reaction.is_overdue;
+            self.find(ProgressChecker::stepped(self.now, drone, from, is_overdue));
         }
         self.set_timer(drone, from, reaction.deadline);
     }

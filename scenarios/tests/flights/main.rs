@@ -16,6 +16,7 @@ mod planted;
 mod relay;
 mod settling;
 mod shipped;
+mod spinning;
 mod support;
 mod thesis;
 mod tree;

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 
 use muster_machines::flaw::{Flaw, plant};
+use muster_scenarios::campaign::Effort;
 use muster_scenarios::chaos::{self, Request, Search};
 use muster_scenarios::engine::{self, Engine};
 use muster_scenarios::scenario;
@@ -12,7 +13,7 @@ use muster_scenarios::scenario;
 const PLANS: u64 = 2_000;
 const FAULTS_MAX: usize = 3;
 
-const PLANTED: [Flaw; 13] = [
+const PLANTED: [Flaw; 14] = [
     Flaw::NeverStepsDown,
     Flaw::CountsEchoes,
     Flaw::ObeysAnyMaster,
@@ -26,6 +27,7 @@ const PLANTED: [Flaw; 13] = [
     Flaw::LeavesWhatFails,
     Flaw::NeverClaims,
     Flaw::BelievesTheUnproven,
+    Flaw::DeadlineInThePast,
 ];
 
 /// What takes hundreds of plans to be found.
@@ -61,7 +63,12 @@ fn assert_found(planted: &[Flaw]) {
             let _planted = plant(flaw);
             fly();
         };
-        let searched = chaos::run(&search.unwrap(), folder.path(), jobs, &around, |_| ()).unwrap();
+        let effort = Effort {
+            jobs,
+            run_limit: chaos::RUN_LIMIT,
+        };
+        let searched =
+            chaos::run(&search.unwrap(), folder.path(), effort, &around, |_| ()).unwrap();
         let Some(finding) = searched.finding else {
             panic!("{flaw:?} is not found in {PLANS} plans");
         };

@@ -117,7 +117,8 @@ impl Mission {
         };
         if let Some(followed) = self.followed() {
             // After a stall it does not catch up on what it has left out.
-            followed.next_fix = (due + period).max(now);
+            let next = due + period;
+            followed.next_fix = if next > now { next } else { now + period };
         }
         self.outbox.transmit(Transmit::Locate);
         self.checkpoint();

@@ -724,10 +724,10 @@ impl Machine for Mission {
 
     fn handle_timeout(&mut self, now: Timestamp) {
         self.allow_for_stall(now);
-        self.locate_if_due(now);
         self.end_flight_if_due(now);
         self.end_patience_if_due(now);
-        if self.succeeds_at().is_some_and(|at| at <= now) {
+        let is_needed = self.succeeds_at().is_some_and(|at| at <= now);
+        if is_needed && !flaw::has(Flaw::DeadlineInThePast) {
             self.succeed(now);
             self.checkpoint();
         }
@@ -743,6 +743,8 @@ impl Machine for Mission {
             }
             self.checkpoint();
         }
+        // Any of the above may have made it a master that is followed, which tells at once where it is.
+        self.locate_if_due(now);
         self.punctuality.ask(now, self.deadline());
     }
 

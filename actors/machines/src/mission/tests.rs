@@ -74,15 +74,14 @@ fn stimulate(
     stimulus: Stimulus<Input>,
 ) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
-    let Ok(_) = step(
-        mission,
-        Timestamp::from_secs_f64(at_s),
-        stimulus,
-        |said| match said {
-            Said::Transmit(transmit) => transmits.push(transmit),
-            Said::Event(event) => events.push(event),
-        },
-    );
+    let now = Timestamp::from_secs_f64(at_s);
+    let is_timeout = stimulus == Stimulus::Timeout;
+    let Ok(deadline) = step(mission, now, stimulus, |said| match said {
+        Said::Transmit(transmit) => transmits.push(transmit),
+        Said::Event(event) => events.push(event),
+    });
+    let is_overdue = is_timeout && deadline.is_some_and(|deadline| deadline <= now);
+    assert!(!is_overdue, "at {now} its deadline is {deadline:?}");
     (transmits, events)
 }
 

@@ -131,6 +131,7 @@ impl State {
                 waiting_max: number(book.map(muster_actors::AddressBook::waiting_max)),
                 failures: seat.failures,
                 restarts: seat.restarts(),
+                overdue: seat.overdue,
             };
             (address.to_string(), actor)
         });

@@ -8,6 +8,7 @@ fn status(drone: u32) -> Status {
         waiting_max: 64,
         failures: 1,
         restarts: 1,
+        overdue: 0,
     };
     let heard = |silent_s| Heard {
         frames: 7,

@@ -124,6 +124,15 @@ fn a_master_says_each_period_where_it_is_and_waits_for_nobody() {
 }
 
 #[test]
+fn a_master_whose_host_stalled_says_once_where_it_is_and_then_each_period() {
+    let (mut master, _) = followed_master(false);
+    for (at_s, says) in [(31.0, true), (35.0, true), (35.1, false), (35.2, true)] {
+        let (said, _) = stimulate(&mut master, at_s, Stimulus::Timeout);
+        assert_eq!(said.contains(&Transmit::Locate), says, "at {at_s} s");
+    }
+}
+
+#[test]
 fn a_master_at_the_end_of_its_path_calls_all_together_and_lands_once_they_are_there() {
     let (mut master, _) = followed_master(false);
     arrives(&mut master, 50.0);
