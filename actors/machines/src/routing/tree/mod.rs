@@ -678,6 +678,9 @@ impl Policy for TreePolicy {
         delivered: bool,
     ) {
         self.medium_tells = true;
+        if core.durable.stopped {
+            return;
+        }
         let Ok(told) = wire::decode_tree(payload) else {
             return;
         };
@@ -778,6 +781,8 @@ impl Policy for TreePolicy {
         self.probe_while_due(core, now);
         self.retransmit_while_due(core, now);
         self.beacon_if_due(core, now);
+        // A neighbour that was forgotten by then may have been the parent.
+        self.probe_while_due(core, now);
     }
 
     fn deadline(&self, core: &Core) -> Option<Timestamp> {
