@@ -48,7 +48,7 @@ const RADIOS: [Named; 7] = [
     ("csma 80211a", &["radio.medium=csma", "radio.model=80211a"]),
     ("csma nakagami", &["radio.medium=csma", "radio.model=nakagami"]),
     ("ideal nakagami", &["radio.medium=ideal", "radio.model=nakagami"]),
-    ("bursts", &["radio.medium=ideal", "radio.model=range"]),
+    ("bursts", &["radio.medium=ideal", "radio.model=range", "radio.burst_every_ms=380", "radio.burst_ms=20"]),
 ];
 
 const POLICIES: [&str; 2] = ["tree", "flood"];
