@@ -205,6 +205,26 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         ),
         (
             "range_m = 300",
+            "range_m = 300\nburst_every_ms = 380",
+            &["`burst_ms` is missing", "`radio.burst_every_ms` is"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nburst_ms = 20",
+            &["`burst_every_ms` is missing", "`radio.burst_ms` is"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nburst_loss = 0.5",
+            &["there are no bursts", "`radio.burst_loss` is"],
+        ),
+        (
+            "range_m = 300",
+            "range_m = 300\nburst_every_ms = 0\nburst_ms = 20",
+            &["0 is not a whole number", "`radio.burst_every_ms` is"],
+        ),
+        (
+            "range_m = 300",
             "range_m = 300\nmedium = \"csma\"\nlatency_us = 100",
             &["takes its airtime", "latency_us"],
         ),

@@ -106,7 +106,15 @@ const RADIOS: [Named; 7] = [
         "ideal nakagami",
         &["radio.medium=ideal", "radio.model=nakagami"],
     ),
-    ("bursts", &["radio.medium=ideal", "radio.model=range"]),
+    (
+        "bursts",
+        &[
+            "radio.medium=ideal",
+            "radio.model=range",
+            "radio.burst_every_ms=380",
+            "radio.burst_ms=20",
+        ],
+    ),
 ];
 
 const POLICIES: [&str; 2] = ["tree", "flood"];

@@ -117,6 +117,18 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     ("radio.loss", "a share from 0 to 1"),
     (
+        "radio.burst_every_ms",
+        "milliseconds, a whole number from 1 to 3600000, with `burst_ms`",
+    ),
+    (
+        "radio.burst_ms",
+        "milliseconds, a whole number from 1 to 3600000, with `burst_every_ms`",
+    ),
+    (
+        "radio.burst_loss",
+        "a share from 0 to 1, with `burst_every_ms` and `burst_ms`",
+    ),
+    (
         "radio.medium",
         "\"ideal\" or \"csma\": how radios share the medium",
     ),

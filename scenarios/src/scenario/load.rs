@@ -12,7 +12,7 @@ use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::mission_file;
-use muster_transport::sim::{self, Access, Propagation};
+use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
 use super::failsafe::{check_fence, failsafe, fence};
@@ -280,9 +280,38 @@ fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
     Ok(sim::Config {
         propagation,
         loss: radio.loss.0,
+        bursts: bursts(source, radio)?,
         access,
         datagram_max: wire::DATAGRAM_MAX,
     })
+}
+
+/// When links lose frames in bursts, if they do.
+fn bursts(source: &Source, radio: &super::raw::Radio) -> Result<Option<Bursts>, BadInput> {
+    let (every, length) = match (&radio.burst_every_ms, &radio.burst_ms, &radio.burst_loss) {
+        (Some(every), Some(length), _) => (every.get_ref(), length.get_ref()),
+        (Some(every), None, _) => {
+            let message = "bursts without a length: the field `burst_ms` is missing";
+            return Err(source.error(every.span(), message));
+        }
+        (None, Some(length), _) => {
+            let message =
+                "bursts without a time between them: the field `burst_every_ms` is missing";
+            return Err(source.error(length.span(), message));
+        }
+        (None, None, Some(loss)) => {
+            let message = "a loss in bursts, and there are no bursts";
+            return Err(source.error(loss.span(), message));
+        }
+        (None, None, None) => return Ok(None),
+    };
+    let loss = radio.burst_loss.as_ref().map_or(1.0, |it| it.get_ref().0);
+    // Where nothing is lost in bursts, nothing is drawn for them either.
+    Ok((loss > 0.0).then(|| Bursts {
+        every: Duration::from_millis(every.0),
+        length: Duration::from_millis(length.0),
+        loss,
+    }))
 }
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,

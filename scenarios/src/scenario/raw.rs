@@ -140,6 +140,9 @@ pub(super) struct Radio {
     pub(super) nakagami_m: Option<Spanned<Shape>>,
     #[serde(default)]
     pub(super) loss: Share,
+    pub(super) burst_every_ms: Option<Spanned<Milliseconds>>,
+    pub(super) burst_ms: Option<Spanned<Milliseconds>>,
+    pub(super) burst_loss: Option<Spanned<Share>>,
     #[serde(default)]
     pub(super) medium: MediumName,
     pub(super) latency_us: Option<Spanned<Whole<0, 60_000_000>>>,

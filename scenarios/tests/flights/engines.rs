@@ -77,6 +77,23 @@ fn both_engines_agree_on_a_medium_that_fades_and_is_shared() {
 }
 
 #[test]
+fn both_engines_agree_on_losses_in_bursts() {
+    let bursts = ["radio.burst_every_ms=380", "radio.burst_ms=20"];
+    for medium in ["radio.medium=ideal", "radio.medium=csma"] {
+        let trace = |fields: &[&str]| {
+            let fields = [&[medium], fields].concat();
+            fly(&scenario("thesis-1.toml", &fields), Engine::Events).trace
+        };
+        let bursty = scenario("thesis-1.toml", &[bursts[0], bursts[1], medium]);
+        let report = on_both_engines(&bursty);
+        assert_all_finished(&report);
+        assert_ne!(report.trace, trace(&[]));
+        let in_vain = [bursts[0], bursts[1], "radio.burst_loss=0"];
+        assert_eq!(trace(&in_vain), trace(&[]), "something is drawn");
+    }
+}
+
+#[test]
 fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
     let trace =
         |overrides: &[&str]| fly(&scenario("thesis-1.toml", overrides), Engine::Events).trace;

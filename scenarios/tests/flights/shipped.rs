@@ -78,7 +78,11 @@ fn links_that_come_and_go_or_carry_one_way_cost_nobody() {
 fn a_master_that_hangs_is_replaced_and_rejoins() {
     let report = flown("hung-master");
     assert_flown("hung-master", &report, &[]);
-    assert_eq!(masters(&report).last().unwrap(), &[2], "not the one that hung");
+    assert_eq!(
+        masters(&report).last().unwrap(),
+        &[2],
+        "not the one that hung"
+    );
 }
 
 #[test]

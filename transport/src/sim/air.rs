@@ -1,9 +1,11 @@
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::Config;
+use super::bursts::BurstyLinks;
 use super::disturbance::Disturbance;
 use super::grid::Grid;
 use super::propagation::Curve;
@@ -16,6 +18,7 @@ pub(super) struct Air {
     grid: Grid,
     curve: Curve,
     loss: f64,
+    bursts: Option<BurstyLinks>,
     pub(super) disturbance: Disturbance,
 }
 
@@ -26,6 +29,7 @@ impl Air {
             grid: Grid::new(curve.reach_m(), places),
             curve,
             loss: config.loss,
+            bursts: config.bursts.map(BurstyLinks::new),
             disturbance: Disturbance::default(),
             rng,
         }
@@ -74,7 +78,8 @@ impl Air {
     }
 
     fn heard_undisturbed(&self, distance_m: f64) -> f64 {
-        self.curve.delivery(distance_m) * (1.0 - self.loss)
+        let in_bursts = self.bursts.as_ref().map_or(0.0, BurstyLinks::mean_loss);
+        self.curve.delivery(distance_m) * (1.0 - self.loss) * (1.0 - in_bursts)
     }
 
     /// The share of frames that is lost on the way from one radio to another because something disturbs it, 0 to 1.
@@ -90,8 +95,13 @@ impl Air {
     }
 
     /// Draws whether a frame gets from one radio to another that may hear it.
-    pub(super) fn carries(&mut self, from: NodeId, to: NodeId) -> bool {
+    pub(super) fn carries(&mut self, now: Timestamp, from: NodeId, to: NodeId) -> bool {
         if self.disturbance.loss(from, to) >= 1.0 {
+            return false;
+        }
+        if let Some(bursts) = &mut self.bursts
+            && bursts.is_lost(now, (from, to), &mut self.rng)
+        {
             return false;
         }
         if self.curve.is_certain() {

@@ -42,7 +42,7 @@ impl Ideal {
         air.in_reach(from, &mut in_reach)?;
         let mut arrived = None;
         for id in in_reach.drain(..) {
-            if air.carries(from, id) && !air.is_lost(from, id) {
+            if air.carries(now, from, id) && !air.is_lost(from, id) {
                 let at = now + self.travel_time(air);
                 if to == Destination::To(id) {
                     arrived = Some(at);

@@ -1,6 +1,7 @@
 //! A simulated medium: radios at places, what each hears of the others, and when.
 
 mod air;
+mod bursts;
 mod csma;
 mod disturbance;
 mod gamma;
@@ -19,6 +20,7 @@ use muster_machines::time::Timestamp;
 use rand_chacha::ChaCha8Rng;
 
 use self::air::Air;
+pub use self::bursts::Bursts;
 use self::csma::Csma;
 use self::ideal::Ideal;
 pub use self::propagation::Propagation;
@@ -31,6 +33,8 @@ pub struct Config {
     pub propagation: Propagation,
     /// The share of frames that each receiver misses besides, drawn for each frame and receiver; 0 to 1.
     pub loss: f64,
+    /// What is lost besides, in bursts; `None` if losses don't come in bursts, and then nothing is drawn for it.
+    pub bursts: Option<Bursts>,
     /// How radios share the medium.
     pub access: Access,
     /// The largest datagram, in bytes.
@@ -144,7 +148,7 @@ impl Medium {
     }
 
     /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
-    /// by the configured share, and by what disturbs the link. What others send at the same time is not in it. 1 for a
+    /// by the configured share, by bursts in the long run, and by what disturbs the link. What others send at the same time is not in it. 1 for a
     /// radio that is not there.
     #[must_use]
     pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {

@@ -9,6 +9,7 @@ use crate::{Arrival, Fate};
 const CONFIG: Config = Config {
     propagation: Propagation::Range { range_m: RANGE_M },
     loss: 0.0,
+    bursts: None,
     access: Access::Ideal {
         latency: Duration::from_micros(200),
         jitter: Duration::from_micros(100),
@@ -276,4 +277,136 @@ fn heard_by_all(medium: &mut Medium, from: u32) -> Vec<u32> {
         }));
     }
     heard
+}
+
+/// A twentieth of the time.
+const BURSTS: Bursts = Bursts {
+    every: Duration::from_millis(380),
+    length: Duration::from_millis(20),
+    loss: 1.0,
+};
+
+/// Which frames are lost between two radios that send by turns, one in each millisecond.
+fn lost_in_bursts(access: Access, bursts: Bursts, frames: u64) -> Vec<bool> {
+    let config = Config {
+        bursts: Some(bursts),
+        access,
+        ..CONFIG
+    };
+    let mut medium = medium(config, 11, &line(2, 100.0));
+    let mut lost = Vec::new();
+    for frame in 0..frames {
+        let now = Timestamp::from_nanos(frame * 1_000_000);
+        let from = NodeId(u32::from(frame % 2 == 1));
+        medium
+            .send(now, from, Destination::Broadcast, &Bytes::new())
+            .unwrap();
+        while let Some(at) = medium.next_timeout() {
+            medium.handle_timeout(at);
+        }
+        lost.push(std::iter::from_fn(|| medium.poll_event()).count() == 0);
+    }
+    lost
+}
+
+/// The share of frames of which that is so.
+fn share<'a>(frames: impl IntoIterator<Item = &'a bool>) -> f64 {
+    let (mut so, mut all) = (0.0, 0.0);
+    for is_so in frames {
+        so += f64::from(u8::from(*is_so));
+        all += 1.0;
+    }
+    so / all
+}
+
+#[test]
+fn bursts_last_as_long_and_come_as_often_as_configured_whoever_sends() {
+    for access in [CONFIG.access, CSMA] {
+        let lost = lost_in_bursts(access, BURSTS, 400_000);
+        // States are forgotten with a time constant of 19 ms, so the share in 400 s has a standard deviation of
+        // √(2 · 0.05 · 0.95 · 0.019 / 400) = 0.0021.
+        let lost_share = share(&lost);
+        assert!((lost_share - 0.05).abs() < 0.009, "{lost_share} {access:?}");
+        let starts: Vec<bool> = lost.windows(2).map(|it| !it[0] && it[1]).collect();
+        // Bursts within a millisecond are not seen: 1 / (0.95 · (1 − exp(−1 / 19))) = 20.5 frames. Of a thousand bursts
+        // the mean has a standard deviation of 0.65.
+        let frames_a_burst = lost_share / share(&starts);
+        assert!(
+            (frames_a_burst - 20.5).abs() < 2.6,
+            "{frames_a_burst} {access:?}"
+        );
+    }
+}
+
+#[test]
+fn losses_in_bursts_come_in_runs_of_the_configured_share() {
+    let half = Bursts {
+        loss: 0.5,
+        ..BURSTS
+    };
+    for access in [CONFIG.access, CSMA] {
+        let lost = lost_in_bursts(access, half, 400_000);
+        let lost_share = share(&lost);
+        assert!(
+            (lost_share - half.mean_loss()).abs() < 0.005,
+            "{lost_share}"
+        );
+        // The link is still in a burst after a millisecond with 0.951, and then loses half. Some 10,000 draws in a
+        // thousand bursts have a standard deviation of 0.01 at most.
+        let after_a_loss = lost.windows(2).filter(|it| it[0]).map(|it| &it[1]);
+        let after_a_loss = share(after_a_loss);
+        assert!((after_a_loss - 0.476).abs() < 0.04, "{after_a_loss}");
+    }
+}
+
+#[test]
+fn each_two_radios_have_bursts_of_their_own() {
+    let config = Config {
+        bursts: Some(BURSTS),
+        ..CONFIG
+    };
+    let mut medium = medium(config, 2, &line(41, 1.0));
+    let mut heard = Vec::new();
+    for second in 0..100 {
+        let now = Timestamp::ZERO + Duration::from_secs(second);
+        medium
+            .send(now, NodeId(0), Destination::Broadcast, &Bytes::new())
+            .unwrap();
+        heard.push(std::iter::from_fn(|| medium.poll_event()).count());
+    }
+    // 40 links that are in a burst for a twentieth of the time: 38 ± 1.4 of each frame, 3,800 ± 14 of all.
+    let all: usize = heard.iter().sum();
+    assert!((3_740..3_860).contains(&all), "{all}");
+    assert!(heard.iter().all(|it| *it > 28), "{heard:?}");
+}
+
+#[test]
+fn the_chance_of_loss_has_that_of_bursts_in_the_long_run() {
+    let half = Bursts {
+        loss: 0.5,
+        ..BURSTS
+    };
+    let config = Config {
+        loss: 0.2,
+        bursts: Some(half),
+        ..CONFIG
+    };
+    let mut medium = medium(config, 1, &line(2, 100.0));
+    let expected = 1.0 - 0.8 * 0.975;
+    assert!((medium.loss(NodeId(0), NodeId(1)) - expected).abs() < 1e-12);
+    medium.each_link(|_, _, losses| {
+        assert!(losses.iter().all(|loss| (loss - expected).abs() < 1e-12));
+    });
+}
+
+#[test]
+fn an_unused_link_forgets_its_state_at_the_exact_rate() {
+    // By hand: 0.05 + 0.95 · exp(−1) after a time constant of 19 ms, and 0.05 · (1 − exp(−1)).
+    let constant = Duration::from_millis(19);
+    assert!((BURSTS.share_after(1.0, constant) - 0.399_485).abs() < 1e-6);
+    assert!((BURSTS.share_after(0.0, constant) - 0.031_606).abs() < 1e-6);
+    // Twice half of the time comes to the same.
+    let half = BURSTS.share_after(1.0, constant / 2);
+    assert!((BURSTS.share_after(half, constant / 2) - 0.399_485).abs() < 1e-6);
+    assert!((BURSTS.share_after(1.0, Duration::ZERO) - 1.0).abs() < 1e-12);
 }

@@ -139,6 +139,7 @@ fn medium(propagation: Propagation, places: &[Ned], seed: u64) -> Medium {
     let config = Config {
         propagation,
         loss: 0.0,
+        bursts: None,
         access: Access::Csma {
             jitter: Duration::ZERO,
             queue_max: QUEUE_MAX,

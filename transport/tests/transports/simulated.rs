@@ -25,6 +25,7 @@ impl Simulated {
         let config = Config {
             propagation: Propagation::Range { range_m: 100.0 },
             loss: 0.0,
+            bursts: None,
             access,
             datagram_max: DATAGRAM_MAX,
         };

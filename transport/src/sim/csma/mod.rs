@@ -50,7 +50,7 @@ struct Hearer {
 
 /// A medium that radios share: carrier sense, back-off, collisions, acknowledgements.
 ///
-/// A radio that a frame does not get to at all (too far, a fade) does not sense it either; one on which it is lost
+/// A radio that a frame does not get to at all (too far, a fade, a burst) does not sense it either; one on which it is lost
 /// (`loss`) does. Left out: propagation delay (1 µs at 300 m), the longer pause after a spoilt frame (EIFS), RTS/CTS,
 /// rates other than 6 Mb/s. A frame costs the radios that hear it, and the logarithm of what is planned for each.
 #[derive(Debug)]
@@ -193,7 +193,7 @@ impl Csma {
             .expect("every station has a place");
         let mut hearers = std::mem::take(&mut self.frames[frame.0].hearers);
         for id in in_reach.drain(..) {
-            if air.carries(from, id) {
+            if air.carries(now, from, id) {
                 let is_damaged = air.is_lost(from, id);
                 hearers.push(Hearer { id, is_damaged });
                 let hearer = self.station(id);

@@ -10,6 +10,7 @@ use crate::Transport;
 const CONFIG: Config = Config {
     propagation: Propagation::Range { range_m: 300.0 },
     loss: 0.0,
+    bursts: None,
     access: Access::Csma {
         jitter: Duration::ZERO,
         queue_max: NonZeroUsize::new(10).unwrap(),
