@@ -6,6 +6,8 @@ use crate::routing::heartbeat::RESTART_GAP;
 /// How many frames the estimate of a link's loss remembers by which a neighbour is missed; it is their mean as long as
 /// there were fewer.
 const MEMORY: u16 = 50;
+/// And the one by which it is probed for longer.
+const LONG: u16 = 250;
 /// And the one by which routes are chosen, which follows drones that fly apart.
 const RECENT: u16 = 12;
 /// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
@@ -48,6 +50,9 @@ pub(super) struct Quality {
     recent_loss: f64,
     /// How many frames that was told from, up to [`MEMORY`].
     frames: u16,
+    /// And of the last [`LONG`]; and of how many it is the mean.
+    long_loss: f64,
+    long_frames: u16,
     /// After how many beacons of silence it is stale, and after how many it is lost.
     pub(super) stale_beacons: u16,
     pub(super) lost_beacons: u16,
@@ -64,6 +69,8 @@ impl Quality {
             loss: 0.0,
             recent_loss: 0.0,
             frames: 0,
+            long_loss: 0.0,
+            long_frames: 0,
             stale_beacons: 0,
             lost_beacons: 0,
             heard: WELL,
@@ -99,6 +106,8 @@ impl Quality {
     fn learn(&mut self, missed: f64) {
         self.frames = (self.frames + 1).min(MEMORY);
         self.loss += (missed - self.loss) / f64::from(self.frames);
+        self.long_frames = (self.long_frames + 1).min(LONG);
+        self.long_loss += (missed - self.long_loss) / f64::from(self.long_frames);
         self.recent_loss += (missed - self.recent_loss) / f64::from(self.frames.min(RECENT));
     }
 
@@ -168,6 +177,11 @@ impl Quality {
         self.both().into_iter().any(|it| it < POOR)
     }
 
+    /// The share of what is missed over a long time; a link that loses often may lose in bursts.
+    pub(super) const fn long_loss(&self) -> f64 {
+        self.long_loss
+    }
+
     /// Whether it is known well enough to be preferred to another.
     pub(super) const fn is_proven(&self) -> bool {
         self.frames >= PROVEN
@@ -212,7 +226,6 @@ impl Quality {
     /// Its loss, by the rule of succession: so that few frames prove little.
     fn cautious_loss(&self) -> f64 {
         let frames = f64::from(self.frames);
-        let loss = (self.loss * frames + 1.0) / (frames + 2.0);
-        loss.max(self.recent_loss)
+        (self.loss * frames + 1.0) / (frames + 2.0)
     }
 }
