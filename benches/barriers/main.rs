@@ -295,21 +295,8 @@ fn fly(arguments: &Arguments, set: &[String]) -> Result<Cell, Box<dyn Error>> {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = arguments()?;
     println!(
-        "{:<14} {:<15} {:>4} {:>6} {:>6} {:>7} {:>7} {:>9} {:>9} {:>7} {:>7} {:>5} {:>6}  {}",
-        "",
-        "",
-        "hops",
-        "p50",
-        "bound",
-        "p99",
-        "bound",
-        "flood p50",
-        "flood p99",
-        "msgs",
-        "flood",
-        "elect",
-        "budget",
-        "longest: seed"
+        "{:30} hops    p50  bound     p99   bound flood p50 flood p99    msgs   flood elect budget  longest: seed",
+        ""
     );
     let mut missed = 0;
     for (formation, place) in FORMATIONS {

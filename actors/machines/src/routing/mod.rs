@@ -334,6 +334,10 @@ trait Policy: std::fmt::Debug {
 pub struct Routing(Kind);
 
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one a drone, which lies on the heap already"
+)]
 enum Kind {
     Flood(Box<Dissemination<flood::FloodPolicy>>),
     Tree(Dissemination<tree::TreePolicy>),

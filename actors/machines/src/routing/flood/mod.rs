@@ -176,7 +176,7 @@ impl Policy for FloodPolicy {
             Packet::HopUpdate { hops, routing_list } => {
                 self.heard_hop_update(core, now, sender, hops, &routing_list);
             }
-            Packet::Flood(flood) => self.heard_flood(core, now, sender, flood),
+            Packet::Flood(flood) => self.heard_flood(core, now, sender, &flood),
             Packet::Tree(_) => core.show(Event::Ignored(sender)),
         }
     }

@@ -274,7 +274,7 @@ impl FloodPolicy {
         core: &mut Core,
         now: Timestamp,
         sender: NodeId,
-        flood: Flood,
+        flood: &Flood,
     ) {
         // Of a drone that does not hear this one, it is no sign that there is a way to the master.
         let is_mutual = flood.hears.contains(core.id);
