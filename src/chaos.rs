@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     /// The seeds of the plans: A..B leaves B out, A..=B does not.
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     seeds: Seeds,
-    /// Set a field of the scenario in every plan, as in radio.loss=0.1; may be given several times.
+    /// Set a field of the scenario in every plan, as in radio.loss=0.1: it does not vary then; may be given several times.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
     /// How many plans are flown at once [default: one a core]

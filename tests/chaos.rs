@@ -24,6 +24,8 @@ fn a_search_that_finds_nothing_says_what_was_tried_and_goes_on_where_it_ended() 
     assert_eq!(code, Some(0), "{said}");
     for words in [
         "6 without a violation",
+        "combinations",
+        "drawn anew",
         "simulated hours",
         "plans and",
         "no fault has met",

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use muster_runtime::diagnostic::read_text;
 
 use super::coverage::Coverage;
-use super::search::{Plan, Search};
+use super::search::{Drawn, Plan, Search};
 use super::shrink::shrink;
 use super::state::{self, Tally};
 use crate::campaign::{CampaignError, Effort};
@@ -58,6 +58,10 @@ pub struct Searched {
     pub plans: u64,
     /// How many of them flew their mission to its end, for whoever was left.
     pub completed: u64,
+    /// How many times the values of a plan were drawn anew, as they did not fit each other.
+    pub redrawn: u64,
+    /// How many combinations of values there are, those included that don't fit each other.
+    pub combinations: u64,
     /// For how long they flew, in simulated seconds.
     pub simulated_s: f64,
     /// All their drones together.
@@ -110,7 +114,7 @@ struct Broken {
 /// Whatever flies is called within `around`, on each thread by itself.
 ///
 /// # Errors
-/// When the folder is another search's, drawn values don't fit each other, a run can't be made, or a file can't be
+/// When the folder is another search's, no drawn values fit each other, a run can't be made, or a file can't be
 /// written.
 pub fn run(
     search: &Search,
@@ -132,6 +136,8 @@ pub fn run(
     Ok(Searched {
         plans: tally.plans,
         completed: tally.completed,
+        redrawn: tally.redrawn,
+        combinations: search.combinations(),
         simulated_s: tally.simulated_s,
         drone_s: tally.drone_s,
         core_s: tally.core_s,
@@ -238,7 +244,11 @@ fn fly_chunk(
     let mut tally = Tally::default();
     let mut broken = None;
     for place in places {
-        let (plan, scenario) = search.draw(search.seeds().at(place))?;
+        let Drawn {
+            plan,
+            scenario,
+            redrawn,
+        } = search.draw(search.seeds().at(place))?;
         let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
         if let Some(violation) = outcome.violations.first() {
             let violation = violation.into();
@@ -247,6 +257,7 @@ fn fly_chunk(
         }
         let simulated_s = outcome.ended.as_secs_f64();
         tally.plans += 1;
+        tally.redrawn += redrawn;
         tally.simulated_s += simulated_s;
         tally.drone_s += simulated_s * f64::from(scenario.nodes());
         tally.completed += u64::from(is_completed(&scenario, &outcome.swarms[0].recorder));
@@ -313,11 +324,19 @@ mod tests {
     use super::super::search::Request;
     use super::*;
 
+    /// Small swarms over radios that lose nothing.
+    const SIMPLE: [&str; 4] = [
+        "formation.drones=5",
+        "radio.model=range",
+        "radio.loss=0",
+        "radio.burst_loss=0",
+    ];
+
     fn search(seeds: &str) -> Search {
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
         Search::load(&Request {
             scenario,
-            set: Vec::new(),
+            set: SIMPLE.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: seeds.parse().unwrap(),
         })
         .unwrap()

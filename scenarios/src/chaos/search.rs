@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::grammar;
 use crate::campaign::Seeds;
 use crate::report::figures::quoted;
-use crate::scenario::{self, Chaos, Fault, Override, Scenario, written};
+use crate::scenario::{self, Chaos, Fault, Override, Scenario, Variation, written};
 
 /// What an operator asks for.
 #[derive(Debug, Clone)]
@@ -45,11 +45,25 @@ pub(super) struct Plan {
     pub(super) faults: Vec<Fault>,
 }
 
+/// What is drawn for a seed.
+#[derive(Debug)]
+pub(super) struct Drawn {
+    pub(super) plan: Plan,
+    /// What is flown by it.
+    pub(super) scenario: Scenario,
+    /// How many times its values were drawn anew, as they did not fit each other.
+    pub(super) redrawn: u64,
+}
+
+/// How often values are drawn anew for a plan: enough where one combination of a hundred fits, but for one plan in 20,000.
+const REDRAWS_MAX: u64 = 1_000;
+
 /// The generator of plans; those of the worlds are drawn from the same seeds by other numbers.
 const PLAN_STREAM: u64 = u64::MAX - 1;
 
 impl Search {
-    /// Reads the scenario, once with each value of what varies.
+    /// Reads the scenario as it is asked for, and as its file has it with each value of what varies. A field that is set
+    /// does not vary.
     ///
     /// # Errors
     /// When the request contradicts itself or a file can't be used.
@@ -69,14 +83,9 @@ impl Search {
                 help,
             );
         }
-        let chaos = base.chaos.clone();
-        for variation in &chaos.vary {
-            let key = variation.key();
-            if request.set.iter().any(|change| change.key() == key) {
-                let help = "leave --set out, or the field of `chaos.vary`";
-                return refuse(format!("{key} is both set and varied"), help);
-            }
-        }
+        let mut chaos = base.chaos.clone();
+        let is_set = |key: &str| request.set.iter().any(|change| change.key() == key);
+        chaos.vary.retain(|variation| !is_set(variation.key()));
         let mut content = blake3::Hasher::new();
         let mut take_in = |scenario: Scenario| {
             let name = String::new();
@@ -90,12 +99,8 @@ impl Search {
             chaos,
             content: String::new(),
         };
-        for (place, variation) in search.chaos.vary.iter().enumerate() {
-            for value in 0..variation.values().len() {
-                let mut values = vec![0; search.chaos.vary.len()];
-                values[place] = value;
-                take_in(search.varied(0, &values)?);
-            }
+        for value in base.chaos.vary.iter().flat_map(Variation::values) {
+            take_in(search.with(std::slice::from_ref(value))?);
         }
         search.content = content.finalize().to_hex().to_string();
         Ok(search)
@@ -118,19 +123,26 @@ impl Search {
         command
     }
 
-    /// The plan of a seed, and what is flown by it.
+    /// The plan of a seed, and what is flown by it. Values that don't fit each other are drawn anew, all of them.
     ///
     /// # Errors
-    /// When the values that were drawn don't fit each other.
-    pub(super) fn draw(&self, seed: u64) -> Result<(Plan, Scenario), BadInput> {
+    /// When values did not fit each other so often that none may.
+    pub(super) fn draw(&self, seed: u64) -> Result<Drawn, BadInput> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(PLAN_STREAM);
-        let values = self.chaos.vary.iter().map(|variation| {
-            let places: Vec<_> = (0..variation.values().len()).collect();
-            *places.choose(&mut rng).expect("a variation has values")
-        });
-        let values: Vec<_> = values.collect();
-        let mut scenario = self.varied(seed, &values)?;
+        let mut redrawn = 0;
+        let (values, mut scenario) = loop {
+            let values = self.chaos.vary.iter().map(|variation| {
+                let places: Vec<_> = (0..variation.values().len()).collect();
+                *places.choose(&mut rng).expect("a variation has values")
+            });
+            let values: Vec<_> = values.collect();
+            match self.varied(seed, &values) {
+                Ok(scenario) => break (values, scenario),
+                Err(error) if redrawn == REDRAWS_MAX => return Err(error),
+                Err(_) => redrawn += 1,
+            }
+        };
         let faults = grammar::draw(&scenario, self.chaos.faults_max, &mut rng);
         scenario.faults.extend(faults.iter().cloned());
         let plan = Plan {
@@ -138,7 +150,11 @@ impl Search {
             values,
             faults,
         };
-        Ok((plan, scenario))
+        Ok(Drawn {
+            plan,
+            scenario,
+            redrawn,
+        })
     }
 
     /// What is flown by a plan.
@@ -146,6 +162,12 @@ impl Search {
         let mut scenario = self.varied(plan.seed, &plan.values)?;
         scenario.faults.extend(plan.faults.iter().cloned());
         Ok(scenario)
+    }
+
+    /// How many combinations the values of what varies have, those included that don't fit each other.
+    pub(super) fn combinations(&self) -> u64 {
+        let values = self.chaos.vary.iter().map(|it| it.values().len() as u64);
+        values.fold(1, u64::saturating_mul)
     }
 
     /// The faults that every plan has besides what was drawn for it.
@@ -175,9 +197,13 @@ impl Search {
     }
 
     fn varied(&self, seed: u64, values: &[usize]) -> Result<Scenario, BadInput> {
+        self.with(&self.set(seed, values))
+    }
+
+    /// The scenario with fields set.
+    fn with(&self, set: &[Override]) -> Result<Scenario, BadInput> {
         let path = &self.request.scenario;
-        let set = self.set(seed, values);
-        scenario::load_from(path, &set, &|file| {
+        scenario::load_from(path, set, &|file| {
             if file == path {
                 Ok(self.text.clone())
             } else {
@@ -197,5 +223,62 @@ impl Search {
             .chain(varied)
             .chain([seed])
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    fn search(set: &[&str]) -> Search {
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
+        Search::load(&Request {
+            scenario,
+            set: set.iter().map(|it| it.parse().unwrap()).collect(),
+            seeds: "0..1".parse().unwrap(),
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn values_that_do_not_fit_each_other_are_drawn_anew_from_the_same_seed() {
+        let (search, again) = (search(&[]), search(&[]));
+        let mut drawn = BTreeSet::new();
+        let mut redrawn = 0;
+        for seed in 0..300 {
+            let plan = search.draw(seed).unwrap();
+            redrawn += plan.redrawn;
+            assert_eq!(plan.plan, again.draw(seed).unwrap().plan, "seed {seed}");
+            drawn.extend(plan.plan.values.iter().copied().enumerate());
+        }
+        // Of relays with `flood` and of changes on the way with `follow`, five combinations of nine fit.
+        assert!((150..400).contains(&redrawn), "{redrawn}");
+        let values = search.chaos.vary.iter().map(|it| it.values().len());
+        assert_eq!(
+            drawn.len(),
+            values.sum::<usize>(),
+            "some value is never drawn"
+        );
+    }
+
+    #[test]
+    fn a_field_that_is_set_is_not_varied() {
+        let set = ["protocol.kind=follow", "relays=[]"];
+        let (search, all) = (search(&set), search(&[]));
+        assert_eq!(search.combinations() * 2 * 3, all.combinations());
+        for seed in 0..20 {
+            assert!(search.draw(seed).unwrap().scenario.follow.is_some());
+        }
+    }
+
+    #[test]
+    fn values_of_which_none_fit_are_refused_with_the_reason() {
+        // All that is varied fits the simplest swarm, and no swarm fits the limit.
+        let mut search = search(&["protocol.policy=tree"]);
+        search.request.set = vec!["limits.altitude_max_m=1".parse().unwrap()];
+        let error = search.draw(1).unwrap_err().to_string();
+        assert!(error.contains("limit of 1 m"), "{error}");
     }
 }

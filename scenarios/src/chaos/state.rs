@@ -21,6 +21,8 @@ pub(super) struct Tally {
     pub(super) plans: u64,
     /// How many of them flew their mission to its end for whoever was left.
     pub(super) completed: u64,
+    /// How many times values were drawn anew, as they did not fit each other.
+    pub(super) redrawn: u64,
     pub(super) simulated_s: f64,
     pub(super) drone_s: f64,
     /// How long cores were at it.
@@ -32,6 +34,7 @@ impl Tally {
     pub(super) fn add(&mut self, other: &Self) {
         self.plans += other.plans;
         self.completed += other.completed;
+        self.redrawn += other.redrawn;
         self.simulated_s += other.simulated_s;
         self.drone_s += other.drone_s;
         self.core_s += other.core_s;

@@ -16,6 +16,8 @@ pub fn table(searched: &Searched, colour: Colour) -> String {
     let Searched {
         plans,
         completed,
+        redrawn,
+        combinations,
         simulated_s,
         drone_s,
         core_s,
@@ -24,8 +26,11 @@ pub fn table(searched: &Searched, colour: Colour) -> String {
     let hours = figure(simulated_s / 3_600.0, 1);
     let a_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
     text.push_str(&format!(
-        "\n plans  {plans} without a violation, {completed} of them flown to the end of the mission\n time   {hours} simulated \
+        "\n plans  {plans} without a violation, {completed} of them flown to the end of the mission\n values {} \
+         combinations; {} drawn anew as they did not fit each other\n time   {hours} simulated \
          hours in {} core-seconds: {} plans and {} drone-seconds a core-second\n",
+        figure(count(combinations), 0),
+        redrawn,
         figure(core_s, 0),
         figure(count(plans) / core_s.max(f64::EPSILON), 1),
         a_second(drone_s),

@@ -22,7 +22,7 @@ use super::follow::{Heights, follow};
 use super::formation;
 use super::limits::{Course, altitude_max_m, check_layers, has_room, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
-use super::{Chaos, Protocol, Scenario};
+use super::{Chaos, Protocol, Scenario, Variation};
 use crate::vehicle::Landing;
 
 /// Reads a scenario and the mission that it names; `overrides` replace what the file says.
@@ -208,8 +208,7 @@ const FAULTS_MAX: u32 = 4;
 fn chaos(source: &Source, raw: &Raw) -> Result<Chaos, BadInput> {
     let vary = raw.chaos.vary.iter().map(|(key, values)| {
         let listed: Vec<_> = values.get_ref().iter().map(in_words).collect();
-        let variation = format!("{key}={}", listed.join(",")).parse();
-        variation.map_err(|error: String| source.error(values.span(), &error))
+        Variation::new(key, &listed).map_err(|error| source.error(values.span(), &error))
     });
     Ok(Chaos {
         faults_max: raw

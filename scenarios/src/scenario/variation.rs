@@ -10,6 +10,31 @@ pub struct Variation {
 }
 
 impl Variation {
+    /// A field and its values, each as it is typed behind `--set`; one may be a whole list, as in `[{ north_m = 1 }]`.
+    ///
+    /// # Errors
+    /// When there is no such field, or values are missing or there twice.
+    pub fn new(key: &str, list: &[impl AsRef<str>]) -> Result<Self, String> {
+        let mut values: Vec<Override> = Vec::new();
+        for value in list.iter().map(AsRef::as_ref) {
+            if value.is_empty() {
+                return Err(format!("`{key}` has an empty value; use key=value,value"));
+            }
+            let value: Override = format!("{key}={value}").parse()?;
+            if values.contains(&value) {
+                return Err(format!("`{key}` has the value {} twice", value.value()));
+            }
+            values.push(value);
+        }
+        match values.first() {
+            None => Err(format!("`{key}` has no values")),
+            Some(first) if first.is_seed() => {
+                Err("the seed is varied by --seeds, as in --seeds 0..100".to_owned())
+            }
+            Some(_) => Ok(Self { values }),
+        }
+    }
+
     /// The field, as in `radio.loss`.
     #[must_use]
     pub fn key(&self) -> &str {
@@ -38,21 +63,8 @@ impl FromStr for Variation {
         let (key, list) = text.split_once('=').ok_or_else(|| {
             format!("`{text}` has no `=`; use key=value,value, as in radio.loss=0,0.1")
         })?;
-        let mut values: Vec<Override> = Vec::new();
-        for value in list.split(',').map(str::trim) {
-            if value.is_empty() {
-                return Err(format!("`{text}` has an empty value; use key=value,value"));
-            }
-            let value: Override = format!("{key}={value}").parse()?;
-            if values.contains(&value) {
-                return Err(format!("`{text}` has the value {} twice", value.value()));
-            }
-            values.push(value);
-        }
-        if values[0].is_seed() {
-            return Err("the seed is varied by --seeds, as in --seeds 0..100".to_owned());
-        }
-        Ok(Self { values })
+        let values: Vec<_> = list.split(',').map(str::trim).collect();
+        Self::new(key, &values)
     }
 }
 
@@ -66,6 +78,15 @@ mod tests {
         assert_eq!(variation.key(), "radio.loss");
         assert_eq!(variation.to_string(), "radio.loss=0.2,0,0.1");
         assert_eq!(variation.to_string().parse(), Ok(variation));
+    }
+
+    #[test]
+    fn a_value_may_be_a_whole_list() {
+        let relay = "[{ north_m = 1, east_m = 2, altitude_m = 3 }]";
+        let variation = Variation::new("relays", &["[]", relay]).unwrap();
+        assert_eq!(variation.values()[1].to_string(), format!("relays={relay}"));
+        let none: [&str; 0] = [];
+        assert!(Variation::new("relays", &none).is_err());
     }
 
     #[test]

@@ -50,7 +50,7 @@ fn the_search_finds_hidden_faults_too() {
 }
 
 fn assert_found(planted: &[Flaw]) {
-    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planted.toml");
     let jobs = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     for flaw in planted.iter().copied() {
         let folder = tempfile::tempdir().unwrap();
