@@ -1,7 +1,7 @@
 //! Who is near, which way the master is, who must relay; orders outwards and acknowledgements inwards.
 //!
 //! It serves any protocol in which a master gives numbered orders and its members acknowledge them; what an order
-//! means is not known here. The [core](core::Core) holds what any dissemination shares; how orders and
+//! means is not known here. The core holds what any dissemination shares; how orders and
 //! acknowledgements spread is a policy inside.
 
 mod core;

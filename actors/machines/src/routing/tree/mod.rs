@@ -1,14 +1,14 @@
 //! Policy `tree`: what has changed is said at once, to whoever must know it, and said again until it is seen to have
 //! arrived.
 //!
-//! Each drone keeps what its neighbours last said ([`link_table`]) and takes the one with the cheapest route to the master
-//! for its parent ([`parent`]). An order goes outwards from parent to child; acknowledgements come inwards, merged
-//! ([`aggregation`]): a drone speaks once all below it have carried the order out. What one neighbour alone has yet to
+//! Each drone keeps what its neighbours last said (`link_table`) and takes the one with the cheapest route to the master
+//! for its parent (`parent`). An order goes outwards from parent to child; acknowledgements come inwards, merged
+//! (`aggregation`): a drone speaks once all below it have carried the order out. What one neighbour alone has yet to
 //! learn is said to that one, and the medium may tell what became of it; besides, hearing a neighbour say what it was to
 //! learn is the acknowledgement of a hop. Whatever is not known to have arrived in time is said again, at that hop only
-//! ([`retransmission`]). With each [`beacon`], once a second say, the master's heartbeat goes outwards, each drone passing
+//! (`retransmission`). With each `beacon`, once a second say, the master's heartbeat goes outwards, each drone passing
 //! it on as it comes in; that one frame serves discovery, liveness and routing. A parent that falls silent is probed
-//! ([`probe`]) before it is left.
+//! (`probe`) before it is left.
 
 mod aggregation;
 mod beacon;
