@@ -68,6 +68,7 @@ impl Mission {
             self.outbox.event(Event::Refused);
             return;
         }
+        self.skip_routes_in_layer();
         let at = (self.durable.changes, self.durable.state);
         match at {
             (done, _) if done > change => return self.acknowledge(sequence),
@@ -116,13 +117,21 @@ impl Mission {
     /// In a layer of its own it is in nobody's way: it makes for the waypoint at which the others change formation, and
     /// asks then what they are at.
     fn catch_up(&mut self, waypoint: u16) {
-        if let State::TakingOff | State::NeighbourDiscovery | State::HopUpdate = self.durable.state
-        {
-            self.enter(State::WaypointReached { waypoint: 0 });
-        }
         self.make_missed_changes(waypoint);
         self.durable.opened = self.durable.opened.max(Some(waypoint));
         self.durable.catches_up = true;
+    }
+
+    /// In its slot, but in a layer of its own, it is at waypoint 0 already where the others have gone on: routes come of
+    /// themselves, or were missed.
+    fn skip_routes_in_layer(&mut self) {
+        let finds_routes = matches!(
+            self.durable.state,
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
+        );
+        if finds_routes && !self.is_taking_off() && self.flies_in_own_layer() {
+            self.enter(State::WaypointReached { waypoint: 0 });
+        }
     }
 
     /// A step has been taken.

@@ -206,15 +206,39 @@ fn whoever_misses_its_master_below_where_others_may_cross_waits_in_its_layer() {
     assert!(slave.durable.in_layer && said.contains(&Transmit::Scatter));
 }
 
-#[test]
-fn a_slave_in_its_own_layer_that_missed_a_step_catches_up() {
+/// Everybody has a layer of its own, and the formation is changed at a waypoint.
+fn config_in_layers(waypoint: u16) -> Config {
     let mut config = config_with_a_change(0);
     let matrix = config.changes[0].layout().formation().clone();
     let layout = Arc::into_inner(config.layout).unwrap();
     let layout = layout.with_layers(Layering::Each);
-    config.changes = Arc::new([Change::new(1, &layout, matrix)]);
+    config.changes = Arc::new([Change::new(waypoint, &layout, matrix)]);
     config.layout = Arc::new(layout);
-    let mut slave = slave_of(config);
+    config
+}
+
+#[test]
+fn a_slave_in_its_own_layer_that_still_looks_for_routes_takes_the_step_that_the_others_take() {
+    for state in [
+        State::TakingOff,
+        State::NeighbourDiscovery,
+        State::HopUpdate,
+    ] {
+        let mut slave = Mission::new(config_in_layers(0), None);
+        ordered(&mut slave, 1, &whole_plan());
+        ordered(&mut slave, 2, &Order::TakeOff);
+        arrives(&mut slave, 20.0);
+        slave.durable.in_layer = true;
+        slave.durable.state = state;
+        let said = ordered(&mut slave, 4, &step_of_change(Step::Cross));
+        assert!(goal(&said).is_some(), "{state:?}");
+        assert!(arrives(&mut slave, 30.0).contains(&acknowledges(4)));
+    }
+}
+
+#[test]
+fn a_slave_in_its_own_layer_that_missed_a_step_catches_up() {
+    let mut slave = slave_of(config_in_layers(1));
     slave.durable.in_layer = true;
     // It is at waypoint 0, and the others change formation at waypoint 1.
     let said = ordered(&mut slave, 4, &step_of_change(Step::Cross));
