@@ -85,7 +85,7 @@ const FORMATIONS: [Named; 7] = [
             "formation.drones=30",
             "formation.spacing_m=60",
             "radio.range_m=120",
-            "limits.separation_vertical_m=2.5",
+            "limits.separation_vertical_m=1",
         ],
     ),
 ];

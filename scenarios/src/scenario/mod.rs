@@ -320,7 +320,7 @@ impl Scenario {
 /// How many frames of one sender a radio lets in each period: a drone that keeps to the protocol sends one.
 const BUDGET_PER_PERIOD: u32 = 40;
 /// How many of them may come at once.
-const BUDGET_BURST: u32 = 32;
+const BUDGET_BURST: u32 = 64;
 
 /// What a search for a fault plan that breaks a rule may choose.
 #[derive(Debug, Clone, PartialEq, Eq)]
