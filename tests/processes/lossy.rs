@@ -133,6 +133,8 @@ fn assert_waits_are_short_in_namespaces(shape: Shape, parameters: &str) {
     assert_waits_are_short(shape, folder.path(), |out| {
         let mut command = swarm(scenario.to_str().unwrap(), out);
         command.arg("--unlimited-range").arg("--hosts").arg(&hosts);
+        // Where hosts keep their drones' journals.
+        command.env("TMPDIR", folder.path());
         command
     });
     assert!(network.processes(0..DRONES).is_empty());
