@@ -135,6 +135,17 @@ fn host_table(run: &[String], drones: &str) -> String {
     )
 }
 
+/// A file of hosts that are the first namespaces of a network, a drone each.
+pub(crate) fn in_namespaces(network: &Network, drones: u32) -> String {
+    let mut hosts = "broadcast = \"10.77.0.255:4700\"\n".to_owned();
+    for host in 0..drones {
+        let name = network.host(host);
+        let run = ["ip", "netns", "exec", &name].map(str::to_owned);
+        hosts += &host_table(&run, &format!("[{host}]"));
+    }
+    hosts
+}
+
 fn scenario(name: &str) -> PathBuf {
     Path::new(SCENARIO).with_file_name(name)
 }
@@ -215,14 +226,8 @@ fn the_same_scenario_flies_over_a_network_whose_line_is_real() {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
-    let mut hosts = "broadcast = \"10.77.0.255:4700\"\n".to_owned();
-    for host in 0..5 {
-        let name = network.host(host);
-        let run = ["ip", "netns", "exec", &name].map(str::to_owned);
-        hosts += &host_table(&run, &format!("[{host}]"));
-    }
     let file = folder.path().join("hosts.toml");
-    fs::write(&file, hosts).unwrap();
+    fs::write(&file, in_namespaces(&network, 5)).unwrap();
     let output = swarm(
         "hardware/swarm-kill-master.toml",
         &folder.path().join("out"),

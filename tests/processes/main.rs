@@ -13,6 +13,7 @@ mod real_time {
     mod hosts;
     mod identity;
     mod line;
+    mod lossy;
     mod network;
     mod observe;
     mod operator;

@@ -163,7 +163,7 @@ impl Drop for Network {
 }
 
 /// Whether two hosts are next to each other in a line.
-pub(crate) fn next_to(from: u32, to: u32) -> bool {
+pub(crate) const fn next_to(from: u32, to: u32) -> bool {
     from.abs_diff(to) == 1
 }
 

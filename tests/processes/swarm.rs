@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use muster_runtime::journal::{Folder, Storage, frame};
 use serde_json::Value;
 
-use super::fleet::{SCENARIO, assert_refused};
+use super::fleet::{SCENARIO, assert_refused, replace};
 
 /// How long a test waits for what must happen; only a failing one does.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -59,12 +59,24 @@ pub(crate) fn hanging(folder: &Path) -> PathBuf {
 
 /// The short scenario with this at its end, in a folder.
 pub(crate) fn with_faults(folder: &Path, faults: &str) -> PathBuf {
-    let text = fs::read_to_string(SCENARIO).unwrap();
-    let hardware = Path::new(SCENARIO).parent().unwrap();
-    let missions = hardware.parent().unwrap().join("missions");
-    let text = text.replace("../missions", missions.to_str().unwrap());
-    let path = folder.join("with-faults.toml");
+    let path = scenario_with("swarm-short.toml", &[], folder);
+    let text = fs::read_to_string(&path).unwrap();
     fs::write(&path, text + faults).unwrap();
+    path
+}
+
+/// A copy in a folder of a shipped scenario for hardware, in which some words are replaced.
+pub(crate) fn scenario_with(name: &str, words: &[(&str, &str)], folder: &Path) -> PathBuf {
+    let shipped = Path::new(SCENARIO).with_file_name(name);
+    let missions = shipped.parent().unwrap().with_file_name("missions");
+    let path = folder.join(name);
+    fs::copy(shipped, &path).unwrap();
+    for (from, to) in [("../missions", missions.to_str().unwrap())]
+        .iter()
+        .chain(words)
+    {
+        replace(&path, from, to);
+    }
     path
 }
 
@@ -80,7 +92,7 @@ pub(crate) fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
 }
 
 /// What a flight that was flown to its end came to: no rule was broken, and no process is left.
-fn flown(run: &Output, out: &Path) -> Value {
+pub(crate) fn flown(run: &Output, out: &Path) -> Value {
     assert!(run.status.success(), "{run:?}");
     assert_eq!(processes_of(out), [0; 0]);
     let report: Value = serde_json::from_slice(&run.stdout).unwrap();
