@@ -69,18 +69,17 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     world
 }
 
-/// Has the memory of radios and routings at hand that will be needed soon: first what lies in each, then what that leads to, so
-/// that it is waited for side by side.
+/// Has the memory of radios at hand that will be needed soon: first what lies in each, then what that leads to, so that it is
+/// waited for side by side.
 fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
-    let cells = |id: &NodeId| {
-        let [radio, routing, ..] = &drones[id.0 as usize].cells;
-        radio.iter().chain(routing)
-    };
+    let radio = |id: NodeId| drones[id.0 as usize].cells[Address::Radio as usize].as_ref();
     for (id, _) in soon {
-        cells(id).for_each(Cell::read_ahead);
+        radio(*id).into_iter().for_each(Cell::read_ahead);
     }
     for (id, sender) in soon {
-        cells(id).for_each(|cell| cell.read_further_ahead(*sender));
+        radio(*id)
+            .into_iter()
+            .for_each(|cell| cell.read_further_ahead(*sender));
     }
 }
 
