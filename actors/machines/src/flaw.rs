@@ -56,6 +56,8 @@ pub enum Flaw {
     NeverClaims,
     /// Routes go by hops, however much their links lose.
     RoutesByHops,
+    /// A drone takes a parent however far the route is that it announces.
+    TakesFartherParents,
     /// A mission does nothing when it is to take over from a silent master, and asks to be woken for that again.
     DeadlineInThePast,
 }

@@ -160,3 +160,6 @@ fn is_complete(core: &Core, links: &LinkTable) -> bool {
         !core.is_relay() && core.durable.landing.is_none() && !core.durable.epoch.is_carried_out();
     sequence > 0 && !is_awaited && !links.below(sequence).is_awaited
 }
+
+#[cfg(test)]
+mod tests;

@@ -192,3 +192,6 @@ impl Beacon {
         heartbeats >= self.heartbeats_a_turn || !self.speaks_seldom(has_children)
     }
 }
+
+#[cfg(test)]
+mod tests;

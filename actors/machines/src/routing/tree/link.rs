@@ -432,3 +432,6 @@ pub(super) fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
         said.hears(own)
     }
 }
+
+#[cfg(test)]
+mod tests;

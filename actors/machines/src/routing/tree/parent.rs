@@ -132,6 +132,12 @@ impl ParentSelection {
         }
     }
 
+    /// The heartbeat sequence that came with the route.
+    #[cfg(test)]
+    pub(super) const fn label_pulse(&self) -> u32 {
+        self.label.pulse
+    }
+
     /// Since when there is no route, unless this drone leads.
     pub(super) const fn orphaned_since(&self) -> Option<Timestamp> {
         self.orphaned_since
@@ -273,7 +279,7 @@ impl ParentSelection {
                 pulse: link.route_pulse(),
                 cost: link.said.cost,
             };
-            label.is_nearer_than(self.distance)
+            label.is_nearer_than(self.distance) || flaw::has(Flaw::TakesFartherParents)
         };
         let others = links.iter().filter(|link| {
             Some(link.id) != self.routes.parent
@@ -300,3 +306,6 @@ impl ParentSelection {
         best.or_else(|| current.filter(|link| leads_on(link)))
     }
 }
+
+#[cfg(test)]
+mod tests;

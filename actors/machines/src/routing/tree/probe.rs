@@ -156,3 +156,6 @@ pub(super) struct Route {
     pub(super) stale_at: Option<Timestamp>,
     pub(super) orphaned_since: Option<Timestamp>,
 }
+
+#[cfg(test)]
+mod tests;

@@ -229,3 +229,6 @@ impl Quality {
         (self.loss * frames + 1.0) / (frames + 2.0)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -323,3 +323,6 @@ impl Owed {
         all
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,4 +1,6 @@
 mod liveness;
+mod loops;
+pub(super) mod neighbourhood;
 
 use std::collections::BTreeMap;
 
