@@ -173,8 +173,12 @@ impl Link {
         self.given_up = 0;
         self.told_of_epoch = None;
         let symmetric = self.said.hears_own.unwrap_or(self.symmetric);
-        let leaves_out = self.said.hears_own == Some(false);
-        self.left_out = leaves_out.then(|| self.left_out.unwrap_or(now));
+        match self.said.hears_own {
+            Some(true) => self.left_out = None,
+            Some(false) => self.left_out = self.left_out.or(Some(now)),
+            // It has not said whom it hears.
+            None => {}
+        }
         // At first it may have restarted, or have missed what this drone said: it hears it again when that gets through.
         let patience = pace * self.quality.stale_beacons.into();
         let is_new = self

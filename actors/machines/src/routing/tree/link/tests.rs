@@ -80,10 +80,16 @@ fn a_link_counts_both_ways_until_it_is_left_out_for_longer_than_by_chance() {
         hears: Some(NodeSet::from(NodeId(3))),
         ..with_route(1, 32, 1)
     };
+    let passes_on = Tree {
+        hears: None,
+        ..with_route(1, 32, 1)
+    };
     let stale = near.links.get(NodeId(2)).unwrap().quality.stale_beacons;
     for _ in 0..=stale {
         near.hear(2, leaves_out.clone());
         assert!(near.links.get(NodeId(2)).unwrap().symmetric);
+        // An order that it passes on says nothing of whom it hears.
+        near.hear_as_it_is(2, passes_on.clone());
         near.now += Neighbourhood::BEACON * 9 / 10;
     }
     near.now += Neighbourhood::BEACON;

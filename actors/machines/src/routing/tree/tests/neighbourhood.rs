@@ -36,10 +36,16 @@ impl Neighbourhood {
 
     /// A neighbour says this to all; it hears the drone.
     pub(in crate::routing::tree) fn hear(&mut self, from: u32, said: Tree) {
+        let hears = said.hears.clone().unwrap_or_else(|| ids([self.own]));
+        let hears = Some(hears);
+        self.hear_as_it_is(from, Tree { hears, ..said });
+    }
+
+    /// A neighbour says this to all, and perhaps nothing of whom it hears.
+    pub(in crate::routing::tree) fn hear_as_it_is(&mut self, from: u32, said: Tree) {
         self.miss(from);
         let said = Tree {
             beat: self.beats[&from],
-            hears: Some(said.hears.clone().unwrap_or_else(|| ids([self.own]))),
             ..said
         };
         let said = wire::encode_packet(&Packet::Tree(said));
