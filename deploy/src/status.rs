@@ -33,7 +33,7 @@ pub struct Status {
     /// What it is in its swarm.
     pub role: Role,
     /// Whom it obeys, if anybody.
-    pub ballot: Option<Reign>,
+    pub ballot: Option<LeaderEpoch>,
     /// How many hops it is from its master; 0 for the master itself.
     pub hops: Option<u16>,
     /// The neighbour through which its acknowledgements go.
@@ -97,9 +97,9 @@ impl Role {
     }
 }
 
-/// A ballot: whose reign, by which right.
+/// A ballot: whose leader epoch, by which right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Reign {
+pub struct LeaderEpoch {
     /// Rises with each election.
     pub term: u32,
     /// The master's place in the order of succession.
@@ -160,7 +160,7 @@ pub struct Frames {
     pub let_in: BTreeMap<String, u64>,
     /// Not let in, by reason.
     pub dropped: BTreeMap<String, u64>,
-    /// Let in and of no use to the routing: no packet of a member, or of an older reign.
+    /// Let in and of no use to the routing: no packet of a member, or of an older leader epoch.
     pub ignored: u64,
     /// Orders that the mission could not read, or not obey in its state.
     pub orders_refused: u64,

@@ -22,7 +22,7 @@ impl fmt::Display for NodeId {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SwarmId(pub u32);
 
-/// The name of a reign: which master, by which right.
+/// The name of a leader epoch: which master, by which right.
 ///
 /// Of two ballots the later term wins, then the smaller rank; ranks are unique in a swarm, the centre slot first,
 /// so two parts of a swarm may share a term but never a ballot.
@@ -37,10 +37,10 @@ pub struct Ballot {
 }
 
 impl Ballot {
-    /// The term of the reign that the operator starts.
+    /// The term of the leader epoch that the operator starts.
     pub const FIRST_TERM: u32 = 1;
 
-    /// Whether the reign began by an election, and not by the operator.
+    /// Whether the leader epoch began by an election, and not by the operator.
     #[must_use]
     pub const fn is_elected(&self) -> bool {
         self.term > Self::FIRST_TERM

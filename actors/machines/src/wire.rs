@@ -260,13 +260,13 @@ pub fn split_tree(payload: &[u8]) -> Result<(TreeFront, &[u8]), PayloadError> {
 fn write_flood(flood: &Flood, to: &mut Writer) {
     to.hops(flood.hops);
     to.id(flood.parent);
-    to.number(flood.pulse);
+    to.number(flood.heartbeat);
     to.number(flood.sequence);
     to.set(&flood.hears);
     to.count(flood.members.len());
     for member in &flood.members {
         to.number(member.id.0);
-        to.number(member.beat);
+        to.number(member.number);
         to.number(member.acknowledged);
         let out_of_range = if member.out_of_range { OUT_OF_RANGE } else { 0 };
         let landing = if member.landing { LANDING } else { 0 };
@@ -281,7 +281,7 @@ fn read_flood(bytes: &[u8]) -> Option<Flood> {
     let mut flood = Flood {
         hops: from.hops()?,
         parent: from.id()?,
-        pulse: from.number()?,
+        heartbeat: from.number()?,
         sequence: from.number()?,
         hears: from.set()?,
         members: Vec::new(),
@@ -291,11 +291,11 @@ fn read_flood(bytes: &[u8]) -> Option<Flood> {
     // Each takes four bytes at least, whatever is claimed.
     flood.members.reserve_exact(members.min(bytes.len() / 4));
     for _ in 0..members {
-        let (id, beat, acknowledged) = (from.number()?, from.number()?, from.number()?);
+        let (id, number, acknowledged) = (from.number()?, from.number()?, from.number()?);
         let flags = from.byte()?;
         flood.members.push(Member {
             id: NodeId(id),
-            beat,
+            number,
             acknowledged,
             out_of_range: flags & OUT_OF_RANGE != 0,
             landing: flags & LANDING != 0,

@@ -82,7 +82,7 @@ fn row(status: &Status) -> Vec<String> {
         ""
     };
     let vehicle = &status.vehicle;
-    let of_ballot = |it: fn(&super::Reign) -> u32| or_nothing(status.ballot.as_ref().map(it));
+    let of_ballot = |it: fn(&super::LeaderEpoch) -> u32| or_nothing(status.ballot.as_ref().map(it));
     vec![
         format!("{leads}{}", status.drone),
         status.state.words.clone(),

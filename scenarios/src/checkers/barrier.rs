@@ -41,7 +41,7 @@ impl BarrierChecker {
         now: Timestamp,
         drone: NodeId,
         event: &Event,
-        reign: Option<Ballot>,
+        epoch: Option<Ballot>,
         part: impl FnOnce() -> BTreeSet<NodeId>,
     ) -> Option<Violation> {
         match *event {
@@ -51,7 +51,7 @@ impl BarrierChecker {
                     Barrier::Strict => part(),
                     Barrier::Neighbours => BTreeSet::new(),
                 };
-                self.opens(now, (drone, reign), waypoint, &awaited)
+                self.opens(now, (drone, epoch), waypoint, &awaited)
             }
             _ => None,
         }
@@ -85,15 +85,15 @@ impl BarrierChecker {
     fn opens(
         &mut self,
         now: Timestamp,
-        (master, reign): (NodeId, Option<Ballot>),
+        (master, epoch): (NodeId, Option<Ballot>),
         waypoint: u16,
         awaited: &BTreeSet<NodeId>,
     ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
         self.opened = self.opened.max(Some(waypoint));
         // Whoever was elected may not know, or not be told by anyone in its part, how far the master before it had got.
-        let is_next = match self.last.replace((reign, waypoint)) {
-            Some((last, opened)) if last == reign => waypoint == opened + 1,
+        let is_next = match self.last.replace((epoch, waypoint)) {
+            Some((last, opened)) if last == epoch => waypoint == opened + 1,
             _ => waypoint <= next,
         };
         if !is_next {

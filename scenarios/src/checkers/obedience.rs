@@ -113,7 +113,7 @@ mod tests {
         let seen = Effect::Observe(Observation::Mission(event));
         assert!(is_found(1, std::slice::from_ref(&seen)));
         assert!(is_found(1, &[Effect::Keep(keep(State::Landing))]));
-        assert!(!is_found(2, &[seen]), "it is of the reign that is obeyed");
+        assert!(!is_found(2, &[seen]), "it is of the epoch that is obeyed");
     }
 
     #[test]

@@ -444,7 +444,7 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
     let drones = &raw.formation.drones;
     let largest = |id: u64| Member {
         id: NodeId(u32::try_from(id).unwrap_or(u32::MAX)),
-        beat: u32::MAX,
+        number: u32::MAX,
         acknowledged: u32::from(u16::MAX),
         out_of_range: true,
         landing: true,
@@ -458,7 +458,7 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
         let packet = Packet::Flood(Flood {
             hops: Some(u16::MAX),
             parent: Some(NodeId(u32::MAX)),
-            pulse: u32::MAX,
+            heartbeat: u32::MAX,
             sequence: u32::from(u16::MAX),
             hears: (0..u32::try_from(drones).unwrap_or(u32::MAX))
                 .map(NodeId)

@@ -69,7 +69,7 @@ impl World {
     pub(super) fn awaited_by(&self, master: NodeId) -> BTreeSet<NodeId> {
         let swarm = self.swarm(master);
         let mut part = swarm.parts.part_of(master);
-        let Some(reign) = self.election.obeyed(master) else {
+        let Some(epoch) = self.election.obeyed(master) else {
             return part;
         };
         let settling = swarm.settled.settling();
@@ -77,10 +77,10 @@ impl World {
         let news = settling.news(hops);
         let is_known = |id: NodeId| {
             let obeyed_for = self.now.since(self.election.since(id));
-            let has_turned_lately = reign.is_elected() && obeyed_for <= settling.time(hops);
+            let has_turned_lately = epoch.is_elected() && obeyed_for <= settling.time(hops);
             !has_turned_lately && swarm.parts.have_been_together((id, master), self.now, news)
         };
-        part.retain(|id| self.election.obeyed(*id) == Some(reign) && is_known(*id));
+        part.retain(|id| self.election.obeyed(*id) == Some(epoch) && is_known(*id));
         part
     }
 

@@ -9,6 +9,8 @@ use muster_scenarios::chaos::{self, Request, Search};
 use muster_scenarios::engine::{self, Engine};
 use muster_scenarios::scenario;
 
+use crate::support::{fly, scenario as shipped};
+
 /// In how many plans each is to be found, and how many faults may be left of the plan that finds it.
 const PLANS: u64 = 2_000;
 const FAULTS_MAX: usize = 3;
@@ -47,6 +49,35 @@ fn the_search_finds_every_planted_fault_and_makes_its_plan_small() {
 #[ignore = "takes minutes: cargo test --release -p muster-scenarios --test flights hidden -- --ignored"]
 fn the_search_finds_hidden_faults_too() {
     assert_found(&HIDDEN);
+}
+
+/// The search does not find this flaw: links that fade are grey, and no rule holds an election over grey links against a swarm. But
+/// waypoints take many times as long, and masters are missed that are there.
+#[test]
+fn over_fading_links_routes_by_hops_make_waypoints_take_long_and_masters_be_missed() {
+    let (waits_ms, elections) = fading_flights();
+    assert!(waits_ms < 40.0, "{waits_ms} ms");
+    assert_eq!(elections, 0);
+    let _planted = plant(Flaw::RoutesByHops);
+    let (by_hops_ms, elections) = fading_flights();
+    assert!(by_hops_ms > waits_ms * 4.0, "{by_hops_ms} ms");
+    assert!(elections > 0);
+}
+
+/// How long waypoints take that nobody is late for, in the median, and how many elections there are, of flights in which
+/// nothing fails.
+fn fading_flights() -> (f64, usize) {
+    let (mut waits_ms, mut elections) = (Vec::new(), 0);
+    for seed in 0..20 {
+        let seed = format!("seed={seed}");
+        let scenario = shipped("tests/data/planted-radio.toml", &[&*seed]);
+        let report = fly(&scenario, Engine::Events);
+        assert_eq!(report.violations, [], "{seed}");
+        waits_ms.extend(report.barriers.iter().map(|it| it.wait_s() * 1e3));
+        elections += report.elections.len();
+    }
+    waits_ms.sort_by(f64::total_cmp);
+    (waits_ms[waits_ms.len() / 2], elections)
 }
 
 fn assert_found(planted: &[Flaw]) {

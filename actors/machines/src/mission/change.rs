@@ -56,7 +56,7 @@ impl Mission {
 
     fn step(&mut self, now: Timestamp, change: u16, step: Step) {
         self.enter(State::ChangingFormation { change, step });
-        self.durable.in_layer |= self.is_elected_reign();
+        self.durable.in_layer |= self.is_elected_epoch();
         self.outbox.transmit(Transmit::Scatter);
         self.durable.limit = Some(now + self.config.leg_limit);
         self.pursue_goal();

@@ -8,7 +8,7 @@ use super::{Barrier, LandingReason};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{NodeId, NodeSet};
-use crate::reign::Obeyed;
+use crate::leader::CurrentLeader;
 use crate::time::Timestamp;
 
 /// What a drone is doing: the thesis's states (its figures 3 and 17), the hop update's two made one.
@@ -129,7 +129,7 @@ impl fmt::Display for State {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom the drone obeys.
-    pub obeyed: Obeyed,
+    pub obeyed: CurrentLeader,
     /// What the drone is doing.
     pub state: State,
     /// The mission, as far as it is known.
@@ -239,7 +239,7 @@ pub struct Followed {
 }
 
 impl Lead {
-    /// A reign of `own` over a swarm of so many drones that begins.
+    /// A leader epoch of `own` over a swarm of so many drones that begins.
     pub(super) fn over(drones: u32, own: NodeId) -> Self {
         Self {
             members: NodeSet::from(0..drones).difference(&own.into()),

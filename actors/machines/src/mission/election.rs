@@ -1,6 +1,6 @@
 //! Whom a drone obeys, and how it comes to lead when the master falls silent.
 //!
-//! A reign is named by its ballot. The ballot that a drone obeys never falls; whoever hears of a better one turns to it,
+//! A leader epoch is named by its ballot. The ballot that a drone obeys never falls; whoever hears of a better one turns to it,
 //! masters included. What is being carried out goes on meanwhile: the new master begins by giving the order again that
 //! it is at itself, and whoever is there already, or farther, acknowledges at once.
 
@@ -13,7 +13,7 @@ use super::{
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::Ballot;
-use crate::reign::{Verdict, Way};
+use crate::leader::{Verdict, Way};
 use crate::time::Timestamp;
 
 /// To so many drones that would lead rather one leaves it to say that they do: so few know, and others seldom come to it.
@@ -43,16 +43,16 @@ impl Mission {
     }
 
     /// Takes in whom the routing obeys; whether this drone does so, too.
-    pub(super) fn hear_reign(&mut self, ballot: Ballot) -> bool {
+    pub(super) fn hear_epoch(&mut self, ballot: Ballot) -> bool {
         match self.durable.obeyed.hear(ballot, Way::Mutual) {
             Verdict::Ignored => return false,
             Verdict::Same => {}
-            Verdict::Turned => self.begin_reign(ballot),
+            Verdict::Turned => self.begin_epoch(ballot),
         }
         true
     }
 
-    fn begin_reign(&mut self, ballot: Ballot) {
+    fn begin_epoch(&mut self, ballot: Ballot) {
         self.outbox.event(Event::Obeys(ballot));
         self.master_silent = None;
         self.master_lands = false;
@@ -139,7 +139,7 @@ impl Mission {
             return self.land(LandingReason::MasterSilent);
         };
         let ballot = self.own_ballot(term);
-        self.hear_reign(ballot);
+        self.hear_epoch(ballot);
         let drones = self.config.layout.formation().drones();
         self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.outbox.transmit(Transmit::Lead(ballot));

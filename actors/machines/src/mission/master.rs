@@ -20,7 +20,7 @@ impl Mission {
         }
         let drones = formation.drones();
         let ballot = self.own_ballot(Ballot::FIRST_TERM);
-        self.hear_reign(ballot);
+        self.hear_epoch(ballot);
         self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.durable.plan = self.config.mission.to_vec();
         self.durable.plan_complete = true;
@@ -65,7 +65,7 @@ impl Mission {
         }
     }
 
-    /// Tells a restarted routing the reign and the newest order once more.
+    /// Tells a restarted routing the leader epoch and the newest order once more.
     pub(super) fn repeat_lead(&mut self) {
         if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.obeyed.ballot()) {
             self.outbox.transmit(Transmit::Lead(ballot));
@@ -204,7 +204,7 @@ impl Mission {
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
-        let reopens = self.is_elected_reign() && flaw::has(Flaw::ReopensWaypoints);
+        let reopens = self.is_elected_epoch() && flaw::has(Flaw::ReopensWaypoints);
         let next = if reopens { waypoint } else { waypoint + 1 };
         if self.changes_before(next) > self.durable.changes {
             self.order_step(now, self.durable.changes, Step::Climb);

@@ -282,7 +282,7 @@ impl Mission {
     }
 
     fn checkpoint(&mut self) {
-        if self.is_elected_reign() && flaw::has(Flaw::LosesCheckpoints) {
+        if self.is_elected_epoch() && flaw::has(Flaw::LosesCheckpoints) {
             return;
         }
         let checkpoint = Box::new(self.durable.clone());
@@ -436,7 +436,7 @@ impl Mission {
         self.enter(State::MovingToWaypoint { waypoint });
         // Not in step with all the others.
         let has_fallen_behind = self.durable.opened > Some(waypoint);
-        if self.durable.in_layer || self.is_elected_reign() || has_fallen_behind {
+        if self.durable.in_layer || self.is_elected_epoch() || has_fallen_behind {
             self.keep_apart();
         }
         self.durable.limit = Some(now + self.config.leg_limit);
@@ -444,7 +444,7 @@ impl Mission {
     }
 
     /// Whether its master was elected: there may be parts of the swarm then that do not fly in step with this one.
-    pub(super) fn is_elected_reign(&self) -> bool {
+    pub(super) fn is_elected_epoch(&self) -> bool {
         let ballot = self.durable.obeyed.ballot();
         ballot.is_some_and(|it| it.is_elected())
     }
@@ -461,7 +461,7 @@ impl Mission {
             State::WaypointReached { .. }
             | State::TakingOff
             | State::NeighbourDiscovery
-            | State::HopUpdate => self.is_elected_reign() && !self.is_taking_off(),
+            | State::HopUpdate => self.is_elected_epoch() && !self.is_taking_off(),
             // The others may be about to cross over it.
             State::ChangingFormation {
                 step: Step::Climb, ..
@@ -476,8 +476,8 @@ impl Mission {
 
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
         match notice {
-            RoutingNotice::Reign(ballot) => {
-                let is_obeyed = self.hear_reign(ballot);
+            RoutingNotice::Leader(ballot) => {
+                let is_obeyed = self.hear_epoch(ballot);
                 if is_obeyed && ballot.master == self.config.id && self.durable.lead.is_none() {
                     // It led, and lost the memory of it: nobody leads.
                     self.master_silent.get_or_insert(now);
@@ -488,7 +488,7 @@ impl Mission {
                 sequence,
                 order,
             } => {
-                if !self.hear_reign(ballot) || self.durable.lead.is_some() {
+                if !self.hear_epoch(ballot) || self.durable.lead.is_some() {
                     return;
                 }
                 match wire::decode_order(&order) {

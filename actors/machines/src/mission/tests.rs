@@ -10,7 +10,7 @@ use crate::formation::{Formation, Kind, Layering, Separation};
 use crate::machine::{Said, Stimulus, step};
 use crate::navigation::Failure;
 
-/// Of the reign that the operator starts.
+/// Of the leader epoch that the operator starts.
 const OPERATORS: Ballot = Ballot {
     term: 1,
     rank: 0,

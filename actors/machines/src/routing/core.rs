@@ -8,8 +8,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Durable, Event, Notice, Transmit};
 use crate::identity::{Ballot, NodeId};
+use crate::leader::{Verdict, Way};
 use crate::machine::{Outbox, Output};
-use crate::reign::{Verdict, Way};
 use crate::stall::Punctuality;
 use crate::time::Timestamp;
 

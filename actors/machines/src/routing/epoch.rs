@@ -3,20 +3,20 @@ use serde::{Deserialize, Serialize};
 
 use super::Notice;
 use crate::identity::{Ballot, NodeId};
-use crate::reign::{Obeyed, Verdict, Way};
+use crate::leader::{CurrentLeader, Verdict, Way};
 
-/// What a drone's routing knows of the reign that it is under, by any policy: whose it is, its newest order, and how
+/// What a drone's routing knows of the leader epoch that it is under, by any policy: whose it is, its newest order, and how
 /// far the drone has got.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct LeaderEpoch {
-    obeyed: Obeyed,
+    obeyed: CurrentLeader,
     sequence: u32,
     order: Option<Bytes>,
     acknowledged: u32,
 }
 
 impl LeaderEpoch {
-    /// A reign that has just begun.
+    /// A leader epoch that has just begun.
     #[must_use]
     pub fn of(ballot: Ballot) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl LeaderEpoch {
     }
 
     /// Hears of a ballot: in a frame, or from its own protocol, which leads. Turning to it forgets the orders of the
-    /// reign before.
+    /// leader epoch before.
     pub fn hear(&mut self, ballot: Ballot, way: Way) -> Verdict {
         let verdict = self.obeyed.hear(ballot, way);
         if verdict == Verdict::Turned {
@@ -72,7 +72,7 @@ impl LeaderEpoch {
         is_current && self.take(sequence, order)
     }
 
-    /// Takes an order that was heard under this reign; whether it is news. A master hears its own orders only.
+    /// Takes an order that was heard under this leader epoch; whether it is news. A master hears its own orders only.
     pub fn hear_order(&mut self, own: NodeId, sequence: u32, order: Bytes) -> bool {
         let has_master = self.ballot().is_some() && !self.is_led_by(own);
         has_master && self.take(sequence, order)
@@ -87,7 +87,7 @@ impl LeaderEpoch {
         is_news
     }
 
-    /// Takes in that the drone has carried out an order of this reign, and all before it; whether that is news.
+    /// Takes in that the drone has carried out an order of this leader epoch, and all before it; whether that is news.
     pub fn acknowledge(&mut self, ballot: Ballot, sequence: u32) -> bool {
         let is_news = self.ballot() == Some(ballot) && sequence > self.acknowledged;
         if is_news {
@@ -102,7 +102,7 @@ impl LeaderEpoch {
         self.sequence > 0 && self.acknowledged >= self.sequence
     }
 
-    /// Whether what must never fall back has changed since `before`: whose reign it is, and how many orders it had.
+    /// Whether what must never fall back has changed since `before`: whose leader epoch it is, and how many orders it had.
     pub(super) fn is_news(&self, before: &Self) -> bool {
         (self.obeyed, self.sequence) != (before.obeyed, before.sequence)
     }
@@ -119,8 +119,8 @@ impl LeaderEpoch {
 
     /// For a protocol that restarted: whom it obeys, and the newest order.
     pub fn notices(&self) -> impl Iterator<Item = Notice> {
-        let reign = self.ballot().map(Notice::Reign);
-        reign.into_iter().chain(self.newest_order())
+        let epoch = self.ballot().map(Notice::Leader);
+        epoch.into_iter().chain(self.newest_order())
     }
 }
 
@@ -139,26 +139,26 @@ mod tests {
     #[test]
     fn what_a_protocol_says_under_an_older_ballot_is_not_taken() {
         let (own, claimed, better) = (NodeId(1), ballot(2, 1), ballot(3, 2));
-        let mut reign = LeaderEpoch::of(claimed);
-        assert!(reign.publish(own, claimed, 1, ORDER));
-        assert!(reign.acknowledge(claimed, 1) && reign.is_carried_out());
+        let mut epoch = LeaderEpoch::of(claimed);
+        assert!(epoch.publish(own, claimed, 1, ORDER));
+        assert!(epoch.acknowledge(claimed, 1) && epoch.is_carried_out());
         // A frame under a better ballot comes before what the protocol said next.
-        assert_eq!(reign.hear(better, Way::Mutual), Verdict::Turned);
-        assert_eq!(reign.hear(claimed, Way::Mutual), Verdict::Ignored);
-        assert!(!reign.publish(own, claimed, 2, ORDER));
-        assert!(!reign.publish(own, better, 2, ORDER), "it is another's");
-        assert!(reign.hear_order(own, 1, ORDER));
-        assert!(!reign.acknowledge(claimed, 1) && !reign.is_carried_out());
+        assert_eq!(epoch.hear(better, Way::Mutual), Verdict::Turned);
+        assert_eq!(epoch.hear(claimed, Way::Mutual), Verdict::Ignored);
+        assert!(!epoch.publish(own, claimed, 2, ORDER));
+        assert!(!epoch.publish(own, better, 2, ORDER), "it is another's");
+        assert!(epoch.hear_order(own, 1, ORDER));
+        assert!(!epoch.acknowledge(claimed, 1) && !epoch.is_carried_out());
     }
 
     #[test]
     fn orders_are_taken_from_the_master_only_and_each_once() {
         let master = ballot(1, 2);
-        let mut reign = LeaderEpoch::of(master);
-        assert!(reign.hear_order(NodeId(1), 3, ORDER));
-        assert!(!reign.hear_order(NodeId(1), 3, ORDER) && !reign.hear_order(NodeId(1), 2, ORDER));
+        let mut epoch = LeaderEpoch::of(master);
+        assert!(epoch.hear_order(NodeId(1), 3, ORDER));
+        assert!(!epoch.hear_order(NodeId(1), 3, ORDER) && !epoch.hear_order(NodeId(1), 2, ORDER));
         assert!(
-            !reign.hear_order(NodeId(2), 4, ORDER),
+            !epoch.hear_order(NodeId(2), 4, ORDER),
             "a master has its own"
         );
         assert!(
@@ -170,7 +170,7 @@ mod tests {
             sequence: 3,
             order: ORDER,
         };
-        let notices: Vec<_> = reign.notices().collect();
-        assert_eq!(notices, [Notice::Reign(master), order]);
+        let notices: Vec<_> = epoch.notices().collect();
+        assert_eq!(notices, [Notice::Leader(master), order]);
     }
 }

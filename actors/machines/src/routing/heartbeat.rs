@@ -13,7 +13,7 @@ pub struct Heartbeats {
     /// This drone's own last number.
     pub own: u32,
     /// The highest number of the master's own that was heard of, or used as master.
-    pub pulse: u32,
+    pub master: u32,
     /// The first number that may not have been used yet.
     reserved: u32,
 }
@@ -24,9 +24,9 @@ impl Heartbeats {
     pub(super) fn advance(&mut self, is_master: bool) -> bool {
         self.own += 1;
         if is_master {
-            self.pulse += 1;
+            self.master += 1;
         }
-        let highest = self.own.max(if is_master { self.pulse } else { 0 });
+        let highest = self.own.max(if is_master { self.master } else { 0 });
         let exhausted = highest >= self.reserved;
         if exhausted {
             self.reserved = highest + BLOCK;
@@ -42,14 +42,14 @@ impl Heartbeats {
     /// The same under another master, whose number has not been heard yet.
     #[must_use]
     pub(super) const fn under_another_master(self) -> Self {
-        Self { pulse: 0, ..self }
+        Self { master: 0, ..self }
     }
 
     /// Skips whatever may have been used since this was remembered.
     pub(super) fn skip_reserved(&mut self, is_master: bool) {
         self.own = self.own.max(self.reserved) + RESTART_GAP;
         if is_master {
-            self.pulse = self.pulse.max(self.reserved);
+            self.master = self.master.max(self.reserved);
         }
     }
 }

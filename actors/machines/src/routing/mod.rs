@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use self::core::Core;
 use crate::identity::{Ballot, NodeId, NodeSet};
+use crate::leader::{Verdict, Way};
 use crate::machine::{Machine, Output};
-use crate::reign::{Verdict, Way};
 use crate::time::Timestamp;
 
 /// What a routing is built with: the policy that it follows.
@@ -138,7 +138,7 @@ pub enum Transmit {
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Notice {
     /// Whom this drone obeys from now on: it heard of a better ballot.
-    Reign(Ballot),
+    Leader(Ballot),
     /// There is a newer order.
     Order {
         /// Whose order it is.

@@ -34,7 +34,7 @@ pub struct Flood {
     /// Whom the sender's acknowledgements are for; everyone while it knows no parent.
     pub parent: Option<NodeId>,
     /// The highest number of the master's own that the sender has heard of.
-    pub pulse: u32,
+    pub heartbeat: u32,
     /// The newest order that the sender has heard of; 0 before the first.
     pub sequence: u32,
     /// Whom the sender has heard within the time to live.
@@ -51,7 +51,7 @@ pub struct Member {
     /// Who.
     pub id: NodeId,
     /// Rises with each frame that the member itself sends: proof that it lives.
-    pub beat: u32,
+    pub number: u32,
     /// The newest order that it has carried out; all before are too.
     pub acknowledged: u32,
     /// It does not hear the master itself.
@@ -64,7 +64,7 @@ pub struct Member {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Tree {
     /// Rises with each packet of this kind that the sender says to all.
-    pub beat: u32,
+    pub number: u32,
     /// Hops from the sender to the master, while it has a way there.
     pub hops: Option<u16>,
     /// Expected transmissions on the sender's route to the master, in [`ETX_UNIT`]s; 0 at the master and without a route.
@@ -72,7 +72,7 @@ pub struct Tree {
     /// The neighbour on that route.
     pub parent: Option<NodeId>,
     /// The master's heartbeat sequence: the highest that the sender has heard of.
-    pub pulse: u32,
+    pub heartbeat: u32,
     /// By how much the heartbeat sequence is older that came with the sender's route, by its parent. Routes are compared by
     /// the age of theirs.
     pub lag: u32,

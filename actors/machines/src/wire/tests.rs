@@ -47,12 +47,12 @@ fn packets_have_these_bytes() {
     let flood = Packet::Flood(Flood {
         hops: Some(2),
         parent: Some(NodeId(6)),
-        pulse: 900,
+        heartbeat: 900,
         sequence: 5,
         hears: [NodeId(1), NodeId(6)].into_iter().collect(),
         members: vec![Member {
             id: NodeId(1),
-            beat: 300,
+            number: 300,
             acknowledged: 4,
             out_of_range: true,
             landing: true,
@@ -68,11 +68,11 @@ fn packets_have_these_bytes() {
 #[test]
 fn a_packet_of_policy_tree_has_these_bytes() {
     let tree = Packet::Tree(Tree {
-        beat: 300,
+        number: 300,
         hops: Some(1),
         cost: 64,
         parent: Some(NodeId(7)),
-        pulse: 2,
+        heartbeat: 2,
         lag: 1,
         sequence: 3,
         span: None,
@@ -260,7 +260,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         .prop_map(|(hops, routing_list)| Packet::HopUpdate { hops, routing_list });
     let member = (any::<[u32; 3]>(), any::<[bool; 2]>()).prop_map(|(numbers, flags)| Member {
         id: NodeId(numbers[0]),
-        beat: numbers[1],
+        number: numbers[1],
         acknowledged: numbers[2],
         out_of_range: flags[0],
         landing: flags[1],
@@ -273,17 +273,19 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         prop::collection::vec(member, 0..20),
         any::<Option<Vec<u8>>>(),
     )
-        .prop_map(|(hops, parent, [pulse, sequence], hears, members, order)| {
-            Packet::Flood(Flood {
-                hops,
-                parent: parent.map(NodeId),
-                pulse,
-                sequence,
-                hears: hears.into_iter().collect(),
-                members,
-                order: order.map(Into::into),
-            })
-        });
+        .prop_map(
+            |(hops, parent, [heartbeat, sequence], hears, members, order)| {
+                Packet::Flood(Flood {
+                    hops,
+                    parent: parent.map(NodeId),
+                    heartbeat,
+                    sequence,
+                    hears: hears.into_iter().collect(),
+                    members,
+                    order: order.map(Into::into),
+                })
+            },
+        );
     let set = || ids_below_200().prop_map(NodeSet::from_iter);
     let tree = (
         any::<([u32; 4], u16, u8)>(),
@@ -292,7 +294,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
         any::<Option<[u32; 2]>>(),
     )
         .prop_map(|(numbers, (hops, [parent, to], order), sets, span)| {
-            let ([beat, pulse, lag, sequence], cost, heard) = numbers;
+            let ([number, heartbeat, lag, sequence], cost, heard) = numbers;
             let (acknowledged, alive, landing, hears, pending) = sets;
             let heard_at = |id| Reception {
                 id,
@@ -300,11 +302,11 @@ fn any_packet() -> impl Strategy<Value = Packet> {
             };
             let weak = hears.iter().flat_map(NodeSet::iter).map(heard_at);
             Packet::Tree(Tree {
-                beat,
+                number,
                 hops,
                 cost,
                 parent: parent.map(NodeId),
-                pulse,
+                heartbeat,
                 lag,
                 sequence,
                 weak: weak.collect(),

@@ -12,7 +12,7 @@ use crate::routing::{Reception, Tree};
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TreeFront {
     /// As in [`Tree`], as all that follow.
-    pub beat: u32,
+    pub number: u32,
     /// See there.
     pub hops: Option<u16>,
     /// See there.
@@ -20,7 +20,7 @@ pub struct TreeFront {
     /// See there.
     pub parent: Option<NodeId>,
     /// See there.
-    pub pulse: u32,
+    pub heartbeat: u32,
     /// See there.
     pub lag: u32,
 }
@@ -29,11 +29,11 @@ impl TreeFront {
     #[inline]
     pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
         Some(Self {
-            beat: from.number()?,
+            number: from.number()?,
             hops: from.hops()?,
             cost: u16::try_from(from.number()?).ok()?,
             parent: from.id()?,
-            pulse: from.number()?,
+            heartbeat: from.number()?,
             lag: from.number()?,
         })
     }
@@ -177,11 +177,11 @@ fn beside_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, Nod
 
 /// Writes a packet, behind its number.
 pub(super) fn write(tree: &Tree, to: &mut Writer) {
-    to.number(tree.beat);
+    to.number(tree.number);
     to.hops(tree.hops);
     to.number(tree.cost.into());
     to.id(tree.parent);
-    to.number(tree.pulse);
+    to.number(tree.heartbeat);
     to.number(tree.lag);
     to.number(tree.sequence);
     to.or_nothing(tree.span.as_ref(), |to, span| {
@@ -275,7 +275,7 @@ impl TreeFrame<'_> {
     pub fn only_of_its_link(&self) -> Self {
         Self {
             front: TreeFront {
-                beat: self.front.beat,
+                number: self.front.number,
                 ..TreeFront::default()
             },
             span: self.span.clone(),
@@ -318,11 +318,11 @@ impl TreeFrame<'_> {
     #[must_use]
     pub fn to_tree(&self) -> Tree {
         Tree {
-            beat: self.front.beat,
+            number: self.front.number,
             hops: self.front.hops,
             cost: self.front.cost,
             parent: self.front.parent,
-            pulse: self.front.pulse,
+            heartbeat: self.front.heartbeat,
             lag: self.front.lag,
             sequence: self.sequence,
             span: self.span.clone(),

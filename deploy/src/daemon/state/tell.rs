@@ -10,7 +10,7 @@ use muster_machines::wire::PacketKind;
 
 use super::State;
 use crate::status::{
-    ActorStatus, Datagrams, Doing, Frames, Heard, Reign, Role, Sent, Status, VehicleStatus,
+    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, Role, Sent, Status, VehicleStatus,
 };
 
 /// How long an actor may take to answer before it counts as hung. A busy machine takes a tenth of it.
@@ -52,7 +52,7 @@ impl State {
             faults: self.faults(now),
             state: doing(self.checkpoints.state()),
             role,
-            ballot: ballot.map(|ballot| Reign {
+            ballot: ballot.map(|ballot| LeaderEpoch {
                 term: ballot.term,
                 rank: ballot.rank,
                 master: ballot.master.0,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::status::{ActorStatus, Datagrams, Doing, Frames, Heard, Reign, VehicleStatus};
+use crate::status::{ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, VehicleStatus};
 
 fn status(drone: u32) -> Status {
     let actor = ActorStatus {
@@ -27,7 +27,7 @@ fn status(drone: u32) -> Status {
             waypoint: Some(2),
         },
         role: Role::Member,
-        ballot: Some(Reign {
+        ballot: Some(LeaderEpoch {
             term: 1,
             rank: 0,
             master: 2,

@@ -128,7 +128,7 @@ fn whoever_would_lead_rather_is_given_time_to_say_so() {
     assert_eq!(said[0], Transmit::Lead(ballot(2, 2, 2)));
     // Nor has it anything to say once another leads.
     let (mut slave, _) = misses_master(2);
-    hears(&mut slave, 40.005, RoutingNotice::Reign(ballot(2, 1, 0)));
+    hears(&mut slave, 40.005, RoutingNotice::Leader(ballot(2, 1, 0)));
     let (said, _) = stimulate(&mut slave, 40.01, Stimulus::Timeout);
     assert_eq!(said, []);
 }
@@ -224,7 +224,7 @@ fn a_master_that_hears_of_a_better_ballot_steps_down_and_one_of_a_worse_does_not
     let mut master = elects(0);
     hears(&mut master, 40.0, RoutingNotice::MasterSilent);
     assert!(master.durable.lead.is_some());
-    hears(&mut master, 41.0, RoutingNotice::Reign(ballot(2, 2, 2)));
+    hears(&mut master, 41.0, RoutingNotice::Leader(ballot(2, 2, 2)));
     assert!(master.durable.lead.is_some(), "the smaller rank wins");
     hears(
         &mut master,
@@ -239,7 +239,7 @@ fn a_master_that_hears_of_a_better_ballot_steps_down_and_one_of_a_worse_does_not
         ),
     );
     assert_eq!(master.durable.obeyed.ballot(), Some(ballot(2, 1, 0)));
-    hears(&mut master, 43.0, RoutingNotice::Reign(ballot(3, 2, 2)));
+    hears(&mut master, 43.0, RoutingNotice::Leader(ballot(3, 2, 2)));
     assert!(master.durable.lead.is_none());
     assert_eq!(master.durable.obeyed.ballot(), Some(ballot(3, 2, 2)));
     // Whose orders it obeys from then on.
@@ -260,7 +260,7 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
     let (_, events) = stimulate(
         &mut slave,
         41.0,
-        Stimulus::Input(Input::Routing(RoutingNotice::Reign(ballot(4, 2, 2)))),
+        Stimulus::Input(Input::Routing(RoutingNotice::Leader(ballot(4, 2, 2)))),
     );
     let checkpoint = events.into_iter().find_map(|event| match event {
         Event::Checkpoint(checkpoint) => Some(*checkpoint),
@@ -279,7 +279,7 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
 #[test]
 fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
     let mut forgetful = elects(0);
-    let said = hears(&mut forgetful, 41.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    let said = hears(&mut forgetful, 41.0, RoutingNotice::Leader(ballot(4, 1, 0)));
     assert_eq!(said[0], Transmit::Lead(ballot(5, 1, 0)));
     assert_eq!(
         orders(&said),
@@ -290,7 +290,7 @@ fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
     );
     let mut obedient = mission(0, Liveness::Pulse);
     ordered(&mut obedient, 1, &whole_plan());
-    let said = hears(&mut obedient, 2.0, RoutingNotice::Reign(ballot(4, 1, 0)));
+    let said = hears(&mut obedient, 2.0, RoutingNotice::Leader(ballot(4, 1, 0)));
     assert_eq!(said, [], "on the ground nobody claims");
 }
 

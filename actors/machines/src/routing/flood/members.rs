@@ -14,7 +14,7 @@ struct Known {
     member: Member,
     /// The neighbour that spoke for it last.
     via: NodeId,
-    /// When its own beat last rose.
+    /// When its own number last rose.
     rose_at: Timestamp,
     silent: bool,
 }
@@ -31,7 +31,7 @@ pub(super) struct Change {
 }
 
 impl Members {
-    /// Takes a report in; one whose beat has not risen proves nothing and changes nothing.
+    /// Takes a report in; one whose number has not risen proves nothing and changes nothing.
     pub(super) fn hear(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
         let known = match self.0.find(member.id) {
             Ok(at) => self.0.at(at),
@@ -50,7 +50,7 @@ impl Members {
                 };
             }
         };
-        if member.beat <= known.member.beat {
+        if member.number <= known.member.number {
             return Change::default();
         }
         let change = Change {
@@ -83,7 +83,7 @@ impl Members {
             let unheard = Known {
                 member: Member {
                     id,
-                    beat: 0,
+                    number: 0,
                     acknowledged: 0,
                     out_of_range: false,
                     landing: false,
@@ -115,13 +115,13 @@ impl Members {
         *self = Self::default();
     }
 
-    /// Forgets whoever's beat has not risen for `time_to_live`.
+    /// Forgets whoever's number has not risen for `time_to_live`.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
         self.0
             .retain(|known| now.since(known.rose_at) <= time_to_live);
     }
 
-    /// Marks and returns the members whose beat has not risen for `time_to_live`, each once.
+    /// Marks and returns the members whose number has not risen for `time_to_live`, each once.
     pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let mut silent = NodeSet::default();
         for known in self.0.iter_mut() {

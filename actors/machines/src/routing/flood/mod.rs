@@ -19,7 +19,7 @@ use self::neighbours::Neighbours;
 use super::packet::{Flood, Member, Packet};
 use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint, Routes};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::reign::{Verdict, Way};
+use crate::leader::{Verdict, Way};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -125,7 +125,7 @@ impl FloodPolicy {
             Verdict::Same => {}
             Verdict::Turned => {
                 self.begin_epoch(core, now);
-                core.inform(Notice::Reign(ballot));
+                core.inform(Notice::Leader(ballot));
             }
         }
         true

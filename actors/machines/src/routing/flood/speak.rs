@@ -88,7 +88,7 @@ impl FloodPolicy {
         }
         let own = Member {
             id: core.id,
-            beat: core.durable.heartbeats.own,
+            number: core.durable.heartbeats.own,
             acknowledged: core.durable.epoch.acknowledged(),
             out_of_range: self.durable.routes.out_of_range,
             landing: core.durable.landing.is_some(),
@@ -111,7 +111,7 @@ impl FloodPolicy {
             &Packet::Flood(Flood {
                 hops: self.durable.routes.hops,
                 parent: self.durable.routes.parent,
-                pulse: core.durable.heartbeats.pulse,
+                heartbeat: core.durable.heartbeats.master,
                 sequence: core.durable.epoch.sequence(),
                 hears: self.heard_at.keys().copied().collect(),
                 members,
@@ -278,10 +278,11 @@ impl FloodPolicy {
     ) {
         // Of a drone that does not hear this one, it is no sign that there is a way to the master.
         let is_mutual = flood.hears.contains(core.id);
-        let is_echo = flood.pulse == core.durable.heartbeats.pulse && flaw::has(Flaw::CountsEchoes);
-        let is_rise = flood.pulse > core.durable.heartbeats.pulse || is_echo;
+        let is_echo =
+            flood.heartbeat == core.durable.heartbeats.master && flaw::has(Flaw::CountsEchoes);
+        let is_rise = flood.heartbeat > core.durable.heartbeats.master || is_echo;
         if is_rise && !core.is_master() && is_mutual {
-            core.durable.heartbeats.pulse = flood.pulse;
+            core.durable.heartbeats.master = flood.heartbeat;
             self.pulse_rose_at = now;
             core.find_master();
         }

@@ -81,11 +81,11 @@ fn hears_under(
     stimulate(routing, now, Stimulus::Input(input))
 }
 
-fn flood(pulse: u32, sequence: u32) -> Flood {
+fn flood(heartbeat: u32, sequence: u32) -> Flood {
     Flood {
         hops: Some(0),
         parent: None,
-        pulse,
+        heartbeat,
         sequence,
         hears: (0..8).map(NodeId).collect(),
         members: Vec::new(),
@@ -112,9 +112,9 @@ fn wait(routing: &mut Flooding, until: Timestamp) -> Outcome {
 /// Slave 1, whose neighbours 0 (the master) and 2 are stable, at the start of its hop update.
 fn in_hop_update() -> (Flooding, Timestamp) {
     let mut slave = routing(1);
-    for beat in 0..16_u32 {
-        let now = at(0.5 * f64::from(beat));
-        let remaining = Duration::from_secs(8) - Duration::from_millis(500) * beat;
+    for hello in 0..16_u32 {
+        let now = at(0.5 * f64::from(hello));
+        let remaining = Duration::from_secs(8) - Duration::from_millis(500) * hello;
         for neighbour in [0, 2] {
             hears(&mut slave, now, neighbour, &Packet::Hello { remaining });
         }
@@ -236,7 +236,7 @@ fn before_there_are_routes_everyone_repeats_everything() {
     let mut slave = routing(2);
     let member = Member {
         id: NodeId(3),
-        beat: 1,
+        number: 1,
         acknowledged: 1,
         out_of_range: false,
         landing: false,
@@ -246,13 +246,13 @@ fn before_there_are_routes_everyone_repeats_everything() {
     let outcome = hears(&mut slave, at(0.0), 1, &Packet::Flood(heard));
     assert!(matches!(
         outcome.notices[..],
-        [Notice::Reign(_), Notice::Order { sequence: 1, .. }]
+        [Notice::Leader(_), Notice::Order { sequence: 1, .. }]
     ));
     let said = wait(&mut slave, at(0.2)).sent;
     let [Packet::Flood(said)] = said.as_slice() else {
         panic!("one packet a period, not {said:?}");
     };
-    assert_eq!((said.pulse, said.sequence), (1, 1));
+    assert_eq!((said.heartbeat, said.sequence), (1, 1));
     assert!(said.order.is_some());
     assert_eq!(
         said.members.iter().map(|it| it.id.0).collect::<Vec<_>>(),
@@ -273,7 +273,7 @@ fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
         heard.parent = parent;
         heard.members.push(Member {
             id: NodeId(id),
-            beat: 9,
+            number: 9,
             acknowledged: 1,
             out_of_range: false,
             landing: false,
@@ -351,11 +351,11 @@ fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
             }
         }
     }
-    let beat = slave.core.durable.heartbeats.own;
+    let number = slave.core.durable.heartbeats.own;
     let restarted = with(config(1), at(60.0), kept);
     assert!(
-        restarted.core.durable.heartbeats.own >= beat,
-        "{beat} was used already"
+        restarted.core.durable.heartbeats.own >= number,
+        "{number} was used already"
     );
 }
 
@@ -459,7 +459,7 @@ fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_u
     stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
     let member = Member {
         id: NodeId(2),
-        beat: 1,
+        number: 1,
         acknowledged: 0,
         out_of_range: false,
         landing: false,

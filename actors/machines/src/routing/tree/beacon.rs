@@ -157,7 +157,7 @@ impl Beacon {
         has_children: bool,
         is_settled_to_land: bool,
     ) {
-        self.passed_on = core.durable.heartbeats.pulse;
+        self.passed_on = core.durable.heartbeats.master;
         let pause = if is_settled_to_land {
             self.period * LANDING_BEACONS
         } else if core.is_master() && self.is_quick {
@@ -188,7 +188,11 @@ impl Beacon {
 
     /// Whether it is this drone's turn to pass a heartbeat on.
     pub(super) fn is_its_turn(&self, core: &Core, has_children: bool) -> bool {
-        let heartbeats = core.durable.heartbeats.pulse.saturating_sub(self.passed_on);
+        let heartbeats = core
+            .durable
+            .heartbeats
+            .master
+            .saturating_sub(self.passed_on);
         heartbeats >= self.heartbeats_a_turn || !self.speaks_seldom(has_children)
     }
 }

@@ -60,14 +60,14 @@ impl Composer {
         let is_behind = |link: &Link| link.said.sequence < sequence;
         let lacks_order = to.and_then(|to| links.get(to)).is_some_and(is_behind);
         let passes_on = core.is_master() || route.routes().relay || parent.is_none() || lacks_order;
-        let pulse = core.durable.heartbeats.pulse;
+        let heartbeat = core.durable.heartbeats.master;
         Tree {
-            beat: core.durable.heartbeats.own,
+            number: core.durable.heartbeats.own,
             hops: route.routes().hops,
             cost: route.cost(),
             parent,
-            pulse,
-            lag: route.lag(pulse),
+            heartbeat,
+            lag: route.lag(heartbeat),
             sequence,
             span: None,
             acknowledged,

@@ -62,12 +62,12 @@ pub(super) struct Speaker {
 /// What is kept of a neighbour's last frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Said {
-    pub(super) beat: u32,
+    pub(super) number: u32,
     pub(super) aside: u32,
     pub(super) hops: Option<u16>,
     pub(super) cost: u16,
     pub(super) parent: Option<NodeId>,
-    pub(super) pulse: u32,
+    pub(super) heartbeat: u32,
     pub(super) lag: u32,
     pub(super) sequence: u32,
     /// Whether its sender wants to hear what this drone knows.
@@ -153,11 +153,11 @@ impl Link {
 
     /// How many broadcasts were missed before one of these numbers; `None` for one that is not newer than the last.
     #[inline]
-    pub(super) fn missed_before(&self, beat: u32, aside: u32) -> Option<u32> {
+    pub(super) fn missed_before(&self, number: u32, aside: u32) -> Option<u32> {
         let said = &self.said;
-        let is_newer = (beat, aside) > (said.beat, said.aside);
+        let is_newer = (number, aside) > (said.number, said.aside);
         let is_for_all = aside == 0;
-        is_newer.then(|| beat - said.beat - u32::from(is_for_all))
+        is_newer.then(|| number - said.number - u32::from(is_for_all))
     }
 
     /// Takes in that the neighbour was heard say what is kept by now, after so many broadcasts that were missed.
@@ -302,7 +302,7 @@ impl Link {
     /// Forgets what it said under another leader epoch. Who is near, and how well each is heard, is still known.
     pub(super) fn forget_epoch(&mut self) {
         self.said = Said {
-            beat: self.said.beat,
+            number: self.said.number,
             aside: self.said.aside,
             ..Said::default()
         };
@@ -323,8 +323,8 @@ impl Link {
     }
 
     /// The heartbeat sequence that its route rests on.
-    pub(super) const fn route_pulse(&self) -> u32 {
-        self.said.pulse.saturating_sub(self.said.lag)
+    pub(super) const fn route_heartbeat(&self) -> u32 {
+        self.said.heartbeat.saturating_sub(self.said.lag)
     }
 
     /// What the route to the master costs through it; `None` if it has none.
@@ -403,20 +403,20 @@ impl Said {
     /// What is kept of a speaker's words by `own`.
     fn of(said: &TreeFrame<'_>, own: NodeId, speaker: Speaker) -> Self {
         let TreeFront {
-            beat,
+            number,
             hops,
             cost,
             parent,
-            pulse,
+            heartbeat,
             lag,
         } = said.front;
         Self {
-            beat,
+            number,
             aside: said.aside,
             hops,
             cost,
             parent,
-            pulse,
+            heartbeat,
             lag,
             sequence: said.sequence,
             asks_own: said.asks.contains(own),

@@ -110,8 +110,9 @@ impl LinkTable {
         now: Timestamp,
     ) -> Option<Heard> {
         let link = self.links.get_mut(id)?;
-        let missed = link.missed_before(front.beat, link.said.aside)?;
-        (link.said.beat, link.said.pulse, link.said.lag) = (front.beat, front.pulse, front.lag);
+        let missed = link.missed_before(front.number, link.said.aside)?;
+        (link.said.number, link.said.heartbeat, link.said.lag) =
+            (front.number, front.heartbeat, front.lag);
         let is_child = link.is_child_of(self.own);
         let link_changed = link.is_heard(now, missed, self.pace);
         if is_child && link_changed.is_back {
@@ -137,7 +138,7 @@ impl LinkTable {
             Ok(at) => self.links.at(at),
             Err(at) => return Some(self.begin(at, speaker, said, words, now)),
         };
-        let missed = link.missed_before(said.front.beat, said.aside)?;
+        let missed = link.missed_before(said.front.number, said.aside)?;
         let was_child = link.is_child_of(self.own);
         let changed = link.keep(said, self.own, speaker, self.drones);
         link.words = words;

@@ -40,7 +40,7 @@ use self::retransmission::{Due, Owed, Retransmission};
 use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint};
 use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::reign::{Verdict, Way};
+use crate::leader::{Verdict, Way};
 use crate::time::Timestamp;
 use crate::wire::{self, TreeFrame};
 
@@ -133,7 +133,7 @@ impl TreePolicy {
         if let Some((common, own)) = kept {
             policy.durable = own;
             core.resume(common);
-            policy.route.resume(core.durable.heartbeats.pulse);
+            policy.route.resume(core.durable.heartbeats.master);
             if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
                 policy.beacon.set(now);
             }
@@ -183,7 +183,7 @@ impl TreePolicy {
             Verdict::Same => {}
             Verdict::Turned => {
                 self.begin_epoch(core, now);
-                core.inform(Notice::Reign(ballot));
+                core.inform(Notice::Leader(ballot));
             }
         }
         true
@@ -200,7 +200,7 @@ impl TreePolicy {
         let Some(link) = self.links.get(sender) else {
             return;
         };
-        let (sequence, pulse) = (link.said.sequence, link.said.pulse);
+        let (sequence, heartbeat) = (link.said.sequence, link.said.heartbeat);
         let master_lands = link.said.master_lands;
         if heard.is_new || link.needs_to_hear() {
             // It learns that it is heard.
@@ -216,29 +216,29 @@ impl TreePolicy {
         if heard.has_moved || !self.route.keeps_route(now, sender, &self.links) {
             self.update_route(core, now);
         }
-        self.take_pulse(core, now, sender, pulse);
+        self.take_heartbeat(core, now, sender, heartbeat);
         self.report_members(core, now);
         self.answer(core, now, (sender, heard), is_news);
     }
 
     /// A heartbeat sequence that has risen goes on outwards: at once if the parent brings it, and soon in any case, for
     /// the parent's word may be lost.
-    fn take_pulse(&mut self, core: &mut Core, now: Timestamp, sender: NodeId, pulse: u32) {
+    fn take_heartbeat(&mut self, core: &mut Core, now: Timestamp, sender: NodeId, heartbeat: u32) {
         if core.is_master() {
             return;
         }
-        let known = core.durable.heartbeats.pulse;
+        let known = core.durable.heartbeats.master;
         let is_settled = self.is_settled_to_land(core, now);
-        if pulse <= known {
+        if heartbeat <= known {
             // Not only because the newest one is still on its way: where drones do not speak at each, its route to the
             // master may be gone.
-            let is_behind = known.saturating_sub(pulse) > 1;
+            let is_behind = known.saturating_sub(heartbeat) > 1;
             if self.beacon.are_quick() && is_behind && !is_settled {
                 self.beacon_soon(core, now);
             }
             return;
         }
-        core.durable.heartbeats.pulse = pulse;
+        core.durable.heartbeats.master = heartbeat;
         let is_its_turn = self.beacon.is_its_turn(core, self.links.has_children());
         if !is_its_turn || is_settled {
             return;
@@ -262,7 +262,7 @@ impl TreePolicy {
         let place = Place {
             is_master: core.is_master(),
             master: core.master(),
-            pulse: core.durable.heartbeats.pulse,
+            heartbeat: core.durable.heartbeats.master,
             are_beacons_quick: self.beacon.are_quick(),
         };
         let moved = self.route.update(now, place, &self.links);
@@ -454,8 +454,8 @@ impl TreePolicy {
     ) {
         if self.composer.count(to) {
             // The master's number rises with its beacons only: each rise makes every drone speak once.
-            let raises_pulse = core.is_master() && reason == Reason::KeepAlive;
-            if core.durable.heartbeats.advance(raises_pulse) {
+            let raises_heartbeat = core.is_master() && reason == Reason::KeepAlive;
+            if core.durable.heartbeats.advance(raises_heartbeat) {
                 core.keep();
             }
         }

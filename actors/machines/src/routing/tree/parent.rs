@@ -44,19 +44,20 @@ pub(super) struct ParentSelection {
 /// How near to the master a route is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Label {
-    pulse: u32,
+    heartbeat: u32,
     cost: u16,
 }
 
 impl Label {
     /// Of a drone that has never had a route.
     const FARTHEST: Self = Self {
-        pulse: 0,
+        heartbeat: 0,
         cost: u16::MAX,
     };
 
     const fn is_nearer_than(self, other: Self) -> bool {
-        self.pulse > other.pulse || self.pulse == other.pulse && self.cost < other.cost
+        self.heartbeat > other.heartbeat
+            || self.heartbeat == other.heartbeat && self.cost < other.cost
     }
 }
 
@@ -83,7 +84,7 @@ pub(super) struct Place {
     /// The current leader.
     pub(super) master: Option<NodeId>,
     /// The newest heartbeat sequence that was heard of.
-    pub(super) pulse: u32,
+    pub(super) heartbeat: u32,
     /// Whether beacons are so quick that most neighbours are left out for a moment under a new master, as few have spoken.
     pub(super) are_beacons_quick: bool,
 }
@@ -101,9 +102,9 @@ impl ParentSelection {
         }
     }
 
-    /// After a restart: nothing as old as `pulse` is taken for a route, for it may lead through this drone.
-    pub(super) const fn resume(&mut self, pulse: u32) {
-        self.distance = Label { pulse, cost: 0 };
+    /// After a restart: nothing as old as `heartbeat` is taken for a route, for it may lead through this drone.
+    pub(super) const fn resume(&mut self, heartbeat: u32) {
+        self.distance = Label { heartbeat, cost: 0 };
     }
 
     /// Forgets the route to another master.
@@ -124,18 +125,18 @@ impl ParentSelection {
         self.routes.hops.map_or(0, |_| self.label.cost)
     }
 
-    /// By how much the heartbeat sequence of the route is older than `pulse`.
-    pub(super) fn lag(&self, pulse: u32) -> u32 {
+    /// By how much the heartbeat sequence of the route is older than `heartbeat`.
+    pub(super) fn lag(&self, heartbeat: u32) -> u32 {
         match self.routes.hops {
-            Some(1..) => pulse.saturating_sub(self.label.pulse),
+            Some(1..) => heartbeat.saturating_sub(self.label.heartbeat),
             _ => 0,
         }
     }
 
     /// The heartbeat sequence that came with the route.
     #[cfg(test)]
-    pub(super) const fn label_pulse(&self) -> u32 {
-        self.label.pulse
+    pub(super) const fn label_heartbeat(&self) -> u32 {
+        self.label.heartbeat
     }
 
     /// Since when there is no route, unless this drone leads.
@@ -194,7 +195,7 @@ impl ParentSelection {
             && link.said.hops.is_some()
         {
             self.announce(Label {
-                pulse: link.route_pulse(),
+                heartbeat: link.route_heartbeat(),
                 cost: self.label.cost,
             });
         }
@@ -220,7 +221,7 @@ impl ParentSelection {
             routes.hops = Some(0);
             self.orphaned_since = None;
             self.label = Label {
-                pulse: place.pulse,
+                heartbeat: place.heartbeat,
                 cost: 0,
             };
         } else {
@@ -237,7 +238,7 @@ impl ParentSelection {
                     self.orphaned_since = None;
                     if let Some(cost) = self.cost_through(link) {
                         self.announce(Label {
-                            pulse: link.route_pulse(),
+                            heartbeat: link.route_heartbeat(),
                             cost,
                         });
                     }
@@ -276,7 +277,7 @@ impl ParentSelection {
         let is_left_out_by = |link: &Link| link.leaves_out() && !place.are_beacons_quick;
         let is_feasible = |link: &Link| {
             let label = Label {
-                pulse: link.route_pulse(),
+                heartbeat: link.route_heartbeat(),
                 cost: link.said.cost,
             };
             label.is_nearer_than(self.distance) || flaw::has(Flaw::TakesFartherParents)

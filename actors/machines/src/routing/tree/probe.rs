@@ -134,13 +134,14 @@ impl ParentProbe {
             return Some(Step::Leave(parent));
         }
         let bursty = (link.quality.long_loss() / BURSTY).min(1.0);
-        // With its jitter a pause takes a quarter as long again in the mean.
-        let pause = (config.repair * BURST_REPAIRS * 4 / (5 * probes)).mul_f64(bursty);
+        // With its jitter a pause takes half as long again in the mean over a link that loses much, and else a quarter.
+        let pause = (config.repair * BURST_REPAIRS * 2 / (3 * probes)).mul_f64(bursty);
         let pause = pause.max(config.repair);
+        let jitter = pause.mul_f64(f64::midpoint(1.0, bursty));
         self.probe = Some(Probe {
             parent,
             heard_at: link.heard_at,
-            due: now + pause + core.jitter(pause / 2),
+            due: now + pause + core.jitter(jitter),
             sent: sent + 1,
         });
         Some(Step::Probe {

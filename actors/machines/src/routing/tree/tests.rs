@@ -49,7 +49,7 @@ struct Node {
     routing: Dissemination<TreePolicy>,
     now: Timestamp,
     deadline: Option<Timestamp>,
-    beats: BTreeMap<u32, u32>,
+    numbers: BTreeMap<u32, u32>,
     sent: Vec<Tree>,
     notices: Vec<Notice>,
 }
@@ -60,7 +60,7 @@ impl Node {
             routing: routing(config(id)),
             now: Timestamp::ZERO,
             deadline: None,
-            beats: BTreeMap::new(),
+            numbers: BTreeMap::new(),
             sent: Vec::new(),
             notices: Vec::new(),
         }
@@ -93,10 +93,10 @@ impl Node {
     }
 
     fn hear(&mut self, from: u32, said: Tree) -> Vec<Tree> {
-        let beat = self.beats.entry(from).or_default();
-        *beat += 1;
+        let number = self.numbers.entry(from).or_default();
+        *number += 1;
         let said = Tree {
-            beat: *beat,
+            number: *number,
             ..said
         };
         self.tell(Input::Heard {
@@ -137,7 +137,7 @@ impl Node {
                 hops: Some(hops - 1),
                 cost: (hops - 1) * ETX_UNIT,
                 parent: hops.checked_sub(2).map(|_| NodeId(9)),
-                pulse: 1,
+                heartbeat: 1,
                 hears: Some(ids([id])),
                 ..Tree::default()
             },
@@ -156,7 +156,7 @@ fn beacon_of_child(child: u32, parent: u32, hops: u16) -> Tree {
         hops: Some(hops),
         cost: hops * ETX_UNIT,
         parent: Some(NodeId(parent)),
-        pulse: 1,
+        heartbeat: 1,
         alive: ids([child]),
         hears: Some(ids([parent])),
         ..Tree::default()
@@ -168,7 +168,7 @@ fn order(hops: u16, pending: NodeSet) -> Tree {
     Tree {
         hops: Some(hops),
         cost: hops * ETX_UNIT,
-        pulse: 1,
+        heartbeat: 1,
         sequence: 1,
         pending,
         order: Some(Bytes::from_static(b"go")),
@@ -182,7 +182,7 @@ fn done(parent: u32, hops: u16, acknowledged: NodeSet) -> Tree {
         hops: Some(hops),
         cost: hops * ETX_UNIT,
         parent: Some(NodeId(parent)),
-        pulse: 1,
+        heartbeat: 1,
         sequence: 1,
         alive: acknowledged.clone(),
         acknowledged,
@@ -324,7 +324,7 @@ fn only_those_with_drones_below_them_pass_orders_on() {
 fn what_was_not_seen_to_arrive_is_said_again_ever_more_rarely_by_that_drone_only() {
     let mut node = Node::placed(1, 0, 1, &[2]);
     // A leaf whose frames are missed is not trusted to have heard.
-    node.beats.insert(2, 40);
+    node.numbers.insert(2, 40);
     node.hear(2, beacon_of_child(2, 1, 2));
     node.hear(0, order(0, ids([1, 2])));
     let (early, late) = (node.wait(100).len(), node.wait(100).len());
@@ -342,7 +342,7 @@ fn what_was_not_seen_to_arrive_is_said_again_ever_more_rarely_by_that_drone_only
 #[test]
 fn a_repair_goes_to_the_one_that_needs_it() {
     let mut node = Node::placed(1, 0, 1, &[2, 3]);
-    node.beats.extend([(2, 40), (3, 40)]);
+    node.numbers.extend([(2, 40), (3, 40)]);
     for child in [2, 3] {
         node.hear(child, beacon_of_child(child, 1, 2));
     }
@@ -378,10 +378,10 @@ fn what_was_not_delivered_is_repaired_sooner() {
 #[test]
 fn a_parent_that_the_medium_gave_up_twice_is_left_for_one_that_has_heard_more() {
     let mut node = Node::placed(3, 1, 2, &[]);
-    let sibling = |pulse| Tree {
+    let sibling = |heartbeat| Tree {
         parent: Some(NodeId(1)),
         hears: Some(ids([3])),
-        pulse,
+        heartbeat,
         ..order(2, ids([1, 2, 3]))
     };
     node.hear(2, sibling(1));
@@ -563,8 +563,8 @@ enum Step {
         /// Which of the packets that it may say.
         packet: usize,
         /// How many of its frames are missed before; none is an old one that comes again.
-        beats: u32,
-        pulse: u32,
+        numbers: u32,
+        heartbeat: u32,
         term: u32,
     },
     Wait(u64),
@@ -580,11 +580,11 @@ fn step_of_drone_2() -> impl Strategy<Value = Step> {
         0..30_u32,
         prop_oneof![9 => Just(1_u32), 1 => Just(2)],
     );
-    let hear = hear.prop_map(|(from, packet, beats, pulse, term)| Step::Hear {
+    let hear = hear.prop_map(|(from, packet, numbers, heartbeat, term)| Step::Hear {
         from,
         packet,
-        beats,
-        pulse,
+        numbers,
+        heartbeat,
         term,
     });
     prop_oneof![
@@ -639,15 +639,15 @@ impl Node {
             Step::Hear {
                 from,
                 packet: which,
-                beats,
-                pulse,
+                numbers,
+                heartbeat,
                 term,
             } => {
-                let beat = self.beats.entry(from).or_insert(1);
-                *beat += beats;
+                let number = self.numbers.entry(from).or_insert(1);
+                *number += numbers;
                 let said = Tree {
-                    beat: *beat,
-                    pulse,
+                    number: *number,
+                    heartbeat,
                     ..packet(from, which)
                 };
                 self.tell(Input::Heard {

@@ -3,9 +3,9 @@ use std::sync::Arc;
 
 use muster_machines::cell::{Address, Effect, Envelope};
 use muster_machines::identity::{Ballot, NodeId};
+use muster_machines::leader::Way;
 use muster_machines::machine::{Said, Stimulus, step};
 use muster_machines::mission::{self, Config, Mission};
-use muster_machines::reign::Way;
 use muster_machines::routing::{self, Notice};
 use muster_machines::time::Timestamp;
 
@@ -65,7 +65,7 @@ impl Drone {
 
     /// Whom its routing obeys.
     pub(crate) fn ballot(&self) -> Option<Ballot> {
-        self.routing.as_ref()?.reign.ballot()
+        self.routing.as_ref()?.epoch.ballot()
     }
 
     /// Whether its mission leads.
@@ -81,13 +81,13 @@ impl Drone {
 
     /// What it would say now.
     pub(crate) fn frame(&self) -> Option<Frame> {
-        let reign = &self.routing.as_ref()?.reign;
+        let epoch = &self.routing.as_ref()?.epoch;
         Some(Frame {
             sender: self.id,
-            ballot: reign.ballot()?,
-            sequence: reign.sequence(),
-            order: reign.order().cloned(),
-            is_carried_out: reign.is_carried_out(),
+            ballot: epoch.ballot()?,
+            sequence: epoch.sequence(),
+            order: epoch.order().cloned(),
+            is_carried_out: epoch.is_carried_out(),
         })
     }
 
@@ -106,17 +106,17 @@ impl Drone {
             return;
         };
         let is_better = |own: Ballot| frame.ballot.beats(&own);
-        if flaw == Flaw::IgnoresBetterBallots && routing.reign.ballot().is_some_and(is_better) {
+        if flaw == Flaw::IgnoresBetterBallots && routing.epoch.ballot().is_some_and(is_better) {
             return;
         }
         let notices = routing.hear(own, frame, way, has_way);
-        self.keep_reign();
+        self.keep_epoch();
         self.inform(notices);
     }
 
-    fn keep_reign(&mut self) {
+    fn keep_epoch(&mut self) {
         if let Some(routing) = &self.routing {
-            self.journal.reign.write(routing.reign.clone());
+            self.journal.epoch.write(routing.epoch.clone());
         }
     }
 
@@ -184,7 +184,7 @@ impl Drone {
             Ok(notices) => self.inform(notices),
             Err(broken) => self.broke = Some(broken),
         }
-        self.keep_reign();
+        self.keep_epoch();
     }
 
     /// Steps the mission.
@@ -222,7 +222,7 @@ impl Drone {
     pub(crate) fn revive(&mut self, address: Address, config: &Config) {
         match address {
             Address::Routing => {
-                self.routing = Some(Routing::under(self.journal.reign.newest().clone()));
+                self.routing = Some(Routing::under(self.journal.epoch.newest().clone()));
                 self.inform([Notice::Resync]);
             }
             _ => {
@@ -235,12 +235,12 @@ impl Drone {
     }
 
     /// The process dies; of each machine's checkpoints that were not synced the first so many are found again.
-    pub(crate) fn crash(&mut self, reigns: usize, missions: usize) {
+    pub(crate) fn crash(&mut self, epochs: usize, missions: usize) {
         self.is_up = false;
         self.routing = None;
         self.mission = None;
         self.post.clear();
-        self.journal.reign.lose_all_but(reigns);
+        self.journal.epoch.lose_all_but(epochs);
         self.journal.mission.lose_all_but(missions);
     }
 
@@ -263,8 +263,8 @@ impl Drone {
         let mut ever_said = self.said.iter().map(|frame| frame.ballot);
         let mut has_fallen = ever_said.any(|was| fell(self.ballot(), was));
         if before.is_up && self.is_up {
-            let Journal { reign, mission } = &before.journal;
-            let was = (reign.newest().ballot(), mission.newest().0.obeyed.ballot());
+            let Journal { epoch, mission } = &before.journal;
+            let was = (epoch.newest().ballot(), mission.newest().0.obeyed.ballot());
             has_fallen |= was.0.is_some_and(|was| fell(self.ballot(), was))
                 || was.1.is_some_and(|was| fell(self.mission_ballot(), was));
         }

@@ -8,7 +8,7 @@ use muster_machines::routing::LeaderEpoch;
 /// What a drone remembers: what each of its two machines is rebuilt from.
 #[derive(Debug, Clone, PartialEq, Hash, Default)]
 pub(crate) struct Journal {
-    pub(crate) reign: Log<LeaderEpoch>,
+    pub(crate) epoch: Log<LeaderEpoch>,
     pub(crate) mission: Log<Mission>,
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Mission(pub Arc<Checkpoint>);
 
 impl Journal {
     pub(crate) fn sync(&mut self) {
-        self.reign.sync();
+        self.epoch.sync();
         self.mission.sync();
     }
 }

@@ -1,6 +1,6 @@
 //! A swarm of a few drones and everything that may happen to it, as a model for stateright.
 //!
-//! Each drone is the shipped mission and the shipped reign. Left out: time (whoever may miss its master may do so at
+//! Each drone is the shipped mission and the shipped leader epoch. Left out: time (whoever may miss its master may do so at
 //! any moment), places (nobody arrives at the next waypoint), the ways of frames (everybody repeats what it knows).
 
 mod drone;
@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::leader::Way;
 use muster_machines::mission;
-use muster_machines::reign::Way;
 use stateright::{Model, Property};
 
 pub(crate) use self::drone::Drone;
@@ -60,7 +60,7 @@ pub(crate) enum Action {
     /// A process dies, and so many of the checkpoints that each machine wrote last are found again.
     Crash {
         drone: NodeId,
-        reigns: usize,
+        epochs: usize,
         missions: usize,
     },
     Restart(NodeId),
@@ -146,11 +146,11 @@ impl Swarm {
             actions.extend(up.map(|address| Action::Fail(id, address)));
         }
         if left.crashes > 0 {
-            for reigns in 0..=drone.journal.reign.unsynced() {
+            for epochs in 0..=drone.journal.epoch.unsynced() {
                 let found = 0..=drone.journal.mission.unsynced();
                 actions.extend(found.map(|missions| Action::Crash {
                     drone: id,
-                    reigns,
+                    epochs,
                     missions,
                 }));
             }
@@ -217,7 +217,7 @@ impl State {
     /// Whether a drone's routing could miss its master, and has not said so yet.
     fn may_miss(&self, id: NodeId) -> bool {
         let routing = self.drone(id).routing.as_ref();
-        routing.is_some_and(|it| !it.master_silent && !it.reign.is_led_by(id))
+        routing.is_some_and(|it| !it.master_silent && !it.epoch.is_led_by(id))
     }
 
     /// Whether there is no way from a drone to the master that it obeys.
@@ -282,9 +282,9 @@ impl Model for Swarm {
             }
             Action::Crash {
                 drone,
-                reigns,
+                epochs,
                 missions,
-            } => self.change(state, drone, |drone| drone.crash(reigns, missions)),
+            } => self.change(state, drone, |drone| drone.crash(epochs, missions)),
             Action::Restart(id) => self.change(state, id, |drone| {
                 if flaw == Flaw::ForgetsItsJournal {
                     drone.journal = setting::in_flight(&self.configs)[id.0 as usize]

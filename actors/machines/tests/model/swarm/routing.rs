@@ -1,12 +1,12 @@
 use bytes::Bytes;
 use muster_machines::identity::{Ballot, NodeId, NodeSet};
-use muster_machines::reign::{Verdict, Way};
+use muster_machines::leader::{Verdict, Way};
 use muster_machines::routing::{Input, LeaderEpoch, Notice};
 
 /// What both policies of the routing have in common, around the shipped [`LeaderEpoch`].
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub(crate) struct Routing {
-    pub(crate) reign: LeaderEpoch,
+    pub(crate) epoch: LeaderEpoch,
     /// As master: whose acknowledgements of which order the mission has been told of.
     told: (u32, NodeSet),
     /// Whether the mission has been told that the master is silent.
@@ -37,9 +37,9 @@ pub(crate) enum Broken {
 
 impl Routing {
     /// As it starts from a checkpoint, or under another ballot than before.
-    pub(crate) fn under(reign: LeaderEpoch) -> Self {
+    pub(crate) fn under(epoch: LeaderEpoch) -> Self {
         Self {
-            reign,
+            epoch,
             ..Self::default()
         }
     }
@@ -56,36 +56,36 @@ impl Routing {
         match self.hear_ballot(frame.ballot, way) {
             Verdict::Ignored => return notices,
             Verdict::Same => {}
-            Verdict::Turned => notices.push(Notice::Reign(frame.ballot)),
+            Verdict::Turned => notices.push(Notice::Leader(frame.ballot)),
         }
         if self.master_silent && has_way {
             self.master_silent = false;
             notices.push(Notice::MasterReturned);
         }
         if let Some(order) = frame.order.clone()
-            && self.reign.hear_order(own, frame.sequence, order)
+            && self.epoch.hear_order(own, frame.sequence, order)
         {
-            notices.extend(self.reign.newest_order());
+            notices.extend(self.epoch.newest_order());
         }
         notices.extend(self.report(own, frame));
         notices
     }
 
     fn hear_ballot(&mut self, ballot: Ballot, way: Way) -> Verdict {
-        let verdict = self.reign.hear(ballot, way);
+        let verdict = self.epoch.hear(ballot, way);
         if verdict == Verdict::Turned {
-            *self = Self::under(self.reign.clone());
+            *self = Self::under(self.epoch.clone());
         }
         verdict
     }
 
     /// As master: tells the mission of an acknowledgement that it has not been told of.
     fn report(&mut self, own: NodeId, frame: &Frame) -> Option<Notice> {
-        let sequence = self.reign.sequence();
+        let sequence = self.epoch.sequence();
         if self.told.0 != sequence {
             self.told = (sequence, NodeSet::default());
         }
-        let is_news = self.reign.is_led_by(own)
+        let is_news = self.epoch.is_led_by(own)
             && frame.is_carried_out
             && frame.sequence == sequence
             && !self.told.1.contains(frame.sender);
@@ -101,7 +101,7 @@ impl Routing {
 
     /// Takes what the mission says; what the mission is told in answer.
     pub(crate) fn take(&mut self, own: NodeId, input: Input) -> Result<Vec<Notice>, Broken> {
-        let under = self.reign.ballot();
+        let under = self.epoch.ballot();
         match input {
             Input::Lead(ballot) => _ = self.hear_ballot(ballot, Way::Mutual),
             Input::Publish {
@@ -109,13 +109,13 @@ impl Routing {
                 sequence,
                 order,
             } => {
-                let is_taken = self.reign.publish(own, ballot, sequence, order);
+                let is_taken = self.epoch.publish(own, ballot, sequence, order);
                 if is_taken && (under != Some(ballot) || ballot.master != own) {
                     return Err(Broken::OrderedForAnother);
                 }
             }
             Input::Acknowledge { ballot, sequence } => {
-                let is_taken = self.reign.acknowledge(ballot, sequence);
+                let is_taken = self.epoch.acknowledge(ballot, sequence);
                 if is_taken && under != Some(ballot) {
                     return Err(Broken::AcknowledgedForAnother);
                 }
@@ -130,12 +130,12 @@ impl Routing {
     fn tell_again(&mut self) -> Vec<Notice> {
         self.told = (0, NodeSet::default());
         let silent = self.master_silent.then_some(Notice::MasterSilent);
-        self.reign.notices().chain(silent).collect()
+        self.epoch.notices().chain(silent).collect()
     }
 
     /// As [`Self::take`], as if whatever the mission says were said under the ballot that is obeyed here.
     pub(crate) fn believe(&mut self, input: Input) -> Result<Vec<Notice>, Broken> {
-        let under = self.reign.ballot();
+        let under = self.epoch.ballot();
         match input {
             Input::Lead(ballot) if under != Some(ballot) => {
                 *self = Self::under(LeaderEpoch::of(ballot));
@@ -146,13 +146,13 @@ impl Routing {
                 order,
             } => {
                 let nobody = NodeId(u32::MAX);
-                let is_taken = self.reign.hear_order(nobody, sequence, order);
+                let is_taken = self.epoch.hear_order(nobody, sequence, order);
                 if is_taken && under != Some(ballot) {
                     return Err(Broken::OrderedForAnother);
                 }
             }
             Input::Acknowledge { ballot, sequence } => {
-                let is_taken = self.reign.acknowledge(under.unwrap_or(ballot), sequence);
+                let is_taken = self.epoch.acknowledge(under.unwrap_or(ballot), sequence);
                 if is_taken && under != Some(ballot) {
                     return Err(Broken::AcknowledgedForAnother);
                 }

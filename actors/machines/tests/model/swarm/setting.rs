@@ -7,9 +7,9 @@ use std::time::Duration;
 use muster_machines::formation::{Formation, Kind, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::leader::Way;
 use muster_machines::mission::{Alone, Barrier, Config, Input, Liveness, Succession};
 use muster_machines::navigation;
-use muster_machines::reign::Way;
 use muster_machines::routing::Notice;
 
 use super::{Action, Drone, Flaw};

@@ -146,8 +146,8 @@ fn leaves_pass_a_heartbeat_on_ten_times_a_second_at_most_and_parents_each() {
         let mut core = member(1);
         let mut beacon = Beacon::new(&config(Duration::from_millis(millis)));
         let mut passed_on = 0;
-        for pulse in 1..=60 {
-            core.durable.heartbeats.pulse = pulse;
+        for heartbeat in 1..=60 {
+            core.durable.heartbeats.master = heartbeat;
             assert!(beacon.is_its_turn(&core, true));
             if beacon.is_its_turn(&core, false) {
                 beacon.said(&mut core, NOW, false, false);

@@ -25,7 +25,7 @@ impl Drone {
         let place = Place {
             is_master: false,
             master: Some(NodeId(0)),
-            pulse: u32::MAX,
+            heartbeat: u32::MAX,
             are_beacons_quick: false,
         };
         self.route.update(self.near.now, place, &self.near.links);
@@ -82,12 +82,14 @@ fn routes_do_not_flap_between_parents_that_are_alike() {
     let mut drone = Drone::new();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut parent = None;
-    for pulse in 1..=BEACONS {
+    for heartbeat in 1..=BEACONS {
         for neighbour in [2, 3] {
             if rng.random_bool(0.1) {
                 drone.near.miss(neighbour);
             } else {
-                drone.near.hear(neighbour, with_route(1, ETX_UNIT, pulse));
+                drone
+                    .near
+                    .hear(neighbour, with_route(1, ETX_UNIT, heartbeat));
             }
             let chosen = drone.choose();
             moves += u32::from(chosen != parent);
@@ -133,13 +135,19 @@ fn a_link_that_is_not_proven_is_not_preferred_to_one_in_use() {
 
 #[test]
 fn without_a_newer_heartbeat_nothing_farther_is_taken_than_was_announced() {
-    for (cost, pulse, is_taken) in [(64, 5, false), (63, 5, true), (900, 6, true), (0, 4, false)] {
+    for (cost, heartbeat, is_taken) in
+        [(64, 5, false), (63, 5, true), (900, 6, true), (0, 4, false)]
+    {
         let mut drone = Drone::new();
         drone.hear_well(2, &with_route(1, 32, 5));
         assert_eq!(drone.route.cost(), 64);
         drone.near.links.forget(NodeId(2));
-        drone.near.hear(3, with_route(3, cost, pulse));
-        assert_eq!(drone.choose(), is_taken.then_some(3), "{cost} at {pulse}");
+        drone.near.hear(3, with_route(3, cost, heartbeat));
+        assert_eq!(
+            drone.choose(),
+            is_taken.then_some(3),
+            "{cost} at {heartbeat}"
+        );
     }
 }
 
@@ -227,11 +235,11 @@ proptest! {
     ) {
         let mut drone = Drone::new();
         let mut nearest = Label::FARTHEST;
-        for (from, hops, cost, pulse, is_lost) in said {
+        for (from, hops, cost, heartbeat, is_lost) in said {
             if is_lost {
                 drone.near.links.forget(NodeId(from));
             } else {
-                drone.near.hear(from, with_route(hops, cost, pulse));
+                drone.near.hear(from, with_route(hops, cost, heartbeat));
             }
             let before = drone.route.parent();
             let parent = drone.choose().map(NodeId);
@@ -240,7 +248,7 @@ proptest! {
                 continue;
             };
             let link = drone.near.links.get(parent).unwrap();
-            let label = Label { pulse: link.route_pulse(), cost: link.said.cost };
+            let label = Label { heartbeat: link.route_heartbeat(), cost: link.said.cost };
             prop_assert!(before == Some(parent) || label.is_nearer_than(nearest));
             prop_assert!(!drone.route.label.is_nearer_than(label));
             if drone.route.label.is_nearer_than(nearest) {

@@ -50,7 +50,7 @@ impl Child {
     /// frames it hears, of which as many are lost.
     fn hear(&mut self, beacons: u32, mut is_lost: impl FnMut(&mut Self) -> bool) {
         let mut recent = 0.0;
-        for pulse in 1..=beacons {
+        for heartbeat in 1..=beacons {
             self.near.now += Neighbourhood::BEACON;
             let missed = f64::from(u8::from(is_lost(self)));
             recent += (missed - recent) / 12.0;
@@ -68,7 +68,7 @@ impl Child {
                         .filter(|_| recent > 0.08)
                         .into_iter()
                         .collect(),
-                    ..with_route(0, 0, pulse)
+                    ..with_route(0, 0, heartbeat)
                 },
             );
         }

@@ -7,18 +7,18 @@ use crate::routing::tree::quality::Quality;
 /// Drone 1, which has heard its parent, the master, once a second for long enough to trust the link.
 fn child_of_a_master_that_it_hears_well() -> Node {
     let mut child = Node::new(1);
-    for pulse in 1..=50 {
-        child.hear(0, beacon_of_the_master(pulse));
+    for heartbeat in 1..=50 {
+        child.hear(0, beacon_of_the_master(heartbeat));
         child.wait(1_000);
     }
     child.notices.clear();
     child
 }
 
-pub(super) fn beacon_of_the_master(pulse: u32) -> Tree {
+pub(super) fn beacon_of_the_master(heartbeat: u32) -> Tree {
     Tree {
         hops: Some(0),
-        pulse,
+        heartbeat,
         hears: Some(ids([1])),
         alive: ids([0, 1]),
         ..Tree::default()
@@ -100,7 +100,7 @@ fn who_asks_its_parent_lets_all_hear_it() {
 fn a_neighbour_that_has_missed_numbers_of_the_master_is_told() {
     let (mut node, heard) = Node::quick();
     let from_another = |behind: u32| Tree {
-        pulse: heard - behind,
+        heartbeat: heard - behind,
         ..beacon_of_child(2, 0, 1)
     };
     node.hear(2, from_another(0));
@@ -115,7 +115,7 @@ fn a_neighbour_that_has_missed_numbers_of_the_master_is_told() {
 fn who_speaks_seldom_is_left_out_for_a_moment_and_has_a_way_all_the_same() {
     let (mut node, heard) = Node::quick();
     let says = |behind: u32, hears: NodeSet| Tree {
-        pulse: heard + behind,
+        heartbeat: heard + behind,
         hears: Some(hears),
         ..beacon_of_child(2, 0, 1)
     };
@@ -140,9 +140,9 @@ fn quality(frames: impl IntoIterator<Item = (u32, u32)>) -> Quality {
         is_parent: false,
         master: None,
     };
-    for (beat, aside) in frames {
+    for (number, aside) in frames {
         let said = wire::encode_packet(&Packet::Tree(Tree {
-            beat,
+            number,
             to: (aside > 0).then_some(NodeId(3)),
             aside,
             ..Tree::default()
@@ -156,13 +156,18 @@ fn quality(frames: impl IntoIterator<Item = (u32, u32)>) -> Quality {
 #[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
     // One in five is lost.
-    let questions = quality((1..250).filter(|beat| beat % 5 != 0).map(|beat| (beat, 0))).probes();
+    let questions = quality(
+        (1..250)
+            .filter(|number| number % 5 != 0)
+            .map(|number| (number, 0)),
+    )
+    .probes();
     assert!((18..25).contains(&questions), "{questions}");
 }
 
 #[test]
 fn what_is_said_to_another_alone_and_what_a_restart_skips_are_no_losses() {
-    let heard = |beats: std::ops::Range<u32>| beats.map(|beat| (beat, 0));
+    let heard = |numbers: std::ops::Range<u32>| numbers.map(|number| (number, 0));
     let loss = |frames: Vec<(u32, u32)>| quality(frames).loss().to_bits();
     let none = 0.0_f64.to_bits();
     assert_eq!(loss(heard(1..60).collect()), none);
@@ -180,7 +185,7 @@ fn what_is_said_to_another_alone_and_what_a_restart_skips_are_no_losses() {
 fn questions_raise_no_number_that_others_would_miss() {
     let mut child = child_of_a_master_that_it_hears_well();
     let asked = child.wait(1_100);
-    let numbers: Vec<_> = asked.iter().map(|it| (it.beat, it.aside)).collect();
+    let numbers: Vec<_> = asked.iter().map(|it| (it.number, it.aside)).collect();
     let first = numbers[0].0;
     let expected: Vec<_> = (1..8).map(|aside| (first, aside)).collect();
     assert_eq!(numbers, expected);
@@ -189,8 +194,8 @@ fn questions_raise_no_number_that_others_would_miss() {
 #[test]
 fn a_leaf_that_asks_is_answered_however_well_it_is_heard_and_whatever_else_comes_in() {
     let mut parent = Node::placed(1, 0, 1, &[2]);
-    for pulse in 2..60 {
-        parent.hear(0, beacon_of_the_master(pulse));
+    for heartbeat in 2..60 {
+        parent.hear(0, beacon_of_the_master(heartbeat));
         for child in [2, 3] {
             parent.hear(
                 child,
@@ -228,13 +233,13 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
         rank: 2,
         master: NodeId(2),
     };
-    let claim = |hears: NodeSet, beat: u32| Input::Heard {
+    let claim = |hears: NodeSet, number: u32| Input::Heard {
         sender: NodeId(2),
         ballot: better,
         payload: wire::encode_packet(&Packet::Tree(Tree {
-            beat,
+            number,
             hops: Some(0),
-            pulse: 1,
+            heartbeat: 1,
             hears: Some(hears),
             ..Tree::default()
         }))
@@ -244,7 +249,7 @@ fn a_better_ballot_is_turned_to_over_a_link_that_carries_both_ways_only() {
     child.tell(claim(ids([3]), 1));
     assert_eq!(child.notices, []);
     child.tell(claim(ids([1, 3]), 2));
-    assert_eq!(child.notices, [Notice::Reign(better)]);
+    assert_eq!(child.notices, [Notice::Leader(better)]);
     child.hear(0, beacon_of_the_master(51));
     assert_eq!(
         child.routing.core.durable.epoch.ballot(),

@@ -143,10 +143,10 @@ impl Swarm {
         }
         let by_age = |it: &(Ballot, u32)| (it.0.term, it.1);
         let known = [drone.forgotten, drone.announced];
-        let remembers = |(ballot, pulse): &(Ballot, u32)| {
+        let remembers = |(ballot, heartbeat): &(Ballot, u32)| {
             let common = drone.kept.as_ref().map(|it| &it.common);
             common.is_some_and(|it| {
-                it.epoch.ballot() != Some(*ballot) || it.heartbeats.pulse >= *pulse
+                it.epoch.ballot() != Some(*ballot) || it.heartbeats.master >= *heartbeat
             })
         };
         drone.forgotten = known.into_iter().flatten().max_by_key(by_age);
@@ -177,7 +177,7 @@ impl Swarm {
         for (to, ballot, payload) in sent {
             let front = wire::decode_tree(&payload).unwrap().front;
             if front.hops.is_some() {
-                drone.announced = Some((ballot, front.pulse - front.lag));
+                drone.announced = Some((ballot, front.heartbeat - front.lag));
             }
             for receiver in 0..self.network.drones {
                 let is_delivered = self.rng.random_range(0..16) < self.links[id][receiver];
@@ -258,17 +258,17 @@ impl Swarm {
     /// The newest heartbeat sequence that a route on the loop rests on, and the newest one that a drone on it announced
     /// before it restarted and does not remember.
     fn sequences(&self, round: &Loop) -> (u32, Option<u32>) {
-        let pulse = |id: &usize| {
+        let heartbeat = |id: &usize| {
             let routing = self.drones[*id].routing.as_ref();
-            routing.map_or(0, |it| it.policy.route.label_pulse())
+            routing.map_or(0, |it| it.policy.route.label_heartbeat())
         };
         let forgotten = |id: &usize| {
             let routing = self.drones[*id].routing.as_ref()?;
-            let (ballot, pulse) = self.drones[*id].forgotten?;
-            (routing.core.durable.epoch.ballot() == Some(ballot)).then_some(pulse)
+            let (ballot, heartbeat) = self.drones[*id].forgotten?;
+            (routing.core.durable.epoch.ballot() == Some(ballot)).then_some(heartbeat)
         };
         (
-            round.iter().map(pulse).max().unwrap_or(0),
+            round.iter().map(heartbeat).max().unwrap_or(0),
             round.iter().filter_map(forgotten).max(),
         )
     }

@@ -8,7 +8,7 @@ pub(in crate::routing::tree) struct Neighbourhood {
     pub(in crate::routing::tree) now: Timestamp,
     own: u32,
     parent: Option<NodeId>,
-    beats: BTreeMap<u32, u32>,
+    numbers: BTreeMap<u32, u32>,
 }
 
 impl Neighbourhood {
@@ -20,7 +20,7 @@ impl Neighbourhood {
             now: Timestamp::ZERO,
             own,
             parent: None,
-            beats: BTreeMap::new(),
+            numbers: BTreeMap::new(),
         }
     }
 
@@ -31,7 +31,7 @@ impl Neighbourhood {
 
     /// A frame of this neighbour's is not heard.
     pub(in crate::routing::tree) fn miss(&mut self, from: u32) {
-        *self.beats.entry(from).or_default() += 1;
+        *self.numbers.entry(from).or_default() += 1;
     }
 
     /// A neighbour says this to all; it hears the drone.
@@ -45,7 +45,7 @@ impl Neighbourhood {
     pub(in crate::routing::tree) fn hear_as_it_is(&mut self, from: u32, said: Tree) {
         self.miss(from);
         let said = Tree {
-            beat: self.beats[&from],
+            number: self.numbers[&from],
             ..said
         };
         let said = wire::encode_packet(&Packet::Tree(said));
@@ -67,11 +67,11 @@ impl Neighbourhood {
 }
 
 /// What a neighbour says with a route of that cost, which rests on that heartbeat sequence.
-pub(in crate::routing::tree) fn with_route(hops: u16, cost: u16, pulse: u32) -> Tree {
+pub(in crate::routing::tree) fn with_route(hops: u16, cost: u16, heartbeat: u32) -> Tree {
     Tree {
         hops: Some(hops),
         cost,
-        pulse,
+        heartbeat,
         parent: (hops > 0).then_some(NodeId(15)),
         ..Tree::default()
     }

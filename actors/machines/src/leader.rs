@@ -8,7 +8,7 @@ use crate::identity::{Ballot, NodeId};
 
 /// The ballot that a drone obeys, if it has heard of any; it never falls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub struct Obeyed(Option<Ballot>);
+pub struct CurrentLeader(Option<Ballot>);
 
 /// By which way a ballot is heard of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -31,7 +31,7 @@ pub enum Verdict {
     Ignored,
 }
 
-impl Obeyed {
+impl CurrentLeader {
     /// Which one it is.
     #[must_use]
     pub const fn ballot(self) -> Option<Ballot> {
@@ -73,7 +73,7 @@ fn wins(heard: &Ballot, own: &Ballot) -> bool {
     heard.beats(own) || flaw::has(Flaw::ObeysAnyMaster)
 }
 
-impl From<Ballot> for Obeyed {
+impl From<Ballot> for CurrentLeader {
     fn from(ballot: Ballot) -> Self {
         Self(Some(ballot))
     }
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_later_term_wins_then_the_smaller_rank_and_nothing_else_is_turned_to() {
-        let mut obeyed = Obeyed::default();
+        let mut obeyed = CurrentLeader::default();
         for (heard, verdict) in [
             (ballot(2, 3), Verdict::Turned),
             (ballot(2, 3), Verdict::Same),
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn over_a_link_that_carries_one_way_only_the_first_ballot_is_taken() {
-        let mut obeyed = Obeyed::default();
+        let mut obeyed = CurrentLeader::default();
         assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Turned);
         assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Same);
         assert_eq!(obeyed.hear(ballot(2, 0), Way::OneWay), Verdict::Ignored);
@@ -115,8 +115,8 @@ mod tests {
 
     #[test]
     fn a_claim_is_a_term_later_and_nobody_claims_who_never_obeyed() {
-        assert_eq!(Obeyed::default().next_term(), None);
-        assert_eq!(Obeyed::from(ballot(4, 2)).next_term(), Some(5));
-        assert_eq!(Obeyed::from(ballot(u32::MAX, 2)).next_term(), None);
+        assert_eq!(CurrentLeader::default().next_term(), None);
+        assert_eq!(CurrentLeader::from(ballot(4, 2)).next_term(), Some(5));
+        assert_eq!(CurrentLeader::from(ballot(u32::MAX, 2)).next_term(), None);
     }
 }
