@@ -74,12 +74,14 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
 fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
     let radio = |id: NodeId| drones[id.0 as usize].cells[Address::Radio as usize].as_ref();
     for (id, _) in soon {
-        radio(*id).into_iter().for_each(Cell::read_ahead);
+        if let Some(cell) = radio(*id) {
+            cell.read_ahead();
+        }
     }
     for (id, sender) in soon {
-        radio(*id)
-            .into_iter()
-            .for_each(|cell| cell.read_further_ahead(*sender));
+        if let Some(cell) = radio(*id) {
+            cell.read_further_ahead(*sender);
+        }
     }
 }
 

@@ -115,7 +115,7 @@ impl Members {
         *self = Self::default();
     }
 
-    /// Forgets whoever's number has not risen for `time_to_live`.
+    /// Forgets members whose number has not risen for `time_to_live`.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
         self.0
             .retain(|known| now.since(known.rose_at) <= time_to_live);

@@ -149,7 +149,7 @@ impl Beacon {
         self.next = self.next.map(|due| due.min(at));
     }
 
-    /// Takes in that a beacon is said by `now` and sets the next; whoever hears a heartbeat passes it on before.
+    /// Takes in that a beacon is said by `now` and sets the next; a drone that hears a heartbeat passes it on before.
     pub(super) fn said(
         &mut self,
         core: &mut Core,

@@ -40,6 +40,10 @@ impl Composer {
             acknowledged.insert(core.id);
         }
         let mut landing = below.landing.clone();
+        if let Some(master) = core.master().filter(|_| !core.master_lands()) {
+            // Others take it to be said beside the order that this drone knows, which may not be the last.
+            landing = landing.difference(&NodeSet::from_iter([master]));
+        }
         if core.durable.landing.is_some() {
             landing.insert(core.id);
         }

@@ -30,7 +30,7 @@ pub(super) struct Link {
     pub(super) heard_at: Timestamp,
     /// Whether the neighbour has heard this drone too: only then the link counts.
     pub(super) symmetric: bool,
-    /// Since when it has left this drone out whenever it said whom it hears.
+    /// Since when it has left this drone out of those that it says to hear.
     left_out: Option<Timestamp>,
     pub(super) quality: Quality,
     /// How often in a row the medium has given up to reach it, or it has left a probe unanswered, since it was heard.
@@ -97,7 +97,7 @@ pub(super) struct Sets {
     pub(super) pending: NodeSet,
 }
 
-/// Of a neighbour of whom no sets are kept.
+/// Of a neighbour without sets.
 static NO_SETS: Sets = Sets {
     told: (0, NodeSet::new()),
     acknowledged: NodeSet::new(),
@@ -106,7 +106,7 @@ static NO_SETS: Sets = Sets {
     pending: NodeSet::new(),
 };
 
-/// Who is known to have carried an order out, of whoever has said nothing of that one.
+/// Who is known to have carried an order out, of a neighbour that has said nothing of that one.
 static NOBODY: NodeSet = NodeSet::new();
 
 /// How a link has changed by a frame that was heard over it.
@@ -176,7 +176,7 @@ impl Link {
         match self.said.hears_own {
             Some(true) => self.left_out = None,
             Some(false) => self.left_out = self.left_out.or(Some(now)),
-            // It has not said whom it hears.
+            // It has not said which drones it hears.
             None => {}
         }
         // At first it may have restarted, or have missed what this drone said: it hears it again when that gets through.
@@ -254,7 +254,7 @@ impl Link {
         self.symmetric && told.is_some_and(|times| times < TOLD_OF_EPOCH_MAX)
     }
 
-    /// Whether it leaves this drone out whenever it says whom it hears.
+    /// Whether it leaves this drone out of those that it says to hear.
     pub(super) const fn leaves_out(&self) -> bool {
         self.left_out.is_some()
     }

@@ -485,10 +485,8 @@ impl TreePolicy {
         match (reason, to) {
             (Reason::KeepAlive | Reason::Copy | Reason::Answer, _) => NodeSet::new(),
             (Reason::Probe, _) => to.into_iter().collect(),
-            (Reason::Inquiry, _) => {
-                let symmetric = self.links.iter().filter(|link| link.symmetric);
-                symmetric.map(|link| link.id).collect()
-            }
+            // Those too that do not hear this drone, as far as it knows: to be asked shows that they are heard.
+            (Reason::Inquiry, _) => self.links.iter().map(|link| link.id).collect(),
             (Reason::Repair, None) => owed.unaware.clone(),
             (Reason::Repair, Some(to)) => {
                 let shows = self.medium_tells || !owed.unaware.contains(to);
@@ -552,8 +550,8 @@ impl TreePolicy {
     }
 
     fn next_probe(&self, core: &Core) -> Option<Timestamp> {
-        let (route, patience) = (self.watched_route(), self.config.patience);
-        self.probe.deadline(core, &self.links, route, patience)
+        let route = self.watched_route();
+        self.probe.deadline(core, &self.links, route, &self.config)
     }
 
     /// Takes what steps are due. Each is one less that can be: a parent is probed later, or left, or the master is missed.
@@ -574,7 +572,7 @@ impl TreePolicy {
                     self.update_route(core, now);
                 }
                 Some(Step::Inquire) => {
-                    if self.links.iter().any(|link| link.symmetric) {
+                    if self.links.len() > 0 {
                         self.say(core, now, Reason::Inquiry);
                     }
                 }

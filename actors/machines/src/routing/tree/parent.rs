@@ -192,11 +192,11 @@ impl ParentSelection {
     /// The parent has announced a newer heartbeat sequence and nothing else.
     pub(super) fn follow_parent(&mut self, links: &LinkTable) {
         if let Some(link) = self.routes.parent.and_then(|parent| links.get(parent))
-            && link.said.hops.is_some()
+            && let Some(cost) = self.cost_through(link)
         {
             self.announce(Label {
                 heartbeat: link.route_heartbeat(),
-                cost: self.label.cost,
+                cost,
             });
         }
     }
@@ -282,20 +282,21 @@ impl ParentSelection {
             };
             label.is_nearer_than(self.distance) || flaw::has(Flaw::TakesFartherParents)
         };
+        // One that may have been heard by chance is no better than a parent that is silent: that is probed first.
+        let has_parent = current.is_some_and(|link| leads_on(link) && link.is_reachable());
+        let by_hops = flaw::has(Flaw::RoutesByHops);
         let others = links.iter().filter(|link| {
             Some(link.id) != self.routes.parent
                 && leads_on(link)
                 && is_at_hand(link)
                 && !is_left_out_by(link)
                 && is_feasible(link)
+                && (link.quality.is_proven() || !has_parent || by_hops)
         });
         // Poor links last, then by cost; what is not taken for the first time has its hysteresis.
         let rated = |link: &'a Link, hysteresis: u16| {
             let cost = self.cost_through(link)?;
-            let is_kept = Some(link.id) == self.routes.parent;
-            let is_unproven = !is_kept && !link.quality.is_proven();
-            let is_poor = link.quality.is_poor() || is_unproven && kept.is_some();
-            let is_poor = is_poor && !flaw::has(Flaw::RoutesByHops);
+            let is_poor = link.quality.is_poor() && !by_hops;
             Some(((is_poor, cost.saturating_add(hysteresis), link.id), link))
         };
         let best = others

@@ -7,13 +7,15 @@
 use std::time::Duration;
 
 use super::Config;
+use super::link::Link;
 use super::link_table::LinkTable;
 use super::quality::{PROBES_MAX, STALE_BEACONS_MAX};
 use crate::identity::NodeId;
 use crate::routing::core::Core;
 use crate::time::Timestamp;
 
-/// How often a drone without a route asks all that are near, before it misses the master.
+/// How often a drone without a route asks all that are near, before it misses the master. Where one neighbour only has a
+/// route, it asks on until then: all rests on that one's answer.
 const INQUIRIES: u32 = 3;
 
 /// For how many repairs a parent is probed at least over a link that loses [`BURSTY`] or more, for its losses may come in
@@ -29,6 +31,8 @@ const BURSTY: f64 = 0.06;
 #[derive(Debug, Default)]
 pub(super) struct ParentProbe {
     probe: Option<Probe>,
+    /// Whether the last parent answered no probe.
+    is_parent_gone: bool,
     /// How often all that are near were asked since there is no route, and when they are asked next.
     inquiries: Option<(u32, Timestamp)>,
 }
@@ -58,11 +62,18 @@ pub(super) enum Step {
 impl Config {
     /// How long a drone takes at most, from when it last heard a parent that is gone, until the master is missed: until
     /// the parent is probed, until it has not answered, both once more for another route that turns out to be gone too,
-    /// and until nobody near has heard more of the master.
+    /// and until nobody near has heard more of the master, nor hears its next heartbeat.
     #[must_use]
     pub fn detection(&self) -> Duration {
         let probed = self.repair * 2 * PROBES_MAX;
-        (self.beacon * STALE_BEACONS_MAX.into() + probed) * 2 + self.patience
+        (self.beacon * STALE_BEACONS_MAX.into() + probed) * 2 + self.patience + self.beacon
+    }
+
+    /// The neighbours that have a route, and not through this drone.
+    fn with_routes<'a>(&self, links: &'a LinkTable) -> impl Iterator<Item = &'a Link> {
+        let has_route =
+            |link: &&Link| link.said.hops.is_some() && link.said.parent != Some(self.id);
+        links.iter().filter(has_route)
     }
 }
 
@@ -79,17 +90,19 @@ impl ParentProbe {
         core: &Core,
         links: &LinkTable,
         route: Route,
-        patience: Duration,
+        config: &Config,
     ) -> Option<Timestamp> {
         if core.durable.landing.is_some() || core.durable.stopped {
             return None;
         }
         let Some(parent) = route.parent else {
             let since = route.orphaned_since.filter(|_| !core.misses_master())?;
-            let missed_at = since + patience;
+            let missed_at = self.missed_at(since, links, config);
             let inquiry = match self.inquiries {
                 None => Some(since),
-                Some((asked, due)) => (asked < INQUIRIES).then_some(due),
+                Some((asked, due)) => {
+                    (asked < INQUIRIES || config.with_routes(links).count() == 1).then_some(due)
+                }
             };
             return Some(inquiry.map_or(missed_at, |due| due.min(missed_at)));
         };
@@ -97,6 +110,19 @@ impl ParentProbe {
             Some(probe) => Some(probe.due),
             None => route.stale_at,
         }
+    }
+
+    /// When a drone misses the master that has no route since `since`. Where neighbours have one that it can't take, as it
+    /// costs more than its own did under the same heartbeat, the next heartbeat brings it: unless the parent is gone, for
+    /// then the master may be. And one that hears one other only is in no hurry.
+    fn missed_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
+        let waits = if links.len() == 1 {
+            config.with_routes(links).count() == 1
+        } else {
+            !self.is_parent_gone && config.with_routes(links).any(|link| link.symmetric)
+        };
+        let heartbeat = if waits { config.beacon } else { Duration::ZERO };
+        since + config.patience + heartbeat
     }
 
     /// Unless the parent has been heard since, or is another one by now.
@@ -116,7 +142,7 @@ impl ParentProbe {
     ) -> Option<Step> {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since?;
-            if now >= since + config.patience {
+            if now >= self.missed_at(since, links, config) {
                 self.inquiries = None;
                 return Some(Step::Miss);
             }
@@ -125,12 +151,16 @@ impl ParentProbe {
             self.inquiries = Some((asked + 1, now + pause));
             return Some(Step::Inquire);
         };
-        self.inquiries = None;
+        (self.inquiries, self.is_parent_gone) = (None, false);
         let link = links.get(parent)?;
         let sent = self.current(parent, links).map_or(0, |it| it.sent);
-        let probes = link.quality.probes();
+        let probes = if is_alone_with(parent, links) {
+            PROBES_MAX
+        } else {
+            link.quality.probes()
+        };
         if sent >= probes {
-            self.probe = None;
+            (self.probe, self.is_parent_gone) = (None, true);
             return Some(Step::Leave(parent));
         }
         let bursty = (link.quality.long_loss() / BURSTY).min(1.0);
@@ -148,6 +178,15 @@ impl ParentProbe {
             is_first: sent == 0,
         })
     }
+}
+
+/// Whether a drone hears nobody but its parent; those apart that it hears seldom, or has heard by chance. If it leaves that
+/// one, it leaves the swarm, and would lead nobody but itself: it is in no hurry.
+fn is_alone_with(parent: NodeId, links: &LinkTable) -> bool {
+    let is_company = |link: &Link| link.quality.is_proven() && !link.quality.is_poor();
+    !links
+        .iter()
+        .any(|link| link.id != parent && is_company(link))
 }
 
 /// The route that is watched.

@@ -207,14 +207,17 @@ impl Quality {
         beacons
     }
 
-    /// How often it is probed before it is taken to be gone: a probe or its answer may be lost, each like any frame.
+    /// How often it is probed before it is taken to be gone: a probe or its answer may be lost, each like any frame, or like
+    /// the last few where those were lost twice as often, as while drones fly apart.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "between 1 and `PROBES_MAX`"
     )]
     pub(super) fn probes(&self) -> u32 {
-        let here = 1.0 - self.cautious_loss();
+        let worsens = self.recent_loss > 2.0 * self.loss;
+        let loss = if worsens { self.recent_loss } else { 0.0 };
+        let here = 1.0 - self.cautious_loss().max(loss);
         let there = match self.hears {
             Some(hears) if hears < WELL => here.min(f64::from(hears) / f64::from(WELL)),
             _ => here,

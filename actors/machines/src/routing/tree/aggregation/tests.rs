@@ -209,8 +209,8 @@ fn told() -> impl Strategy<Value = Told> {
 }
 
 proptest! {
-    /// Nobody is ever said to have carried an order out who did not say so of that very order, whoever changes parents,
-    /// whatever is cut to fit a datagram, and whichever order its sender knew of.
+    /// Nobody is ever said to have carried an order out who did not say so of that very order, though drones change parents,
+    /// words are cut to fit a datagram, and senders know of other orders.
     #[test]
     fn nobody_is_acknowledged_for_who_has_not_said_so(told in prop::collection::vec(told(), 1..60)) {
         let mut relay = Relay::new();

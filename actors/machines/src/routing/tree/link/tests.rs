@@ -88,7 +88,7 @@ fn a_link_counts_both_ways_until_it_is_left_out_for_longer_than_by_chance() {
     for _ in 0..=stale {
         near.hear(2, leaves_out.clone());
         assert!(near.links.get(NodeId(2)).unwrap().symmetric);
-        // An order that it passes on says nothing of whom it hears.
+        // An order that it passes on does not say which drones it hears.
         near.hear_as_it_is(2, passes_on.clone());
         near.now += Neighbourhood::BEACON * 9 / 10;
     }

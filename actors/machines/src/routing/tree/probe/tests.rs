@@ -21,7 +21,7 @@ fn config() -> Config {
     }
 }
 
-/// Drone 1, whose parent, drone 0, speaks once a beacon.
+/// Drone 1, whose parent, drone 0, speaks once a beacon. It hears drone 2, which is below it, unless it is alone.
 struct Child {
     near: Neighbourhood,
     core: Core,
@@ -37,6 +37,16 @@ const BURST_MS: f64 = 20.0;
 
 impl Child {
     fn new(seed: u64) -> Self {
+        let mut child = Self::alone(seed);
+        let below = Tree {
+            parent: Some(NodeId(1)),
+            ..with_route(2, 64, 0)
+        };
+        child.near.hear_well(2, &below);
+        child
+    }
+
+    fn alone(seed: u64) -> Self {
         Self {
             near: Neighbourhood::of(1),
             core: member(1),
@@ -97,7 +107,7 @@ impl Child {
                 stale_at: Some(begun),
                 orphaned_since: None,
             };
-            let due = probe.deadline(&self.core, &self.near.links, route, config.patience);
+            let due = probe.deadline(&self.core, &self.near.links, route, &config);
             self.near.now = due.expect("a stale parent is probed, or left");
             let times = (self.near.now, &config);
             let step = probe.step(&mut self.core, &self.near.links, route, times);
@@ -183,7 +193,7 @@ fn a_parent_that_is_gone_is_left_within_the_bound_however_much_its_link_lost() {
             let stale = Neighbourhood::BEACON * link.quality.stale_beacons.into();
             let (probes, took, is_left) = child.probe(|_| false);
             assert!(is_left && (1..=PROBES_MAX).contains(&probes));
-            let bound = config().detection() - config().patience;
+            let bound = config().detection() - config().patience - config().beacon;
             assert!((stale + took) * 2 <= bound, "{took:?} at {percent} %");
         }
     }
@@ -229,7 +239,7 @@ fn a_parent_that_was_heard_is_probed_from_the_first_probe_on_again() {
     child.near.hear(0, with_route(0, 0, 500));
     let due = |probe: &ParentProbe, child: &Child| {
         let (core, links) = (&child.core, &child.near.links);
-        probe.deadline(core, links, route(stale_at), config.patience)
+        probe.deadline(core, links, route(stale_at), &config)
     };
     assert_eq!(due(&probe, &child), stale_at);
     let times = (child.near.now, &config);
@@ -238,28 +248,63 @@ fn a_parent_that_was_heard_is_probed_from_the_first_probe_on_again() {
 }
 
 #[test]
+fn who_hears_one_other_only_probes_it_as_long_as_it_may() {
+    let mut child = Child::alone(1);
+    child.hear(250, |_| false);
+    let (probes, _, is_left) = child.probe(|_| false);
+    assert_eq!((probes, is_left), (PROBES_MAX, true));
+}
+
+impl Child {
+    /// Goes without a route from now on until it misses the master; how often it asks, and for how long.
+    fn miss_master(&mut self) -> (u32, Duration) {
+        let (mut probe, config, begun) = (ParentProbe::default(), config(), self.near.now);
+        let route = Route {
+            parent: None,
+            stale_at: None,
+            orphaned_since: Some(begun),
+        };
+        let mut inquiries = 0;
+        loop {
+            let due = probe.deadline(&self.core, &self.near.links, route, &config);
+            self.near.now = due.unwrap();
+            let times = (self.near.now, &config);
+            match probe.step(&mut self.core, &self.near.links, route, times) {
+                Some(Step::Inquire) => inquiries += 1,
+                Some(Step::Miss) => break,
+                other => panic!("{other:?}"),
+            }
+        }
+        self.core.miss_master();
+        let due = probe.deadline(&self.core, &self.near.links, route, &config);
+        assert_eq!(due, None, "it is missed already");
+        (inquiries, self.near.now.since(begun))
+    }
+}
+
+#[test]
 fn who_has_no_route_asks_all_three_times_and_misses_the_master_when_its_patience_ends() {
     let mut child = Child::new(1);
-    let (mut probe, config) = (ParentProbe::default(), config());
-    let route = Route {
-        parent: None,
-        stale_at: None,
-        orphaned_since: Some(child.near.now),
-    };
-    let mut inquiries = 0;
-    loop {
-        let due = probe.deadline(&child.core, &child.near.links, route, config.patience);
-        child.near.now = due.unwrap();
-        let times = (child.near.now, &config);
-        match probe.step(&mut child.core, &child.near.links, route, times) {
-            Some(Step::Inquire) => inquiries += 1,
-            Some(Step::Miss) => break,
-            other => panic!("{other:?}"),
-        }
+    child.near.hear(3, Tree::default());
+    assert_eq!(child.miss_master(), (INQUIRIES, config().patience));
+}
+
+#[test]
+fn who_has_no_route_where_others_have_one_waits_for_the_next_heartbeat_too() {
+    let mut child = Child::new(1);
+    for sibling in [3, 4] {
+        child.near.hear(sibling, with_route(1, 500, 7));
     }
-    assert_eq!(inquiries, INQUIRIES);
-    assert_eq!(child.near.now.since(Timestamp::ZERO), config.patience);
-    child.core.miss_master();
-    let due = probe.deadline(&child.core, &child.near.links, route, config.patience);
-    assert_eq!(due, None, "it is missed already");
+    let missed = child.miss_master();
+    assert_eq!(missed, (INQUIRIES, config().patience + config().beacon));
+}
+
+#[test]
+fn where_one_other_only_has_a_route_it_is_asked_all_the_time() {
+    let mut child = Child::new(1);
+    child.near.hear(3, with_route(1, 500, 7));
+    let (inquiries, took) = child.miss_master();
+    assert_eq!(took, config().patience + config().beacon);
+    let pauses = took.div_duration_f64(REPAIR * 3 / 2);
+    assert!((f64::from(inquiries) / pauses - 1.0).abs() < 0.1);
 }

@@ -220,6 +220,23 @@ fn a_living_neighbour_leaves_all_probes_unanswered_once_in_a_thousand_million_ti
 }
 
 #[test]
+fn a_neighbour_that_flies_away_is_probed_by_what_is_lost_now() {
+    let mut quality = Quality::new();
+    for _ in 0..MEMORY {
+        quality.learn_heard();
+    }
+    let near = quality.probes();
+    for _ in 0..RECENT {
+        quality.learn_missed(1);
+        quality.learn_heard();
+    }
+    let answered = libm::pow(1.0 - quality.recent_loss, 2.0);
+    assert!(quality.recent_loss > quality.loss && quality.probes() > near);
+    let unanswered = libm::pow(1.0 - answered, f64::from(quality.probes()));
+    assert!(unanswered <= UNANSWERED, "{unanswered}");
+}
+
+#[test]
 fn costs_are_expected_transmissions_of_a_frame_and_its_acknowledgement() {
     let cost = |here, there| {
         let mut quality = Quality::new();

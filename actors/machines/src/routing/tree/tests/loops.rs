@@ -177,40 +177,39 @@ impl Swarm {
         for (to, ballot, payload) in sent {
             let front = wire::decode_tree(&payload).unwrap().front;
             if front.hops.is_some() {
-                drone.announced = Some((ballot, front.heartbeat - front.lag));
+                self.drones[id].announced = Some((ballot, front.heartbeat - front.lag));
             }
             for receiver in 0..self.network.drones {
                 let is_delivered = self.rng.random_range(0..16) < self.links[id][receiver];
-                let mut delay = || {
-                    let nanos = self.network.delay_max_ms * 1_000_000;
-                    Duration::from_nanos(self.rng.random_range(0..nanos))
-                };
                 if receiver != id && is_delivered {
-                    self.in_flight.push(InFlight {
-                        arrives: self.now + delay(),
-                        from: id,
-                        to: receiver,
-                        input: Input::Heard {
-                            sender: node(id),
-                            ballot,
-                            payload: payload.clone(),
-                        },
-                    });
+                    let heard = Input::Heard {
+                        sender: node(id),
+                        ballot,
+                        payload: payload.clone(),
+                    };
+                    self.put_in_flight(id, receiver, heard);
                 }
                 if to == Some(node(receiver)) && self.network.tells {
-                    self.in_flight.push(InFlight {
-                        arrives: self.now + delay(),
-                        from: id,
-                        to: id,
-                        input: Input::Outcome {
-                            to: node(receiver),
-                            payload: payload.clone(),
-                            delivered: is_delivered,
-                        },
-                    });
+                    let outcome = Input::Outcome {
+                        to: node(receiver),
+                        payload: payload.clone(),
+                        delivered: is_delivered,
+                    };
+                    self.put_in_flight(id, id, outcome);
                 }
             }
         }
+    }
+
+    fn put_in_flight(&mut self, from: usize, to: usize, input: Input) {
+        let nanos = self.network.delay_max_ms * 1_000_000;
+        let delay = Duration::from_nanos(self.rng.random_range(0..nanos));
+        self.in_flight.push(InFlight {
+            arrives: self.now + delay,
+            from,
+            to,
+            input,
+        });
     }
 
     /// Takes the next thing that happens by itself, if that is before `until`.

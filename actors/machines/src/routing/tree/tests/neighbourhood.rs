@@ -41,7 +41,7 @@ impl Neighbourhood {
         self.hear_as_it_is(from, Tree { hears, ..said });
     }
 
-    /// A neighbour says this to all, and perhaps nothing of whom it hears.
+    /// A neighbour says this to all, and perhaps not which drones it hears.
     pub(in crate::routing::tree) fn hear_as_it_is(&mut self, from: u32, said: Tree) {
         self.miss(from);
         let said = Tree {
