@@ -28,8 +28,8 @@ fn a_process_that_restarts_rejoins_the_swarm_from_its_journal() {
         assert_finished(&report, &[], &faults);
         masters(&report)
     };
-    // Drone 0 hears nobody else, and has just given it up when it is back: all turn to the better ballot.
-    assert_eq!(masters_after("1"), [[0]]);
+    // Drone 0 hears nobody else, and bears its silence: the master leads on.
+    assert_eq!(masters_after("1"), [[3]]);
     // Each part has its own, and parts that meet are one.
     let masters = masters_after(r#""master""#);
     assert_eq!((masters.len(), &masters[0]), (2, &vec![2, 4]));

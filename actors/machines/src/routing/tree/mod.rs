@@ -325,11 +325,13 @@ impl TreePolicy {
         (sender, heard): (NodeId, Heard),
         is_news: bool,
     ) {
-        if self
-            .links
-            .get(sender)
-            .is_some_and(|link| link.said.asks_own)
-        {
+        // Two without a route have nothing to tell each other, unless it is an order.
+        let has_route = self.route.routes().hops.is_some();
+        let is_told = |link: &Link| {
+            has_route || link.said.hops.is_some() || link.said.sequence != core.sequence()
+        };
+        let asks = |link: &Link| link.said.asks_own && is_told(link);
+        if self.links.get(sender).is_some_and(asks) {
             self.links.asks(sender);
         }
         if is_news && self.links.has_children() {

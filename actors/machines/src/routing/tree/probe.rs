@@ -14,8 +14,8 @@ use crate::identity::NodeId;
 use crate::routing::core::Core;
 use crate::time::Timestamp;
 
-/// How often a drone without a route asks all that are near, before it misses the master. Where one neighbour only has a
-/// route, it asks on until then: all rests on that one's answer.
+/// How often a drone without a route asks all that are near, before it misses the master; if some of them have a route, as far
+/// as it knows. If one only has, it asks on until then: all rests on that one's answer.
 const INQUIRIES: u32 = 3;
 
 /// For how many repairs a parent is probed at least over a link that loses [`BURSTY`] or more, for its losses may come in
@@ -98,11 +98,10 @@ impl ParentProbe {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since.filter(|_| !core.misses_master())?;
             let missed_at = self.missed_at(since, links, config);
-            let inquiry = match self.inquiries {
-                None => Some(since),
-                Some((asked, due)) => {
-                    (asked < INQUIRIES || config.with_routes(links).count() == 1).then_some(due)
-                }
+            let inquiry = match (config.with_routes(links).count(), self.inquiries) {
+                (0, _) => None,
+                (_, None) => Some(since),
+                (others, Some((asked, due))) => (asked < INQUIRIES || others == 1).then_some(due),
             };
             return Some(inquiry.map_or(missed_at, |due| due.min(missed_at)));
         };

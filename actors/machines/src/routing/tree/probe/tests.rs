@@ -283,10 +283,10 @@ impl Child {
 }
 
 #[test]
-fn who_has_no_route_asks_all_three_times_and_misses_the_master_when_its_patience_ends() {
+fn who_has_no_route_where_nobody_has_one_misses_the_master_when_its_patience_ends() {
     let mut child = Child::new(1);
     child.near.hear(3, Tree::default());
-    assert_eq!(child.miss_master(), (INQUIRIES, config().patience));
+    assert_eq!(child.miss_master(), (0, config().patience));
 }
 
 #[test]
