@@ -2,7 +2,7 @@
 //!
 //! A leader epoch is named by its ballot. The ballot that a drone obeys never falls; a drone that hears of a better one turns
 //! to it, masters included. What is being carried out goes on meanwhile: the new master begins by giving the order again that
-//! it is at itself, and whoever is there already, or farther, acknowledges at once.
+//! it is at itself, and drones that are there already, or farther, acknowledge at once.
 
 use std::time::Duration;
 

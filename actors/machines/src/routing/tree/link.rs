@@ -317,6 +317,11 @@ impl Link {
         matches!(self.said.parent, Some(parent) if parent.0 == id.0)
     }
 
+    /// Whether it has a route to the master, and not through `id` as its parent.
+    pub(super) const fn has_route_past(&self, id: NodeId) -> bool {
+        self.said.hops.is_some() && !self.is_child_of(id)
+    }
+
     /// Whether it is a child of `id` with nobody below it, so that it passes nothing on.
     pub(super) fn is_leaf_of(&self, id: NodeId) -> bool {
         self.is_child_of(id) && NodeSet::from(self.id).is_superset(&self.sets().alive)

@@ -393,6 +393,11 @@ impl LinkTable {
         }
     }
 
+    /// The neighbours that have a route, and not through this drone.
+    pub(super) fn with_routes(&self) -> impl Iterator<Item = &Link> {
+        self.iter().filter(|link| link.has_route_past(self.own))
+    }
+
     pub(super) const fn len(&self) -> usize {
         self.links.len()
     }

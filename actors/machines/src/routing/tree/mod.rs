@@ -573,11 +573,7 @@ impl TreePolicy {
                     self.links.forget(parent);
                     self.update_route(core, now);
                 }
-                Some(Step::Inquire) => {
-                    if self.links.len() > 0 {
-                        self.say(core, now, Reason::Inquiry);
-                    }
-                }
+                Some(Step::Inquire) => self.say(core, now, Reason::Inquiry),
                 Some(Step::Miss) => core.miss_master(),
                 None => return,
             }

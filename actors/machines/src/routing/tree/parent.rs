@@ -167,10 +167,7 @@ impl ParentSelection {
     /// The parent, unless something speaks against it, or it is out of reach.
     fn look_at_parent(&self, links: &LinkTable) -> Option<GoodParent> {
         let link = links.get(self.routes.parent?)?;
-        let is_sound = link.symmetric
-            && link.is_reachable()
-            && link.said.hops.is_some()
-            && link.said.parent != Some(self.own);
+        let is_sound = link.symmetric && link.is_reachable() && link.has_route_past(self.own);
         is_sound.then(|| GoodParent {
             stale_at: link.stale_at(self.beacon),
         })
@@ -268,9 +265,7 @@ impl ParentSelection {
     }
 
     fn best<'a>(&self, now: Timestamp, place: Place, links: &'a LinkTable) -> Option<&'a Link> {
-        let leads_on = |link: &Link| {
-            link.symmetric && link.said.hops.is_some() && link.said.parent != Some(self.own)
-        };
+        let leads_on = |link: &Link| link.symmetric && link.has_route_past(self.own);
         let current = self.routes.parent.and_then(|parent| links.get(parent));
         let is_at_hand = |link: &Link| link.is_reachable() && !link.is_stale(now, self.beacon);
         let kept = current.filter(|link| leads_on(link) && is_at_hand(link));

@@ -68,13 +68,6 @@ impl Config {
         let probed = self.repair * 2 * PROBES_MAX;
         (self.beacon * STALE_BEACONS_MAX.into() + probed) * 2 + self.patience + self.beacon
     }
-
-    /// The neighbours that have a route, and not through this drone.
-    fn with_routes<'a>(&self, links: &'a LinkTable) -> impl Iterator<Item = &'a Link> {
-        let has_route =
-            |link: &&Link| link.said.hops.is_some() && link.said.parent != Some(self.id);
-        links.iter().filter(has_route)
-    }
 }
 
 impl ParentProbe {
@@ -98,7 +91,7 @@ impl ParentProbe {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since.filter(|_| !core.misses_master())?;
             let missed_at = self.missed_at(since, links, config);
-            let inquiry = match (config.with_routes(links).count(), self.inquiries) {
+            let inquiry = match (links.with_routes().count(), self.inquiries) {
                 (0, _) => None,
                 (_, None) => Some(since),
                 (others, Some((asked, due))) => (asked < INQUIRIES || others == 1).then_some(due),
@@ -115,11 +108,9 @@ impl ParentProbe {
     /// costs more than its own did under the same heartbeat, the next heartbeat brings it: unless the parent is gone, for
     /// then the master may be. And one that hears one other only is in no hurry.
     fn missed_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
-        let waits = if links.len() == 1 {
-            config.with_routes(links).count() == 1
-        } else {
-            !self.is_parent_gone && config.with_routes(links).any(|link| link.symmetric)
-        };
+        let is_alone = links.len() == 1;
+        let waits =
+            (links.with_routes()).any(|link| is_alone || !self.is_parent_gone && link.symmetric);
         let heartbeat = if waits { config.beacon } else { Duration::ZERO };
         since + config.patience + heartbeat
     }

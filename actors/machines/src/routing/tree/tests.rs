@@ -438,6 +438,25 @@ fn only_those_that_a_child_asks_answer_it() {
 }
 
 #[test]
+fn two_without_a_route_ask_each_other_in_vain_unless_one_has_missed_an_order() {
+    for (hops, sequence, is_answered) in [(None, 0, false), (Some(1), 0, true), (None, 1, true)] {
+        let mut node = Node::new(1);
+        node.hear(2, Tree::default());
+        node.wait(2_000);
+        assert_eq!(node.parent(), None);
+        let asks = Tree {
+            hops,
+            sequence,
+            asks: ids([1]),
+            ..Tree::default()
+        };
+        node.hear(2, asks);
+        let answers = node.wait(20);
+        assert_eq!(!answers.is_empty(), is_answered, "{hops:?}, {sequence}");
+    }
+}
+
+#[test]
 fn a_pure_relay_passes_on_what_others_say_and_is_awaited_by_nobody() {
     let mut relay = Node::placed(4, 0, 1, &[2]);
     let passed_on = relay.hear(0, order(0, ids([2])));
