@@ -106,13 +106,16 @@ impl ParentProbe {
 
     /// When a drone misses the master that has no route since `since`. Where neighbours have one that it can't take, as it
     /// costs more than its own did under the same heartbeat, the next heartbeat brings it: unless the parent is gone, for
-    /// then the master may be. And one that hears one other only is in no hurry.
+    /// then the master may be. And one that hears one other only is in no hurry: it waits for as long as that one may take
+    /// until it probes its own parent.
     fn missed_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
-        let is_alone = links.len() == 1;
-        let waits =
-            (links.with_routes()).any(|link| is_alone || !self.is_parent_gone && link.symmetric);
-        let heartbeat = if waits { config.beacon } else { Duration::ZERO };
-        since + config.patience + heartbeat
+        let mut others = links.with_routes();
+        let heartbeats = if links.len() == 1 && others.next().is_some() {
+            STALE_BEACONS_MAX
+        } else {
+            u16::from(!self.is_parent_gone && others.any(|link| link.symmetric))
+        };
+        since + config.patience + config.beacon * heartbeats.into()
     }
 
     /// Unless the parent has been heard since, or is another one by now.

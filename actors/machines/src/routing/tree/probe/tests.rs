@@ -308,3 +308,14 @@ fn where_one_other_only_has_a_route_it_is_asked_all_the_time() {
     let pauses = took.div_duration_f64(REPAIR * 3 / 2);
     assert!((f64::from(inquiries) / pauses - 1.0).abs() < 0.1);
 }
+
+#[test]
+fn who_hears_one_other_only_waits_for_its_heartbeats_until_that_one_may_have_probed_its_own_parent()
+{
+    let mut child = Child::alone(1);
+    child.hear(10, |_| false);
+    let (_, took) = child.miss_master();
+    let beacons = config().beacon * STALE_BEACONS_MAX.into();
+    assert_eq!(took, config().patience + beacons);
+    assert!(Neighbourhood::BEACON * STALE_BEACONS_MAX.into() + took <= config().detection());
+}
