@@ -488,7 +488,9 @@ impl TreePolicy {
             (Reason::KeepAlive | Reason::Copy | Reason::Answer, _) => NodeSet::new(),
             (Reason::Probe, _) => to.into_iter().collect(),
             // Those too that do not hear this drone, as far as it knows: to be asked shows that they are heard.
-            (Reason::Inquiry, _) => self.links.iter().map(|link| link.id).collect(),
+            (Reason::Inquiry, _) => (self.links.iter().map(|link| link.id))
+                .chain(self.probe.left())
+                .collect(),
             (Reason::Repair, None) => owed.unaware.clone(),
             (Reason::Repair, Some(to)) => {
                 let shows = self.medium_tells || !owed.unaware.contains(to);

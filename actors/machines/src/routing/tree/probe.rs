@@ -15,7 +15,7 @@ use crate::routing::core::Core;
 use crate::time::Timestamp;
 
 /// How often a drone without a route asks all that are near, before it misses the master; if some of them have a route, as far
-/// as it knows. If one only has, it asks on until then: all rests on that one's answer.
+/// as it knows. It asks on until then if all rests on one answer.
 const INQUIRIES: u32 = 3;
 
 /// For how many repairs a parent is probed at least over a link that loses [`BURSTY`] or more, for its losses may come in
@@ -33,6 +33,8 @@ pub(super) struct ParentProbe {
     probe: Option<Probe>,
     /// Whether the last parent answered no probe.
     is_parent_gone: bool,
+    /// That one, if frames are often lost between both: it is asked on.
+    left: Option<NodeId>,
     /// How often all that are near were asked since there is no route, and when they are asked next.
     inquiries: Option<(u32, Timestamp)>,
 }
@@ -91,16 +93,24 @@ impl ParentProbe {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since.filter(|_| !core.misses_master())?;
             let missed_at = self.missed_at(since, links, config);
-            let inquiry = match (links.with_routes().count(), self.inquiries) {
-                (0, _) => None,
-                (_, None) => Some(since),
-                (others, Some((asked, due))) => (asked < INQUIRIES || others == 1).then_some(due),
-            };
+            let (asked, due) = self.inquiries.unwrap_or((0, since));
+            let inquiry = (asked < self.inquiries_max(links)).then_some(due);
             return Some(inquiry.map_or(missed_at, |due| due.min(missed_at)));
         };
         match self.current(parent, links) {
             Some(probe) => Some(probe.due),
             None => route.stale_at,
+        }
+    }
+
+    /// How often a drone without a route asks. All rests on one answer if one other only has a route, or is heard at all, and if
+    /// the parent that answered no probe may be there.
+    fn inquiries_max(&self, links: &LinkTable) -> u32 {
+        match links.with_routes().count() {
+            _ if self.left.is_some() || links.len() == 1 => u32::MAX,
+            0 => 0,
+            1 => u32::MAX,
+            _ => INQUIRIES,
         }
     }
 
@@ -116,6 +126,11 @@ impl ParentProbe {
             u16::from(!self.is_parent_gone && others.any(|link| link.symmetric))
         };
         since + config.patience + config.beacon * heartbeats.into()
+    }
+
+    /// Whom a drone without a route asks, but for those whom it hears.
+    pub(super) const fn left(&self) -> Option<NodeId> {
+        self.left
     }
 
     /// Unless the parent has been heard since, or is another one by now.
@@ -136,7 +151,7 @@ impl ParentProbe {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since?;
             if now >= self.missed_at(since, links, config) {
-                self.inquiries = None;
+                (self.inquiries, self.left) = (None, None);
                 return Some(Step::Miss);
             }
             let asked = self.inquiries.map_or(0, |it| it.0);
@@ -144,7 +159,7 @@ impl ParentProbe {
             self.inquiries = Some((asked + 1, now + pause));
             return Some(Step::Inquire);
         };
-        (self.inquiries, self.is_parent_gone) = (None, false);
+        (self.inquiries, self.is_parent_gone, self.left) = (None, false, None);
         let link = links.get(parent)?;
         let sent = self.current(parent, links).map_or(0, |it| it.sent);
         let probes = if is_alone_with(parent, links) {
@@ -154,6 +169,7 @@ impl ParentProbe {
         };
         if sent >= probes {
             (self.probe, self.is_parent_gone) = (None, true);
+            self.left = Some(parent).filter(|_| link.quality.long_loss() >= BURSTY);
             return Some(Step::Leave(parent));
         }
         let bursty = (link.quality.long_loss() / BURSTY).min(1.0);

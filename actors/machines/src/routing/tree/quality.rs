@@ -16,10 +16,6 @@ const LOST: f64 = 1e-6;
 const STALE: f64 = 1e-2;
 /// How unlikely it must be that a living neighbour answers none of the probes.
 const UNANSWERED: f64 = 1e-9;
-/// By how much more a link may lose by now than was measured: drones move.
-const WORSENED: f64 = 1.3;
-/// However much a link loses, it is taken to deliver a little.
-const LOSS_MAX: f64 = 0.99;
 /// However lossy a link is, no more probes are sent.
 pub(super) const PROBES_MAX: u32 = 80;
 /// However lossy a link is, it is given up after this many beacons.
@@ -220,13 +216,10 @@ impl Quality {
     )]
     pub(super) fn probes(&self) -> u32 {
         let worsens = self.recent_loss > 2.0 * self.loss;
-        let recent = if worsens { self.recent_loss } else { 0.0 };
-        let delivered = |loss: f64| 1.0 - (loss * WORSENED).min(LOSS_MAX);
-        let here = delivered(self.cautious_loss().max(recent));
+        let loss = if worsens { self.recent_loss } else { 0.0 };
+        let here = 1.0 - self.cautious_loss().max(loss);
         let there = match self.hears {
-            Some(hears) if hears < WELL => {
-                here.min(delivered(1.0 - f64::from(hears) / f64::from(WELL)))
-            }
+            Some(hears) if hears < WELL => here.min(f64::from(hears) / f64::from(WELL)),
             _ => here,
         };
         let probes = libm::log(UNANSWERED) / libm::log(1.0 - here * there);

@@ -258,7 +258,34 @@ fn who_hears_one_other_only_probes_it_as_long_as_it_may() {
 impl Child {
     /// Goes without a route from now on until it misses the master; how often it asks, and for how long.
     fn miss_master(&mut self) -> (u32, Duration) {
-        let (mut probe, config, begun) = (ParentProbe::default(), config(), self.near.now);
+        self.miss_master_with(ParentProbe::default())
+    }
+
+    /// Probes its parent in vain, leaves it, and misses the master; how often it asks it, too.
+    fn leave_and_miss_master(&mut self) -> u32 {
+        let (mut probe, config) = (ParentProbe::default(), config());
+        let route = Route {
+            parent: Some(NodeId(0)),
+            stale_at: Some(self.near.now),
+            orphaned_since: None,
+        };
+        loop {
+            let due = probe.deadline(&self.core, &self.near.links, route, &config);
+            self.near.now = due.expect("a stale parent is probed, or left");
+            let times = (self.near.now, &config);
+            let step = probe.step(&mut self.core, &self.near.links, route, times);
+            if step == Some(Step::Leave(NodeId(0))) {
+                self.near.links.forget(NodeId(0));
+                break;
+            }
+        }
+        let asks_left = probe.left() == Some(NodeId(0));
+        let (inquiries, _) = self.miss_master_with(probe);
+        if asks_left { inquiries } else { 0 }
+    }
+
+    fn miss_master_with(&mut self, mut probe: ParentProbe) -> (u32, Duration) {
+        let (config, begun) = (config(), self.near.now);
         let route = Route {
             parent: None,
             stale_at: None,
@@ -287,6 +314,29 @@ fn who_has_no_route_where_nobody_has_one_misses_the_master_when_its_patience_end
     let mut child = Child::new(1);
     child.near.hear(3, Tree::default());
     assert_eq!(child.miss_master(), (0, config().patience));
+}
+
+#[test]
+fn who_left_its_parent_over_a_link_that_loses_often_asks_it_on_until_it_misses_the_master() {
+    for (loss, is_asked) in [(0.3, true), (0.0, false)] {
+        let mut child = Child::new(1);
+        child.hear(250, |child| child.loses(loss));
+        child.near.hear(3, Tree::default());
+        let inquiries = f64::from(child.leave_and_miss_master());
+        let pauses = config().patience.div_duration_f64(REPAIR * 3 / 2);
+        let expected = if is_asked { pauses } else { 0.0 };
+        assert!((inquiries - expected).abs() <= 0.2 * pauses, "{inquiries}");
+    }
+}
+
+#[test]
+fn who_hears_one_other_only_asks_it_until_it_misses_the_master() {
+    let mut child = Child::alone(1);
+    child.near.hear(0, Tree::default());
+    let (inquiries, took) = child.miss_master();
+    assert_eq!(took, config().patience, "that one has no route");
+    let pauses = took.div_duration_f64(REPAIR * 3 / 2);
+    assert!((f64::from(inquiries) / pauses - 1.0).abs() < 0.2);
 }
 
 #[test]

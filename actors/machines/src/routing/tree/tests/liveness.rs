@@ -156,14 +156,14 @@ fn quality(frames: impl IntoIterator<Item = (u32, u32)>) -> Quality {
 
 #[test]
 fn a_parent_over_a_lossy_link_is_asked_more_often() {
-    // One in five is lost, and soon one in four may be: as 0.44 of the round trips.
+    // One in five is lost.
     let questions = quality(
         (1..250)
             .filter(|number| number % 5 != 0)
             .map(|number| (number, 0)),
     )
     .probes();
-    assert!((24..30).contains(&questions), "{questions}");
+    assert!((18..25).contains(&questions), "{questions}");
 }
 
 #[test]
