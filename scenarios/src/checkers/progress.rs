@@ -44,7 +44,7 @@ impl ProgressChecker {
         })
     }
 
-    /// A drone is about to take its `nth` step at this instant, from 1.
+    /// A drone has taken its `nth` step at this instant, from 1.
     pub(crate) fn steps(
         &self,
         at: Timestamp,

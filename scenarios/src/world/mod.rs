@@ -362,22 +362,13 @@ impl World {
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
         self.obedience.goes_on();
-        let task = self.next_task()?;
-        let (now, drone) = (self.now, task.drone);
-        let nth = self.drone(drone).count_step(now);
-        match self.progress.steps(now, drone, task.address, nth) {
-            None => Some(task),
-            Some(spins) => self.give_up(spins),
-        }
-    }
-
-    fn next_task(&mut self) -> Option<Task> {
         loop {
             if let Some(run_limit) = &mut self.run_limit
                 && run_limit.is_over()
             {
                 let overran = ProgressChecker::overran(self.now, run_limit.limit);
-                return self.give_up(overran);
+                self.give_up(overran);
+                return None;
             }
             while let Some((drone, message)) = self.inbox.pop_front() {
                 self.drone(drone).unqueue(message.envelope.address());
@@ -403,10 +394,9 @@ impl World {
     }
 
     /// Ends a run that would not end by itself, whether or not rules are checked.
-    fn give_up(&mut self, why: Violation) -> Option<Task> {
+    fn give_up(&mut self, why: Violation) {
         self.inbox.clear();
         self.violation.get_or_insert(why);
-        None
     }
 
     /// Hands a message to the actor that it is for: a task, if that runs.
@@ -590,6 +580,11 @@ impl World {
             self.find(ProgressChecker::stepped(self.now, drone, from, is_overdue));
         }
         self.set_timer(drone, from, reaction.deadline);
+        let now = self.now;
+        let nth = self.drone(drone).count_step(now);
+        if let Some(spins) = self.progress.steps(now, drone, from, nth) {
+            self.give_up(spins);
+        }
     }
 
     /// Sets a machine's timer, by its drone's own clock.

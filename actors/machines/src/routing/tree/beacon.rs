@@ -21,8 +21,8 @@ const LEAF_SPREAD_SHARE: u32 = 4;
 /// Nor less than this.
 const SPREAD_MIN: Duration = Duration::from_millis(2);
 
-/// While drones change places their links do, too: the master's heartbeat then goes out twice as often, but no more often
-/// than this, so that routes follow (as Trickle does where something has changed, RFC 6206).
+/// While drones change places their links do, too: where links lose frames, the master's heartbeat then goes out twice as often,
+/// but no more often than this, so that routes follow (as Trickle does where something has changed, RFC 6206).
 const QUICK_MIN: Duration = Duration::from_millis(250);
 
 /// When the next beacon is due.
@@ -154,13 +154,13 @@ impl Beacon {
         &mut self,
         core: &mut Core,
         now: Timestamp,
-        has_children: bool,
+        (has_children, has_lossy_links): (bool, bool),
         is_settled_to_land: bool,
     ) {
         self.passed_on = core.durable.heartbeats.master;
         let pause = if is_settled_to_land {
             self.period * LANDING_BEACONS
-        } else if core.is_master() && self.is_quick {
+        } else if core.is_master() && self.is_quick && has_lossy_links {
             (self.period / 2).max(QUICK_MIN.min(self.period))
         } else if core.is_master() {
             self.period

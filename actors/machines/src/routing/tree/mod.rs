@@ -612,9 +612,10 @@ impl TreePolicy {
         }
         self.report_members(core, now);
         self.say(core, now, Reason::KeepAlive);
-        let has_children = self.links.has_children();
+        let has_lossy_links = self.links.iter().any(|link| !link.quality.is_good());
+        let links = (self.links.has_children(), has_lossy_links);
         let is_settled = self.is_settled_to_land(core, now);
-        self.beacon.said(core, now, has_children, is_settled);
+        self.beacon.said(core, now, links, is_settled);
     }
 }
 

@@ -48,7 +48,7 @@ fn a_member_waits_longer_than_its_master_and_never_longer_than_its_turn() {
         let mut core = member(1);
         for has_children in [true, false] {
             let waits = spread(&mut core, beacon, |next, core| {
-                next.said(core, NOW, has_children, false);
+                next.said(core, NOW, (has_children, true), false);
             });
             let pace = if has_children {
                 beacon
@@ -62,14 +62,19 @@ fn a_member_waits_longer_than_its_master_and_never_longer_than_its_turn() {
 }
 
 #[test]
-fn a_master_keeps_its_period_and_halves_it_while_drones_change_places() {
+fn a_master_keeps_its_period_and_halves_it_while_drones_change_places_and_links_lose_frames() {
     let mut core = member(0);
     for (millis, quick) in [(1_000, 500), (400, 250), (200, 200)] {
         let beacon = Duration::from_millis(millis);
-        for (is_quick, pause) in [(false, beacon), (true, Duration::from_millis(quick))] {
+        let quick = Duration::from_millis(quick);
+        for (is_quick, is_lossy, pause) in [
+            (false, true, beacon),
+            (true, false, beacon),
+            (true, true, quick),
+        ] {
             let waits = spread(&mut core, beacon, |next, core| {
                 next.quicken(is_quick);
-                next.said(core, NOW, true, false);
+                next.said(core, NOW, (true, is_lossy), false);
             });
             assert_eq!(waits, (pause, pause));
         }
@@ -81,7 +86,7 @@ fn who_has_been_landing_for_long_speaks_each_fourth_time() {
     let mut core = member(1);
     let beacon = Duration::from_secs(1);
     let waits = spread(&mut core, beacon, |next, core| {
-        next.said(core, NOW, false, true);
+        next.said(core, NOW, (false, true), true);
     });
     assert_eq!(waits, (beacon * LANDING_BEACONS, beacon * LANDING_BEACONS));
 }
@@ -150,7 +155,7 @@ fn leaves_pass_a_heartbeat_on_ten_times_a_second_at_most_and_parents_each() {
             core.durable.heartbeats.master = heartbeat;
             assert!(beacon.is_its_turn(&core, true));
             if beacon.is_its_turn(&core, false) {
-                beacon.said(&mut core, NOW, false, false);
+                beacon.said(&mut core, NOW, (false, true), false);
                 passed_on += 1;
             }
         }
