@@ -51,7 +51,7 @@ fn defect_3_two_masters_that_meet_are_both_obeyed() {
         ),
         (
             Flaw::ObeysAnyMaster,
-            ["cut-", "rule: 1", "which is no better"],
+            ["cut-two-apart", "rule: 1", "which is no better"],
         ),
     ] {
         let test = shipped::swarms_that_meet_again_are_one_and_all_fly_every_waypoint;

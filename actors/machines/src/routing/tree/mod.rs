@@ -612,7 +612,9 @@ impl TreePolicy {
         }
         self.report_members(core, now);
         self.say(core, now, Reason::KeepAlive);
-        let has_lossy_links = self.links.iter().any(|link| !link.quality.is_good());
+        // Only a master's pause depends on it.
+        let has_lossy_links =
+            core.is_master() && self.links.iter().any(|link| !link.quality.is_good());
         let links = (self.links.has_children(), has_lossy_links);
         let is_settled = self.is_settled_to_land(core, now);
         self.beacon.said(core, now, links, is_settled);
