@@ -8,7 +8,8 @@ use crate::parts::{Part, Parts};
 use crate::scenario::Settling;
 
 /// Rule 1, (c): once links have been still for the settling time, and while no grey link decides who is connected, each
-/// part has exactly one master, obeyed by all its members.
+/// part has exactly one master, obeyed by all its members. Not owed over more hops than policy `flood` carries a sign of the
+/// master ([`Settling::hops_max`]).
 ///
 /// A part is whoever is connected by links that are up; it is still while none of its links changes and none of its
 /// members fails, hangs, takes off, begins or ends a change of formation, goes to land or falls silent. Its members are
@@ -59,7 +60,9 @@ impl SettledChecker {
             } else {
                 Duration::ZERO
             };
-            part.is_decided && now.since(part.still_since) > self.settling.time(diameter) + more
+            let settling = self.settling;
+            let is_owed = part.is_decided && settling.is_owed(diameter);
+            is_owed && now.since(part.still_since) > settling.time(diameter) + more
         };
         parts.iter().find_map(|part| {
             if !is_settled(part, 0) {
@@ -117,6 +120,7 @@ mod tests {
         spreading: Duration::from_secs(10),
         hop: Duration::from_secs(1),
         back_off: Duration::from_secs(1),
+        hops_max: None,
     });
 
     fn under(term: u32, master: u32) -> Standing {
@@ -157,6 +161,20 @@ mod tests {
         let drones = [under(1, 0), under(2, 2), under(2, 2)];
         assert_eq!(found(6.0, &parts(), &drones), None);
         assert!(found(6.1, &parts(), &drones).is_some());
+    }
+
+    #[test]
+    fn nothing_is_owed_over_more_hops_than_the_master_is_heard_of() {
+        let drones = [under(1, 0), under(2, 2), under(2, 2)];
+        let found_with = |hops_max| {
+            let settling = Settling {
+                hops_max: Some(hops_max),
+                ..CHECKER.settling()
+            };
+            SettledChecker::new(settling).look(at(100.0), &parts(), |id| drones[id.0 as usize])
+        };
+        assert!(found_with(2).is_some());
+        assert_eq!(found_with(1), None);
     }
 
     #[test]

@@ -53,6 +53,14 @@ impl Scenario {
             connected.map(|parts| self.masters_part(parts).map_or(0, |it| parts.diameter(it)));
         let (diameter, is_at_most) = (known.unwrap_or(self.nodes() - 1), known.is_none());
         let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
+        if let Some(hops_max) = settling.hops_max.filter(|hops| diameter > *hops) {
+            return format!(
+                "settles in no known time: the swarm is {} across, and where so many frames are lost `flood` brings signs \
+                 of the master often enough over {} only; those beyond miss a master that lives (with `tree` they don't)",
+                plural(diameter as usize, "hop"),
+                plural(hops_max as usize, "hop"),
+            );
+        }
         format!(
             "settles in {} s: {} s until whoever has lost the master misses it, 2 × {}{} of {} s, {} s until what was \
              lost on the way has been said again{}",

@@ -22,12 +22,23 @@ pub struct Settling {
     pub hop: Duration,
     /// How long it takes at most until what is said at each turn has got through, and an answer that is, too.
     pub back_off: Duration,
+    /// Over how many hops a drone hears of a master that lives often enough; nothing where there is no such limit. Over
+    /// more, drones miss a master that lives again and again, and no time to settle is promised.
+    ///
+    /// Flooding has one, as each hop passes on only the newest number that it has heard: those that pass get fewer hop by
+    /// hop, and the pauses between them longer.
+    pub hops_max: Option<u32>,
 }
 
-/// How unlikely it must be that something is not heard within the back-off: as for a neighbour to be given up.
+/// How unlikely it must be that something is not heard within the back-off, or that a master that lives is not heard of for
+/// as long as a drone waits for that: as for a neighbour to be given up.
 const ODDS: f64 = 1e-6;
 /// The share of frames that is allowed for collisions, where radios share the medium.
 const COLLISIONS: f64 = 0.1;
+/// So many turns count as if they were no more: fewer hops are promised than could be.
+const AWAITED_MAX: u32 = 200;
+/// Pauses that are less likely count as none.
+const PAUSE_ODDS_MIN: f64 = 1e-12;
 
 impl Settling {
     /// Of drones that are built with these two.
@@ -46,12 +57,23 @@ impl Settling {
             Liveness::Thesis => mission.leg_limit,
         };
         let turn = routing.turn();
+        let losses = Losses::worst(radio, collisions);
+        let hops_max = routing
+            .awaited_turns()
+            .and_then(|turns| losses.hops_max(turns, turn, mission.layout.formation().drones()));
         Self {
             detection: routing.detection() + on_a_leg + mission.deference_max(),
             spreading: mission.spreading_patience,
             hop: routing.hop() + travel,
-            back_off: turn * 2 * Losses::worst(radio, collisions).tries(turn),
+            back_off: turn * 2 * losses.tries(turn),
+            hops_max,
         }
+    }
+
+    /// Whether a part of at most so many hops across is to have one master by then, and keep it.
+    #[must_use]
+    pub fn is_owed(&self, diameter: u32) -> bool {
+        self.hops_max.is_none_or(|hops| diameter <= hops)
     }
 
     /// For parts of at most so many hops across, which do not spread.
@@ -91,28 +113,76 @@ impl Losses {
 
     /// How often something must be said, once in each `turn`, to get through but for odds of [`ODDS`].
     fn tries(self, turn: Duration) -> u32 {
+        let tries = (1..).zip(self.missed(turn));
+        let mut enough = tries.skip_while(|(_, missed)| *missed > ODDS);
+        enough.next().map_or(u32::MAX, |(tries, _)| tries)
+    }
+
+    /// The odds that nothing has got through after one turn, two, and so on.
+    fn missed(self, turn: Duration) -> impl Iterator<Item = f64> {
         let (share, loss) = self.bursts.map_or((0.0, 0.0), |it| (it.share(), it.loss));
-        // The odds that nothing has got through and the link is in a burst, or is not.
+        // Where the link is in a burst, or is not.
         let (mut in_burst, mut clear) = (share, 1.0 - share);
-        let mut tries = 0;
-        loop {
-            tries += 1;
+        std::iter::from_fn(move || {
             clear *= self.outside;
             in_burst *= 1.0 - (1.0 - self.outside) * (1.0 - loss);
             let missed = clear + in_burst;
-            if missed <= ODDS {
-                return tries;
-            }
-            if let Some(bursts) = self.bursts {
+            if let Some(bursts) = self.bursts.filter(|_| missed > 0.0) {
                 in_burst = missed * bursts.share_after(in_burst / missed, turn);
                 clear = missed - in_burst;
             }
-        }
+            Some(missed)
+        })
+    }
+
+    /// Over how many of at most `most` hops a number that rises with each turn is heard to rise at least once in `awaited`
+    /// turns, but for odds of [`ODDS`]; nothing if over all.
+    fn hops_max(self, awaited: u32, turn: Duration, most: u32) -> Option<u32> {
+        let mut hops = (0..most).zip(self.unrisen(awaited, turn));
+        hops.find(|(_, odds)| *odds > ODDS).map(|(hops, _)| hops)
+    }
+
+    /// The odds that a number that rises with each turn, and of which each hop passes on the newest that it has heard, does not
+    /// rise in `awaited` turns: one hop away, two, and so on.
+    ///
+    /// Followed from the end of the line back to its start: what a drone says at an instant its neighbour said when it was
+    /// heard last. The number has not risen between two instants if both lead back to the same frame.
+    fn unrisen(self, awaited: u32, turn: Duration) -> impl Iterator<Item = f64> {
+        let awaited = awaited.clamp(1, AWAITED_MAX) as usize;
+        let missed: Vec<f64> = self.missed(turn).take(2 * awaited).collect();
+        let before = std::iter::once(&1.0).chain(&missed);
+        let heard_last = before.zip(&missed).map(|(before, after)| before - after);
+        let pauses: Vec<f64> = heard_last
+            .take_while(|odds| *odds > PAUSE_ODDS_MIN)
+            .collect();
+        // The odds that both are so many turns apart, and not yet the same frame; those farther apart count as the last.
+        let mut apart = vec![0.0; 2 * awaited + 1];
+        apart[awaited] = 1.0;
+        let mut unrisen = 0.0;
+        std::iter::from_fn(move || {
+            let mut later_back = vec![0.0; apart.len()];
+            for (turns, odds) in apart.iter().enumerate().skip(1) {
+                unrisen += odds * missed[turns - 1];
+                for (ago, pause) in pauses.iter().enumerate().take(turns) {
+                    later_back[turns - ago] += odds * pause;
+                }
+            }
+            apart.fill(0.0);
+            for (turns, odds) in later_back.iter().enumerate() {
+                for (ago, pause) in pauses.iter().enumerate() {
+                    apart[(turns + ago).min(2 * awaited)] += odds * pause;
+                }
+            }
+            Some(unrisen)
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     const TURN: Duration = Duration::from_millis(100);
@@ -125,6 +195,54 @@ mod tests {
     fn what_is_lost_more_often_is_said_more_often() {
         let tries = |loss| tries(loss, None);
         assert_eq!([0.0, 0.05, 0.2, 0.4].map(tries), [1, 5, 9, 16]);
+    }
+
+    fn hops_max(outside: f64, awaited: u32) -> Option<u32> {
+        let losses = Losses {
+            outside,
+            bursts: None,
+        };
+        losses.hops_max(awaited, TURN, 1_000)
+    }
+
+    #[test]
+    fn a_number_that_each_hop_repeats_rises_too_seldom_beyond_some_hops() {
+        assert_eq!(hops_max(0.0, 20), None, "each frame is heard");
+        assert_eq!(hops_max(0.3, 20), Some(8));
+        assert_eq!(hops_max(0.3, 11), Some(0), "0.3 to the 11th is 1.8e-6");
+        assert!(hops_max(0.1, 20) > hops_max(0.3, 20) && hops_max(0.3, 20) > hops_max(0.4, 20));
+        assert!(hops_max(0.3, 25) > hops_max(0.3, 20));
+    }
+
+    /// What a line of drones does that hear each other at random, without what the calculation supposes.
+    #[test]
+    fn how_often_it_does_not_rise_is_as_in_a_simulation() {
+        let (loss, awaited, hops) = (0.3, 8, 6);
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let (mut numbers, mut rose_at) = (vec![0_u32; hops + 1], 0);
+        let (turns, mut unrisen) = (300_000, 0);
+        for turn in 1..=turns {
+            numbers[0] = turn;
+            for hop in (1..=hops).rev() {
+                if random.random_bool(1.0 - loss) && numbers[hop] != numbers[hop - 1] {
+                    numbers[hop] = numbers[hop - 1];
+                    if hop == hops {
+                        rose_at = turn;
+                    }
+                }
+            }
+            unrisen += u32::from(turn - rose_at >= awaited);
+        }
+        let simulated = f64::from(unrisen) / f64::from(turns);
+        let losses = Losses {
+            outside: loss,
+            bursts: None,
+        };
+        let calculated = losses.unrisen(awaited, TURN).nth(hops - 1).unwrap();
+        assert!(
+            (calculated / simulated - 1.0).abs() < 0.1,
+            "{calculated} {simulated}"
+        );
     }
 
     #[test]

@@ -168,3 +168,15 @@ fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
     let told = outlook("two-swarms.toml", &[]);
     assert!(told.contains("drones 7–12 of"), "{told}");
 }
+
+#[test]
+fn an_outlook_tells_where_flooding_does_not_carry_far_enough() {
+    let outlook = |more: &str| {
+        let fields = ["radio.loss=0.3", "formation.drones=30", more];
+        scenario("barrier-line.toml", &fields).outlook().join("\n")
+    };
+    let told = outlook("protocol.policy=flood");
+    assert!(told.contains("settles in no known time"), "{told}");
+    let told = outlook("protocol.policy=tree");
+    assert!(!told.contains("no known time"), "{told}");
+}

@@ -63,6 +63,16 @@ impl Config {
             Self::Tree(config) => config.turn(),
         }
     }
+
+    /// For how many turns a drone waits for a sign of the master, which each drone on the way repeats at its own turn, before
+    /// it misses it; nothing where it asks first.
+    #[must_use]
+    pub fn awaited_turns(&self) -> Option<u32> {
+        match self {
+            Self::Flood(config) => Some(config.awaited_turns()),
+            Self::Tree(_) => None,
+        }
+    }
 }
 
 /// What a routing is told.

@@ -19,6 +19,13 @@ impl Config {
         self.discovery + self.time_to_live * 2 + self.period
     }
 
+    /// For how many turns a drone waits for a higher number of the master's before it misses it.
+    #[must_use]
+    pub fn awaited_turns(&self) -> u32 {
+        let turns = self.time_to_live.as_nanos() / self.period.as_nanos().max(1);
+        u32::try_from(turns).unwrap_or(u32::MAX)
+    }
+
     /// The longest that a drone keeps silent that is not landing.
     #[must_use]
     pub const fn turn(&self) -> Duration {
