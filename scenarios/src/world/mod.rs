@@ -676,6 +676,10 @@ impl World {
                 let obeyed = self.election.obeyed(drone);
                 let found = self.arming.observe(now, drone, event, obeyed);
                 self.find(found);
+                if self.checks && matches!(event, mission::Event::State(State::Finished)) {
+                    // Its last frame may reach a drone that has come near since they were looked at.
+                    self.look_at_links();
+                }
                 if matches!(event, mission::Event::State(_)) {
                     self.standings += 1;
                 }
