@@ -158,12 +158,18 @@ impl Scenario {
         let sectors_m = self.changes.iter().flat_map(Change::sectors_m).copied();
         if let Some(highest_m) = sectors_m.reduce(f64::max) {
             lines.push(format!(
-                "sectors of {} of formation: up to {highest_m} m",
-                plural(self.changes.len(), "change")
+                "sectors of {} of formation: up to {} m",
+                plural(self.changes.len(), "change"),
+                to_millimetres(highest_m)
             ));
         }
         lines
     }
+}
+
+/// Without the digits that a sum of decimal fractions leaves behind.
+fn to_millimetres(metres: f64) -> f64 {
+    (metres * 1_000.0).round() / 1_000.0
 }
 
 /// Who flies in which layer, the lowest first.
@@ -173,8 +179,12 @@ fn in_words(when: &str, layers_m: &[f64]) -> String {
         // Layers are not negative, so their bits are in their order.
         layers.entry(layer_m.to_bits()).or_default().push(id);
     }
-    let layers = layers
-        .iter()
-        .map(|(layer_m, ids)| format!("+{} m {}", f64::from_bits(*layer_m), drones(ids)));
+    let layers = layers.iter().map(|(layer_m, ids)| {
+        format!(
+            "+{} m {}",
+            to_millimetres(f64::from_bits(*layer_m)),
+            drones(ids)
+        )
+    });
     format!("layers {when}: {}", layers.collect::<Vec<_>>().join("; "))
 }

@@ -165,6 +165,8 @@ fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
     assert!(!told.contains(apart), "{told}");
     let told = outlook("split-up-5.toml", &["radio.range_m=50"]);
     assert!(told.contains(apart), "{told}");
+    let told = outlook("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
+    assert!(told.contains("+3.3 m "), "no digits of a sum: {told}");
     let told = outlook("two-swarms.toml", &[]);
     assert!(told.contains("drones 7–12 of"), "{told}");
 }
