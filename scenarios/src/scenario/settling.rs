@@ -191,6 +191,14 @@ mod tests {
         Losses { outside, bursts }.tries(TURN)
     }
 
+    /// Without bursts.
+    const fn losing(outside: f64) -> Losses {
+        Losses {
+            outside,
+            bursts: None,
+        }
+    }
+
     #[test]
     fn what_is_lost_more_often_is_said_more_often() {
         let tries = |loss| tries(loss, None);
@@ -198,11 +206,7 @@ mod tests {
     }
 
     fn hops_max(outside: f64, awaited: u32) -> Option<u32> {
-        let losses = Losses {
-            outside,
-            bursts: None,
-        };
-        losses.hops_max(awaited, TURN, 1_000)
+        losing(outside).hops_max(awaited, TURN, 1_000)
     }
 
     #[test]
@@ -234,11 +238,8 @@ mod tests {
             unrisen += u32::from(turn - rose_at >= awaited);
         }
         let simulated = f64::from(unrisen) / f64::from(turns);
-        let losses = Losses {
-            outside: loss,
-            bursts: None,
-        };
-        let calculated = losses.unrisen(awaited, TURN).nth(hops - 1).unwrap();
+        let mut calculated = losing(loss).unrisen(awaited, TURN);
+        let calculated = calculated.nth(hops - 1).unwrap();
         assert!(
             (calculated / simulated - 1.0).abs() < 0.1,
             "{calculated} {simulated}"
