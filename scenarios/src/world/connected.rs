@@ -102,7 +102,7 @@ impl World {
 
     /// Whether frames get through a drone to others: what passes them on runs, and has not fallen silent because the drone
     /// is done or has no mission any more.
-    fn passes_on(&self, id: NodeId) -> bool {
+    pub(super) fn passes_on(&self, id: NodeId) -> bool {
         let drone = &self.drones[id.0 as usize];
         let runs = |address| drone.is_up(address) && !drone.is_hung(address);
         runs(Address::Radio)

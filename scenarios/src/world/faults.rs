@@ -109,6 +109,10 @@ impl World {
     /// A fault befalls; whom to step for it, if that is not told by message.
     pub(super) fn befall(&mut self, index: usize, nth: u32) -> Option<Task> {
         self.strikes(index);
+        if self.checks {
+            // A drone that fails now may have been heard by one that has come near since they were looked at.
+            self.look_at_links();
+        }
         self.standings += 1;
         let fault = self.plan.faults[index].clone();
         if nth + 1 < fault.times {

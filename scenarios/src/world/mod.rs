@@ -765,6 +765,10 @@ impl World {
         self.arming.starting(drone, address);
         self.standings += 1;
         self.drone(drone).bring_up(address);
+        if self.passes_on(drone) {
+            // Those that hear only this drone have a master again.
+            self.look_at_elections();
+        }
     }
 
     /// The end of the run: last checks, and what came of it.

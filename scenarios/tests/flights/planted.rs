@@ -51,17 +51,16 @@ fn the_search_finds_hidden_faults_too() {
     assert_found(&HIDDEN);
 }
 
-/// The search does not find this flaw: links that fade are grey, and no rule holds an election over grey links against a swarm. But
-/// waypoints take many times as long, and masters are missed that are there.
+/// The search does not find this flaw: links that fade are grey, and no rule says how long a waypoint may take. It takes many
+/// times as long.
 #[test]
-fn over_fading_links_routes_by_hops_make_waypoints_take_long_and_masters_be_missed() {
+fn over_fading_links_routes_by_hops_make_waypoints_take_long() {
     let (waits_ms, elections) = fading_flights();
     assert!(waits_ms < 40.0, "{waits_ms} ms");
     assert_eq!(elections, 0);
     let _planted = plant(Flaw::RoutesByHops);
-    let (by_hops_ms, elections) = fading_flights();
+    let (by_hops_ms, _) = fading_flights();
     assert!(by_hops_ms > waits_ms * 4.0, "{by_hops_ms} ms");
-    assert!(elections > 0);
 }
 
 /// How long waypoints take that nobody is late for, in the median, and how many elections there are, of flights in which

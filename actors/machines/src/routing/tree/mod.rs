@@ -134,6 +134,7 @@ impl TreePolicy {
             policy.durable = own;
             core.resume(common);
             policy.route.resume(core.durable.heartbeats.master);
+            policy.probe.resume();
             if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
                 policy.beacon.set(now);
             }

@@ -17,6 +17,8 @@ use crate::time::Timestamp;
 /// How often a drone without a route asks all that are near, before it misses the master; if some of them have a route, as far
 /// as it knows. It asks on until then if all rests on one answer.
 const INQUIRIES: u32 = 3;
+/// A pause between two of them is this part of the time without a route, so that who waits for long asks ever more seldom.
+const INQUIRY_BACK_OFF: u32 = 16;
 
 /// For how many repairs a parent is probed at least over a link that loses [`BURSTY`] or more, for its losses may come in
 /// bursts: 300 ms at 8 ms a repair, as bursts of 20 ms in the mean last once in a few hundred thousand times. Over one that loses
@@ -31,10 +33,10 @@ const BURSTY: f64 = 0.06;
 #[derive(Debug, Default)]
 pub(super) struct ParentProbe {
     probe: Option<Probe>,
-    /// Whether the last parent answered no probe.
-    is_parent_gone: bool,
-    /// That one, if frames are often lost between both: it is asked on.
+    /// The last parent, if it answered no probe: it is asked on.
     left: Option<NodeId>,
+    /// Whether nobody else was heard then, or nobody yet since a restart.
+    is_alone: bool,
     /// How often all that are near were asked since there is no route, and when they are asked next.
     inquiries: Option<(u32, Timestamp)>,
 }
@@ -67,12 +69,21 @@ impl Config {
     /// and until nobody near has heard more of the master, nor hears its next heartbeat.
     #[must_use]
     pub fn detection(&self) -> Duration {
-        let probed = self.repair * 2 * PROBES_MAX;
-        (self.beacon * STALE_BEACONS_MAX.into() + probed) * 2 + self.patience + self.beacon
+        self.probing_max() * 2 + self.patience + self.beacon
+    }
+
+    /// How long it takes at most until a parent that is gone is left.
+    fn probing_max(&self) -> Duration {
+        self.beacon * STALE_BEACONS_MAX.into() + self.repair * 2 * PROBES_MAX
     }
 }
 
 impl ParentProbe {
+    /// After a restart: whoever is near has yet to be heard.
+    pub(super) const fn resume(&mut self) {
+        self.is_alone = true;
+    }
+
     /// Whatever was found out counts no more.
     pub(super) fn forget(&mut self) {
         *self = Self::default();
@@ -117,13 +128,17 @@ impl ParentProbe {
     /// When a drone misses the master that has no route since `since`. Where neighbours have one that it can't take, as it
     /// costs more than its own did under the same heartbeat, the next heartbeat brings it: unless the parent is gone, for
     /// then the master may be. And one that hears one other only is in no hurry: it waits for as long as that one may take
-    /// until it probes its own parent.
+    /// until it probes its own parent. Nor is one that hears nobody, for it would lead nobody: whom it does not hear may be
+    /// about to return.
     fn missed_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
+        if self.is_alone {
+            return since + config.patience + config.probing_max();
+        }
         let mut others = links.with_routes();
         let heartbeats = if links.len() == 1 && others.next().is_some() {
             STALE_BEACONS_MAX
         } else {
-            u16::from(!self.is_parent_gone && others.any(|link| link.symmetric))
+            u16::from(self.left.is_none() && others.any(|link| link.symmetric))
         };
         since + config.patience + config.beacon * heartbeats.into()
     }
@@ -155,21 +170,22 @@ impl ParentProbe {
                 return Some(Step::Miss);
             }
             let asked = self.inquiries.map_or(0, |it| it.0);
-            let pause = config.repair + core.jitter(config.repair);
+            let pause = config.repair.max(now.since(since) / INQUIRY_BACK_OFF);
+            let pause = pause + core.jitter(pause);
             self.inquiries = Some((asked + 1, now + pause));
             return Some(Step::Inquire);
         };
-        (self.inquiries, self.is_parent_gone, self.left) = (None, false, None);
+        (self.inquiries, self.left, self.is_alone) = (None, None, false);
         let link = links.get(parent)?;
         let sent = self.current(parent, links).map_or(0, |it| it.sent);
-        let probes = if is_alone_with(parent, links) {
+        let is_alone = is_alone_with(parent, links);
+        let probes = if is_alone {
             PROBES_MAX
         } else {
             link.quality.probes()
         };
         if sent >= probes {
-            (self.probe, self.is_parent_gone) = (None, true);
-            self.left = Some(parent).filter(|_| link.quality.long_loss() >= BURSTY);
+            (self.probe, self.left, self.is_alone) = (None, Some(parent), is_alone);
             return Some(Step::Leave(parent));
         }
         let bursty = (link.quality.long_loss() / BURSTY).min(1.0);

@@ -261,8 +261,8 @@ impl Child {
         self.miss_master_with(ParentProbe::default())
     }
 
-    /// Probes its parent in vain, leaves it, and misses the master; how often it asks it, too.
-    fn leave_and_miss_master(&mut self) -> u32 {
+    /// Probes its parent in vain, leaves it, and misses the master; how often it asks it from then on, and for how long.
+    fn leave_and_miss_master(&mut self) -> (u32, Duration) {
         let (mut probe, config) = (ParentProbe::default(), config());
         let route = Route {
             parent: Some(NodeId(0)),
@@ -279,9 +279,8 @@ impl Child {
                 break;
             }
         }
-        let asks_left = probe.left() == Some(NodeId(0));
-        let (inquiries, _) = self.miss_master_with(probe);
-        if asks_left { inquiries } else { 0 }
+        assert_eq!(probe.left(), Some(NodeId(0)));
+        self.miss_master_with(probe)
     }
 
     fn miss_master_with(&mut self, mut probe: ParentProbe) -> (u32, Duration) {
@@ -317,16 +316,47 @@ fn who_has_no_route_where_nobody_has_one_misses_the_master_when_its_patience_end
 }
 
 #[test]
-fn who_left_its_parent_over_a_link_that_loses_often_asks_it_on_until_it_misses_the_master() {
-    for (loss, is_asked) in [(0.3, true), (0.0, false)] {
+fn who_left_its_parent_asks_it_on_until_it_misses_the_master() {
+    for loss in [0.0, 0.3] {
         let mut child = Child::new(1);
         child.hear(250, |child| child.loses(loss));
         child.near.hear(3, Tree::default());
-        let inquiries = f64::from(child.leave_and_miss_master());
-        let pauses = config().patience.div_duration_f64(REPAIR * 3 / 2);
-        let expected = if is_asked { pauses } else { 0.0 };
-        assert!((inquiries - expected).abs() <= 0.2 * pauses, "{inquiries}");
+        let (inquiries, took) = child.leave_and_miss_master();
+        assert_eq!(took, config().patience);
+        assert_asks_all_the_time(inquiries, took);
     }
+}
+
+#[test]
+fn who_leaves_the_only_drone_that_it_hears_waits_as_long_again_for_it_to_return() {
+    let mut child = Child::alone(1);
+    child.hear(250, |_| false);
+    let stale_at = child.near.now;
+    let (inquiries, took) = child.leave_and_miss_master();
+    assert_eq!(took, config().patience + config().probing_max());
+    assert_asks_all_the_time(inquiries, took);
+    let stale = config().beacon * STALE_BEACONS_MAX.into();
+    assert!(stale + child.near.now.since(stale_at) <= config().detection());
+}
+
+#[test]
+fn who_has_restarted_waits_for_the_others_before_it_misses_the_master() {
+    let mut probe = ParentProbe::default();
+    probe.resume();
+    let (_, took) = Child::alone(1).miss_master_with(probe);
+    assert_eq!(took, config().patience + config().probing_max());
+    assert!(took <= config().detection());
+}
+
+/// With a pause of a repair to two between two inquiries at first, and a part of the time without a route later.
+fn assert_asks_all_the_time(inquiries: u32, took: Duration) {
+    let back_off = f64::from(INQUIRY_BACK_OFF);
+    let later = back_off * libm::log(took.div_duration_f64(REPAIR) / back_off);
+    let expected = (back_off + later) / 1.5;
+    assert!(
+        (f64::from(inquiries) / expected - 1.0).abs() < 0.2,
+        "{inquiries} for {expected}"
+    );
 }
 
 #[test]
@@ -335,8 +365,7 @@ fn who_hears_one_other_only_asks_it_until_it_misses_the_master() {
     child.near.hear(0, Tree::default());
     let (inquiries, took) = child.miss_master();
     assert_eq!(took, config().patience, "that one has no route");
-    let pauses = took.div_duration_f64(REPAIR * 3 / 2);
-    assert!((f64::from(inquiries) / pauses - 1.0).abs() < 0.2);
+    assert_asks_all_the_time(inquiries, took);
 }
 
 #[test]
@@ -355,8 +384,7 @@ fn where_one_other_only_has_a_route_it_is_asked_all_the_time() {
     child.near.hear(3, with_route(1, 500, 7));
     let (inquiries, took) = child.miss_master();
     assert_eq!(took, config().patience + config().beacon);
-    let pauses = took.div_duration_f64(REPAIR * 3 / 2);
-    assert!((f64::from(inquiries) / pauses - 1.0).abs() < 0.1);
+    assert_asks_all_the_time(inquiries, took);
 }
 
 #[test]

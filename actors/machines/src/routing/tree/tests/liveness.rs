@@ -30,14 +30,18 @@ fn a_parent_that_is_silent_is_asked_and_only_then_missed() {
     let mut child = child_of_a_master_that_it_hears_well();
     // Two beacons without a word are more than chance by now. It hears nobody else, and asks as often as it may.
     let asked = child.wait(3_000);
-    assert_eq!(asked.len(), PROBES_MAX as usize, "{asked:?}");
-    assert!(asked.iter().all(|it| it.to == Some(NodeId(0))));
-    assert!(!child.notices.contains(&Notice::MasterSilent), "not yet");
+    let (probes, inquiries) = asked.split_at(PROBES_MAX as usize);
+    assert!(probes.iter().all(|it| it.to == Some(NodeId(0))));
+    // Then all that may be near, and the one that it left.
+    let asks_left = |it: &Tree| it.to.is_none() && it.asks == ids([0]);
+    assert!(inquiries.iter().all(asks_left), "{inquiries:?}");
     let asked = child.wait(15_000);
-    assert_eq!(asked, [], "there is nobody left to ask");
-    let silent = child.notices.iter();
-    let silent = silent.filter(|it| **it == Notice::MasterSilent);
-    assert_eq!(silent.count(), 1);
+    assert!((20..80).contains(&asked.len()), "{}", asked.len());
+    assert_eq!(child.notices, []);
+    let asked = child.wait(5_000);
+    assert_eq!(child.notices, [Notice::MasterSilent]);
+    assert!(asked.len() < 10, "{}", asked.len());
+    assert_eq!(child.wait(15_000), [], "there is nobody left to ask");
 }
 
 impl Node {
@@ -274,7 +278,7 @@ fn a_drone_whose_host_stalled_asks_before_it_misses_anybody() {
     // A master that is not is missed all the same, if later.
     child.now += Duration::from_secs(30);
     child.stimulate(Stimulus::Timeout);
-    child.wait(15_000);
+    child.wait(25_000);
     assert_eq!(child.notices, [Notice::MasterSilent]);
 }
 
