@@ -447,7 +447,8 @@ impl Cell {
     pub fn read_ahead(&self) {
         match self {
             Self::Radio(machine) => machine.read_ahead(),
-            Self::Routing(_) | Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
+            Self::Routing(machine) => machine.read_ahead(),
+            Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
         }
     }
 
@@ -456,7 +457,8 @@ impl Cell {
     pub fn read_further_ahead(&self, sender: Option<NodeId>) {
         match self {
             Self::Radio(machine) => machine.read_further_ahead(sender),
-            Self::Routing(_) | Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
+            Self::Routing(machine) => machine.read_further_ahead(sender),
+            Self::Mission(_) | Self::Navigation(_) | Self::Msp(_) => {}
         }
     }
 

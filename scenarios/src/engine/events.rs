@@ -69,19 +69,18 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     world
 }
 
-/// Has the memory of radios at hand that will be needed soon: first what lies in each, then what that leads to, so that it is
-/// waited for side by side.
+/// Has the memory of radios and routings at hand that will be needed soon: first what lies in each, then what that leads to, so
+/// that it is waited for side by side.
 fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
-    let radio = |id: NodeId| drones[id.0 as usize].cells[Address::Radio as usize].as_ref();
+    let cells = |id: NodeId| {
+        let [radio, routing, ..] = &drones[id.0 as usize].cells;
+        radio.iter().chain(routing)
+    };
     for (id, _) in soon {
-        if let Some(cell) = radio(*id) {
-            cell.read_ahead();
-        }
+        cells(*id).for_each(Cell::read_ahead);
     }
     for (id, sender) in soon {
-        if let Some(cell) = radio(*id) {
-            cell.read_further_ahead(*sender);
-        }
+        cells(*id).for_each(|cell| cell.read_further_ahead(*sender));
     }
 }
 

@@ -765,8 +765,8 @@ impl World {
         self.arming.starting(drone, address);
         self.standings += 1;
         self.drone(drone).bring_up(address);
-        if self.passes_on(drone) {
-            // Those that hear only this drone have a master again.
+        if self.recorder(drone).is_electing() && self.passes_on(drone) {
+            // Those that hear only this drone may have a master again.
             self.look_at_elections();
         }
     }

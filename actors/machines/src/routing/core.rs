@@ -1,5 +1,6 @@
 //! What both policies share: the leader epoch with its orders, what outlives a restart, and what the protocol is told.
 
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -207,6 +208,13 @@ impl Core {
         if self.master_lands {
             self.inform(Notice::MasterLands);
         }
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    pub(super) fn read_ahead(&self) {
+        black_box((self.id, self.durable.epoch.sequence(), self.durable.stopped));
+        black_box((self.durable.heartbeats.master, self.stall));
+        black_box((self.has_changed, self.outbox.is_empty()));
     }
 
     /// A random time below `up_to`.

@@ -12,6 +12,7 @@ mod packet;
 pub mod tree;
 
 use std::convert::Infallible;
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -337,6 +338,12 @@ trait Policy: std::fmt::Debug {
 
     /// Entries in the larger of its tables, and the most that it takes.
     fn occupancy(&self) -> (usize, usize);
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    fn read_ahead(&self) {}
+
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    fn read_further_ahead(&self, _sender: Option<NodeId>) {}
 }
 
 /// The routing of one drone, by whichever policy.
@@ -385,6 +392,23 @@ impl Routing {
         match &self.0 {
             Kind::Flood(routing) => routing.policy.occupancy(),
             Kind::Tree(routing) => routing.policy.occupancy(),
+        }
+    }
+
+    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says. Whoever repeats everything all the time flies in small
+    /// swarms, which need not be read ahead.
+    pub(crate) fn read_ahead(&self) {
+        if let Kind::Tree(routing) = &self.0 {
+            black_box(routing.wakes);
+            routing.core.read_ahead();
+            routing.policy.read_ahead();
+        }
+    }
+
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        if let Kind::Tree(routing) = &self.0 {
+            routing.policy.read_further_ahead(sender);
         }
     }
 }

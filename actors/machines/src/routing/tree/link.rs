@@ -1,5 +1,6 @@
 //! What is known of one neighbour: how well the link carries, what it said last, and what it is known to know.
 
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -336,6 +337,13 @@ impl Link {
     pub(super) fn cost_through(&self) -> Option<u16> {
         self.said.hops?;
         Some(self.said.cost.saturating_add(self.quality.cost()))
+    }
+
+    /// Reads some of each part of it.
+    pub(super) fn read_ahead(&self) {
+        black_box((self.left_out, self.said.number, self.said.by_parent));
+        black_box((self.words.len(), self.heard_at, self.quality.is_proven()));
+        black_box((self.sets.is_some(), self.symmetric));
     }
 
     /// Whether it has been silent for so long that another route would be better.

@@ -290,6 +290,14 @@ impl LinkTable {
         has_lost_any
     }
 
+    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
+        match sender {
+            None => self.iter().for_each(Link::read_ahead),
+            Some(sender) => self.get(sender).into_iter().for_each(Link::read_ahead),
+        }
+    }
+
     #[inline]
     pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
         self.links.get(id)

@@ -22,6 +22,7 @@ mod probe;
 mod quality;
 mod retransmission;
 
+use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -785,6 +786,21 @@ impl Policy for TreePolicy {
         self.beacon_if_due(core, now);
         // A neighbour that was forgotten by then may have been the parent.
         self.probe_while_due(core, now);
+    }
+
+    fn read_ahead(&self) {
+        black_box((self.config.repair, self.config.id, self.links.len()));
+        black_box((self.route.parent(), self.route.orphaned_since()));
+        black_box((
+            self.beacon.deadline(),
+            self.retransmission.deadline(),
+            self.aggregation.deadline(),
+        ));
+        black_box((self.probe.left(), self.medium_tells));
+    }
+
+    fn read_further_ahead(&self, sender: Option<NodeId>) {
+        self.links.read_ahead(sender);
     }
 
     fn deadline(&self, core: &Core) -> Option<Timestamp> {

@@ -95,6 +95,10 @@ impl Quality {
     /// Takes in that a broadcast was heard.
     #[inline]
     pub(super) fn learn_heard(&mut self) {
+        let is_perfect = self.long_frames == LONG && self.long_loss == 0.0;
+        if is_perfect {
+            return;
+        }
         let before = (self.loss, self.recent_loss, self.frames);
         self.learn(0.0);
         if before != (self.loss, self.recent_loss, self.frames) {
