@@ -57,6 +57,16 @@ impl Timestamp {
     }
 }
 
+/// The first of those that there are; the last instant that there is counts as never.
+#[inline]
+pub(crate) fn first_of<const N: usize>(times: [Option<Timestamp>; N]) -> Option<Timestamp> {
+    let never = Timestamp(u64::MAX);
+    let first = times
+        .into_iter()
+        .fold(never, |first, time| first.min(time.unwrap_or(never)));
+    (first < never).then_some(first)
+}
+
 impl Add<Duration> for Timestamp {
     type Output = Self;
 

@@ -31,7 +31,7 @@ use self::writer::Writer;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::mission::{Order, Step};
-use crate::routing::{Flood, Member, Packet};
+use crate::routing::{Flood, Member, Packet, Tree};
 
 /// The version of the frame that this program speaks.
 pub const VERSION: u8 = 1;
@@ -192,11 +192,17 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             to.byte(FLOOD);
             write_flood(flood, &mut to);
         }
-        Packet::Tree(tree) => {
-            to.byte(TREE);
-            tree::write(tree, &mut to);
-        }
+        Packet::Tree(tree) => return encode_tree(tree),
     }
+    to.0
+}
+
+/// As [`encode_packet`], of policy `tree`.
+#[must_use]
+pub fn encode_tree(tree: &Tree) -> Vec<u8> {
+    let mut to = Writer(Vec::with_capacity(64));
+    to.byte(TREE);
+    tree::write(tree, &mut to);
     to.0
 }
 

@@ -80,11 +80,16 @@ impl<'a> Reader<'a> {
 /// A varint as postcard has it; what is too long for 32 bits is none.
 #[inline]
 pub(super) fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
-    if let Some((byte, rest)) = bytes.split_first()
-        && *byte < 0x80
-    {
-        *bytes = rest;
-        return Some(u32::from(*byte));
+    match **bytes {
+        [byte, ref rest @ ..] if byte < 0x80 => {
+            *bytes = rest;
+            return Some(byte.into());
+        }
+        [low, high, ref rest @ ..] if high < 0x80 => {
+            *bytes = rest;
+            return Some(u32::from(low & 0x7f) | u32::from(high) << 7);
+        }
+        _ => {}
     }
     u32::try_from(take_long_varint::<32>(bytes)?).ok()
 }
@@ -92,12 +97,12 @@ pub(super) fn take_varint(bytes: &mut &[u8]) -> Option<u32> {
 /// One of as many bytes as a number of so many bits may take, at most 64.
 fn take_long_varint<const BITS: usize>(bytes: &mut &[u8]) -> Option<u64> {
     let mut value = 0_u64;
-    for shift in (0..BITS).step_by(7) {
-        let (byte, rest) = bytes.split_first()?;
-        *bytes = rest;
+    for (at, byte) in bytes.iter().enumerate().take(BITS.div_ceil(7)) {
+        let shift = 7 * at;
         let bits = u64::from(byte & 0x7f);
         value |= bits << shift;
         if *byte < 0x80 {
+            *bytes = &bytes[at + 1..];
             return (bits << shift >> shift == bits).then_some(value);
         }
     }

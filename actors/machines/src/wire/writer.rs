@@ -1,7 +1,5 @@
 //! Bytes as postcard writes them, written without serde: for the packets that drones say all the time.
 
-use std::ops::Range;
-
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::Reception;
 
@@ -56,31 +54,37 @@ impl Writer {
 
     /// The distances between the bounds of a set's runs, as bytes.
     pub(super) fn runs(&mut self, set: &NodeSet) {
-        let begin = self.0.len();
-        for distance in set.distances() {
-            self.number(distance);
-        }
-        let end = self.0.len();
-        self.put_length_before(begin..end);
+        self.behind_its_length(|to| set.distances().for_each(|distance| to.number(distance)));
     }
 
     /// Receptions in the order of their ids, as bytes: the distance from the id before, and the share.
     pub(super) fn receptions(&mut self, receptions: &[Reception]) {
-        let begin = self.0.len();
-        let mut before = 0;
-        for Reception { id, sixteenths } in receptions {
-            self.number(id.0 - before);
-            self.byte(*sixteenths);
-            before = id.0;
-        }
-        self.put_length_before(begin..self.0.len());
+        self.behind_its_length(|to| {
+            let mut before = 0;
+            for Reception { id, sixteenths } in receptions {
+                to.number(id.0 - before);
+                to.byte(*sixteenths);
+                before = id.0;
+            }
+        });
     }
 
-    /// How many bytes were written there comes before them, and is known only now.
-    fn put_length_before(&mut self, written: Range<usize>) {
-        self.count(written.len());
-        let length = self.0.len() - written.end;
-        self.0[written.start..].rotate_right(length);
+    /// What `write` writes, and before it how many bytes that is, which is known only then.
+    fn behind_its_length(&mut self, write: impl FnOnce(&mut Self)) {
+        let at = self.0.len();
+        // Most are so short that their length takes one byte.
+        self.byte(0);
+        write(self);
+        let end = self.0.len();
+        let length = end - at - 1;
+        if length < 0x80 {
+            self.0[at] = length as u8;
+        } else {
+            self.count(length);
+            let taken = self.0.len() - end;
+            self.0[at + 1..].rotate_right(taken);
+            self.0.remove(at);
+        }
     }
 
     pub(super) fn bytes(&mut self, bytes: &[u8]) {

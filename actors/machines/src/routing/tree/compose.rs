@@ -5,8 +5,8 @@ use super::link::Link;
 use super::link_table::LinkTable;
 use super::parent::ParentSelection;
 use crate::identity::{NodeId, NodeSet};
+use crate::routing::Tree;
 use crate::routing::core::Core;
-use crate::routing::{Packet, Tree};
 use crate::wire;
 
 /// Numbers packets, and cuts those that are too long.
@@ -40,7 +40,10 @@ impl Composer {
             acknowledged.insert(core.id);
         }
         let mut landing = below.landing.clone();
-        if let Some(master) = core.master().filter(|_| !core.master_lands()) {
+        if let Some(master) = core.master()
+            && landing.contains(master)
+            && !core.master_lands()
+        {
             // Others take it to be said beside the order that this drone knows, which may not be the last.
             landing = landing.difference(&NodeSet::from_iter([master]));
         }
@@ -89,14 +92,13 @@ impl Composer {
 
     /// A packet's bytes; where they outgrow a datagram, of as many of the `nodes` that there are as fit, from those on whom
     /// the packet before left out.
-    pub(super) fn encode(&mut self, state: Tree, nodes: u32) -> Vec<u8> {
-        let packet = Packet::Tree(state);
-        let payload = wire::encode_packet(&packet);
-        let (false, Packet::Tree(state)) = (payload.len() <= wire::PAYLOAD_MAX, packet) else {
+    pub(super) fn encode(&mut self, state: &Tree, nodes: u32) -> Vec<u8> {
+        let payload = wire::encode_tree(state);
+        if payload.len() <= wire::PAYLOAD_MAX {
             return payload;
-        };
+        }
         let begin = self.next_span % nodes;
-        let cut = |end| wire::encode_packet(&Packet::Tree(state.cut_to(begin..end)));
+        let cut = |end| wire::encode_tree(&state.cut_to(begin..end));
         let (mut fits, mut too_far) = (begin + 1, nodes + 1);
         while fits + 1 < too_far {
             let middle = u32::midpoint(fits, too_far);

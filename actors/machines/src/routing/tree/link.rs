@@ -164,7 +164,7 @@ impl Link {
     /// Takes in that the neighbour was heard say what is kept by now, after so many broadcasts that were missed.
     #[inline]
     pub(super) fn is_heard(&mut self, now: Timestamp, missed: u32, pace: Duration) -> LinkChanged {
-        let cost = self.quality.cost();
+        let before = self.quality;
         self.quality.learn_missed(missed);
         if self.said.aside == 0 {
             self.quality.learn_heard();
@@ -194,7 +194,7 @@ impl Link {
         LinkChanged {
             is_back: !was_reachable,
             turns: self.symmetric != was_symmetric,
-            cost: self.quality.cost() != cost,
+            cost: self.quality.costs_otherwise_than(&before),
         }
     }
 
@@ -343,7 +343,7 @@ impl Link {
     pub(super) fn read_ahead(&self) {
         black_box((self.left_out, self.said.number, self.said.by_parent));
         black_box((self.words.len(), self.heard_at, self.quality.is_proven()));
-        black_box((self.sets.is_some(), self.symmetric));
+        black_box((self.sets().told.0, self.symmetric));
     }
 
     /// Whether it has been silent for so long that another route would be better.

@@ -12,7 +12,7 @@ use crate::roster::Roster;
 use crate::routing::packet::Reception;
 use crate::routing::tree::quality::WELL;
 use crate::time::Timestamp;
-use crate::wire::{PayloadError, TreeFrame, TreeFront};
+use crate::wire::{TreeFrame, TreeFront};
 
 /// What is known of each neighbour, from the frames of its own that were heard.
 ///
@@ -55,14 +55,6 @@ pub(super) struct Heard {
     pub(super) is_new: bool,
 }
 
-/// A frame as the table takes it in.
-pub(super) enum Frame<'a> {
-    /// Its sender said the same before, under the same epoch and as the same to this drone: its front is all that may differ.
-    Unchanged(TreeFront),
-    /// Another one.
-    Read(TreeFrame<'a>),
-}
-
 impl LinkTable {
     /// Of `own`, which has heard nobody yet.
     pub(super) fn new(own: NodeId, drones: u32, beacon: Duration, pace: Duration) -> Self {
@@ -76,29 +68,16 @@ impl LinkTable {
         }
     }
 
-    /// Reads a neighbour's frame as far as that is needed. Most of what is said was said before: where the words behind the
-    /// front are the same, and the sender is what it was to this drone, nothing of them is read again.
-    ///
-    /// # Errors
-    /// When the words are no frame.
+    /// Whether a neighbour says the same as before, the front of its frame apart, and is what it was to this drone. Most of
+    /// what is said was, and nothing of that is read again.
     #[inline]
-    pub(super) fn read<'a>(
-        &self,
-        speaker: Speaker,
-        front: TreeFront,
-        words: &'a [u8],
-    ) -> Result<Frame<'a>, PayloadError> {
-        let is_unchanged = self.get(speaker.id).is_some_and(|link| {
+    pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
+        self.get(speaker.id).is_some_and(|link| {
             let said = &link.said;
             (said.hops, said.cost, said.parent, said.by_parent)
                 == (front.hops, front.cost, front.parent, speaker.is_parent)
                 && link.words == words
-        });
-        if is_unchanged {
-            return Ok(Frame::Unchanged(front));
-        }
-        let frame = TreeFrame::read(front, words).ok_or(PayloadError)?;
-        Ok(Frame::Read(frame))
+        })
     }
 
     /// Takes in what a neighbour says that has said the same before; `None` for a number that is not newer than the last.
@@ -362,19 +341,20 @@ impl LinkTable {
         now: Timestamp,
         time_to_live: Duration,
     ) -> (NodeSet, Vec<Reception>) {
-        let heard = || {
-            self.iter()
-                .filter(|link| self.hears(link, now, time_to_live))
-        };
-        let weak = heard().filter(|link| link.quality.heard() < WELL);
-        let reception = |link: &Link| Reception {
-            id: link.id,
-            sixteenths: link.quality.heard(),
-        };
-        (
-            heard().map(|link| link.id).collect(),
-            weak.map(reception).collect(),
-        )
+        let mut all = NodeSet::new();
+        let mut weak = Vec::new();
+        for link in self.iter() {
+            if !self.hears(link, now, time_to_live) {
+                continue;
+            }
+            all.insert(link.id);
+            let sixteenths = link.quality.heard();
+            if sixteenths < WELL {
+                let id = link.id;
+                weak.push(Reception { id, sixteenths });
+            }
+        }
+        (all, weak)
     }
 
     /// Whether this drone hears a neighbour. One that has been silent for as long as no living neighbour is, and for half

@@ -33,7 +33,7 @@ use self::aggregation::{Aggregation, Pass};
 use self::beacon::{Audience, Beacon};
 use self::compose::Composer;
 use self::link::{Link, Speaker};
-use self::link_table::{Frame, Heard, LinkTable};
+use self::link_table::{Heard, LinkTable};
 use self::members::Members;
 use self::parent::{ParentSelection, Place};
 use self::probe::{ParentProbe, Route, Step};
@@ -42,7 +42,7 @@ use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint};
 use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::leader::{Verdict, Way};
-use crate::time::Timestamp;
+use crate::time::{Timestamp, first_of};
 use crate::wire::{self, TreeFrame};
 
 /// What it is built with.
@@ -215,7 +215,7 @@ impl TreePolicy {
             self.route.look_at_parent_again(&self.links);
             self.route.follow_parent(&self.links);
         }
-        if heard.has_moved || !self.route.keeps_route(now, sender, &self.links) {
+        if heard.has_moved || !self.route.keeps_route(now, link) {
             self.update_route(core, now);
         }
         self.take_heartbeat(core, now, sender, heartbeat);
@@ -327,33 +327,25 @@ impl TreePolicy {
         (sender, heard): (NodeId, Heard),
         is_news: bool,
     ) {
-        // Two without a route have nothing to tell each other, unless it is an order.
-        let has_route = self.route.routes().hops.is_some();
-        let is_told = |link: &Link| {
-            has_route || link.said.hops.is_some() || link.said.sequence != core.sequence()
-        };
-        let asks = |link: &Link| link.said.asks_own && is_told(link);
-        if self.links.get(sender).is_some_and(asks) {
-            self.links.asks(sender);
-        }
-        if is_news && self.links.has_children() {
-            // A leaf is silent unless it is asked: whoever told it knows from the medium, or trusts it.
-            let hops = self.route.routes().hops;
-            let competes = |link: &&Link| hops.is_some() && link.said.hops == hops;
-            let others = self.links.iter().filter(competes).count();
-            if others == 0 {
-                self.say(core, now, Reason::News);
-            } else {
-                self.retransmission.relay(core, now, others);
-            }
-        }
         let Some(link) = self.links.get(sender) else {
             return;
         };
-        let (asks, asked) = (link.asks, usize::from(link.said.asked));
+        // Two without a route have nothing to tell each other, unless it is an order.
+        let has_route = self.route.routes().hops.is_some();
+        let is_told =
+            || has_route || link.said.hops.is_some() || link.said.sequence != core.sequence();
+        let asks_anew = link.said.asks_own && is_told();
+        let (mut asks, asked) = (link.asks || asks_anew, usize::from(link.said.asked));
         let is_child = link.is_child_of(core.id);
         let (sequence, newest) = (link.said.sequence, core.sequence());
         let is_parent = self.route.parent() == Some(sender);
+        if asks_anew {
+            self.links.asks(sender);
+        }
+        if is_news && self.links.has_children() {
+            self.pass_on(core, now);
+            asks = self.links.get(sender).is_some_and(|link| link.asks);
+        }
         if asks {
             let repair = self.config.repair;
             self.retransmission.answer(core, now, (asked, repair));
@@ -374,6 +366,19 @@ impl TreePolicy {
             self.acknowledge(core, now);
         }
         self.end_repair_if_done(core, now);
+    }
+
+    /// Says a new order to those below, in turn with others that do. A leaf is silent unless it is asked: whoever told it knows
+    /// from the medium, or trusts it.
+    fn pass_on(&mut self, core: &mut Core, now: Timestamp) {
+        let hops = self.route.routes().hops;
+        let competes = |link: &&Link| hops.is_some() && link.said.hops == hops;
+        let others = self.links.iter().filter(competes).count();
+        if others == 0 {
+            self.say(core, now, Reason::News);
+        } else {
+            self.retransmission.relay(core, now, others);
+        }
     }
 
     /// Whether the master misses, and the parent does not have, what this drone could tell.
@@ -399,7 +404,12 @@ impl TreePolicy {
         if waits && !self.retransmission.may_speak(now, self.config.repair) {
             return;
         }
-        let owed = self.owed(core, now);
+        let owed = if reason == Reason::KeepAlive {
+            // It is for all, and asks nobody.
+            Owed::default()
+        } else {
+            self.owed(core, now)
+        };
         let receivers = self.receivers(now, reason, &owed);
         if receivers.is_empty() {
             self.send(core, now, reason, None, &owed);
@@ -476,7 +486,7 @@ impl TreePolicy {
         state.asks = self.asks(core, reason, to, owed);
         self.links.answered(to);
         let nodes = self.config.drones + self.config.relays;
-        let payload = self.composer.encode(state, nodes);
+        let payload = self.composer.encode(&state, nodes);
         core.send(to, payload, reason == Reason::KeepAlive);
         if let Some(to) = to.filter(|_| self.medium_tells) {
             self.links.sent(to, now);
@@ -634,21 +644,20 @@ impl Policy for TreePolicy {
         let Ok((front, words)) = wire::split_tree(payload) else {
             return core.show(Event::Ignored(sender));
         };
-        let speaker = self.speaker(core, sender);
-        let Ok(frame) = self.links.read(speaker, front, words) else {
-            return core.show(Event::Ignored(sender));
-        };
         let is_obeyed = core.durable.epoch.ballot() == Some(ballot) && !core.durable.stopped;
-        let said = match frame {
-            Frame::Unchanged(front) if is_obeyed => {
-                // Nothing is news but that the sender lives, and the master.
-                if let Some(heard) = self.links.hear_again(sender, &front, now) {
-                    self.take_in(core, now, (sender, heard), false);
-                }
-                return;
+        if is_obeyed
+            && self
+                .links
+                .has_said(self.speaker(core, sender), &front, words)
+        {
+            // Nothing is news but that the sender lives, and the master.
+            if let Some(heard) = self.links.hear_again(sender, &front, now) {
+                self.take_in(core, now, (sender, heard), false);
             }
-            Frame::Unchanged(front) => TreeFrame::read(front, words).unwrap_or_default(),
-            Frame::Read(said) => said,
+            return;
+        }
+        let Some(said) = TreeFrame::read(front, words) else {
+            return core.show(Event::Ignored(sender));
         };
         let is_member = sender.0 < self.config.drones + self.config.relays;
         let is_heard =
@@ -806,13 +815,8 @@ impl Policy for TreePolicy {
     fn deadline(&self, core: &Core) -> Option<Timestamp> {
         let hold = self.aggregation.deadline();
         let said_again = self.retransmission.deadline();
-        let deadlines = [
-            self.beacon.deadline(),
-            said_again,
-            hold,
-            self.next_probe(core),
-        ];
-        deadlines.into_iter().flatten().min()
+        let probe = self.next_probe(core);
+        first_of([self.beacon.deadline(), said_again, hold, probe])
     }
 
     fn checkpoint(&self) -> PolicyCheckpoint {

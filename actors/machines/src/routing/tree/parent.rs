@@ -176,13 +176,13 @@ impl ParentSelection {
     /// Whether a neighbour that has just spoken, whose own route is what it was, leaves this drone's as it is: it is the
     /// parent or no better than that, and the parent is as good as when it was chosen. A neighbour that is better by now
     /// without having spoken is taken when it speaks next.
-    pub(super) fn keeps_route(&self, now: Timestamp, sender: NodeId, links: &LinkTable) -> bool {
+    pub(super) fn keeps_route(&self, now: Timestamp, sender: &Link) -> bool {
         self.good_parent.is_some_and(|parent| {
             let is_cheaper = || {
-                let cost = links.get(sender).and_then(|link| self.cost_through(link));
+                let cost = self.cost_through(sender);
                 cost.is_some_and(|cost| cost.saturating_add(HYSTERESIS) <= self.label.cost)
             };
-            now <= parent.stale_at && (self.routes.parent == Some(sender) || !is_cheaper())
+            now <= parent.stale_at && (self.routes.parent == Some(sender.id) || !is_cheaper())
         })
     }
 

@@ -95,13 +95,27 @@ impl Quality {
     /// Takes in that a broadcast was heard.
     #[inline]
     pub(super) fn learn_heard(&mut self) {
-        let is_perfect = self.long_frames == LONG && self.long_loss == 0.0;
-        if is_perfect {
+        if self.is_lossless() {
+            self.learn_heard_again();
             return;
         }
         let before = (self.loss, self.recent_loss, self.frames);
         self.learn(0.0);
         if before != (self.loss, self.recent_loss, self.frames) {
+            self.judge();
+        }
+    }
+
+    /// Whether none of its broadcasts was missed.
+    fn is_lossless(&self) -> bool {
+        self.loss == 0.0 && self.recent_loss == 0.0 && self.long_loss == 0.0
+    }
+
+    /// As [`Self::learn_heard`] where nothing was missed before: no loss changes, only how much is known.
+    fn learn_heard_again(&mut self) {
+        self.long_frames = (self.long_frames + 1).min(LONG);
+        if self.frames < MEMORY {
+            self.frames += 1;
             self.judge();
         }
     }
@@ -198,6 +212,11 @@ impl Quality {
         let well = u32::from(WELL) * u32::from(WELL);
         let cost = u32::from(ETX_UNIT) * well / (here * there).max(1);
         u16::try_from(cost).unwrap_or(u16::MAX)
+    }
+
+    /// Whether its cost is another one.
+    pub(super) fn costs_otherwise_than(&self, before: &Self) -> bool {
+        self.both() != before.both() && self.cost() != before.cost()
     }
 
     /// For how many beacons a neighbour that speaks once in each may be silent by a chance of `odds`.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::link_table::LinkTable;
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::core::Core;
-use crate::time::Timestamp;
+use crate::time::{Timestamp, first_of};
 
 /// The share of a repair that passes until what the medium gave up is tried again.
 const RETRY_SHARE: u32 = 4;
@@ -95,8 +95,7 @@ impl Retransmission {
         let attempt = self.attempt.map(|it| it.due);
         let copy = self.copy.map(|it| it.0);
         let ask = self.ask.map(|it| it.0);
-        let all = [self.relay_at, attempt, self.answer_at, copy, ask];
-        let first = all.into_iter().flatten().min();
+        let first = first_of([self.relay_at, attempt, self.answer_at, copy, ask]);
         first.map(|due| due.max(self.speaks_at()))
     }
 
