@@ -99,13 +99,13 @@ impl NodeSet {
             return;
         };
         // Beyond all others, as is the rule.
-        let end = self.0.last().copied();
-        if end == Some(id.0) {
-            self.0.pop();
-            return self.0.push(behind);
-        }
-        if end.is_none_or(|end| end < id.0) {
-            return self.0.extend([id.0, behind]);
+        match self.0.last_mut() {
+            Some(end) if *end == id.0 => {
+                *end = behind;
+                return;
+            }
+            Some(end) if *end > id.0 => {}
+            _ => return self.0.extend_from_slice(&[id.0, behind]),
         }
         let at = self.bounds_up_to(id);
         if at % 2 == 1 {

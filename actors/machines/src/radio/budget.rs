@@ -28,7 +28,10 @@ impl Account {
     /// Whether there is one left.
     #[inline]
     pub(super) fn has_left(&self, now: Timestamp, budget: &Budget) -> bool {
-        let full_at = self.full_at.max(now) + budget.interval;
+        if self.full_at <= now {
+            return budget.burst > 0;
+        }
+        let full_at = self.full_at + budget.interval;
         full_at.since(now) <= budget.interval * budget.burst
     }
 

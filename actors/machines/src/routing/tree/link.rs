@@ -181,10 +181,10 @@ impl Link {
             None => {}
         }
         // At first it may have restarted, or have missed what this drone said: it hears it again when that gets through.
-        let patience = pace * self.quality.stale_beacons.into();
+        let patience = || pace * self.quality.stale_beacons.into();
         let is_new = self
             .left_out
-            .is_none_or(|since| now.since(since) < patience);
+            .is_none_or(|since| now.since(since) < patience());
         let was_symmetric = self.symmetric;
         self.symmetric = symmetric || (self.symmetric && is_new);
         if !self.shows_what_it_was_told() {

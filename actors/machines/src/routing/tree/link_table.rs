@@ -364,6 +364,9 @@ impl LinkTable {
     /// reason to believe for longer that it is.
     pub(super) fn hears(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
         let silent_for = now.since(link.heard_at);
+        if silent_for <= self.beacon {
+            return true;
+        }
         let stale = self.beacon * link.quality.stale_beacons.into();
         if silent_for <= stale || link.told_of_epoch.is_some() {
             return silent_for <= stale;

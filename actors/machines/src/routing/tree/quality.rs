@@ -208,6 +208,9 @@ impl Quality {
     /// Expected transmissions until a frame and its acknowledgement are heard, in [`ETX_UNIT`]s (De Couto et al.,
     /// MobiCom 2003).
     pub(super) fn cost(&self) -> u16 {
+        if self.is_good() {
+            return ETX_UNIT;
+        }
         let [here, there] = self.both().map(u32::from);
         let well = u32::from(WELL) * u32::from(WELL);
         let cost = u32::from(ETX_UNIT) * well / (here * there).max(1);
