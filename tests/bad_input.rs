@@ -114,7 +114,7 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
         (
             "range_m = 300",
             "range_m = 300\n\n[vehicle]\nendurance_s = 0",
-            &["0 is not a time above 0", "`vehicle.endurance_s`"],
+            &["0 is not a time from 0.001", "`vehicle.endurance_s`"],
         ),
         (
             "range_m = 300",
@@ -615,6 +615,29 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             "liveness = \"thesis\"",
             "liveness = \"thesis\"\n\n[[faults]]\nkill = 1",
             &["either `at_s`, `at_waypoint` or `when`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[[faults]]\nat_waypoint = 99\nkill = 1",
+            &[
+                "the last waypoint that drones get to is 7",
+                "`faults.at_waypoint`",
+            ],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\"a\\u001b[31mred\" = 1",
+            &["unknown field `a\\u{1b}[31mred`"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\nduration_s = 1e-300",
+            &["1e-300 is not a time from 0.001 to 604800"],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\nduration_s = 1e308",
+            &["1e308 is not a time from 0.001 to 604800"],
         ),
         (
             "liveness = \"thesis\"",

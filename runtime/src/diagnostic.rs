@@ -64,10 +64,10 @@ impl BadInput {
             );
         }
         Self(Box::new(Report {
-            message: message.to_string(),
-            help: help.into(),
+            message: printable(&message.to_string()),
+            help: printable(&help.into()),
             excerpt: Some(Excerpt {
-                source: NamedSource::new(path.display().to_string(), text.to_owned()),
+                source: NamedSource::new(printable(&path.display().to_string()), text.to_owned()),
                 span: span.into(),
             }),
         }))
@@ -81,8 +81,8 @@ impl BadInput {
         help: impl Into<String>,
     ) -> Self {
         Self(Box::new(Report {
-            message: format!("{}: {message}", path.display()),
-            help: help.into(),
+            message: printable(&format!("{}: {message}", path.display())),
+            help: printable(&help.into()),
             excerpt: None,
         }))
     }
@@ -117,6 +117,19 @@ impl Diagnostic for BadInput {
         let label = LabeledSpan::new_primary_with_span(Some("here".into()), excerpt.span);
         Some(Box::new(std::iter::once(label)))
     }
+}
+
+/// A text without what a terminal would obey: a key or the name of a file may hold any character.
+fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\n' => shown.push(c),
+            c if c.is_control() => shown.extend(c.escape_default()),
+            c => shown.push(c),
+        }
+    }
+    shown
 }
 
 /// The text of a file, without the byte order mark that some editors put before it.

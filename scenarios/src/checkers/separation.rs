@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use self::nearby::Nearby;
 use super::Violation;
+use crate::report::rounded_down;
 use crate::vehicle::{Piece, Vehicle};
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
@@ -94,8 +95,9 @@ impl SeparationChecker {
                     at,
                     drones: vec![drone, NodeId(u32::try_from(other).unwrap_or(u32::MAX))],
                     what: format!(
-                        "drones {drone} and {other} are {horizontal_m:.2} m apart over ground and \
-                         {vertical_m:.2} m in height"
+                        "drones {drone} and {other} are {} m apart over ground and {} m in height",
+                        rounded_down(horizontal_m, 2),
+                        rounded_down(vertical_m, 2)
                     ),
                 }));
             }

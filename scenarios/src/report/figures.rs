@@ -190,6 +190,23 @@ pub(crate) fn figure(value: f64, decimals: usize) -> String {
     text + fraction
 }
 
+/// `value` with `decimals` digits after the point, and never more than it is: for what falls short of a limit.
+pub(crate) fn rounded_down(value: f64, decimals: usize) -> String {
+    let nearest = format!("{value:.decimals$}");
+    if nearest.parse().is_ok_and(|nearest: f64| nearest <= value) {
+        return nearest;
+    }
+    let digit = 10_f64.powi(-i32::try_from(decimals).unwrap_or(i32::MAX));
+    format!("{:.decimals$}", value - digit)
+}
+
+/// Likewise, and never less than it is: for what exceeds a limit.
+pub(crate) fn rounded_up(value: f64, decimals: usize) -> String {
+    let down = rounded_down(-value, decimals);
+    down.strip_prefix('-')
+        .map_or_else(|| format!("-{down}"), str::to_owned)
+}
+
 /// Likewise, or [`NOTHING`].
 pub(crate) fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| NOTHING.to_owned(), |value| figure(value, decimals))
@@ -252,6 +269,21 @@ mod tests {
         assert_eq!(figure(-1000.0, 0), "−1,000");
         assert_eq!(figure(-0.01, 1), "0.0");
         assert_eq!(figure(f64::NAN, 1), "NaN");
+    }
+
+    #[test]
+    fn what_breaks_a_limit_is_not_rounded_to_it() {
+        for (value, down, up) in [
+            (1.997, "1.99", "2.00"),
+            (2.0, "2.00", "2.00"),
+            (2.001, "2.00", "2.01"),
+            (-0.004, "-0.01", "-0.00"),
+        ] {
+            assert_eq!(
+                (&*rounded_down(value, 2), &*rounded_up(value, 2)),
+                (down, up)
+            );
+        }
     }
 
     #[test]

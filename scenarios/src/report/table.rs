@@ -5,7 +5,9 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
-use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges};
+use super::figures::{
+    NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges, rounded_down,
+};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
 
 /// Whether text is coloured.
@@ -228,12 +230,23 @@ fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("dropped", format!("frames: {}", reasons.join(", "))));
     }
     if !report.mission_completed {
-        lines.push((
-            "mission",
-            "not completed: the swarm came down before the last waypoint".to_owned(),
-        ));
+        lines.push(("mission", not_completed(report).to_owned()));
     }
     lines
+}
+
+/// How a swarm ended that has not left its last waypoint to land.
+fn not_completed(report: &Report) -> &'static str {
+    let has_begun = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
+    if !report.violations.is_empty() {
+        "not completed: the run ended where a rule was broken"
+    } else if report.unchecked {
+        "not completed"
+    } else if report.drones.iter().any(has_begun) {
+        "not completed: the swarm came down before the last waypoint"
+    } else {
+        "not flown: no drone got to the first waypoint"
+    }
 }
 
 /// What each pure relay did.
@@ -432,6 +445,19 @@ mod tests {
     fn what_went_wrong_is_said_in_words() {
         let (report, _) = sample::troubled();
         insta::assert_snapshot!(table(&report, None, Colour::Never));
+    }
+
+    #[test]
+    fn nobody_is_said_to_have_come_down_who_may_still_fly() {
+        let (mut report, _) = sample::troubled();
+        report.violations.clear();
+        assert!(not_completed(&report).contains("came down"));
+        let (broken, _) = sample::troubled();
+        assert!(!broken.violations.is_empty() && !not_completed(&broken).contains("came down"));
+        for drone in &mut report.drones {
+            (drone.waypoints, drone.landed_because) = (0, None);
+        }
+        assert!(not_completed(&report).starts_with("not flown"));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use toml::Spanned;
 
 use super::file::Source;
 use super::raw::Raw;
+use crate::report::rounded_down;
 
 /// How long a drone holds that does not know where it is: as long as a swarm some 300 m deep takes to pass it.
 const POSITION_HOLD_S: f64 = 30.0;
@@ -81,8 +82,9 @@ pub(super) fn check_fence(
             let least = slots.map(room).min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((room_m, id)) = least.filter(|(room_m, _)| *room_m <= margin_m) {
                 let message = format!(
-                    "at waypoint {number} the slot of drone {id}, its layers included, is {room_m:.1} m within the \
-                     fence; at {speed_mps} m/s that takes more than {margin_m} m"
+                    "at waypoint {number} the slot of drone {id}, its layers included, is {} m within the fence; at \
+                     {speed_mps} m/s that takes more than {margin_m} m",
+                    rounded_down(room_m, 1)
                 );
                 return Err(source.error(table.span(), &message));
             }

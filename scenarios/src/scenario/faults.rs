@@ -9,13 +9,20 @@ use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;
-use super::raw::{self, Office, Pair, Raw, Sender, Victim, Whole};
+use super::raw::{self, Office, Pair, ProtocolKind, Raw, Sender, Victim, Whole};
 use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
 
 /// What goes wrong, and when.
-pub(super) fn faults(source: &Source, raw: &Raw) -> Result<Vec<Fault>, BadInput> {
-    let drones = raw.formation.drones.get_ref().0 + raw.relays.len() as u64;
-    let reader = Reader { source, drones };
+pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec<Fault>, BadInput> {
+    let reader = Reader {
+        source,
+        drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
+        last_waypoint: match raw.protocol.kind {
+            // Whoever follows is at waypoint 0 once it has taken off, and at none after that.
+            ProtocolKind::Follow => 0,
+            ProtocolKind::Muscop => waypoints - 1,
+        },
+    };
     raw.faults.iter().map(|fault| reader.fault(fault)).collect()
 }
 
@@ -27,6 +34,8 @@ struct Reader<'a> {
     source: &'a Source,
     /// How many drones and relays there are.
     drones: u64,
+    /// The number of the last waypoint that drones get to.
+    last_waypoint: usize,
 }
 
 impl Reader<'_> {
@@ -62,7 +71,12 @@ impl Reader<'_> {
                 }
             },
             (None, Some(waypoint), None) => {
-                let waypoint = u16::try_from(waypoint.0).unwrap_or(u16::MAX);
+                let (at, last) = (waypoint.get_ref().0, self.last_waypoint);
+                if at > last as u64 {
+                    let message = format!("the last waypoint that drones get to is {last}");
+                    return Err(self.source.error(waypoint.span(), &message));
+                }
+                let waypoint = u16::try_from(at).unwrap_or(u16::MAX);
                 Ok(When::After(Occasion::Waypoint(waypoint), later))
             }
             (None, None, Some(occasion)) => Ok(When::After((*occasion).into(), later)),

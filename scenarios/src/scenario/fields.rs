@@ -247,7 +247,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "vehicle.endurance_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
     ("failsafe", "a table"),
     (
@@ -290,20 +290,17 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "limits.duration_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
-    (
-        "limits.set_up_s",
-        "seconds, a number above 0, at most 604800",
-    ),
+    ("limits.set_up_s", "seconds, a number from 0.001 to 604800"),
     (
         "limits.take_off_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
-    ("limits.leg_s", "seconds, a number above 0, at most 604800"),
+    ("limits.leg_s", "seconds, a number from 0.001 to 604800"),
     (
         "limits.flight_time_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
     ("limits.waiting_max", "a whole number from 8 to 1000000"),
     ("limits.restarts_max", "a whole number from 0 to 1000000"),
@@ -317,11 +314,11 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "limits.controller_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
     (
         "limits.restart_window_s",
-        "seconds, a number above 0, at most 604800",
+        "seconds, a number from 0.001 to 604800",
     ),
     (
         "faults",
@@ -335,7 +332,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "faults.at_waypoint",
-        "the number of a waypoint, which the first drone has then reached, from 0 to 65534",
+        "the number of a waypoint of the mission, which the first drone has then reached, 0 being where the take-off ends",
     ),
     (
         "faults.when",
@@ -347,7 +344,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "faults.for_s",
-        "seconds after which it is over, a number above 0, at most 604800, with a fault that lasts",
+        "seconds after which it is over, a number from 0.001 to 604800, with a fault that lasts",
     ),
     (
         "faults.times",
@@ -355,7 +352,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ),
     (
         "faults.every_s",
-        "seconds from one time to the next, a number above 0, at most 604800, with `times`",
+        "seconds from one time to the next, a number from 0.001 to 604800, with `times`",
     ),
     (
         "faults.crash",

@@ -9,6 +9,7 @@ use toml::Spanned;
 use super::file::Source;
 use super::raw::{self, ProtocolKind, Raw};
 use super::{Follow, Sticks};
+use crate::report::{rounded_down, rounded_up};
 
 /// How often a master tells where it is: 5 Hz.
 const PERIOD_MS: u64 = 200;
@@ -124,9 +125,14 @@ fn check_heights(
         // What it takes to stop.
         let reached_m = height_m + climb_mps * climb_mps.abs() / (2.0 * acceleration_mps2);
         if !(0.0..=heights.highest_m).contains(&reached_m) {
+            let reached = if reached_m < 0.0 {
+                rounded_down(reached_m, 1)
+            } else {
+                rounded_up(reached_m, 1)
+            };
+            let highest = rounded_down(heights.highest_m, 1);
             let message = format!(
-                "the pilot would get to {reached_m:.1} m from here on; that takes from 0 to {:.1} m",
-                heights.highest_m
+                "the pilot would get to {reached} m from here on; that takes from 0 to {highest} m"
             );
             return Err(source.error(sticks.after_s.span(), &message));
         }

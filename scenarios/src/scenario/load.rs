@@ -159,7 +159,7 @@ fn alone(
     let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
     check_datagrams(source, raw)?;
-    let faults = faults(source, raw)?;
+    let faults = faults(source, raw, waypoints.len())?;
     let radio = radio(source, raw)?;
     let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
     if layout.exposed() > 0 {

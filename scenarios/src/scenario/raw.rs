@@ -369,7 +369,7 @@ pub(super) struct Limits {
 #[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
 pub(super) struct Fault {
     pub(super) at_s: Option<Instant>,
-    pub(super) at_waypoint: Option<Whole<0, 65_534>>,
+    pub(super) at_waypoint: Option<Spanned<Whole<0, 65_534>>>,
     pub(super) when: Option<OccasionName>,
     pub(super) after_s: Option<Spanned<Instant>>,
     pub(super) for_s: Option<Spanned<Seconds>>,
@@ -517,6 +517,9 @@ impl ActorName {
     }
 }
 
+/// A number of more digits is shown with an exponent.
+const DIGITS_MAX: usize = 20;
+
 /// A number with bounds in its type; refused, with the bounds, where it is read.
 macro_rules! number {
     ($(#[$doc:meta])* $name:ident, $is:expr, $accepted:literal) => {
@@ -533,7 +536,13 @@ macro_rules! number {
                 if is_accepted(value) {
                     Ok(Self(value))
                 } else {
-                    Err(format!("{value} is not {}", $accepted))
+                    let digits = value.to_string();
+                    let shown = if digits.len() > DIGITS_MAX {
+                        format!("{value:e}")
+                    } else {
+                        digits
+                    };
+                    Err(format!("{shown} is not {}", $accepted))
                 }
             }
         }
@@ -562,8 +571,8 @@ number!(
 );
 number!(
     Seconds,
-    |v| v > 0.0 && v <= 604_800.0,
-    "a time above 0 and at most 604800 (a week)"
+    |v| (0.001..=604_800.0).contains(&v),
+    "a time from 0.001 to 604800 (a week)"
 );
 number!(
     Instant,
