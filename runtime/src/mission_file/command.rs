@@ -17,6 +17,16 @@ pub(super) enum Handling {
 pub(super) enum Manoeuvre {
     TakeOff,
     Waypoint,
+    /// A waypoint to which the way is curved.
+    Spline,
+    /// A waypoint where the drone is to wait.
+    Loiter,
+    /// A wait where the drone is.
+    Delay,
+    /// Another height where the drone is.
+    ChangeHeight,
+    /// The mission goes on at another item.
+    Jump,
     Land,
     ReturnToLaunch,
 }
@@ -25,9 +35,14 @@ pub(super) enum Manoeuvre {
 pub(super) fn handling(command: u16) -> Handling {
     match command {
         16 => Handling::Flown(Manoeuvre::Waypoint),
+        19 => Handling::Flown(Manoeuvre::Loiter),
         20 => Handling::Flown(Manoeuvre::ReturnToLaunch),
         21 => Handling::Flown(Manoeuvre::Land),
         22 => Handling::Flown(Manoeuvre::TakeOff),
+        30 => Handling::Flown(Manoeuvre::ChangeHeight),
+        82 => Handling::Flown(Manoeuvre::Spline),
+        93 => Handling::Flown(Manoeuvre::Delay),
+        177 => Handling::Flown(Manoeuvre::Jump),
         _ => name_in(IGNORED, command).map_or(Handling::Refused, Handling::Ignored),
     }
 }
@@ -104,16 +119,14 @@ const IGNORED: &[(u16, &str)] = &[
     (2501, "VIDEO_STOP_CAPTURE"),
 ];
 
-/// Commands that mission files have and the swarm can't fly: they hover, curve, wait, change height or the route
-/// while it is flown, or end the flight.
+/// Commands that mission files have and the swarm can't fly: they hover or circle without end, change the route while it is
+/// flown, or end the flight.
 const REFUSED: &[(u16, &str)] = &[
     (17, "NAV_LOITER_UNLIM"),
     (18, "NAV_LOITER_TURNS"),
-    (19, "NAV_LOITER_TIME"),
     (23, "NAV_LAND_LOCAL"),
     (24, "NAV_TAKEOFF_LOCAL"),
     (25, "NAV_FOLLOW"),
-    (30, "NAV_CONTINUE_AND_CHANGE_ALT"),
     (31, "NAV_LOITER_TO_ALT"),
     (32, "DO_FOLLOW"),
     (33, "DO_FOLLOW_REPOSITION"),
@@ -122,16 +135,13 @@ const REFUSED: &[(u16, &str)] = &[
     (36, "NAV_ARC_WAYPOINT"),
     (80, "NAV_ROI"),
     (81, "NAV_PATHPLANNING"),
-    (82, "NAV_SPLINE_WAYPOINT"),
     (83, "NAV_ALTITUDE_WAIT"),
     (84, "NAV_VTOL_TAKEOFF"),
     (85, "NAV_VTOL_LAND"),
     (92, "NAV_GUIDED_ENABLE"),
-    (93, "NAV_DELAY"),
     (94, "NAV_PAYLOAD_PLACE"),
     (113, "CONDITION_CHANGE_ALT"),
     (176, "DO_SET_MODE"),
-    (177, "DO_JUMP"),
     (179, "DO_SET_HOME"),
     (185, "DO_FLIGHTTERMINATION"),
     (186, "DO_CHANGE_ALTITUDE"),

@@ -1,5 +1,6 @@
 //! A MAVLink mission item, from whichever format.
 
+use super::Note;
 use super::document::{Document, Written};
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, GeodeticError};
@@ -7,10 +8,23 @@ use crate::geodetic::{Geodetic, GeodeticError};
 /// A mission as its file says it: where home is, and the items after it.
 #[derive(Debug)]
 pub(super) struct Listing<'a> {
-    pub(super) home: Position<'a>,
+    pub(super) home: Home<'a>,
     pub(super) items: Vec<Item<'a>>,
+    /// What stands beside the items and is not obeyed.
+    pub(super) notes: Vec<Note>,
     /// Where to point when there are too few.
     pub(super) items_at: &'a str,
+}
+
+/// Where a file says that home is.
+#[derive(Debug)]
+pub(super) enum Home<'a> {
+    /// With its height above sea level.
+    Given(Position<'a>),
+    /// Without.
+    OnTheGround(Position<'a>),
+    /// Nowhere: the first place that the mission comes to is taken.
+    Missing,
 }
 
 /// What the swarm needs to know of a mission item.
@@ -20,8 +34,11 @@ pub(super) struct Item<'a> {
     pub(super) name: String,
     pub(super) command: Written<'a, u16>,
     pub(super) frame: Written<'a, u16>,
-    /// The first parameter: of a waypoint, the seconds to wait there.
-    pub(super) hold_s: Written<'a, Option<f64>>,
+    /// What a jump names it by.
+    pub(super) number: Option<u16>,
+    /// The first two parameters: of a waypoint, the seconds to wait there; of a jump, where to and how often.
+    pub(super) first: Written<'a, Option<f64>>,
+    pub(super) second: Written<'a, Option<f64>>,
     pub(super) position: Position<'a>,
     pub(super) auto_continue: bool,
 }
@@ -38,19 +55,6 @@ impl Position<'_> {
     /// Zero latitude and longitude are how mission files say that there is none.
     pub(super) fn has_no_coordinates(&self) -> bool {
         self.latitude_deg.value == Some(0.0) && self.longitude_deg.value == Some(0.0)
-    }
-
-    /// Home, whose altitude is above sea level.
-    pub(super) fn home(&self, document: Document<'_>) -> Result<Geodetic, BadInput> {
-        if self.has_no_coordinates() {
-            return Err(document.refuse(
-                self.latitude_deg.text,
-                "home is not set: its latitude and longitude are zero",
-                "set the planned home position in the ground station, and save the mission again",
-            ));
-        }
-        let altitude_m = self.altitude_m(document, "home")?;
-        self.geodetic(document, "home", altitude_m)
     }
 
     /// The coordinates of what errors call `name`, at an altitude above sea level.

@@ -1,9 +1,11 @@
 //! JSON whose every value knows where in the file it is.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::ops::Range;
 
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 
 use super::document::{Document, Written, quoted};
@@ -20,7 +22,7 @@ pub(super) struct Node<'a> {
     path: String,
 }
 
-/// The fields of a JSON object. Of two with the same name the last counts.
+/// The fields of a JSON object.
 #[derive(Debug)]
 pub(super) struct Object<'a> {
     node: Node<'a>,
@@ -28,10 +30,17 @@ pub(super) struct Object<'a> {
 }
 
 impl<'a> Node<'a> {
-    /// The whole document, checked to be JSON.
+    /// The whole document, checked to be JSON without two fields of one name.
     pub(super) fn root(document: Document<'a>) -> Result<Self, BadInput> {
         let raw: &RawValue =
             serde_json::from_str(document.text).map_err(|error| not_json(document, &error))?;
+        let distinct: Result<Distinct, _> = serde_json::from_str(document.text);
+        // What can't be looked through so, as a number that no `f64` holds, is read no further than it is needed.
+        if let Err(error) = distinct
+            && error.is_data()
+        {
+            return Err(not_distinct(document, &error));
+        }
         Ok(Self {
             document,
             text: raw.get(),
@@ -122,27 +131,108 @@ impl<'a> Object<'a> {
 
     /// A field that must be there.
     pub(super) fn field(&self, name: &str) -> Result<Node<'a>, BadInput> {
-        let path = match self.node.path.as_str() {
+        self.field_if_any(name).ok_or_else(|| {
+            let message = format_args!("`{}` is missing", self.path_of(name));
+            let pointer = self.node.pointer();
+            self.node.document.refuse(pointer, message, SAVE_AGAIN)
+        })
+    }
+
+    /// A field, if it is there.
+    pub(super) fn field_if_any(&self, name: &str) -> Option<Node<'a>> {
+        Some(Node {
+            document: self.node.document,
+            text: self.fields.get(name)?.get(),
+            path: self.path_of(name),
+        })
+    }
+
+    fn path_of(&self, name: &str) -> String {
+        match self.node.path.as_str() {
             "" => name.to_owned(),
             parent => format!("{parent}.{name}"),
-        };
-        let Some(raw) = self.fields.get(name) else {
-            let message = format_args!("`{path}` is missing");
-            let pointer = self.node.pointer();
-            return Err(self.node.document.refuse(pointer, message, SAVE_AGAIN));
-        };
-        Ok(Node {
-            document: self.node.document,
-            text: raw.get(),
-            path,
-        })
+        }
+    }
+}
+
+/// A document in which no object has two fields with one name: of two, programs take the first or the last.
+struct Distinct;
+
+impl<'de> Deserialize<'de> for Distinct {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(Self)
+    }
+}
+
+impl<'de> Visitor<'de> for Distinct {
+    type Value = Self;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self, A::Error> {
+        let mut names = BTreeSet::new();
+        while let Some(name) = map.next_key::<String>()? {
+            if names.contains(&name) {
+                return Err(A::Error::custom(format_args!("`{name}` is there twice")));
+            }
+            names.insert(name);
+            map.next_value::<Self>()?;
+        }
+        Ok(self)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self, A::Error> {
+        while seq.next_element::<Self>()?.is_some() {}
+        Ok(self)
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<Self, E> {
+        Ok(self)
+    }
+
+    fn visit_i64<E>(self, _: i64) -> Result<Self, E> {
+        Ok(self)
+    }
+
+    fn visit_u64<E>(self, _: u64) -> Result<Self, E> {
+        Ok(self)
+    }
+
+    fn visit_f64<E>(self, _: f64) -> Result<Self, E> {
+        Ok(self)
+    }
+
+    fn visit_str<E>(self, _: &str) -> Result<Self, E> {
+        Ok(self)
+    }
+
+    fn visit_unit<E>(self) -> Result<Self, E> {
+        Ok(self)
+    }
+}
+
+fn not_distinct(document: Document<'_>, error: &serde_json::Error) -> BadInput {
+    document.refuse_at(
+        byte_at(document.text, error.line(), error.column()),
+        problem(error),
+        "remove one of the two",
+    )
+}
+
+/// What an error says, without the place.
+fn problem(error: &serde_json::Error) -> String {
+    let place = format!(" at line {} column {}", error.line(), error.column());
+    let described = error.to_string();
+    match described.strip_suffix(&place) {
+        Some(problem) => problem.to_owned(),
+        None => described,
     }
 }
 
 fn not_json(document: Document<'_>, error: &serde_json::Error) -> BadInput {
-    let place = format!(" at line {} column {}", error.line(), error.column());
-    let described = error.to_string();
-    let problem = described.strip_suffix(&place).unwrap_or(&described);
+    let problem = problem(error);
     if error.is_eof() {
         return document.refuse(
             document.end(),

@@ -27,13 +27,13 @@ pub const WAYPOINTS_MAX: usize = 1_000;
 /// The most items that a mission file has, those that the swarm ignores and home included.
 pub const ITEMS_MAX: usize = 5_000;
 
-/// The fewest distinct `NAV_WAYPOINT` items that a swarm follows: one leg between two.
-pub const NAV_WAYPOINTS_MIN: usize = 2;
+/// The fewest distinct `NAV_WAYPOINT` items that a swarm follows: one leg, from over home.
+pub const NAV_WAYPOINTS_MIN: usize = 1;
 
 /// The highest that a route goes above home, in metres. Most altitudes beyond it are above sea level, by mistake.
 pub const HEIGHT_MAX_M: f64 = 1_000.0;
 
-/// What a swarm follows: a home, and a route of at least three points about it.
+/// What a swarm follows: a home, and a route of at least two points about it.
 ///
 /// The route's first point is over home, at the height that the swarm takes off to. No two consecutive points are the
 /// same; each is within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, above it, and at most
@@ -89,6 +89,16 @@ pub enum NoteKind {
     StopIgnored,
     /// A waypoint where the one before it is, to the millimetre: it is left out.
     MergedWithPrevious,
+    /// A curve: the swarm flies straight to its end.
+    CurveIgnored,
+    /// A jump without end: the swarm goes on behind it.
+    EndlessJumpIgnored,
+    /// The file has no home: it is taken to be where this item is.
+    HomeTaken,
+    /// A geofence, which only a scenario can give.
+    FenceIgnored,
+    /// Rally points: who must come down lands over home, or where it is.
+    RallyPointsIgnored,
 }
 
 impl Note {
@@ -121,6 +131,17 @@ impl fmt::Display for Note {
             NoteKind::MergedWithPrevious => {
                 f.write_str("the waypoint is left out, it is where the one before it is")
             }
+            NoteKind::CurveIgnored => f.write_str("the curve is flown as a straight leg"),
+            NoteKind::EndlessJumpIgnored => f.write_str(
+                "the jump has no end and is ignored, the swarm goes on with the next item",
+            ),
+            NoteKind::HomeTaken => {
+                f.write_str("home is taken to be there, the file does not say where it is")
+            }
+            NoteKind::FenceIgnored => {
+                f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
+            }
+            NoteKind::RallyPointsIgnored => f.write_str("rally points are ignored"),
         }
     }
 }
@@ -132,7 +153,13 @@ impl fmt::Display for Note {
 /// `NAV_TAKEOFF` gives the height of the first point, which is over home whatever the item's coordinates; without one
 /// the first `NAV_WAYPOINT` gives it. Each `NAV_WAYPOINT` adds a point. The route ends with the items, or with
 /// `NAV_RETURN_TO_LAUNCH`, which adds a point over home, or `NAV_LAND`, which adds one over its coordinates if it has
-/// any; both at the height of the last point. Altitudes may be above home or above sea level.
+/// any; both at the height of the last point. Altitudes may be above home or above sea level; not above the ground, of
+/// which the swarm has no map. `NAV_LOITER_TIME` and `NAV_SPLINE_WAYPOINT` are points, too; so is
+/// `NAV_CONTINUE_AND_CHANGE_ALT`, or a waypoint without coordinates, where the point before it is. `DO_JUMP` goes on at the
+/// item that it names, as often as it says.
+///
+/// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
+/// altitude may be above sea level.
 ///
 /// Other commands that move no drone are ignored, with a [`Note`]. A waypoint that is exactly where the one before it
 /// is, as surveys have them, is left out with a note. `NaN` (in JSON, `null`) in a parameter says, as in MAVLink, that
@@ -156,10 +183,10 @@ pub fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
     let document = Document { path, text };
     let begins = text.trim_start();
     if begins.starts_with('{') {
-        return route::follow(document, &qgc_plan::read(document)?);
+        return route::follow(document, qgc_plan::read(document)?);
     }
     if begins.starts_with("QGC WPL") {
-        return route::follow(document, &waypoints::read(document)?);
+        return route::follow(document, waypoints::read(document)?);
     }
     Err(document.refuse(
         begins.lines().next().unwrap_or_default(),

@@ -1,12 +1,12 @@
 //! QGroundControl's `.plan`.
 //!
 //! Source: *Plan File Format*, of the QGroundControl developer guide, version 4. Only what the swarm needs is read and
-//! checked: not the geofence, the rally points, or the settings of a vehicle.
+//! checked: of the geofence and the rally points, whether there are any; of the settings of a vehicle nothing.
 
-use super::ITEMS_MAX;
 use super::document::{Document, Written, quoted};
-use super::item::{Item, Listing, Position};
+use super::item::{Home, Item, Listing, Position};
 use super::json::{Node, Object};
+use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
 const FILE_TYPE: &str = "Plan";
@@ -30,9 +30,38 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     for node in array.elements(ITEMS_MAX)? {
         add_item(document, node, &mut items)?;
     }
+    let has = |part: &str, lists: &[&str]| -> Result<bool, BadInput> {
+        let Some(part) = plan.field_if_any(part) else {
+            return Ok(false);
+        };
+        let part = part.object()?;
+        for list in lists {
+            if let Some(list) = part.field_if_any(list)
+                && !list.elements(ITEMS_MAX)?.is_empty()
+            {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    };
+    let mut notes = Vec::new();
+    for (part, lists, kind) in [
+        (
+            "geoFence",
+            &["circles", "polygons"][..],
+            NoteKind::FenceIgnored,
+        ),
+        ("rallyPoints", &["points"], NoteKind::RallyPointsIgnored),
+    ] {
+        if has(part, lists)? {
+            let item = part.to_owned();
+            notes.push(Note { item, kind });
+        }
+    }
     Ok(Listing {
         home,
         items,
+        notes,
         items_at: array.pointer(),
     })
 }
@@ -65,13 +94,18 @@ fn check_version(
     ))
 }
 
-fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Position<'a>, BadInput> {
+fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Home<'a>, BadInput> {
     let [latitude, longitude, altitude] = exactly(
         document,
         home,
         "latitude, longitude and altitude above sea level",
     )?;
-    position(&latitude, &longitude, &altitude)
+    let position = position(&latitude, &longitude, &altitude)?;
+    Ok(if position.has_no_coordinates() {
+        Home::Missing
+    } else {
+        Home::Given(position)
+    })
 }
 
 /// Adds a simple item, or those that a complex one stands for.
@@ -133,16 +167,20 @@ fn add_simple_item<'a>(
         ));
     }
     let parameters = item.field("params")?;
-    let [hold, second, third, fourth, latitude, longitude, altitude] =
+    let [first, second, third, fourth, latitude, longitude, altitude] =
         exactly(document, &parameters, "the seven of a MAVLink command")?;
-    for unused in [second, third, fourth] {
+    for unused in [third, fourth] {
         unused.number_or_null()?;
     }
     items.push(Item {
         name: item.node().path().to_owned(),
         command: item.field("command")?.code()?,
         frame: item.field("frame")?.code()?,
-        hold_s: hold.number_or_null()?,
+        number: item
+            .field_if_any("doJumpId")
+            .and_then(|id| Some(id.code().ok()?.value)),
+        first: first.number_or_null()?,
+        second: second.number_or_null()?,
         position: position(&latitude, &longitude, &altitude)?,
         auto_continue: item.field("autoContinue")?.boolean()?.value,
     });

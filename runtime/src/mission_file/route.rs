@@ -4,34 +4,149 @@ use muster_machines::geometry::Ned;
 
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
-use super::item::{Item, Listing};
-use super::{HEIGHT_MAX_M, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
+use super::item::{Home, Item, Listing, Position};
+use super::{HEIGHT_MAX_M, ITEMS_MAX, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, about_home, whole_millimetres};
 
 const ACCEPTED_COMMANDS: &str = "a swarm flies NAV_TAKEOFF (22), NAV_WAYPOINT (16), NAV_LAND (21) and \
-                                 NAV_RETURN_TO_LAUNCH (20); replace the item by waypoints, or remove it";
+                                 NAV_RETURN_TO_LAUNCH (20), and what is like them; replace the item by waypoints, or remove it";
 
 /// Turns what a file says into what a swarm flies.
-pub(super) fn follow(document: Document<'_>, listing: &Listing<'_>) -> Result<Mission, BadInput> {
+pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mission, BadInput> {
+    let mut notes = listing.notes;
+    let (home, knows_sea_level) = match &listing.home {
+        Home::Given(at) => {
+            let altitude_m = at.altitude_m(document, "home")?;
+            (at.geodetic(document, "home", altitude_m)?, true)
+        }
+        Home::OnTheGround(at) => (at.geodetic(document, "home", 0.0)?, false),
+        Home::Missing => {
+            let first = listing.items.iter().find(|item| item.is_at_a_place());
+            let Some(first) = first else {
+                return Err(document.refuse(listing.items_at, NO_HOME, SET_HOME));
+            };
+            notes.push(Note {
+                item: first.name.clone(),
+                kind: NoteKind::HomeTaken,
+            });
+            (first.position.geodetic(document, &first.name, 0.0)?, false)
+        }
+    };
     let mut route = Route {
         document,
-        home: listing.home.home(document)?,
+        home,
+        knows_sea_level,
         points: Vec::new(),
         nav_waypoints: 0,
         ended_by: None,
-        notes: Vec::new(),
+        notes,
     };
-    for item in &listing.items {
+    let jumps = Jumps {
+        document,
+        items: &listing.items,
+    };
+    for item in jumps.flown()? {
         route.add(item)?;
     }
     route.finish(listing.items_at)
+}
+
+const NO_HOME: &str = "the file says neither where home is nor any other place";
+const SET_HOME: &str =
+    "set the planned home position in the ground station, and save the mission again";
+
+impl Item<'_> {
+    /// Whether a drone flies to its coordinates.
+    fn is_at_a_place(&self) -> bool {
+        let is_flown = matches!(
+            handling(self.command.value),
+            Handling::Flown(
+                Manoeuvre::TakeOff | Manoeuvre::Waypoint | Manoeuvre::Spline | Manoeuvre::Loiter
+            )
+        );
+        let Position {
+            latitude_deg,
+            longitude_deg,
+            ..
+        } = &self.position;
+        let is_given = latitude_deg.value.is_some() && longitude_deg.value.is_some();
+        is_flown && is_given && !self.position.has_no_coordinates()
+    }
+}
+
+/// Items among which some say where to go on.
+struct Jumps<'a> {
+    document: Document<'a>,
+    items: &'a [Item<'a>],
+}
+
+impl<'a> Jumps<'a> {
+    /// The items in the order in which they are come to. One that jumps is among them, once, if it does so without end.
+    fn flown(&self) -> Result<Vec<&'a Item<'a>>, BadInput> {
+        let mut flown = Vec::new();
+        let mut left = vec![None; self.items.len()];
+        let mut at = 0;
+        while let Some(item) = self.items.get(at) {
+            let jump = match handling(item.command.value) {
+                Handling::Flown(Manoeuvre::Jump) => self.jump(item)?,
+                _ => None,
+            };
+            if let Some((to, times)) = jump {
+                let left = left[at].get_or_insert(times);
+                at = if *left > 0 { to } else { at + 1 };
+                *left = left.saturating_sub(1);
+                continue;
+            }
+            if flown.len() == ITEMS_MAX {
+                return Err(self.document.refuse(
+                    item.command.text,
+                    format_args!("the mission comes to more than {ITEMS_MAX} items, by its jumps"),
+                    "let it jump less often",
+                ));
+            }
+            flown.push(item);
+            at += 1;
+        }
+        Ok(flown)
+    }
+
+    /// Where a jump goes on, by its place among the items, and how often; nothing for one without end.
+    fn jump(&self, item: &Item<'_>) -> Result<Option<(usize, usize)>, BadInput> {
+        let to = item.first.value;
+        let is_named = |it: &Item<'_>| it.number.is_some() && it.number.map(f64::from) == to;
+        let Some(place) = self.items.iter().position(is_named) else {
+            return Err(self.document.refuse(
+                item.first.text,
+                format_args!("{}: there is no item to jump to", item.name),
+                "give the number of an item, as the ground station counts them from 1",
+            ));
+        };
+        match item.second.value {
+            Some(times) if times < 0.0 => Ok(None),
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a whole number up to `ITEMS_MAX`"
+            )]
+            Some(times) if times.fract() == 0.0 && times <= ITEMS_MAX as f64 => {
+                Ok(Some((place, times as usize)))
+            }
+            _ => Err(self.document.refuse(
+                item.second.text,
+                format_args!("{}: it does not say how often it jumps", item.name),
+                format!("give a whole number from 0 to {ITEMS_MAX}"),
+            )),
+        }
+    }
 }
 
 /// A route as far as its items have been read.
 struct Route<'a> {
     document: Document<'a>,
     home: Geodetic,
+    /// Whether home's altitude above sea level is known.
+    knows_sea_level: bool,
     /// Empty, or the first is over home.
     points: Vec<Ned>,
     nav_waypoints: usize,
@@ -73,7 +188,20 @@ impl Route<'_> {
         }
         match manoeuvre {
             Manoeuvre::TakeOff => self.take_off(item),
-            Manoeuvre::Waypoint => self.waypoint(item),
+            Manoeuvre::Waypoint | Manoeuvre::Loiter => self.waypoint(item),
+            Manoeuvre::Spline => {
+                self.note(item, NoteKind::CurveIgnored);
+                self.waypoint(item)
+            }
+            Manoeuvre::Delay => {
+                self.note_hold(item);
+                Ok(())
+            }
+            Manoeuvre::ChangeHeight => self.change_height(item),
+            Manoeuvre::Jump => {
+                self.note(item, NoteKind::EndlessJumpIgnored);
+                Ok(())
+            }
             Manoeuvre::Land => self.land(item),
             Manoeuvre::ReturnToLaunch => self.return_to_launch(item),
         }
@@ -93,19 +221,36 @@ impl Route<'_> {
 
     fn waypoint(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
         let height_m = self.height_m(item)?;
-        let point = self.place(item, height_m)?;
+        let point = if item.position.has_no_coordinates() {
+            // As flight controllers have it: where the drone is by then.
+            let last = self.points.last().copied().unwrap_or(Ned::HOME);
+            last.at_altitude(height_m)
+        } else {
+            self.place(item, height_m)?
+        };
         if self.points.is_empty() {
             self.push(item, Ned::HOME.at_altitude(point.altitude_m()))?;
         }
-        if let Some(hold_s) = item.hold_s.value.filter(|hold_s| *hold_s != 0.0) {
-            self.note(item, NoteKind::HoldIgnored { hold_s });
-        }
+        self.note_hold(item);
         if self.push(item, point)? {
             self.nav_waypoints += 1;
         } else {
             self.note(item, NoteKind::MergedWithPrevious);
         }
         Ok(())
+    }
+
+    fn change_height(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+        let height_m = self.height_m(item)?;
+        let last = self.points.last().copied().unwrap_or(Ned::HOME);
+        self.push(item, last.at_altitude(height_m)).map(drop)
+    }
+
+    /// A wait as long as the first parameter says.
+    fn note_hold(&mut self, item: &Item<'_>) {
+        if let Some(hold_s) = item.first.value.filter(|hold_s| *hold_s != 0.0) {
+            self.note(item, NoteKind::HoldIgnored { hold_s });
+        }
     }
 
     fn land(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
@@ -167,8 +312,24 @@ impl Route<'_> {
     /// Whether an item's altitude is above sea level, and not above home.
     fn above_sea_level(&self, item: &Item<'_>) -> Result<bool, BadInput> {
         match item.frame.value {
-            0 => Ok(true),
+            0 if self.knows_sea_level => Ok(true),
+            0 => Err(self.document.refuse(
+                item.frame.text,
+                format_args!(
+                    "{}: its altitude is above sea level, and that of home is not known",
+                    item.name
+                ),
+                "give altitudes above home (frame 3), or home with its altitude above sea level",
+            )),
             3 | 6 => Ok(false),
+            10 | 11 => Err(self.document.refuse(
+                item.frame.text,
+                format_args!(
+                    "{}: its altitude is above the ground there, of which the swarm has no map",
+                    item.name
+                ),
+                "give altitudes above home (frame 3) or above sea level (frame 0)",
+            )),
             other => Err(self.document.refuse(
                 item.frame.text,
                 format_args!("{}: the frame is {}", item.name, frame_name(other)),
@@ -198,18 +359,19 @@ impl Route<'_> {
 
     fn note(&mut self, item: &Item<'_>, kind: NoteKind) {
         let item = item.name.clone();
-        self.notes.push(Note { item, kind });
+        let note = Note { item, kind };
+        // What is come to again is told once.
+        if !self.notes.contains(&note) {
+            self.notes.push(note);
+        }
     }
 
     fn finish(self, items_at: &str) -> Result<Mission, BadInput> {
         if self.nav_waypoints < NAV_WAYPOINTS_MIN {
             return Err(self.document.refuse(
                 items_at,
-                format_args!(
-                    "a swarm needs at least {NAV_WAYPOINTS_MIN} distinct waypoints, and the mission has {}",
-                    self.nav_waypoints
-                ),
-                "add NAV_WAYPOINT (16) items: those where take-off leads to, of landing and of return don't count",
+                "the mission has no waypoint but where the swarm takes off to",
+                "add a NAV_WAYPOINT (16) item: where take-off leads to, landing and return don't count",
             ));
         }
         Ok(Mission {

@@ -259,6 +259,105 @@ fn nesting_however_deep_is_refused() {
     assert!(refused.contains("`fileType` is missing"), "{refused}");
 }
 
+#[test]
+fn home_is_where_a_file_says_in_whichever_way() {
+    let given = short_with("");
+    for item in [
+        "0 1 3 16 0 0 0 0 39.333 -0.3085 0 1",
+        "0 1 3 16 0 0 0 0 39.333 -0.3085 2 1",
+    ] {
+        let mission = mission(&SHORT.replace("0 1 0 16 0 0 0 0 39.333 -0.3085 2 1", item));
+        assert!(mission.notes().is_empty());
+        assert_eq!(mission.waypoints().len(), given.waypoints().len());
+        for (point, same) in mission.waypoints().iter().zip(given.waypoints()) {
+            // Two metres nearer to the Earth's centre.
+            assert!(point.distance_m(*same) < 0.002);
+        }
+    }
+}
+
+#[test]
+fn a_file_without_home_has_it_at_its_first_place() {
+    let text = "\
+QGC WPL 110
+0 1 3 22 0 0 0 0 39.333 -0.3085 25 1
+1 0 3 16 0 0 0 0 39.336 -0.3085 25 1
+2 0 3 20 0 0 0 0 0 0 0 1
+";
+    let home = |mission: &Mission| {
+        (
+            mission.home().latitude_deg(),
+            mission.home().longitude_deg(),
+        )
+    };
+    let there_and_back = mission(text);
+    assert_eq!(home(&there_and_back), (39.333, -0.3085));
+    assert_eq!(heights(&there_and_back), [25.0; 3]);
+    let note = "home is taken to be there, the file does not say where it is";
+    assert_eq!(notes(&there_and_back), [format!("item 0: {note}")]);
+    let plan = mission(&refusals::PLAN.replace("[39.333, -0.3085, 2]", "[0, 0, 0]"));
+    assert_eq!(home(&plan), (39.333, -0.3085));
+    assert_eq!(notes(&plan), [format!("mission.items[0]: {note}")]);
+}
+
+#[test]
+fn a_jump_is_made_as_often_as_it_says() {
+    let jump = |times: &str| format!("4 0 3 177 2 {times} 0 0 0 0 0 1\n5 0 3 20 0 0 0 0 0 0 0 1\n");
+    let twice = short_with(&jump("2"));
+    assert_eq!(
+        heights(&twice),
+        [25.0, 25.0, 30.0, 25.0, 30.0, 25.0, 30.0, 30.0]
+    );
+    assert_eq!(short_with(&jump("0")).waypoints().len(), 4);
+    let endless = short_with(&jump("-1"));
+    assert_eq!(endless.waypoints().len(), 4);
+    let note = "the jump has no end and is ignored, the swarm goes on with the next item";
+    assert_eq!(notes(&endless), [format!("item 4: {note}")]);
+    let plan = refusals::PLAN.replacen("\"command\":20,", "\"command\":177,", 1);
+    let plan = plan.replacen("[0,0,0,0,0,0,0]", "[7,1,0,0,0,0,0]", 1);
+    let plan = plan
+        .replacen("{\"autoContinue\"", "{\"doJumpId\":7,\"autoContinue\"", 2)
+        .replacen("\"doJumpId\":7,", "", 1);
+    assert_eq!(mission(&plan).waypoints().len(), 5);
+}
+
+#[test]
+fn waits_curves_and_heights_are_flown_as_far_as_a_swarm_can() {
+    let flown = short_with(
+        "4 0 3 93 5 0 0 0 0 0 0 1\n5 0 3 30 0 0 0 0 0 0 40 1\n6 0 3 82 0 0 0 0 39.340 -0.3085 40 1\n\
+         7 0 3 19 3 0 0 0 39.341 -0.3085 40 1\n8 0 3 16 0 0 0 0 0 0 20 1\n",
+    );
+    assert_eq!(heights(&flown), [25.0, 25.0, 30.0, 40.0, 40.0, 40.0, 20.0]);
+    assert_eq!(
+        notes(&flown),
+        [
+            "item 4: the hold of 5 s is ignored, the swarm flies on",
+            "item 6: the curve is flown as a straight leg",
+            "item 7: the hold of 3 s is ignored, the swarm flies on",
+        ]
+    );
+    let [.., before, last] = flown.waypoints() else {
+        panic!("no waypoints");
+    };
+    assert!(before.horizontal_distance_m(*last) < 1e-9);
+}
+
+#[test]
+fn a_fence_and_rally_points_are_told_of() {
+    let plan = refusals::PLAN.replacen(
+        "\"version\": 1\n",
+        "\"version\": 1, \"geoFence\": {\"circles\": [], \"polygons\": [{}]}, \"rallyPoints\": {\"points\": [[1, 2, 3]]}\n",
+        1,
+    );
+    assert_eq!(
+        notes(&mission(&plan)),
+        [
+            "geoFence: the fence is not obeyed, give the scenario a `[geofence]`",
+            "rallyPoints: rally points are ignored",
+        ]
+    );
+}
+
 /// What changes a mission into something near to one, as a regular expression.
 const REPLACEMENTS: &str = "[-0-9.eE\"\\[\\]{},:\tñ ]{0,4}|nan|inf|1e999|null";
 

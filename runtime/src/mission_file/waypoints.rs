@@ -7,7 +7,7 @@
 use super::ITEMS_MAX;
 use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Written, quoted};
-use super::item::{Item, Listing, Position};
+use super::item::{Home, Item, Listing, Position};
 use crate::diagnostic::BadInput;
 
 const COLUMNS: [&str; 12] = [
@@ -48,14 +48,14 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     if items.is_empty() {
         return Err(document.refuse(
             document.end(),
-            "the file ends before item 0, which is home",
+            "the file has no item",
             "save the mission again: an item a line follows the header",
         ));
     }
-    let first = items.remove(0);
     Ok(Listing {
-        home: home(document, first)?,
+        home: take_home(&mut items),
         items,
+        notes: Vec::new(),
         items_at: document.end(),
     })
 }
@@ -88,14 +88,16 @@ fn item<'a>(document: Document<'a>, line: &'a str, expected: usize) -> Result<It
     };
     row.check_index()?;
     row.flag(1)?;
-    for parameter in 5..8 {
+    for parameter in 6..8 {
         row.number(parameter)?;
     }
     Ok(Item {
         name: format!("item {expected}"),
         frame: row.code(2)?,
         command: row.code(3)?,
-        hold_s: row.number(4)?,
+        number: u16::try_from(expected).ok(),
+        first: row.number(4)?,
+        second: row.number(5)?,
         position: Position {
             latitude_deg: row.number(8)?,
             longitude_deg: row.number(9)?,
@@ -105,20 +107,28 @@ fn item<'a>(document: Document<'a>, line: &'a str, expected: usize) -> Result<It
     })
 }
 
-/// Item 0, as ground stations write it: a waypoint, above sea level.
-fn home<'a>(document: Document<'a>, item: Item<'a>) -> Result<Position<'a>, BadInput> {
-    let part = if handling(item.command.value) != Handling::Flown(Manoeuvre::Waypoint) {
-        item.command
-    } else if item.frame.value != HOME_FRAME {
-        item.frame
-    } else {
-        return Ok(item.position);
+/// Takes out item 0 where it says where home is. Ground stations write it as a waypoint above sea level; some above home, at
+/// height 0, or before the take-off. Those for PX4 leave it out.
+fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
+    let is =
+        |item: &Item<'_>, manoeuvre| handling(item.command.value) == Handling::Flown(manoeuvre);
+    let Some(first) = items.first().filter(|item| is(item, Manoeuvre::Waypoint)) else {
+        return Home::Missing;
     };
-    Err(document.refuse(
-        part.text,
-        "item 0 is not home",
-        "item 0 has the command 16, the frame 0, and the latitude, longitude and altitude above sea level of home",
-    ))
+    let is_above_sea_level = first.frame.value == HOME_FRAME;
+    let is_on_the_ground = first.position.altitude_m.value == Some(0.0);
+    let is_before_take_off = items
+        .get(1)
+        .is_some_and(|item| is(item, Manoeuvre::TakeOff));
+    if !is_above_sea_level && !is_on_the_ground && !is_before_take_off {
+        return Home::Missing;
+    }
+    let home = items.remove(0).position;
+    match (home.has_no_coordinates(), is_above_sea_level) {
+        (true, _) => Home::Missing,
+        (false, true) => Home::Given(home),
+        (false, false) => Home::OnTheGround(home),
+    }
 }
 
 /// A line that has all its columns.

@@ -5,9 +5,7 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
-use super::figures::{
-    NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges, rounded_down,
-};
+use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
 
 /// Whether text is coloured.

@@ -82,7 +82,11 @@ fn every_fault_of_a_plan_shows_its_place() {
             ("no home", "plannedHomePosition", "home"),
             ("half a home", "-0.3085, 2]", "-0.3085]"),
             ("home without altitude", "-0.3085, 2]", "-0.3085, null]"),
-            ("home at nowhere", "[39.333, -0.3085, 2]", "[0, 0, 0]"),
+            (
+                "home twice",
+                "\"plannedHomePosition\"",
+                "\"plannedHomePosition\": [39, -0.3, 2],\n    \"plannedHomePosition\"",
+            ),
             ("home at a pole", "[39.333, -0.3085, 2]", "[90, 0, 0]"),
             ("home in the sky", "-0.3085, 2]", "-0.3085, 20000]"),
             (
@@ -145,7 +149,7 @@ fn every_fault_of_a_plan_shows_its_place() {
             ("above the terrain", "\"frame\":3", "\"frame\":10"),
             ("local coordinates", "\"frame\":3", "\"frame\":1"),
             ("an unknown frame", "\"frame\":3", "\"frame\":99"),
-            ("a loiter", "\"command\":20", "\"command\":19"),
+            ("a loiter", "\"command\":20", "\"command\":17"),
             ("a jump", "\"command\":20", "\"command\":177"),
             ("an unknown command", "\"command\":20", "\"command\":31000"),
             ("a second take-off", "\"command\":16", "\"command\":22"),
@@ -154,7 +158,6 @@ fn every_fault_of_a_plan_shows_its_place() {
                 "\"command\":16",
                 "\"command\":20",
             ),
-            ("one waypoint", "\"command\":16", "\"command\":178"),
             ("no items", "\"items\": [", "\"items\": [], \"old\": ["),
             (
                 "a structure scan",
@@ -239,8 +242,6 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
             ),
             ("too far", waypoint, "3 0 3 16 0 0 0 0 41 -0.3085 30 1"),
             ("no home", "0 1 0 16", "0 1 0 22"),
-            ("a home above itself", "0 1 0 16", "0 1 3 16"),
-            ("home at nowhere", "39.333 -0.3085 2", "0 0 0"),
             ("home that is NaN", "39.333 -0.3085 2", "39.333 nan 2"),
             (
                 "landing at no number",
@@ -252,10 +253,18 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 waypoint,
                 "3 0 10 21 0 0 0 0 39.339 -0.3085 0 1",
             ),
+            ("above the terrain", "2 0 3 16", "2 0 10 16"),
+            ("a jump to nowhere", waypoint, "3 0 3 177 9 1 0 0 0 0 0 1"),
             (
-                "one waypoint twice",
-                "39.339 -0.3085 30",
-                "39.336 -0.3085 25",
+                "a jump that does not say how often",
+                waypoint,
+                "3 0 3 177 2 nan 0 0 0 0 0 1",
+            ),
+            ("jumps over jumps", waypoint, "3 0 3 177 2 5000 0 0 0 0 0 1"),
+            (
+                "nothing but take-off and return",
+                "2 0 3 16 0 0 0 0 39.336 -0.3085 25 1\n3 0 3 16 0 0 0 0 39.339 -0.3085 30 1",
+                "2 0 3 20 0 0 0 0 0 0 0 1",
             ),
         ],
     );
