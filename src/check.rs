@@ -10,12 +10,12 @@ use crate::{Ended, Failure, terminal};
 /// Check scenario and mission files without flying anything.
 ///
 /// A file that ends in .toml is taken for a scenario, which is checked with the mission that it names; any other for
-/// a mission as QGroundControl writes it. All files are looked at, whatever is wrong with one of them.
+/// a mission: of QGroundControl, or a path in KML. All files are looked at, whatever is wrong with one of them.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   muster check scenarios/thesis-*.toml scenarios/missions/*")]
 pub(crate) struct Arguments {
-    /// Scenario files (.toml) and mission files (.plan, .waypoints).
+    /// Scenario files (.toml) and mission files (.plan, .waypoints, .kml).
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 }

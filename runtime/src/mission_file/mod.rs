@@ -1,13 +1,14 @@
 //! What a swarm is to follow, read from the mission files that people already have.
 //!
-//! Two formats are read, told apart by how they begin, whatever the file's name: QGroundControl's `.plan` (JSON), and
-//! the `QGC WPL 110` text that QGroundControl, Mission Planner and MAVProxy write. Both become the same list of MAVLink
-//! mission items, and one module makes the route of them.
+//! Three formats are read, told apart by how they begin, whatever the file's name: QGroundControl's `.plan` (JSON), the
+//! `QGC WPL 110` text that QGroundControl, Mission Planner and MAVProxy write, and paths in KML. All become the same list
+//! of MAVLink mission items, and one module makes the route of them.
 
 mod command;
 mod document;
 mod item;
 mod json;
+mod kml;
 mod qgc_plan;
 mod route;
 mod waypoints;
@@ -97,6 +98,8 @@ pub enum NoteKind {
     HomeTaken,
     /// A geofence, which only a scenario can give.
     FenceIgnored,
+    /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
+    GroundTakenForLevel,
     /// Rally points: who must come down lands over home, or where it is.
     RallyPointsIgnored,
 }
@@ -141,12 +144,15 @@ impl fmt::Display for Note {
             NoteKind::FenceIgnored => {
                 f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
             }
+            NoteKind::GroundTakenForLevel => f.write_str(
+                "altitudes above the ground there are flown above home, the swarm has no map of the ground",
+            ),
             NoteKind::RallyPointsIgnored => f.write_str("rally points are ignored"),
         }
     }
 }
 
-/// Reads a mission file of either format.
+/// Reads a mission file of any of the formats.
 ///
 /// # Route
 ///
@@ -167,7 +173,7 @@ impl fmt::Display for Note {
 ///
 /// # Errors
 ///
-/// When the file can't be read as text, is of neither format or breaks its rules, has an item that the swarm can't
+/// When the file can't be read as text, is of none of the formats or breaks its rules, has an item that the swarm can't
 /// fly, has fewer than [`NAV_WAYPOINTS_MIN`] waypoints, or exceeds a limit of this module. The error names the file,
 /// the line where there is one, and what would be accepted.
 pub fn load(path: &Path) -> Result<Mission, BadInput> {
@@ -188,11 +194,14 @@ pub fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
     if begins.starts_with("QGC WPL") {
         return route::follow(document, waypoints::read(document)?);
     }
+    if begins.starts_with('<') {
+        return route::follow(document, kml::read(document)?);
+    }
     Err(document.refuse(
         begins.lines().next().unwrap_or_default(),
         "this is no mission that can be read",
-        "give a `.plan` saved by QGroundControl, a JSON object that begins with `{`, or a waypoints file, whose first \
-         line is `QGC WPL 110`",
+        "give a `.plan` saved by QGroundControl, a JSON object that begins with `{`; a waypoints file, whose first line is \
+         `QGC WPL 110`; or KML, which begins with `<`",
     ))
 }
 

@@ -257,6 +257,11 @@ fn nesting_however_deep_is_refused() {
     let closed = format!("{text}{}}}", "]".repeat(1_000_000));
     let refused = parse(Path::new("given"), &closed).unwrap_err().to_string();
     assert!(refused.contains("`fileType` is missing"), "{refused}");
+    let text = "<a>".repeat(1_000_000);
+    let refused = parse(Path::new("given"), &text).unwrap_err().to_string();
+    assert!(refused.contains("this is not XML"), "{refused}");
+    let closed = format!("{text}{}", "</a>".repeat(1_000_000));
+    assert!(parse(Path::new("given"), &closed).is_err());
 }
 
 #[test]
@@ -298,6 +303,25 @@ QGC WPL 110
     let plan = mission(&refusals::PLAN.replace("[39.333, -0.3085, 2]", "[0, 0, 0]"));
     assert_eq!(home(&plan), (39.333, -0.3085));
     assert_eq!(notes(&plan), [format!("mission.items[0]: {note}")]);
+}
+
+#[test]
+fn a_path_drawn_on_a_map_is_flown_from_its_first_point() {
+    let path = mission(refusals::KML);
+    assert_eq!(heights(&path), [25.0, 25.0, 30.0]);
+    let legs: Vec<f64> = legs(&path)
+        .into_iter()
+        .map(|(leg_m, _)| leg_m.round())
+        .collect();
+    assert_eq!(legs, [333.0, 333.0]);
+    assert_eq!(
+        notes(&path),
+        [
+            "altitudeMode: altitudes above the ground there are flown above home, the swarm has no map of the ground",
+            "point 1: home is taken to be there, the file does not say where it is",
+            "point 1: the waypoint is left out, it is where the one before it is",
+        ]
+    );
 }
 
 #[test]
@@ -373,6 +397,7 @@ fn shipped() -> impl Strategy<Value = &'static str> {
         Just(ALBUFERA),
         Just(RIVER),
         Just(refusals::PLAN),
+        Just(refusals::KML),
         Just(SHORT)
     ]
 }
@@ -380,7 +405,7 @@ fn shipped() -> impl Strategy<Value = &'static str> {
 proptest! {
     #[test]
     fn no_bytes_make_the_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        for beginning in ["", "{", "QGC WPL 110\n"] {
+        for beginning in ["", "{", "<", "QGC WPL 110\n"] {
             is_read_or_refused(&format!("{beginning}{}", String::from_utf8_lossy(&bytes)));
         }
     }

@@ -77,7 +77,7 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
     ("mission", "a table with `file`"),
     (
         "mission.file",
-        "the path of a QGroundControl `.plan` or `.waypoints` file, as seen from the scenario's folder",
+        "the path of a QGroundControl `.plan` or `.waypoints` file or of a path in KML, as seen from the scenario's folder",
     ),
     (
         "relays",

@@ -18,6 +18,18 @@ pub(super) const PLAN: &str = r#"{
 }
 "#;
 
+pub(super) const KML: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark>
+  <LineString>
+    <altitudeMode>relativeToGround</altitudeMode>
+    <coordinates>
+      -0.3085,39.333,25 -0.3085,39.336,25
+      -0.3085,39.339,30
+    </coordinates>
+  </LineString>
+</Placemark></Document></kml>
+"#;
+
 /// Every case's name and error, as shown, after replacing the first of `from` by `to`.
 fn refusals(file: &str, text: &str, cases: &[(&str, &str, &str)]) -> String {
     let mut shown = String::new();
@@ -35,14 +47,10 @@ fn refusals(file: &str, text: &str, cases: &[(&str, &str, &str)]) -> String {
 #[test]
 fn what_is_neither_format_is_refused() {
     let shown = refusals(
-        "short.kml",
+        "short.csv",
         SHORT,
         &[
-            (
-                "another format",
-                SHORT,
-                "\n<?xml version=\"1.0\"?>\n<kml>\n",
-            ),
+            ("another format", SHORT, "\nlatitude,longitude\n"),
             ("an array", SHORT, "[1, 2]"),
         ],
     );
@@ -174,6 +182,36 @@ fn every_fault_of_a_plan_shows_its_place() {
                 PLAN,
                 &PLAN.replace('\n', "").replace("39.339,", "true,"),
             ),
+        ],
+    );
+    insta::assert_snapshot!(shown);
+}
+
+#[test]
+fn every_fault_of_a_path_shows_its_place() {
+    let shown = refusals(
+        "short.kml",
+        KML,
+        &[
+            ("cut short", "</coordinates>", ""),
+            ("no path", KML, "<kml></kml>"),
+            (
+                "no coordinates",
+                KML,
+                "<kml><LineString></LineString></kml>",
+            ),
+            ("on the ground", "relativeToGround", "clampToGround"),
+            (
+                "no mode",
+                "<altitudeMode>relativeToGround</altitudeMode>",
+                "",
+            ),
+            ("above sea level", "relativeToGround", "absolute"),
+            ("no altitude", "39.336,25", "39.336"),
+            ("a space within a point", ",39.336", ", 39.336"),
+            ("a point that is text", "39.336", "north"),
+            ("four numbers", "39.336,25", "39.336,25,1"),
+            ("no points", "-0.3085,39.333,25 -0.3085,39.336,25\n", ""),
         ],
     );
     insta::assert_snapshot!(shown);
