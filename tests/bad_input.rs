@@ -839,14 +839,14 @@ fn no_truncated_file_is_accepted_or_makes_it_panic() {
 }
 
 #[test]
-fn a_mission_with_one_waypoint_is_refused() {
+fn a_mission_that_leads_nowhere_is_refused() {
     let folder = Folder::new();
     folder.write(
-        "one.waypoints",
-        "QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n1 0 3 16 0 0 0 0 39.336 -0.3085 25 1\n",
+        "hover.waypoints",
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n1 0 3 16 0 0 0 0 39.333 -0.3085 25 1\n",
     );
-    let said = folder.refusal(&["--set", "mission.file=one.waypoints"]);
-    assert_says(&said, &["one.waypoints", "waypoint", "help:"]);
+    let said = folder.refusal(&["--set", "mission.file=hover.waypoints"]);
+    assert_says(&said, &["hover.waypoints", "has no waypoint but", "help:"]);
 }
 
 #[test]
