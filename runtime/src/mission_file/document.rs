@@ -42,6 +42,12 @@ impl<'a> Document<'a> {
         BadInput::new(self.path, self.text, span, message, help)
     }
 
+    /// Where a line begins, in bytes; lines are counted from one.
+    pub(super) fn line_start(self, line: usize) -> usize {
+        let lines_before = self.text.split_inclusive('\n').take(line.saturating_sub(1));
+        lines_before.map(str::len).sum()
+    }
+
     /// The text's end, to say that something is missing there.
     pub(super) fn end(self) -> &'a str {
         let end = self.text.trim_end().len();

@@ -215,7 +215,7 @@ impl<'de> Visitor<'de> for Distinct {
 
 fn not_distinct(document: Document<'_>, error: &serde_json::Error) -> BadInput {
     document.refuse_at(
-        byte_at(document.text, error.line(), error.column()),
+        byte_at(document, error),
         problem(error),
         "remove one of the two",
     )
@@ -241,15 +241,14 @@ fn not_json(document: Document<'_>, error: &serde_json::Error) -> BadInput {
         );
     }
     document.refuse_at(
-        byte_at(document.text, error.line(), error.column()),
+        byte_at(document, error),
         format_args!("this is not JSON: {problem}"),
         "give a `.plan` as QGroundControl saves it",
     )
 }
 
-/// One byte of a text, by its line and column as serde_json counts them: from one, in bytes.
-fn byte_at(text: &str, line: usize, column: usize) -> Range<usize> {
-    let lines_before = text.split_inclusive('\n').take(line.saturating_sub(1));
-    let start = lines_before.map(str::len).sum::<usize>() + column.saturating_sub(1);
+/// The byte that an error is about, whose column serde_json counts from one, in bytes.
+fn byte_at(document: Document<'_>, error: &serde_json::Error) -> Range<usize> {
+    let start = document.line_start(error.line()) + error.column().saturating_sub(1);
     start..start + 1
 }

@@ -157,13 +157,8 @@ fn slice(document: Document<'_>, range: Range<usize>) -> &str {
 fn not_xml(document: Document<'_>, error: &Error) -> BadInput {
     let place = error.pos();
     let (line, column) = (place.row as usize, place.col as usize);
-    let start = document
-        .text
-        .split_inclusive('\n')
-        .take(line.saturating_sub(1))
-        .map(str::len)
-        .sum::<usize>();
-    let rest = &document.text[start.min(document.text.len())..];
+    let start = document.line_start(line);
+    let rest = &document.text[start..];
     let within = rest.char_indices().nth(column.saturating_sub(1));
     let at = start + within.map_or(rest.len(), |(at, _)| at);
     let described = error.to_string();

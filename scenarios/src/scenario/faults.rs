@@ -18,7 +18,7 @@ pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec
         source,
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
         last_waypoint: match raw.protocol.kind {
-            // Whoever follows is at waypoint 0 once it has taken off, and at none after that.
+            // A swarm that follows its master is at waypoint 0 once it has taken off, and at none after that.
             ProtocolKind::Follow => 0,
             ProtocolKind::Muscop => waypoints - 1,
         },

@@ -368,8 +368,8 @@ impl TreePolicy {
         self.end_repair_if_done(core, now);
     }
 
-    /// Says a new order to those below, in turn with others that do. A leaf is silent unless it is asked: whoever told it knows
-    /// from the medium, or trusts it.
+    /// Says a new order to those below, in turn with others that do. A leaf is silent unless it is asked: the drone that
+    /// told it knows from the medium, or trusts it.
     fn pass_on(&mut self, core: &mut Core, now: Timestamp) {
         let hops = self.route.routes().hops;
         let competes = |link: &&Link| hops.is_some() && link.said.hops == hops;
