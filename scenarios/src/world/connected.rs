@@ -15,6 +15,8 @@ use crate::scenario::Occasion;
 /// How often links are looked at while drones fly, besides whenever something happens that depends on them: at 10 m/s
 /// each, two drones come 20 m nearer to each other meanwhile.
 const LOOK_AT_LINKS_EVERY: Duration = Duration::from_secs(1);
+/// Links that were looked at within this time are as they were: a drone flies less than a metre.
+const LOOKED_AT_LATELY: Duration = Duration::from_millis(50);
 
 impl World {
     /// Looks at the links if it is time to.
@@ -22,6 +24,14 @@ impl World {
         if self.checks && self.now >= self.next_look {
             self.look_at_links();
             self.check_masters();
+        }
+    }
+
+    /// Looks at the links before a drone falls silent, unless that was just done: where a thousand land at once, each look
+    /// at all of them would find what the last one found.
+    pub(super) fn look_at_links_before_silence(&mut self) {
+        if self.now + LOOK_AT_LINKS_EVERY >= self.next_look + LOOKED_AT_LATELY {
+            self.look_at_links();
         }
     }
 

@@ -678,7 +678,7 @@ impl World {
                 self.find(found);
                 if self.checks && matches!(event, mission::Event::State(State::Finished)) {
                     // Its last frame may reach a drone that has come near since they were looked at.
-                    self.look_at_links();
+                    self.look_at_links_before_silence();
                 }
                 if matches!(event, mission::Event::State(_)) {
                     self.standings += 1;
