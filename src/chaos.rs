@@ -16,11 +16,12 @@ use crate::{Ended, Failure, folder, terminal};
 ///
 /// Each seed is a plan: which swarm it is of those that the scenario's table `[chaos]` allows, and what befalls it.
 /// Plans are flown until one breaks a rule. That one is made small and written as a scenario that breaks the rule by
-/// itself, with its report. Interrupted, the same command goes on from there.
+/// itself, with its report, or all that break a rule are listed. Interrupted, the same command goes on from there.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster chaos scenarios/chaos.toml --seeds 0..1000
   muster chaos scenarios/chaos.toml --seeds 0..1000 --set protocol.policy=tree --out runs/tree
+  muster chaos scenarios/chaos.toml --seeds 0..1000 --go-on
 
 Exit code 3 if a rule was broken. A folder of fewer plans from the same seed on is gone on with.")]
 pub(crate) struct Arguments {
@@ -38,6 +39,9 @@ pub(crate) struct Arguments {
     /// Wall-clock seconds that a plan may take; one that takes longer breaks rule 10
     #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
     run_limit: u64,
+    /// Go on past plans that break a rule, and list them
+    #[arg(long)]
+    go_on: bool,
     /// The folder to write to, and to go on in [default: runs/SCENARIO-chaos-A]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -48,6 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         scenario: arguments.scenario.clone(),
         set: arguments.overrides.clone(),
         seeds: arguments.seeds,
+        goes_on: arguments.go_on,
     })?;
     let out = arguments.out.clone().unwrap_or_else(|| {
         let what = format!("chaos-{}", arguments.seeds.at(0));
@@ -82,10 +87,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         }
     }
     terminal::print(&text)?;
-    Ok(match searched.finding {
-        Some(_) => Ended::RuleBroken,
-        None => Ended::Well,
-    })
+    Ok(
+        if searched.finding.is_some() || !searched.broken.is_empty() {
+            Ended::RuleBroken
+        } else {
+            Ended::Well
+        },
+    )
 }
 
 fn show(bar: &ProgressBar, progress: Progress) {

@@ -67,6 +67,28 @@ fn what_is_found_is_a_scenario_that_breaks_the_rule_by_itself() {
 }
 
 #[test]
+fn a_search_that_goes_on_lists_what_it_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let short = [
+        "--set",
+        "limits.duration_s=30",
+        "--seeds",
+        "0..4",
+        "--go-on",
+    ];
+    let (code, said) = searched(folder.path(), &[&short[..], &["--out", "out"]].concat());
+    assert_eq!(code, Some(3), "{said}");
+    for words in [
+        "0 without a violation",
+        "broken by 4 plans",
+        "seed 3: rule 5, ",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!folder.path().join("out/found.toml").exists());
+}
+
+#[test]
 fn a_run_limit_that_is_no_number_of_seconds_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     for limit in ["0", "-1", "a minute"] {

@@ -16,5 +16,5 @@ mod table;
 pub use coverage::{Coverage, Row};
 pub use run::{Finding, Progress, RUN_LIMIT, Searched, run};
 pub use search::{Request, Search};
-pub use state::CHAOS_JSON;
+pub use state::{Broken, CHAOS_JSON};
 pub use table::table;

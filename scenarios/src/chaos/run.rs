@@ -12,7 +12,7 @@ use muster_runtime::diagnostic::read_text;
 use super::coverage::Coverage;
 use super::search::{Drawn, Plan, Search};
 use super::shrink::shrink;
-use super::state::{self, Tally};
+use super::state::{self, Broken, Tally};
 use crate::campaign::{CampaignError, Effort};
 use crate::engine;
 use crate::report::{self, Complete, Engine, Report, Violation, is_completed, make_folder};
@@ -31,7 +31,7 @@ const FOUND: &str = "found";
 pub enum Progress {
     /// Plans are flown.
     Searching {
-        /// How many broke no rule so far.
+        /// How many were flown so far.
         plans: u64,
         /// How many of them were flown by an earlier process.
         kept: u64,
@@ -54,8 +54,10 @@ pub enum Progress {
 /// What a search came to.
 #[derive(Debug)]
 pub struct Searched {
-    /// Plans that broke no rule, from the first seed on.
+    /// Plans that were flown, from the first seed on; without the one that the search ended with.
     pub plans: u64,
+    /// Those of them that broke a rule, where the search went on.
+    pub broken: Vec<Broken>,
     /// How many of them flew their mission to its end, for whoever was left.
     pub completed: u64,
     /// How many times the values of a plan were drawn anew, as they did not fit each other.
@@ -70,7 +72,7 @@ pub struct Searched {
     pub core_s: f64,
     /// Which faults befell, and what they met.
     pub coverage: Coverage,
-    /// The first plan that broke a rule.
+    /// The first plan that broke a rule, unless the search went on.
     pub finding: Option<Finding>,
 }
 
@@ -99,17 +101,17 @@ pub struct Finding {
 struct Brought {
     chunk: u64,
     tally: Tally,
-    broken: Option<Broken>,
+    last: Option<Last>,
 }
 
-/// A plan that breaks a rule, as it was drawn.
-struct Broken {
+/// The plan that a search ends with, as it was drawn: it breaks a rule.
+struct Last {
     plan: Plan,
     violation: Violation,
 }
 
-/// Flies the plans of a search, `effort.jobs` at a time, until one breaks a rule, and makes that one small. How far the search
-/// is, is kept in the folder `dir`: whatever stops the process, the same call goes on from there.
+/// Flies the plans of a search, `effort.jobs` at a time, until one breaks a rule, and makes that one small, unless it is to
+/// go on. How far the search is, is kept in the folder `dir`: whatever stops the process, the same call goes on from there.
 ///
 /// Whatever flies is called within `around`, on each thread by itself.
 ///
@@ -124,17 +126,18 @@ pub fn run(
     mut watcher: impl FnMut(Progress),
 ) -> Result<Searched, CampaignError> {
     let mut tally = state::begin(search, dir)?;
-    let broken = fly(search, dir, effort, around, &mut tally, &mut watcher)?;
+    let last = fly(search, dir, effort, around, &mut tally, &mut watcher)?;
     let mut finding = None;
-    if let Some(broken) = broken {
+    if let Some(last) = last {
         let (run_limit, mut found) = (effort.run_limit, Ok(None));
         around(&mut || {
-            found = find(search, dir, run_limit, &broken, &mut watcher).map(Some);
+            found = find(search, dir, run_limit, &last, &mut watcher).map(Some);
         });
         finding = found?;
     }
     Ok(Searched {
         plans: tally.plans,
+        broken: tally.broken,
         completed: tally.completed,
         redrawn: tally.redrawn,
         combinations: search.combinations(),
@@ -146,7 +149,7 @@ pub fn run(
     })
 }
 
-/// Adds what is flown to the tally; the first plan that breaks a rule.
+/// Adds what is flown to the tally; the plan that the search ends with.
 fn fly(
     search: &Search,
     dir: &Path,
@@ -154,7 +157,7 @@ fn fly(
     around: &(dyn Fn(&mut dyn FnMut()) + Sync),
     tally: &mut Tally,
     watcher: &mut impl FnMut(Progress),
-) -> Result<Option<Broken>, CampaignError> {
+) -> Result<Option<Last>, CampaignError> {
     let (kept, total) = (tally.plans, search.seeds().number());
     let mut told = |tally: &Tally| {
         watcher(Progress::Searching {
@@ -189,7 +192,7 @@ fn fly(
         // Returning drops the receiver: every thread ends after the chunk that it is at.
         for brought in receiver {
             let brought = brought?;
-            if brought.broken.is_some() {
+            if brought.last.is_some() {
                 // Those before this one are still looked at: they are taken in order, so all of them are under way.
                 next.store(chunks, Ordering::Relaxed);
             }
@@ -198,8 +201,8 @@ fn fly(
                 tally.add(&brought.tally);
                 state::keep(search, dir, tally)?;
                 told(tally);
-                if brought.broken.is_some() {
-                    return Ok(brought.broken);
+                if brought.last.is_some() {
+                    return Ok(brought.last);
                 }
                 due += 1;
             }
@@ -223,26 +226,22 @@ fn work(
         }
         let first = kept + chunk * CHUNK;
         let brought = fly_chunk(search, run_limit, first..(first + CHUNK).min(total));
-        let brought = brought.map(|(tally, broken)| Brought {
-            chunk,
-            tally,
-            broken,
-        });
+        let brought = brought.map(|(tally, last)| Brought { chunk, tally, last });
         if brings.send(brought).is_err() {
             return;
         }
     }
 }
 
-/// Flies some plans, up to the first that breaks a rule.
+/// Flies some plans, all or up to the first that breaks a rule.
 fn fly_chunk(
     search: &Search,
     run_limit: Duration,
     places: std::ops::Range<u64>,
-) -> Result<(Tally, Option<Broken>), CampaignError> {
+) -> Result<(Tally, Option<Last>), CampaignError> {
     let started = Instant::now();
     let mut tally = Tally::default();
-    let mut broken = None;
+    let mut last = None;
     for place in places {
         let Drawn {
             plan,
@@ -251,9 +250,16 @@ fn fly_chunk(
         } = search.draw(search.seeds().at(place))?;
         let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
         if let Some(violation) = outcome.violations.first() {
-            let violation = violation.into();
-            broken = Some(Broken { plan, violation });
-            break;
+            let violation = Violation::from(violation);
+            if !search.goes_on() {
+                last = Some(Last { plan, violation });
+                break;
+            }
+            tally.broken.push(Broken {
+                seed: plan.seed,
+                rule: violation.rule,
+                what: violation.what,
+            });
         }
         let simulated_s = outcome.ended.as_secs_f64();
         tally.plans += 1;
@@ -266,7 +272,7 @@ fn fly_chunk(
             .count(search.own_faults(), &scenario.faults, &outcome.struck);
     }
     tally.core_s = started.elapsed().as_secs_f64();
-    Ok((tally, broken))
+    Ok((tally, last))
 }
 
 /// Makes a plan that breaks a rule small, and writes it down as a scenario.
@@ -274,7 +280,7 @@ fn find(
     search: &Search,
     dir: &Path,
     run_limit: Duration,
-    Broken { plan, violation }: &Broken,
+    Last { plan, violation }: &Last,
     watcher: &mut impl FnMut(Progress),
 ) -> Result<Finding, CampaignError> {
     let breaks = |scenario: &Scenario| {
@@ -338,6 +344,7 @@ mod tests {
             scenario,
             set: SIMPLE.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: seeds.parse().unwrap(),
+            goes_on: false,
         })
         .unwrap()
     }
@@ -382,6 +389,32 @@ mod tests {
         let repeats = search("3..9").command("3..4".parse().unwrap());
         assert_eq!(finding.command, format!("{repeats} --run-limit 0"));
         assert!(finding.scenario.exists());
+    }
+
+    #[test]
+    fn a_search_that_goes_on_lists_the_plans_that_break_a_rule() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut search = search("3..9");
+        search.request.goes_on = true;
+        let effort = |seconds| Effort {
+            run_limit: Duration::from_secs(seconds),
+            ..effort(2)
+        };
+        let searched = run(&search, folder.path(), effort(0), &|fly| fly(), |_| ()).unwrap();
+        let broken: Vec<_> = searched
+            .broken
+            .iter()
+            .map(|it| (it.seed, it.rule))
+            .collect();
+        assert_eq!(broken, [3, 4, 5, 6, 7, 8].map(|seed| (seed, 10)));
+        assert!(searched.finding.is_none() && searched.plans == 6);
+        search.request.seeds = "3..12".parse().unwrap();
+        let more = run(&search, folder.path(), effort(60), &|fly| fly(), |_| ()).unwrap();
+        assert_eq!(
+            (more.plans, more.broken),
+            (9, searched.broken),
+            "it went on"
+        );
     }
 
     #[test]

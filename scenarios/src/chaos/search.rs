@@ -21,6 +21,8 @@ pub struct Request {
     pub set: Vec<Override>,
     /// The seeds of the plans.
     pub seeds: Seeds,
+    /// Whether the search goes on past plans that break a rule, and lists them.
+    pub goes_on: bool,
 }
 
 /// A search that can be made.
@@ -112,7 +114,12 @@ impl Search {
         self.request.seeds
     }
 
-    /// The command that makes the search, to be typed into a POSIX shell.
+    /// Whether it goes on past plans that break a rule.
+    pub(super) const fn goes_on(&self) -> bool {
+        self.request.goes_on
+    }
+
+    /// The command that makes the search, up to the first plan that breaks a rule, to be typed into a POSIX shell.
     #[must_use]
     pub fn command(&self, seeds: Seeds) -> String {
         let path = quoted(&self.request.scenario.display().to_string());
@@ -238,6 +245,7 @@ mod tests {
             scenario,
             set: set.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: "0..1".parse().unwrap(),
+            goes_on: false,
         })
         .unwrap()
     }

@@ -17,8 +17,11 @@ pub const CHAOS_JSON: &str = "chaos.json";
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tally {
-    /// Plans that were flown and broke no rule, from the first seed on.
+    /// Plans that were flown, from the first seed on.
     pub(super) plans: u64,
+    /// Those of them that broke a rule.
+    #[serde(default)]
+    pub(super) broken: Vec<Broken>,
     /// How many of them flew their mission to its end for whoever was left.
     pub(super) completed: u64,
     /// How many times values were drawn anew, as they did not fit each other.
@@ -33,6 +36,7 @@ pub(super) struct Tally {
 impl Tally {
     pub(super) fn add(&mut self, other: &Self) {
         self.plans += other.plans;
+        self.broken.extend_from_slice(&other.broken);
         self.completed += other.completed;
         self.redrawn += other.redrawn;
         self.simulated_s += other.simulated_s;
@@ -40,6 +44,18 @@ impl Tally {
         self.core_s += other.core_s;
         self.coverage.add(&other.coverage);
     }
+}
+
+/// A plan that broke a rule.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Broken {
+    /// The seed that it was drawn from.
+    pub seed: u64,
+    /// The rule that it broke first.
+    pub rule: u8,
+    /// What happened.
+    pub what: String,
 }
 
 /// What [`CHAOS_JSON`] holds: whose the folder is, and how far.

@@ -4,6 +4,7 @@ use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
 use super::coverage::Row;
 use super::run::{Finding, Searched};
+use super::state::Broken;
 use crate::report::Colour;
 use crate::report::figures::{count, drones, figure, plural};
 use crate::report::table::{GREEN, RED, STYLE, painted};
@@ -26,21 +27,41 @@ pub fn table(searched: &Searched, colour: Colour) -> String {
     let hours = figure(simulated_s / 3_600.0, 1);
     let a_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
     text.push_str(&format!(
-        "\n plans  {plans} without a violation, {completed} of them flown to the end of the mission\n values {} \
+        "\n plans  {} without a violation, {completed} of them flown to the end of the mission\n values {} \
          combinations; {} drawn anew as they did not fit each other\n time   {hours} simulated \
          hours in {} core-seconds: {} plans and {} drone-seconds a core-second\n",
+        plans - searched.broken.len() as u64,
         figure(count(combinations), 0),
         redrawn,
         figure(core_s, 0),
         figure(count(plans) / core_s.max(f64::EPSILON), 1),
         a_second(drone_s),
     ));
-    match &searched.finding {
-        None => text.push_str(&format!(
-            " rules  {}\n",
-            painted("none broken", GREEN, colour)
-        )),
-        Some(finding) => text.push_str(&found(finding, colour)),
+    text.push_str(&match &searched.finding {
+        Some(finding) => found(finding, colour),
+        None if searched.broken.is_empty() => {
+            format!(" rules  {}\n", painted("none broken", GREEN, colour))
+        }
+        None => listed(&searched.broken, colour),
+    });
+    text
+}
+
+/// How many plans that broke a rule are listed; all are in the folder.
+const LISTED_MAX: usize = 20;
+
+fn listed(broken: &[Broken], colour: Colour) -> String {
+    let plans = format!("broken by {}", plural(broken.len(), "plan"));
+    let mut text = format!(" rules  {}\n", painted(&plans, RED, colour));
+    for Broken { seed, rule, what } in broken.iter().take(LISTED_MAX) {
+        text.push_str(&format!("   seed {seed}: rule {rule}, {what}\n"));
+    }
+    if let Some(more) = broken
+        .len()
+        .checked_sub(LISTED_MAX)
+        .filter(|more| *more > 0)
+    {
+        text.push_str(&format!("   and {more} more\n"));
     }
     text
 }

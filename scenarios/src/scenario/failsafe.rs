@@ -68,15 +68,17 @@ pub(super) fn check_fence(
         return Ok(());
     };
     let margin_m = Fence::margin_m(speed_mps);
+    let altitudes_m = waypoints.iter().map(|it| it.altitude_m());
+    let highest_m = altitudes_m.fold(f64::NEG_INFINITY, f64::max);
     for (number, waypoint) in (0_u16..).zip(waypoints) {
         let flown = changes.iter().filter(|it| it.waypoint() < number).last();
         let made = changes.iter().filter(|it| it.waypoint() == number);
         let layouts = std::iter::once(flown.map_or(layout, Change::layout));
         for layout in layouts.chain(made.map(Change::layout)) {
-            let layer_m = layout.highest_layer_m(waypoints);
+            let altitude_m = highest_m + layout.highest_layer_m(waypoints);
             let slots = (0..layout.formation().drones()).map(NodeId).map(|id| {
                 let slot = layout.slot(id, *waypoint);
-                (id, slot.at_altitude(slot.altitude_m() + layer_m))
+                (id, slot.at_altitude(altitude_m))
             });
             let room = |(id, slot): (NodeId, Ned)| (fence.room_m(slot), id);
             let least = slots.map(room).min_by(|a, b| a.0.total_cmp(&b.0));

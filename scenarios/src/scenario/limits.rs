@@ -128,6 +128,13 @@ impl Course<'_> {
             + f64::from(LEGS_PER_WAY - 1) * self.settle.as_secs_f64()
     }
 
+    /// How much longer a leg takes a drone that is not in lockstep: it flies above the highest waypoint.
+    fn climb_alone_s(&self) -> f64 {
+        let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
+        let lowest_m = altitudes_m.fold(f64::INFINITY, f64::min);
+        (self.highest_waypoint_m() - lowest_m) / self.slowest_mps()
+    }
+
     fn landing_s(&self) -> f64 {
         let over_home_m = self.waypoints[0].altitude_m() + self.highest_layer_m();
         let highest_m = self.highest_waypoint_m().max(over_home_m) + self.highest_layer_m();
@@ -180,10 +187,11 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         Duration::from_millis(value.map_or(default, |value| value.0))
     };
     let farthest_s = course.farthest_s();
-    let longest_s = course
+    let in_lockstep_s = course
         .legs_s()
         .chain(course.changes_s())
         .fold(farthest_s, f64::max);
+    let longest_s = in_lockstep_s + course.climb_alone_s();
     let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
     let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
     let flight = seconds(None, course.flight_s());

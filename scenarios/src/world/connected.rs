@@ -121,9 +121,11 @@ impl World {
             && self.swarm(id).recorder.state(id) != State::Finished
     }
 
-    /// Whether a drone is in the air, flies the mission, and can be led.
+    /// Whether a drone is in the air, flies the mission, and can be led; one without a master may be on its last way.
     fn flies(&self, id: NodeId) -> bool {
-        self.swarm(id).recorder.state(id).is_following() && self.drones[id.0 as usize].is_sound()
+        let recorder = &self.swarm(id).recorder;
+        let is_last_way = recorder.of(id).reason == Some(LandingReason::MasterSilent);
+        recorder.state(id).is_following() && !is_last_way && self.drones[id.0 as usize].is_sound()
     }
 
     /// Whether a drone leads others that fly: one that goes to land alone does until it says so, which it does once it

@@ -88,6 +88,7 @@ fn assert_found(planted: &[Flaw]) {
             scenario: scenario.clone(),
             set: Vec::new(),
             seeds: format!("0..{PLANS}").parse().unwrap(),
+            goes_on: false,
         });
         let around = |fly: &mut dyn FnMut()| {
             let _planted = plant(flaw);

@@ -47,6 +47,19 @@ impl<'a> Flown<'a> {
             .map_or(0, |(last, _)| last + 1)
     }
 
+    /// How high drone `id` flies around `centre` whenever it is not in lockstep, after so many changes, in metres above
+    /// home: level in its layer above the highest waypoint, so that it is above all that fly in lockstep wherever on their
+    /// slopes they are, and each of the others that does the same is in another layer.
+    ///
+    /// # Panics
+    /// When there are fewer changes, or no such drone.
+    #[must_use]
+    pub fn altitude_alone_m(&self, id: NodeId, changes: u16, centre: Ned) -> f64 {
+        let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
+        altitudes_m.fold(centre.altitude_m(), f64::max)
+            + self.layout_after(changes).layer_alone_m(id, self.waypoints)
+    }
+
     /// The centre around which the slot of drone `id` after so many changes is the place nearest to its slot around `centre`
     /// that nobody else's way leads over: from the ground to the first waypoint, from each waypoint to the next and from
     /// each slot to that after a change. It is so near that nobody else who looks for one so, around the same centre, comes

@@ -233,8 +233,7 @@ impl Layout {
     ///
     /// # Panics
     /// When the formation has no such drone.
-    #[must_use]
-    pub fn layer_alone_m(&self, id: NodeId, waypoints: &[Ned]) -> f64 {
+    pub(super) fn layer_alone_m(&self, id: NodeId, waypoints: &[Ned]) -> f64 {
         let own_m = self.layers_m(waypoints)[id.0 as usize];
         own_m.max(self.pitch_m())
     }

@@ -27,7 +27,7 @@ impl Mission {
             (false, Step::Cross) => above_new,
             (false, Step::Descend) => new,
             (true, step) => {
-                let altitude_m = new.altitude_m() + self.layer_alone_m(self.config.id);
+                let altitude_m = self.altitude_alone_m(*waypoint);
                 let over = if step == Step::Climb {
                     above_old
                 } else {
@@ -145,5 +145,9 @@ impl Mission {
             self.enter(State::WaypointReached { waypoint });
         }
         self.carried_out();
+        if self.durable.leaving == Some(LandingReason::MasterSilent) {
+            // Nobody leads it through the steps that are left.
+            self.land(LandingReason::MasterSilent);
+        }
     }
 }

@@ -97,6 +97,9 @@ impl Mission {
 
     /// When another master is needed, unless the one that is missed returns.
     pub(super) fn succeeds_at(&self) -> Option<Timestamp> {
+        if self.durable.leaving == Some(LandingReason::MasterSilent) {
+            return None;
+        }
         let looks = match self.config.liveness {
             Liveness::Pulse if !flaw::has(Flaw::MissesMasterAtWaypointsOnly) => {
                 self.durable.state.is_following()
@@ -128,7 +131,7 @@ impl Mission {
     pub(super) fn succeed(&mut self, now: Timestamp) {
         match self.config.succession {
             Succession::Elect => self.claim(now),
-            Succession::Land => self.land(LandingReason::MasterSilent),
+            Succession::Land => self.land_after_this(LandingReason::MasterSilent),
         }
     }
 

@@ -8,7 +8,6 @@
 use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
-use crate::identity::NodeId;
 use crate::navigation::{Failure, Goal};
 use crate::time::Timestamp;
 
@@ -104,6 +103,21 @@ impl Mission {
         }
     }
 
+    /// Lands at the end of the way that it is on, which nobody else's leads through, or on the spot if it is on none.
+    pub(super) fn land_after_this(&mut self, reason: LandingReason) {
+        let is_on_its_way = match self.durable.state {
+            State::TakingOff | State::ChangingFormation { .. } => self.durable.pending.is_some(),
+            State::MovingToWaypoint { .. } => true,
+            _ => false,
+        };
+        if is_on_its_way {
+            self.durable.leaving = Some(reason);
+            self.outbox.event(Event::Landing(reason));
+        } else {
+            self.land(reason);
+        }
+    }
+
     /// Goes to land as soon as it is in its slot, if it has a reason; whether it does.
     pub(super) fn leave_if_due(&mut self, now: Timestamp) -> bool {
         let is_alone = self.config.alone == Alone::Land && self.is_alone();
@@ -153,11 +167,14 @@ impl Mission {
         }
         // It has not carried out what it was told until nobody needs to wait for it any more.
         self.durable.pending = None;
+        let is_known = reason == LandingReason::MasterSilent;
         self.durable.leaving = Some(reason);
         self.durable.land_at = centre;
         self.durable.limit = Some(now + self.config.leg_limit);
         self.enter(State::MovingToLand);
-        self.outbox.event(Event::Landing(reason));
+        if !is_known {
+            self.outbox.event(Event::Landing(reason));
+        }
         self.pursue_goal();
     }
 
@@ -177,11 +194,12 @@ impl Mission {
         }
     }
 
-    /// How far above its slot a drone holds while others fly on: above all that fly in lockstep.
-    pub(super) fn layer_alone_m(&self, id: NodeId) -> f64 {
+    /// How high a drone flies around a centre that is not in lockstep, and holds while others fly on, in metres above home.
+    pub(super) fn altitude_alone_m(&self, centre: Ned) -> f64 {
         if flaw::has(Flaw::ForgetsLayers) {
-            return 0.0;
+            return centre.altitude_m();
         }
-        self.layout().layer_alone_m(id, &self.durable.plan)
+        self.flown()
+            .altitude_alone_m(self.config.id, self.durable.changes, centre)
     }
 }

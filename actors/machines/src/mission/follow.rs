@@ -44,6 +44,7 @@ impl Mission {
             });
         }
         self.enter(State::Following);
+        self.follow_apart();
         self.fly_on(now);
     }
 
@@ -77,8 +78,11 @@ impl Mission {
             return Some(Goal::Yield);
         }
         let waypoint = self.durable.plan.get(usize::from(followed.bound_for))?;
+        if self.durable.in_layer {
+            return Some(self.goal_in_layer(*waypoint));
+        }
         let to = self.layout().slot(self.config.id, *waypoint);
-        let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(self.config.id);
+        let refuge_altitude_m = self.altitude_alone_m(*waypoint);
         Some(Goal::FlyTo {
             to,
             refuge_altitude_m,
@@ -131,6 +135,7 @@ impl Mission {
         }
         // Whoever was elected is not at the centre.
         let at = at - self.layout().slot(self.config.id, Ned::HOME);
+        let at = at.at_altitude(self.altitude_in_lockstep_m(at));
         let Some(followed) = self.followed() else {
             return;
         };
@@ -140,6 +145,18 @@ impl Mission {
             self.enter_assembly(now, at);
         } else {
             self.announce(&Order::Follow { at, velocity });
+        }
+    }
+
+    /// How high the centre is that a master leads from its own layer: as the waypoint that it makes for, or that it is at.
+    fn altitude_in_lockstep_m(&self, at: Ned) -> f64 {
+        let lead = self.durable.lead.as_ref();
+        let bound_for = lead.and_then(|lead| Some(lead.followed?.bound_for));
+        let waypoint = bound_for.and_then(|it| self.durable.plan.get(usize::from(it)));
+        let is_piloted = self.config.following.is_some_and(|it| it.is_piloted);
+        match waypoint {
+            Some(waypoint) if self.durable.in_layer && !is_piloted => waypoint.altitude_m(),
+            _ => at.altitude_m(),
         }
     }
 
@@ -158,16 +175,29 @@ impl Mission {
             return;
         }
         self.enter(State::Following);
+        self.follow_apart();
         self.durable.limit = None;
         self.durable.pending = None;
-        let to = self.layout().slot(self.config.id, at);
-        let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(self.config.id);
+        let slot = self.layout().slot(self.config.id, at);
+        let refuge_altitude_m = self.altitude_alone_m(at);
+        let to = if self.durable.in_layer {
+            slot.at_altitude(refuge_altitude_m)
+        } else {
+            slot
+        };
         self.outbox.transmit(Transmit::Goal(Goal::Track {
             to,
             refuge_altitude_m,
             velocity,
             hold: following.hold,
         }));
+    }
+
+    /// Under a master that was elected, others may follow another one: each flies in its own layer.
+    fn follow_apart(&mut self) {
+        if self.is_elected_epoch() && !self.durable.in_layer {
+            self.keep_apart();
+        }
     }
 
     pub(super) fn assemble(&mut self, now: Timestamp, sequence: u32, at: Ned) {

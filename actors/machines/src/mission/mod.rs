@@ -93,7 +93,7 @@ pub enum Liveness {
 pub enum Succession {
     /// It leads whoever hears it, unless it hears of a better claim.
     Elect,
-    /// It lands on the spot.
+    /// It lands, at the end of the way that it is on.
     Land,
 }
 
@@ -314,19 +314,15 @@ impl Mission {
     fn goal(&self) -> Option<Goal> {
         let id = self.config.id;
         let layout = self.layout();
-        let at_waypoint = |waypoint: u16| {
-            let waypoint = *self.durable.plan.get(usize::from(waypoint))?;
-            Some(layout.slot(id, waypoint))
-        };
         match self.durable.state {
             State::Start | State::SetUp => None,
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
                 if self.durable.in_layer && !self.is_taking_off() =>
             {
-                self.goal_in_layer(at_waypoint(0)?)
+                Some(self.goal_in_layer(*self.durable.plan.first()?))
             }
             State::TakingOff => {
-                let to = at_waypoint(0)?;
+                let to = layout.slot(id, *self.durable.plan.first()?);
                 Some(Goal::TakeOff {
                     to,
                     transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
@@ -335,11 +331,12 @@ impl Mission {
             }
             State::NeighbourDiscovery | State::HopUpdate => None,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
-                let to = at_waypoint(waypoint)?;
+                let centre = *self.durable.plan.get(usize::from(waypoint))?;
                 if self.durable.in_layer {
-                    return self.goal_in_layer(to);
+                    return Some(self.goal_in_layer(centre));
                 }
-                let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                let to = layout.slot(id, centre);
+                let refuge_altitude_m = self.altitude_alone_m(to);
                 Some(Goal::FlyTo {
                     to,
                     refuge_altitude_m,
@@ -360,8 +357,11 @@ impl Mission {
             State::Following => self.goal_as_followed(),
             State::Assembling => {
                 let at = self.durable.assembled_at?;
+                if self.durable.in_layer {
+                    return Some(self.goal_in_layer(at));
+                }
                 let to = layout.slot(id, at);
-                let refuge_altitude_m = to.altitude_m() + self.layer_alone_m(id);
+                let refuge_altitude_m = self.altitude_alone_m(at);
                 Some(Goal::FlyTo {
                     to,
                     refuge_altitude_m,
@@ -372,7 +372,7 @@ impl Mission {
             }
             State::MovingToLand => {
                 let at = self.durable.land_at;
-                let altitude_m = at.altitude_m() + self.landing_layer_m();
+                let altitude_m = self.landing_altitude_m();
                 let place = if self.flies_in_own_layer() {
                     layout.slot(id, at)
                 } else {
@@ -385,11 +385,11 @@ impl Mission {
         }
     }
 
-    /// Above a slot, in the drone's own layer.
-    fn goal_in_layer(&self, slot: Ned) -> Option<Goal> {
-        let altitude_m = slot.altitude_m() + self.layer_alone_m(self.config.id);
-        let to = slot.at_altitude(altitude_m);
-        Some(Goal::TransitTo { to })
+    /// Above its slot around a centre, in the drone's own layer.
+    fn goal_in_layer(&self, centre: Ned) -> Goal {
+        let slot = self.layout().slot(self.config.id, centre);
+        let to = slot.at_altitude(self.altitude_alone_m(centre));
+        Goal::TransitTo { to }
     }
 
     fn pursue_goal(&mut self) {
@@ -398,16 +398,15 @@ impl Mission {
         }
     }
 
-    /// The layer for the way to land: from the end of the mission all start in lockstep, from elsewhere perhaps not.
-    fn landing_layer_m(&self) -> f64 {
-        let id = self.config.id;
-        let land_at = Some(self.durable.land_at);
+    /// How high the way to land is flown: from the end of the mission all start in lockstep, from elsewhere perhaps not.
+    fn landing_altitude_m(&self) -> f64 {
+        let at = self.durable.land_at;
         let is_where_all_are =
-            self.durable.plan.last().copied() == land_at || self.durable.assembled_at == land_at;
+            self.durable.plan.last() == Some(&at) || self.durable.assembled_at == Some(at);
         if is_where_all_are && !self.durable.in_layer {
-            self.layout().landing_layers_m()[id.0 as usize]
+            at.altitude_m() + self.layout().landing_layers_m()[self.config.id.0 as usize]
         } else {
-            self.layer_alone_m(id)
+            self.altitude_alone_m(at)
         }
     }
 

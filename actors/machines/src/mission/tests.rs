@@ -447,13 +447,14 @@ fn a_landing_drone_obeys_nobody_any_more() {
 
 #[test]
 fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_followed() {
-    for (liveness, moving, waiting) in [
-        (Liveness::Pulse, State::Landing, State::Landing),
+    // At the end of the leg, which it is told of in mid-leg or there.
+    for (liveness, in_mid_leg, there) in [
         (
-            Liveness::Thesis,
-            State::MovingToWaypoint { waypoint: 1 },
-            State::Landing,
+            Liveness::Pulse,
+            Some(LandingReason::MasterSilent),
+            State::MovingToLand,
         ),
+        (Liveness::Thesis, None, State::Landing),
     ] {
         let mut slave = slave_at_waypoint_0(liveness);
         ordered(
@@ -465,13 +466,15 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
             },
         );
         hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
+        let moving = State::MovingToWaypoint { waypoint: 1 };
         assert_eq!(slave.durable.state, moving);
+        assert_eq!(slave.durable.leaving, in_mid_leg);
         told(
             &mut slave,
             50.0,
             Input::Navigation(NavigationNotice::Arrived),
         );
-        assert_eq!(slave.durable.state, waiting);
+        assert_eq!(slave.durable.state, there);
     }
 }
 

@@ -164,6 +164,8 @@ pub struct Navigation {
     durable: Checkpoint,
     /// Whether the mission waits to be told where the drone is.
     locating: bool,
+    /// At which height the vehicle was last told to hold for want of a position, in metres above home.
+    held_at_m: Option<f64>,
     watch: Watch,
     outbox: Outbox<Transmit, Event>,
 }
@@ -176,6 +178,7 @@ impl Navigation {
             config,
             durable: Checkpoint::default(),
             locating: false,
+            held_at_m: None,
             watch: Watch::default(),
             outbox: Outbox::new(),
         };
@@ -271,13 +274,19 @@ impl Navigation {
         let fit_for = (takes_off, speed_mps);
         let verdict = self.watch.judge(now, telemetry, &failsafe, fit_for);
         if verdict.is_found {
+            self.held_at_m = None;
             if self.durable.goal == Some(Goal::Yield) {
                 self.demand(Demand::Yield);
             }
             self.progress(Progress::Planning);
         }
-        if verdict.is_lost && telemetry.armed && self.durable.goal != Some(Goal::Land) {
-            self.hold(telemetry);
+        let may_hold = telemetry.armed && !telemetry.landing;
+        if self.watch.is_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
+            // A goal that it is told meanwhile may want it at another height.
+            let altitude_m = self.refuge_altitude_m().or(self.held_at_m);
+            if altitude_m.is_none() || altitude_m != self.held_at_m {
+                self.held_at_m = Some(self.hold(telemetry));
+            }
         }
         for failure in verdict.failures {
             if failure == Failure::Geofence {
@@ -293,9 +302,9 @@ impl Navigation {
         }
     }
 
-    /// Stops wherever the vehicle is, at the height at which it is in nobody's way.
-    fn hold(&mut self, telemetry: &Telemetry) {
-        let refuge_altitude_m = match self.durable.goal {
+    /// The height at which a drone with this goal is in nobody's way, in metres above home.
+    fn refuge_altitude_m(&self) -> Option<f64> {
+        match self.durable.goal {
             Some(
                 Goal::FlyTo {
                     refuge_altitude_m, ..
@@ -309,13 +318,19 @@ impl Navigation {
             }) => Some(transit_altitude_m),
             Some(Goal::TransitTo { to }) => Some(to.altitude_m()),
             Some(Goal::Hold | Goal::Yield | Goal::Land) | None => None,
-        };
+        }
+    }
+
+    /// Stops wherever the vehicle is, at the height at which it is in nobody's way; which that is, in metres above home.
+    fn hold(&mut self, telemetry: &Telemetry) -> f64 {
         let stop_m = telemetry.stop.altitude_m();
+        let altitude_m = self.refuge_altitude_m().unwrap_or(stop_m);
         self.demand(Demand::Fly(Setpoint::Hold {
-            altitude_m: refuge_altitude_m.unwrap_or(stop_m),
+            altitude_m,
             vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
             acceleration_mps2: self.config.acceleration_mps2,
         }));
+        altitude_m
     }
 
     fn pursue(&mut self, telemetry: &Telemetry) {

@@ -293,6 +293,21 @@ fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_whe
     assert_eq!(told(&mut navigation, Input::Goal(MOVING)).len(), 1, "asks");
     told(&mut navigation, Input::Goal(fly_to(to)));
     assert_eq!(told(&mut navigation, lost_for(4.0, at_rest)), []);
+    // But for a goal that wants it at another height then.
+    let refuge_altitude_m = 40.0;
+    let higher = Goal::FlyTo {
+        to,
+        refuge_altitude_m,
+    };
+    told(&mut navigation, Input::Goal(higher));
+    let held = told(&mut navigation, lost_for(5.0, at_rest));
+    let hold = Setpoint::Hold {
+        altitude_m: refuge_altitude_m,
+        vertical_mps: 1.5,
+        acceleration_mps2: 1.0,
+    };
+    assert_eq!(held, [Transmit::Demand(Demand::Fly(hold))]);
+    told(&mut navigation, Input::Goal(fly_to(to)));
     // It descends only once it is over its slot.
     let said = told(&mut navigation, Input::Telemetry(at_rest));
     assert_eq!(leg(&said).0, to.at_altitude(30.0));

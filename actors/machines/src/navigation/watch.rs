@@ -71,8 +71,6 @@ pub enum Failure {
 pub(super) struct Verdict {
     /// What has failed and was not told yet.
     pub(super) failures: Vec<Failure>,
-    /// Whether the drone is to stop for want of a position.
-    pub(super) is_lost: bool,
     /// Whether it has one again.
     pub(super) is_found: bool,
 }
@@ -155,7 +153,6 @@ impl Watch {
         let lost_for = telemetry.position_lost_for;
         let is_lost = lost_for.is_some_and(|it| it >= POSITION_MISSED_MAX);
         let was_lost = std::mem::replace(&mut self.is_lost, is_lost);
-        verdict.is_lost = self.is_lost && !was_lost;
         verdict.is_found = was_lost && !self.is_lost;
         let Some(lost_for) = lost_for else { return };
         let land_after = POSITION_MISSED_MAX + failsafe.position_hold;
