@@ -82,6 +82,7 @@ pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
                         rank,
                         master: NodeId(master),
                     },
+                    intent: None,
                 };
                 Op::Frame(header, take_run(&mut bytes)?.to_vec())
             }

@@ -330,6 +330,7 @@ impl Blueprint {
                 checkpoints.mission.as_deref().cloned(),
             ))),
             Address::Navigation => Cell::Navigation(Box::new(navigation::Navigation::new(
+                self.id,
                 self.navigation,
                 checkpoints.navigation.as_deref().cloned(),
             ))),
@@ -506,6 +507,12 @@ impl From<radio::Transmit> for Effect {
                 keep_alive,
             },
             radio::Transmit::Locate { sender, source } => Self::Locate { sender, source },
+            radio::Transmit::Traffic { sender, intent } => {
+                Self::Post(Envelope::Navigation(Box::new(navigation::Input::Traffic {
+                    sender,
+                    intent,
+                })))
+            }
             radio::Transmit::Outcome {
                 to,
                 payload,
@@ -591,6 +598,7 @@ impl From<navigation::Transmit> for Effect {
             navigation::Transmit::Inform(notice) => {
                 Envelope::Mission(mission::Input::Navigation(notice))
             }
+            navigation::Transmit::Intend(intent) => Envelope::Radio(radio::Input::Intend(intent)),
         })
     }
 }

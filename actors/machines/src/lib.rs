@@ -17,4 +17,5 @@ pub mod routing;
 mod stall;
 pub mod supervision;
 pub mod time;
+pub mod traffic;
 pub mod wire;

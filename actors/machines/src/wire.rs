@@ -6,6 +6,7 @@
 //! | --- | --- |
 //! | version | 1 |
 //! | header: swarm, sender, life, counter, ballot (term, rank, master) | 7 postcard varints |
+//! | of version 2, where the sender is and goes: two places, north, east and down | 6 postcard varints |
 //! | payload | what the two fixed ends leave |
 //! | authenticator | 64, over all that stands before it |
 //!
@@ -32,15 +33,19 @@ use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, SwarmId};
 use crate::mission::{Order, Step};
 use crate::routing::{Flood, Member, Packet, Tree};
+use crate::traffic::Intent;
 
-/// The version of the frame that this program speaks.
+/// The version of a frame that says nothing of where its sender is.
 pub const VERSION: u8 = 1;
+/// The version of one that says where its sender is and goes.
+pub const VERSION_WITH_INTENT: u8 = 2;
 /// The largest datagram, in bytes: what an Ethernet frame of 1,500 leaves beside the headers of IPv4 and UDP (the
 /// ancestor's limit too).
 pub const DATAGRAM_MAX: usize = 1_472;
 /// The size of an authenticator, in bytes: that of an Ed25519 signature.
 pub const AUTHENTICATOR_LEN: usize = 64;
-/// The largest header with its version, in bytes: five varints of 32 bits, one of 64 and one of 32.
+/// The largest header with its version, in bytes: five varints of 32 bits, one of 64 and one of 32. Where a sender is and
+/// goes is left out of a frame that has no room for it.
 pub const HEADER_MAX: usize = 1 + 6 * 5 + 10;
 /// The largest payload that fits any header, in bytes.
 pub const PAYLOAD_MAX: usize = DATAGRAM_MAX - HEADER_MAX - AUTHENTICATOR_LEN;
@@ -60,6 +65,8 @@ pub struct Header {
     pub counter: u64,
     /// Whom the sender obeys; of what its radio says by itself, nobody.
     pub ballot: Ballot,
+    /// Where the sender is and goes, if it says so.
+    pub intent: Option<Intent>,
 }
 
 /// A frame whose form is right; whether its sender is who it says is the authenticator's to tell.
@@ -92,7 +99,10 @@ pub enum FrameError {
 /// Writes version, header and payload to the end of `out`: what the authenticator is to cover.
 pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> {
     let mut to = Writer(out);
-    to.byte(VERSION);
+    to.byte(match header.intent {
+        None => VERSION,
+        Some(_) => VERSION_WITH_INTENT,
+    });
     to.number(header.swarm.0);
     to.number(header.sender.0);
     to.number(header.life);
@@ -100,6 +110,10 @@ pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> 
     to.number(header.ballot.term);
     to.number(header.ballot.rank);
     to.number(header.ballot.master.0);
+    if let Some(intent) = header.intent {
+        intent.from_dm.into_iter().for_each(|it| to.signed(it));
+        intent.to_dm.into_iter().for_each(|it| to.signed(it));
+    }
     to.0.extend_from_slice(payload);
     to.0
 }
@@ -117,11 +131,16 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
         .split_last_chunk::<AUTHENTICATOR_LEN>()
         .ok_or(FrameError::TooShort)?;
     let (version, rest) = covered.split_first().ok_or(FrameError::TooShort)?;
-    if *version != VERSION {
-        return Err(FrameError::Version);
-    }
+    let says_intent = match *version {
+        VERSION => false,
+        VERSION_WITH_INTENT => true,
+        _ => return Err(FrameError::Version),
+    };
     let mut from = Reader(rest);
-    let header = read_header(&mut from).ok_or(FrameError::TooShort)?;
+    let mut header = read_header(&mut from).ok_or(FrameError::TooShort)?;
+    if says_intent {
+        header.intent = Some(read_intent(&mut from).ok_or(FrameError::TooShort)?);
+    }
     Ok(Frame {
         header,
         payload: from.0,
@@ -133,7 +152,10 @@ pub fn decode_frame(datagram: &[u8]) -> Result<Frame<'_>, FrameError> {
 /// Who sent a frame, by its own word; nothing for bytes that can't be a frame.
 #[must_use]
 pub fn sender(datagram: &[u8]) -> Option<NodeId> {
-    let mut from = Reader(datagram.strip_prefix(&[VERSION])?);
+    let [VERSION | VERSION_WITH_INTENT, rest @ ..] = datagram else {
+        return None;
+    };
+    let mut from = Reader(rest);
     from.number()?;
     from.number().map(NodeId)
 }
@@ -151,6 +173,15 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
             rank: from.number()?,
             master: NodeId(from.number()?),
         },
+        intent: None,
+    })
+}
+
+fn read_intent(from: &mut Reader<'_>) -> Option<Intent> {
+    let mut place = || Some([from.signed()?, from.signed()?, from.signed()?]);
+    Some(Intent {
+        from_dm: place()?,
+        to_dm: place()?,
     })
 }
 

@@ -266,6 +266,11 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "failsafe.battery_critical",
         "a share from 0 to 1, below `battery_low`",
     ),
+    ("safety", "a table"),
+    (
+        "safety.avoid",
+        "true or false: whether drones say where they are and go, and give way to each other",
+    ),
     ("geofence", "a table with `radius_m`"),
     (
         "geofence.radius_m",

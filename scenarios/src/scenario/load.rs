@@ -135,7 +135,8 @@ fn alone(
         changes = formation::changes(source, raw, &layout, waypoints.len())?;
     }
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
-    let vehicle = vehicle(raw, failsafe(source, raw, fence)?);
+    let avoid = raw.safety.avoid.then_some(separation);
+    let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
@@ -315,7 +316,7 @@ fn bursts(source: &Source, radio: &super::raw::Radio) -> Result<Option<Bursts>, 
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
 /// WPNAV_SPEED_DN 1.5 m/s.
-fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
+fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigation::Config {
     let vehicle = &raw.vehicle;
     navigation::Config {
         speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
@@ -323,6 +324,7 @@ fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
         descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
         acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
         failsafe,
+        avoid,
     }
 }
 

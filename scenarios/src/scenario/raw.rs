@@ -32,6 +32,8 @@ pub(super) struct Raw {
     pub(super) vehicle: Vehicle,
     #[serde(default)]
     pub(super) failsafe: Failsafe,
+    #[serde(default)]
+    pub(super) safety: Safety,
     pub(super) geofence: Option<Spanned<Geofence>>,
     #[serde(default)]
     pub(super) limits: Limits,
@@ -320,6 +322,13 @@ pub(super) struct Failsafe {
     pub(super) position_hold_s: Option<Instant>,
     pub(super) battery_low: Option<Spanned<Share>>,
     pub(super) battery_critical: Option<Spanned<Share>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table, `[safety]`")]
+pub(super) struct Safety {
+    #[serde(default)]
+    pub(super) avoid: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]

@@ -14,6 +14,7 @@ mod mesh;
 mod random;
 mod shape;
 mod split_up;
+mod way;
 
 use std::num::NonZeroU32;
 
@@ -23,6 +24,7 @@ pub use clearing::Flown;
 pub use ground::Ground;
 pub use layers::Layers;
 pub use layout::{Layering, Layout, Separation};
+pub use way::Way;
 
 use crate::geometry::Ned;
 use crate::identity::NodeId;

@@ -8,16 +8,21 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::formation::{Separation, Way};
 use crate::geometry::{Ned, Velocity};
+use crate::identity::NodeId;
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
 use crate::time::Timestamp;
+use crate::traffic::{Intent, Traffic};
 
 use self::watch::Watch;
 pub use self::watch::{Failsafe, Failure, Fence};
 
 /// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
 const ARRIVAL_RADIUS_M: f64 = 1.0;
+/// How often a drone looks whether a way is free that it waits to fly, besides whenever another says that it goes.
+const TRY_AGAIN_AFTER: Duration = Duration::from_millis(500);
 
 /// How fast the vehicle may fly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,6 +37,8 @@ pub struct Config {
     pub acceleration_mps2: f64,
     /// From when on the drone can't go on.
     pub failsafe: Failsafe,
+    /// How far it keeps from drones near it that say where they are and go, if it heeds them.
+    pub avoid: Option<Separation>,
 }
 
 /// Where a mission wants its drone.
@@ -86,6 +93,13 @@ pub enum Input {
     Locate,
     /// By the flight controller's link.
     Telemetry(Telemetry),
+    /// By the radio: where another drone is and goes.
+    Traffic {
+        /// Who.
+        sender: NodeId,
+        /// Where; nothing if it does not say so any more.
+        intent: Option<Intent>,
+    },
     /// By the link, restarted: tell me again what I should do.
     Resync,
 }
@@ -97,6 +111,8 @@ pub enum Transmit {
     Demand(Demand),
     /// To the mission.
     Inform(Notice),
+    /// To the radio: where the drone is and goes, if that is a straight way.
+    Intend(Option<Intent>),
 }
 
 /// What a navigation lets its mission know.
@@ -167,19 +183,28 @@ pub struct Navigation {
     /// At which height the vehicle was last told to hold for want of a position, in metres above home.
     held_at_m: Option<f64>,
     watch: Watch,
+    /// Who is near, where they are heeded.
+    traffic: Option<Traffic>,
+    /// The way that the drone flies or waits to fly, as the others were told last.
+    way: Option<Way>,
+    /// When it next looks whether a way is free that it waits to fly.
+    next_try: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
 }
 
 impl Navigation {
-    /// A navigation as `checkpoint` left it; one without has been told nothing.
+    /// The navigation of drone `id` as `checkpoint` left it; one without has been told nothing.
     #[must_use]
-    pub fn new(config: Config, checkpoint: Option<Checkpoint>) -> Self {
+    pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
             config,
             durable: Checkpoint::default(),
             locating: false,
             held_at_m: None,
             watch: Watch::default(),
+            traffic: config.avoid.map(|it| Traffic::new(id, it)),
+            way: None,
+            next_try: None,
             outbox: Outbox::new(),
         };
         match checkpoint {
@@ -232,6 +257,7 @@ impl Navigation {
     fn track(&mut self, goal: Goal, to: Ned, velocity: Velocity, hold: Duration) {
         self.durable.goal = Some(goal);
         self.progress(Progress::Flying(VecDeque::new()));
+        self.intend_way(None);
         self.demand(Demand::Fly(Setpoint::Track {
             to,
             velocity,
@@ -259,7 +285,7 @@ impl Navigation {
         self.heed(now, telemetry);
         let comes_down = telemetry.landing || self.durable.goal == Some(Goal::Land);
         if comes_down || !self.watch.is_lost() {
-            self.pursue(telemetry);
+            self.pursue(now, telemetry);
         }
     }
 
@@ -325,6 +351,7 @@ impl Navigation {
     fn hold(&mut self, telemetry: &Telemetry) -> f64 {
         let stop_m = telemetry.stop.altitude_m();
         let altitude_m = self.refuge_altitude_m().unwrap_or(stop_m);
+        self.intend(telemetry.stop, telemetry.stop.at_altitude(altitude_m));
         self.demand(Demand::Fly(Setpoint::Hold {
             altitude_m,
             vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
@@ -333,7 +360,7 @@ impl Navigation {
         altitude_m
     }
 
-    fn pursue(&mut self, telemetry: &Telemetry) {
+    fn pursue(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let Some(goal) = self.durable.goal else {
             return;
         };
@@ -346,10 +373,10 @@ impl Navigation {
         }
         match self.durable.progress.clone() {
             Progress::Done => {}
-            Progress::Planning => self.plan(goal, telemetry),
+            Progress::Planning => self.plan(now, goal, telemetry),
             Progress::Flying(_) if goal == Goal::Land => self.watch_landing(telemetry),
             Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
-            Progress::Flying(corners) => self.watch_legs(goal, corners, telemetry),
+            Progress::Flying(corners) => self.watch_legs(now, goal, corners, telemetry),
         }
     }
 
@@ -363,7 +390,7 @@ impl Navigation {
     }
 
     /// Lays the legs to a goal from where the vehicle would come to rest.
-    fn plan(&mut self, goal: Goal, telemetry: &Telemetry) {
+    fn plan(&mut self, now: Timestamp, goal: Goal, telemetry: &Telemetry) {
         let start = telemetry.stop;
         let corners: Vec<Ned> = match goal {
             Goal::TakeOff { .. } if !telemetry.armed => {
@@ -389,10 +416,14 @@ impl Navigation {
             } => way_from_refuge(start, to, refuge_altitude_m),
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Hold => vec![start],
-            Goal::Land | Goal::Track { .. } | Goal::Yield => Vec::new(),
+            Goal::Land => Vec::new(),
+            Goal::Track { .. } | Goal::Yield => {
+                self.intend_way(None);
+                Vec::new()
+            }
         };
         self.progress(Progress::Flying(corners.into()));
-        self.pursue(telemetry);
+        self.pursue(now, telemetry);
     }
 
     fn watch_landing(&mut self, telemetry: &Telemetry) {
@@ -400,11 +431,18 @@ impl Navigation {
             self.progress(Progress::Done);
             self.inform(Notice::Landed);
         } else if !telemetry.landing {
+            self.intend(telemetry.position, telemetry.position.at_altitude(0.0));
             self.demand(Demand::Land);
         }
     }
 
-    fn watch_legs(&mut self, goal: Goal, mut corners: VecDeque<Ned>, telemetry: &Telemetry) {
+    fn watch_legs(
+        &mut self,
+        now: Timestamp,
+        goal: Goal,
+        mut corners: VecDeque<Ned>,
+        telemetry: &Telemetry,
+    ) {
         let before = corners.len();
         while let Some(corner) = corners.front()
             && telemetry.at_rest
@@ -414,6 +452,7 @@ impl Navigation {
         }
         match corners.front().copied() {
             None => {
+                self.intend(telemetry.position, telemetry.position);
                 self.progress(Progress::Done);
                 self.inform_done(goal);
             }
@@ -421,11 +460,70 @@ impl Navigation {
                 if corners.len() < before {
                     self.progress(Progress::Flying(corners));
                 }
-                if telemetry.target != Some(corner) {
-                    let leg = self.leg(telemetry.stop, corner);
-                    self.demand(Demand::Fly(leg));
-                }
+                self.fly(now, corner, telemetry);
             }
+        }
+    }
+
+    /// Flies straight to `corner`, as soon as nobody is in the way.
+    fn fly(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
+        let way = Way {
+            from: telemetry.stop,
+            to: corner,
+        };
+        self.next_try = None;
+        if telemetry.target != Some(corner) {
+            if self.traffic.as_mut().is_none_or(|it| it.is_free(now, way)) {
+                self.intend(way.from, way.to);
+                let leg = self.leg(telemetry.stop, corner);
+                self.demand(Demand::Fly(leg));
+            } else {
+                self.wait(now, corner, telemetry);
+            }
+        } else if self
+            .traffic
+            .as_ref()
+            .is_some_and(|it| it.gives_way(now, way))
+        {
+            self.wait(now, corner, telemetry);
+        }
+    }
+
+    /// Comes to rest, and tries again.
+    fn wait(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
+        self.next_try = Some(now + TRY_AGAIN_AFTER);
+        self.intend(telemetry.stop, telemetry.stop);
+        if !telemetry.at_rest || telemetry.target == Some(corner) {
+            self.demand(Demand::Fly(Setpoint::Hold {
+                altitude_m: telemetry.stop.altitude_m(),
+                vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
+                acceleration_mps2: self.config.acceleration_mps2,
+            }));
+        }
+    }
+
+    /// Lets the others know where the drone is and goes.
+    fn intend(&mut self, from: Ned, to: Ned) {
+        self.intend_way(Some(Way { from, to }));
+    }
+
+    fn intend_way(&mut self, way: Option<Way>) {
+        if self.traffic.is_some() && self.way != way {
+            self.way = way;
+            let intent = way.map(Intent::of);
+            self.outbox.transmit(Transmit::Intend(intent));
+        }
+    }
+
+    /// Takes in where another is and goes, and looks what that means for the own way.
+    fn hear_of(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
+        let Some(traffic) = &mut self.traffic else {
+            return;
+        };
+        let is_news = traffic.hears(now, sender, intent);
+        let is_in_the_way = self.way.is_some_and(|way| traffic.gives_way(now, way));
+        if is_news && (is_in_the_way || self.next_try.is_some()) {
+            self.demand(Demand::Report);
         }
     }
 
@@ -468,20 +566,26 @@ impl Machine for Navigation {
                 self.demand(Demand::Report);
             }
             Input::Telemetry(telemetry) => self.hear(now, &telemetry),
+            Input::Traffic { sender, intent } => self.hear_of(now, sender, intent),
             Input::Resync => self.demand(Demand::Report),
         }
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        if self.watch.next_look().is_some_and(|look| look <= now) {
-            self.watch.looked();
+        let is_due = |at: Option<Timestamp>| at.is_some_and(|at| at <= now);
+        if is_due(self.watch.next_look()) || is_due(self.next_try) {
+            if is_due(self.watch.next_look()) {
+                self.watch.looked();
+            }
+            self.next_try = self.next_try.filter(|at| *at > now);
             self.demand(Demand::Report);
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.watch.next_look())
+        let deadlines = [self.watch.next_look(), self.next_try];
+        self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }
 

@@ -7,6 +7,7 @@ const CONFIG: Config = Config {
     descent_mps: 1.5,
     acceleration_mps2: 1.0,
     failsafe: FAILSAFE,
+    avoid: None,
 };
 
 const FAILSAFE: Failsafe = Failsafe {
@@ -71,7 +72,7 @@ fn at_rest_at(position: Ned) -> Input {
 
 #[test]
 fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let to = Ned::new(0.0, 100.0, -25.0);
     let goal = Goal::TakeOff {
         to,
@@ -99,7 +100,7 @@ fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
 
 #[test]
 fn a_slanting_leg_is_as_fast_as_climb_and_ground_speed_allow() {
-    let navigation = Navigation::new(CONFIG, None);
+    let navigation = Navigation::new(NodeId(0), CONFIG, None);
     let speed = |to: Ned| match navigation.leg(Ned::HOME, to) {
         Setpoint::Leg { speed_mps, .. } => speed_mps,
         other => panic!("a leg should have been laid, not {other:?}"),
@@ -114,7 +115,7 @@ fn a_slanting_leg_is_as_fast_as_climb_and_ground_speed_allow() {
 
 #[test]
 fn a_goal_that_is_reached_already_is_told_again() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let to = Ned::new(50.0, 0.0, -25.0);
     told(&mut navigation, Input::Goal(fly_to(to)));
     told(&mut navigation, at_rest_at(to));
@@ -124,7 +125,7 @@ fn a_goal_that_is_reached_already_is_told_again() {
 
 #[test]
 fn a_vehicle_that_comes_down_by_itself_is_told_of_where_it_hovers_too() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let to = Ned::new(50.0, 0.0, -25.0);
     told(&mut navigation, Input::Goal(fly_to(to)));
     told(&mut navigation, at_rest_at(to));
@@ -147,7 +148,7 @@ fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
         goal: Some(fly_to(to)),
         progress: Progress::Flying([to].into()),
     };
-    let mut navigation = Navigation::new(CONFIG, Some(checkpoint));
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, Some(checkpoint));
     let on_the_way = Telemetry {
         at_rest: false,
         armed: true,
@@ -164,7 +165,7 @@ fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
 
 #[test]
 fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(Goal::Land));
     let hovering = at_rest_at(Ned::new(0.0, 0.0, -20.0));
     let demands = told(&mut navigation, hovering);
@@ -189,7 +190,7 @@ const MOVING: Goal = Goal::Track {
 
 #[test]
 fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let track = Transmit::Demand(Demand::Fly(Setpoint::Track {
         to: Ned::HOME,
         velocity: Velocity::new(10.0, 0.0, 0.0),
@@ -209,7 +210,7 @@ fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
 
 #[test]
 fn a_drone_that_is_to_hold_comes_to_rest_where_it_can_and_says_so() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(MOVING));
     let asked = told(&mut navigation, Input::Goal(Goal::Hold));
     assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
@@ -230,14 +231,14 @@ fn a_drone_that_is_to_hold_comes_to_rest_where_it_can_and_says_so() {
 
 #[test]
 fn a_pilot_is_left_alone() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(Goal::Yield));
     assert_eq!(told(&mut navigation, at_rest_at(Ned::HOME)), []);
 }
 
 #[test]
 fn whoever_asks_where_the_drone_is_is_told_once() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let asked = told(&mut navigation, Input::Locate);
     assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
     let at = Ned::new(1.0, 2.0, -3.0);
@@ -261,7 +262,7 @@ fn lost_for(seconds: f64, telemetry: Telemetry) -> Input {
 
 #[test]
 fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_when_it_does() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let to = Ned::new(500.0, 0.0, -25.0);
     told(&mut navigation, Input::Goal(fly_to(to)));
     let start = Ned::new(0.0, 0.0, -25.0);
@@ -319,7 +320,7 @@ fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_whe
 
 #[test]
 fn a_drone_that_comes_down_needs_no_position() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let hovering = Telemetry {
         armed: true,
         ..ON_THE_GROUND
@@ -332,7 +333,7 @@ fn a_drone_that_comes_down_needs_no_position() {
 
 #[test]
 fn a_pilot_gets_a_vehicle_back_that_knows_again_where_it_is() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let hovering = Telemetry {
         armed: true,
         ..ON_THE_GROUND
@@ -354,12 +355,12 @@ fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
         transit_altitude_m: 30.0,
         arm: true,
     };
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(take_off));
     assert_eq!(told(&mut navigation, lost_for(0.1, ON_THE_GROUND)), []);
     let found = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
     assert_eq!(found, [Transmit::Demand(Demand::Arm)]);
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(take_off));
     let said = told(
         &mut navigation,
@@ -378,11 +379,120 @@ fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
 
 #[test]
 fn a_navigation_that_fails_before_it_is_told_anything_asks_once_it_is_rebuilt() {
-    let mut navigation = Navigation::new(CONFIG, None);
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let Output::Event(Event::Checkpoint(checkpoint)) = navigation.poll_output() else {
         panic!("nothing is kept");
     };
-    let mut rebuilt = Navigation::new(CONFIG, Some(*checkpoint));
+    let mut rebuilt = Navigation::new(NodeId(0), CONFIG, Some(*checkpoint));
     let asks = Output::Transmit(Transmit::Inform(Notice::Resync));
     assert_eq!(rebuilt.poll_output(), asks);
+}
+
+/// Drone 4, which heeds those near it.
+fn avoids() -> Navigation {
+    let avoid = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let config = Config {
+        avoid: Some(avoid),
+        ..CONFIG
+    };
+    Navigation::new(NodeId(4), config, None)
+}
+
+fn intends(from: Ned, to: Ned) -> Transmit {
+    Transmit::Intend(Some(Intent::of(Way { from, to })))
+}
+
+fn hears_of(navigation: &mut Navigation, id: u32, from: Ned, to: Ned) -> Vec<Transmit> {
+    let traffic = Input::Traffic {
+        sender: NodeId(id),
+        intent: Some(Intent::of(Way { from, to })),
+    };
+    told(navigation, traffic)
+}
+
+const REPORT: Transmit = Transmit::Demand(Demand::Report);
+
+#[test]
+fn a_leg_through_another_s_place_is_begun_once_that_has_gone_on() {
+    let mut navigation = avoids();
+    let place = |north_m: f64| Ned::new(north_m, 0.0, -25.0);
+    let (start, to) = (place(0.0), place(100.0));
+    hears_of(&mut navigation, 2, place(60.0), place(60.0));
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    assert_eq!(
+        told(&mut navigation, at_rest_at(start)),
+        [intends(start, start)],
+        "it stands still, and says so"
+    );
+    let asks = hears_of(&mut navigation, 2, place(60.0), place(160.0));
+    assert_eq!(asks, [REPORT]);
+    let said = told(&mut navigation, at_rest_at(start));
+    assert_eq!(said[0], intends(start, to));
+    assert_eq!(leg(&said[1..]).0, to);
+    let there = told(&mut navigation, at_rest_at(to));
+    assert_eq!(there[0], intends(to, to));
+}
+
+#[test]
+fn it_looks_again_by_itself_whether_its_way_is_free() {
+    let mut navigation = avoids();
+    let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -25.0));
+    let amid = Ned::new(60.0, 0.0, -25.0);
+    hears_of(&mut navigation, 2, amid, amid);
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    told(&mut navigation, at_rest_at(start));
+    let again = Timestamp::ZERO + TRY_AGAIN_AFTER;
+    let Output::Idle { deadline } = navigation.poll_output() else {
+        panic!("all has been said");
+    };
+    assert!(deadline.is_some_and(|deadline| deadline <= again));
+    navigation.handle_timeout(again);
+    assert_eq!(navigation.poll_output(), Output::Transmit(REPORT));
+}
+
+#[test]
+fn in_mid_leg_it_stops_for_whoever_goes_first() {
+    let to = Ned::new(100.0, 0.0, -25.0);
+    let across = [Ned::new(50.0, -50.0, -25.0), Ned::new(50.0, 50.0, -25.0)];
+    for (id, stops) in [(3, true), (5, false)] {
+        let mut navigation = avoids();
+        let start = Ned::new(0.0, 0.0, -25.0);
+        told(&mut navigation, Input::Goal(fly_to(to)));
+        told(&mut navigation, at_rest_at(start));
+        let asks = hears_of(&mut navigation, id, across[0], across[1]);
+        assert_eq!(asks == [REPORT], stops);
+        let stop = Ned::new(2.0, 0.0, -25.0);
+        let on_its_way = Telemetry {
+            armed: true,
+            at_rest: false,
+            stop,
+            target: Some(to),
+            ..ON_THE_GROUND
+        };
+        let said = told(&mut navigation, Input::Telemetry(on_its_way));
+        let holds = matches!(
+            said[..],
+            [
+                Transmit::Intend(_),
+                Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))
+            ]
+        );
+        assert_eq!((holds, said.is_empty()), (stops, !stops), "{said:?}");
+    }
+}
+
+#[test]
+fn a_drone_that_follows_or_is_flown_by_hand_says_nothing_of_its_way() {
+    for goal in [MOVING, Goal::Yield] {
+        let mut navigation = avoids();
+        let place = Ned::new(0.0, 0.0, -25.0);
+        told(&mut navigation, Input::Goal(fly_to(place)));
+        told(&mut navigation, at_rest_at(place));
+        let mut said = told(&mut navigation, Input::Goal(goal));
+        said.extend(told(&mut navigation, at_rest_at(place)));
+        assert!(said.contains(&Transmit::Intend(None)), "{said:?}");
+    }
 }

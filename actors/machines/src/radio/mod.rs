@@ -8,9 +8,11 @@ mod freshness;
 mod lists;
 mod packet;
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::hint::black_box;
 use std::num::NonZeroU16;
+use std::time::Duration;
 
 use bytes::{Buf, Bytes};
 
@@ -28,6 +30,7 @@ use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
+use crate::traffic::Intent;
 use crate::wire::{self, Header, PAYLOAD_MAX};
 
 /// How many counters are reserved at once, so that a restart never uses one twice and a journal is not worn.
@@ -35,6 +38,11 @@ const COUNTER_BLOCK: u64 = 1_024;
 
 /// How many runs of ids a challenge names, so that it fits a datagram; where there are more, it names all.
 const CHALLENGED_RUNS_MAX: usize = 64;
+
+/// The most bytes that a frame takes to say where its sender is and goes.
+const INTENT_MAX: usize = 6 * 5;
+/// How often it is passed on that a drone still is and goes where it said.
+const INTENT_REPEATED_AFTER: Duration = Duration::from_secs(1);
 
 /// What stands for a ballot in frames that a radio sends by itself: it does not know whom its drone obeys.
 const NOBODY: Ballot = Ballot {
@@ -53,6 +61,11 @@ pub struct Source {
     pub port: u16,
 }
 
+/// Whether a frame with this payload says where its sender is and goes, if that can be said.
+const fn has_room_for_intent(payload: &[u8]) -> bool {
+    payload.len() <= PAYLOAD_MAX - INTENT_MAX
+}
+
 /// What a radio is told.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
@@ -67,6 +80,8 @@ pub enum Input {
         /// Whether it is sent only because its time has come; for whoever counts frames.
         keep_alive: bool,
     },
+    /// By the navigation: this is where the drone is and goes, if that can be said; all frames are to say so.
+    Intend(Option<Intent>),
     /// By the transport: these bytes came in.
     Received {
         /// The bytes.
@@ -108,6 +123,13 @@ pub enum Transmit {
         ballot: Ballot,
         /// What was said.
         payload: Bytes,
+    },
+    /// To the navigation: where another is and goes.
+    Traffic {
+        /// Who.
+        sender: NodeId,
+        /// Where; nothing if it does not say so any more.
+        intent: Option<Intent>,
     },
     /// To the transport: a frame that was let in came from there, so its sender is to be found there.
     Locate {
@@ -172,6 +194,10 @@ pub struct Radio<A> {
     responder: Option<Box<Responder>>,
     /// Where there are lists of the expelled.
     gossip: Option<Box<Gossip>>,
+    /// What the navigation has said of where the drone is and goes.
+    intent: Option<Intent>,
+    /// What others have said of themselves, and when that was last passed on.
+    intents: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
 impl<A: Authenticator> Radio<A> {
@@ -204,6 +230,8 @@ impl<A: Authenticator> Radio<A> {
             challenger: (asked != Asked::Nobody).then(|| Box::new(Challenger::new(nonce))),
             responder: None,
             gossip: (list > 0).then(|| Box::new(Gossip::new(list))),
+            intent: None,
+            intents: BTreeMap::new(),
             config,
         }
     }
@@ -245,6 +273,7 @@ impl<A: Authenticator> Radio<A> {
             life: self.life,
             counter: self.counter,
             ballot,
+            intent: self.intent.filter(|_| has_room_for_intent(payload)),
         };
         self.counter += 1;
         let mut memory = std::mem::take(&mut self.written);
@@ -315,6 +344,9 @@ impl<A: Authenticator> Radio<A> {
         if let Some(source) = source {
             self.outbox.transmit(Transmit::Locate { sender, source });
         }
+        if has_room_for_intent(frame.payload) {
+            self.hears_intent(now, sender, header.intent);
+        }
         if let Some(packet) = packet {
             return self.take(now, sender, packet);
         }
@@ -347,8 +379,8 @@ impl<A: Authenticator> Radio<A> {
     fn take(&mut self, now: Timestamp, sender: NodeId, packet: Packet) -> Result<(), DropReason> {
         match packet {
             Packet::Challenge { nonce, of } => self.is_asked(now, sender, nonce, &of),
-            // What it was to prove is proved.
-            Packet::Response(_) => {}
+            // What it was to prove is proved; where it is and goes has been heard.
+            Packet::Response(_) | Packet::Intent => {}
             Packet::ListNumber(theirs) => {
                 let own = self.authenticator.list_number();
                 if let Some(gossip) = &mut self.gossip {
@@ -372,6 +404,25 @@ impl<A: Authenticator> Radio<A> {
             },
         }
         Ok(())
+    }
+
+    /// Passes on where another is and goes, if that is news or has not been said for a while.
+    fn hears_intent(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
+        let before = self.intents.get(&sender);
+        let is_news = match (intent, before) {
+            (None, before) => before.is_some(),
+            (Some(_), None) => true,
+            (Some(intent), Some((before, at))) => {
+                *before != intent || now.since(*at) >= INTENT_REPEATED_AFTER
+            }
+        };
+        if is_news {
+            match intent {
+                Some(intent) => self.intents.insert(sender, (intent, now)),
+                None => self.intents.remove(&sender),
+            };
+            self.outbox.transmit(Transmit::Traffic { sender, intent });
+        }
     }
 
     fn is_asked(&mut self, now: Timestamp, by: NodeId, nonce: u64, of: &NodeSet) {
@@ -481,6 +532,12 @@ impl<A: Authenticator> Machine for Radio<A> {
                         frame,
                         keep_alive,
                     });
+                }
+            }
+            Input::Intend(intent) => {
+                if self.intent != intent {
+                    self.intent = intent;
+                    self.say(&Packet::Intent);
                 }
             }
             Input::Outcome {

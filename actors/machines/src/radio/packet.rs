@@ -18,4 +18,6 @@ pub enum Packet {
     ListNumber(u64),
     /// That list, with the fleet's signature, as the [`Authenticator`](super::Authenticator) has it.
     List(Bytes),
+    /// Nothing but what the frame's header says: where the sender is and goes.
+    Intent,
 }

@@ -354,3 +354,36 @@ fn frames_of_whoever_is_expelled_are_dropped_before_their_signature_is_looked_at
     assert_eq!(transmits, []);
     assert_eq!(events, [Event::Dropped(DropReason::Expelled)]);
 }
+
+#[test]
+fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
+    let way = |north_dm: i32| Intent {
+        from_dm: [0, 0, -300],
+        to_dm: [north_dm, 0, -300],
+    };
+    let (mut speaker, mut listener) = (radio(0), radio(1));
+    let before = sent_by(&mut speaker, b"before");
+    let at_once = frames(told(&mut speaker, 0, Input::Intend(Some(way(600)))).0);
+    assert_eq!(at_once.len(), 1);
+    assert_eq!(packet(&at_once[0]), Packet::Intent);
+    assert!(
+        told(&mut speaker, 0, Input::Intend(Some(way(600))))
+            .0
+            .is_empty()
+    );
+    let after = sent_by(&mut speaker, b"after");
+    let too_long = sent_by(&mut speaker, &[9; PAYLOAD_MAX]);
+    let gone = frames(told(&mut speaker, 0, Input::Intend(None)).0);
+    let mut hears = |now_ms: u64, frame: &Bytes| {
+        let (transmits, _) = told(&mut listener, now_ms, received(frame, None));
+        transmits.into_iter().find_map(|it| match it {
+            Transmit::Traffic { sender, intent } => Some((sender, intent)),
+            _ => None,
+        })
+    };
+    assert_eq!(hears(0, &before), None);
+    assert_eq!(hears(200, &at_once[0]), Some((NodeId(0), Some(way(600)))));
+    assert_eq!(hears(400, &after), None, "that is known");
+    assert_eq!(hears(600, &too_long), None, "no room is no news");
+    assert_eq!(hears(800, &gone[0]), Some((NodeId(0), None)));
+}

@@ -1,6 +1,6 @@
 use std::fmt;
 
-use super::radio::{CHALLENGE, LIST};
+use super::radio::{CHALLENGE, INTENT};
 use super::{FLOOD, HELLO, HOP_UPDATE, TREE};
 
 /// What a packet is, for whoever counts frames.
@@ -29,7 +29,7 @@ impl PacketKind {
             [HOP_UPDATE, ..] => Self::HopUpdate,
             [FLOOD, ..] => Self::Flood,
             [TREE, ..] => Self::Tree,
-            [CHALLENGE..=LIST, ..] => Self::Radio,
+            [CHALLENGE..=INTENT, ..] => Self::Radio,
             _ => Self::Other,
         }
     }

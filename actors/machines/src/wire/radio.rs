@@ -11,7 +11,8 @@ use crate::radio::Packet;
 pub(super) const CHALLENGE: u8 = 4;
 const RESPONSE: u8 = 5;
 const LIST_NUMBER: u8 = 6;
-pub(super) const LIST: u8 = 7;
+const LIST: u8 = 7;
+pub(super) const INTENT: u8 = 8;
 
 /// Writes a packet of the radio.
 #[must_use]
@@ -39,6 +40,7 @@ pub fn encode_radio_packet(packet: &Packet) -> Vec<u8> {
             to.byte(LIST);
             to.0.extend_from_slice(list);
         }
+        Packet::Intent => to.byte(INTENT),
     }
     to.0
 }
@@ -71,6 +73,7 @@ fn read(kind: u8, packet: &[u8]) -> Option<Packet> {
         }
         LIST_NUMBER => Packet::ListNumber(from.long_number()?),
         LIST => return Some(Packet::List(Bytes::copy_from_slice(packet))),
+        INTENT => Packet::Intent,
         _ => return None,
     };
     from.0.is_empty().then_some(packet)

@@ -24,6 +24,11 @@ impl<'a> Reader<'a> {
         take_long_varint::<64>(&mut self.0)
     }
 
+    pub(super) fn signed(&mut self) -> Option<i32> {
+        let number = self.number()?;
+        Some((number >> 1).cast_signed() ^ -(number & 1).cast_signed())
+    }
+
     #[inline]
     pub(super) fn is_there(&mut self) -> Option<bool> {
         match self.byte()? {

@@ -15,6 +15,7 @@ const HEADER: Header = Header {
         rank: 1,
         master: NodeId(4),
     },
+    intent: None,
 };
 
 fn frame(payload: &[u8]) -> Vec<u8> {
@@ -207,9 +208,37 @@ fn a_frame_is_read_back_without_a_copy() {
 }
 
 #[test]
+fn a_frame_says_where_its_sender_is_and_goes_if_that_is_known() {
+    let intent = Intent {
+        from_dm: [-1, 64, -300],
+        to_dm: [i32::MAX, 0, i32::MIN],
+    };
+    let header = Header {
+        intent: Some(intent),
+        ..HEADER
+    };
+    let said = |header: &Header| {
+        let mut frame = encode_covered(header, b"payload", Vec::new());
+        frame.extend_from_slice(&[9; AUTHENTICATOR_LEN]);
+        frame
+    };
+    let (with, without) = (said(&header), said(&HEADER));
+    let read = decode_frame(&with).unwrap();
+    assert_eq!((read.header, read.payload), (header, &b"payload"[..]));
+    assert_eq!(sender(&with), Some(header.sender));
+    // As postcard writes them.
+    let numbers = postcard::to_allocvec(&(intent.from_dm, intent.to_dm)).unwrap();
+    assert_eq!(with.len(), without.len() + numbers.len());
+    let begin = with.len() - AUTHENTICATOR_LEN - b"payload".len() - numbers.len();
+    assert_eq!(with[begin..][..numbers.len()], numbers);
+    let cut = [&with[..begin + 3], &[9; AUTHENTICATOR_LEN]].concat();
+    assert_eq!(decode_frame(&cut), Err(FrameError::TooShort));
+}
+
+#[test]
 fn frames_of_the_wrong_form_are_told_apart() {
     let mut other_version = frame(b"");
-    other_version[0] = VERSION + 1;
+    other_version[0] = VERSION_WITH_INTENT + 1;
     assert_eq!(decode_frame(&other_version), Err(FrameError::Version));
     assert_eq!(decode_frame(&[VERSION; 64]), Err(FrameError::TooShort));
     assert_eq!(decode_frame(&[VERSION; 66]), Err(FrameError::TooShort));
@@ -230,6 +259,7 @@ fn the_largest_header_leaves_room_for_the_largest_payload() {
             rank: u32::MAX,
             master: NodeId(u32::MAX),
         },
+        intent: None,
     };
     let covered = encode_covered(&header, &[0; PAYLOAD_MAX], Vec::new());
     assert_eq!(covered.len() + AUTHENTICATOR_LEN, DATAGRAM_MAX);

@@ -23,6 +23,11 @@ impl Writer {
         self.byte(number as u8);
     }
 
+    /// As postcard has it: small numbers of either sign take few bytes.
+    pub(super) fn signed(&mut self, number: i32) {
+        self.number(((number << 1) ^ (number >> 31)).cast_unsigned());
+    }
+
     pub(super) fn hops(&mut self, hops: Option<u16>) {
         self.or_nothing(hops, |to, hops| to.number(hops.into()));
     }
