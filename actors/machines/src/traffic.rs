@@ -2,11 +2,14 @@
 //!
 //! Nobody begins a way that comes too near to another's. Two that begin at the same moment do not know of each other yet:
 //! once they do, one of them stops. Both find the same one: it is the other that goes on if that stands still or flies
-//! straight up or down, and of two that do the same the one with the lower number.
+//! straight up or down, and of two that do the same the one with the lower number. Who waits for one that does not go flies
+//! round it.
 
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::time::Duration;
 
+use nalgebra::{Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::formation::{Separation, Way};
@@ -14,13 +17,26 @@ use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
-/// For how long a drone may be silent that is thought to be in the air where it said: as ArduPilot's `FS_GCS_TIMEOUT`, after
-/// which a flight controller comes down that hears nothing of its computer.
-const SILENT_AFTER: Duration = Duration::from_secs(5);
-/// For how long a silent drone is thought to be on its way down: 120 m at 1 m/s.
-const FORGOTTEN_AFTER: Duration = Duration::from_secs(125);
+/// For how long a silent drone is thought to be where it said. It may be out of reach, and elsewhere by then; one that is
+/// dead is missed before that, and all fly above where it comes down.
+const FORGOTTEN_AFTER: Duration = Duration::from_secs(30);
+/// After how long a silent drone is thought to be where its way ends: it has flown on, out of reach.
+const THERE_AFTER: Duration = Duration::from_secs(5);
 /// Two ways of which one is the other elsewhere, for their lengths and directions differ by no more than this, in metres.
 const ALIKE_M: f64 = 1.0;
+/// How far aside a way round is looked for, counted in how far from others drones keep over ground.
+const ASIDE: [f64; 2] = [2.2, 4.4];
+/// In which directions, clockwise from the way's own, in radians: half ahead first.
+const TURNS_RAD: [f64; 8] = [
+    FRAC_PI_4,
+    -FRAC_PI_4,
+    FRAC_PI_2,
+    -FRAC_PI_2,
+    3.0 * FRAC_PI_4,
+    -3.0 * FRAC_PI_4,
+    PI,
+    0.0,
+];
 /// A way is flown straight up or down if it leads no farther over ground, in metres.
 const UPRIGHT_M: f64 = 1.0;
 
@@ -103,8 +119,7 @@ impl Traffic {
     }
 
     /// Whether a way may be begun: no other is near it, and none is on a way that comes near it.
-    pub(crate) fn is_free(&mut self, now: Timestamp, way: Way) -> bool {
-        self.forget(now);
+    pub(crate) fn is_free(&self, now: Timestamp, way: Way) -> bool {
         self.near(now, way).next().is_none()
     }
 
@@ -115,6 +130,30 @@ impl Traffic {
         near.any(|(id, other)| (Manner::of(other), id) < own)
     }
 
+    /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the height where it begins, then
+    /// up or down to the height where it ends, and from there straight on.
+    pub(crate) fn way_round(&self, now: Timestamp, way: Way) -> Option<[Ned; 2]> {
+        let mut in_the_way = self.near(now, way);
+        if in_the_way.any(|(_, other)| Manner::of(other) != Manner::StandsStill) {
+            return None;
+        }
+        let ahead = (way.to - way.from).0.xy();
+        let ahead = ahead.try_normalize(UPRIGHT_M).unwrap_or_else(Vector2::x);
+        let sides = ASIDE.iter().flat_map(|far| {
+            let distance_m = far * self.separation.horizontal_m;
+            TURNS_RAD.iter().map(move |turn_rad| {
+                let aside = Rotation2::new(*turn_rad) * ahead * distance_m;
+                way.from + Ned::new(aside.x, aside.y, 0.0)
+            })
+        });
+        let mut ways_round = sides.map(|side| [side, side.at_altitude(way.to.altitude_m())]);
+        ways_round.find(|[side, level]| {
+            let legs = [(way.from, *side), (*side, *level), (*level, way.to)];
+            let mut legs = legs.into_iter().map(|(from, to)| Way { from, to });
+            legs.all(|leg| self.is_free(now, leg))
+        })
+    }
+
     /// Who is too near a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it stays as far;
     /// and nobody who is too near where the way begins, for to wait there would not help.
     fn near(&self, now: Timestamp, way: Way) -> impl Iterator<Item = (NodeId, Way)> {
@@ -123,28 +162,19 @@ impl Traffic {
             to: way.from,
         };
         self.others.iter().filter_map(move |(id, (said, at))| {
-            let is_silent = now.since(*at) > SILENT_AFTER;
-            let other = if is_silent {
-                Way {
-                    from: said.to,
-                    to: said.to.at_altitude(said.to.altitude_m().min(0.0)),
-                }
-            } else {
-                *said
-            };
-            let flies_alike = !is_silent
-                && Manner::of(other) == Manner::FliesOn
+            let silent = now.since(*at);
+            let mut other = *said;
+            if silent > THERE_AFTER && Manner::of(other) == Manner::FliesOn {
+                other.from = other.to;
+            }
+            let flies_alike = Manner::of(other) == Manner::FliesOn
                 && ((way.to - way.from).0 - (other.to - other.from).0).norm() < ALIKE_M;
-            let is_in_the_way = !flies_alike
+            let is_in_the_way = silent <= FORGOTTEN_AFTER
+                && !flies_alike
                 && way.comes_near(other, self.separation)
                 && !here.comes_near(other, self.separation);
             is_in_the_way.then_some((*id, other))
         })
-    }
-
-    fn forget(&mut self, now: Timestamp) {
-        self.others
-            .retain(|_, (_, at)| now.since(*at) <= FORGOTTEN_AFTER);
     }
 }
 
@@ -212,7 +242,7 @@ mod tests {
     #[test]
     fn whoever_is_too_near_already_does_not_hold_a_drone_there() {
         let there = at(3.0, 0.0, 12.0);
-        let mut known = traffic(&[(2, way(there, there))]);
+        let known = traffic(&[(2, way(there, there))]);
         let away = way(at(0.0, 0.0, 12.0), at(-50.0, 0.0, 12.0));
         assert!(known.is_free(seconds(1.0), away));
     }
@@ -232,13 +262,39 @@ mod tests {
     }
 
     #[test]
-    fn below_one_that_has_fallen_silent_nobody_passes_until_it_must_be_down() {
-        let there = at(60.0, 0.0, 30.0);
-        let mut known = traffic(&[(2, way(there, there))]);
-        let below = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
-        let above = way(at(0.0, 0.0, 36.0), at(160.0, 0.0, 36.0));
-        assert!(known.is_free(seconds(4.0), below));
-        assert!(!known.is_free(seconds(6.0), below) && known.is_free(seconds(6.0), above));
-        assert!(known.is_free(seconds(126.0), below));
+    fn round_one_that_stays_leads_a_way_that_is_free() {
+        let (below, above) = (at(0.0, 0.0, 12.0), at(0.0, 0.0, 24.0));
+        let amid = at(0.0, 0.0, 18.0);
+        let known = traffic(&[(2, way(amid, amid))]);
+        let [side, level] = known.way_round(seconds(1.0), way(below, above)).unwrap();
+        assert_eq!((side.altitude_m(), level.altitude_m()), (12.0, 24.0));
+        assert!((side.horizontal_distance_m(below) - 11.0).abs() < 1e-9);
+        let climbs = traffic(&[(2, way(amid, above))]);
+        assert_eq!(
+            climbs.way_round(seconds(1.0), way(below, above)),
+            None,
+            "it goes"
+        );
+        // One that stands where the way ends leaves none.
+        let there = traffic(&[(2, way(above, above))]);
+        assert_eq!(there.way_round(seconds(1.0), way(below, above)), None);
+        // On a leg, and with another beside it: on the other side, or farther out.
+        let leg = way(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+        let (ahead, beside) = (at(60.0, 0.0, 12.0), at(10.0, 10.0, 12.0));
+        let known = traffic(&[(2, way(ahead, ahead)), (3, way(beside, beside))]);
+        let [side, level] = known.way_round(seconds(1.0), leg).unwrap();
+        assert_eq!(side, level);
+        assert!(side.east_m() < -9.0, "{side:?}");
+    }
+
+    #[test]
+    fn one_that_has_fallen_silent_is_thought_to_be_there_for_a_while() {
+        let there = at(60.0, 0.0, 12.0);
+        let known = traffic(&[(2, way(there, there))]);
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        assert!(!known.is_free(seconds(30.0), leg) && known.is_free(seconds(30.1), leg));
+        // One that was on its way has arrived, where it can't be heard.
+        let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
+        assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
     }
 }

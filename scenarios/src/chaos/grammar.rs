@@ -1,8 +1,8 @@
 //! What a plan may hold.
 //!
 //! Every kind of fault is as likely as any other. It befalls at a time of the flight, at a waypoint, or upon an occasion;
-//! a master, or any drone; once, or several times; for a while, or for good. Links are those between two drones or
-//! between two halves of the swarm.
+//! a master, or any drone, or several at once; once, or several times; for a while, or for good. Links are those between two
+//! drones or between two halves of the swarm.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -119,8 +119,21 @@ pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<F
         scenario,
         rng,
     };
-    let number = drawing.rng.random_range(1..=most);
-    (0..number).map(|_| drawing.fault()).collect()
+    let number = drawing.rng.random_range(1..=most) as usize;
+    let mut faults = Vec::with_capacity(number);
+    while faults.len() < number {
+        let fault = drawing.fault();
+        faults.push(fault.clone());
+        let FaultKind::Drone(_, mishap) = fault.kind else {
+            continue;
+        };
+        while faults.len() < number && drawing.rng.random_ratio(1, 3) {
+            let kind = FaultKind::Drone(Target::Drone(drawing.node()), mishap);
+            let fault = fault.clone();
+            faults.push(Fault { kind, ..fault });
+        }
+    }
+    faults
 }
 
 struct Drawing<'a, R> {

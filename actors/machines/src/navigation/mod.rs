@@ -23,6 +23,8 @@ pub use self::watch::{Failsafe, Failure, Fence};
 const ARRIVAL_RADIUS_M: f64 = 1.0;
 /// How often a drone looks whether a way is free that it waits to fly, besides whenever another says that it goes.
 const TRY_AGAIN_AFTER: Duration = Duration::from_millis(500);
+/// How long it waits before it flies round whoever does not go: as long as a process that hangs is given.
+const ROUND_AFTER: Duration = Duration::from_secs(3);
 
 /// How fast the vehicle may fly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,6 +189,8 @@ pub struct Navigation {
     traffic: Option<Traffic>,
     /// The way that the drone flies or waits to fly, as the others were told last.
     way: Option<Way>,
+    /// Since when it has waited for its way to be free.
+    waits_since: Option<Timestamp>,
     /// When it next looks whether a way is free that it waits to fly.
     next_try: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -204,6 +208,7 @@ impl Navigation {
             watch: Watch::default(),
             traffic: config.avoid.map(|it| Traffic::new(id, it)),
             way: None,
+            waits_since: None,
             next_try: None,
             outbox: Outbox::new(),
         };
@@ -244,6 +249,7 @@ impl Navigation {
         }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
+            self.waits_since = None;
             self.progress(Progress::Planning);
         }
         if self.durable.progress == Progress::Done {
@@ -473,10 +479,13 @@ impl Navigation {
         };
         self.next_try = None;
         if telemetry.target != Some(corner) {
-            if self.traffic.as_mut().is_none_or(|it| it.is_free(now, way)) {
+            if self.traffic.as_ref().is_none_or(|it| it.is_free(now, way)) {
+                self.waits_since = None;
                 self.intend(way.from, way.to);
                 let leg = self.leg(telemetry.stop, corner);
                 self.demand(Demand::Fly(leg));
+            } else if let Some(side) = self.turn_aside(now, way) {
+                self.fly(now, side, telemetry);
             } else {
                 self.wait(now, corner, telemetry);
             }
@@ -489,9 +498,24 @@ impl Navigation {
         }
     }
 
+    /// Lays a way round whoever stays in the way for too long, if there is one; where it begins.
+    fn turn_aside(&mut self, now: Timestamp, way: Way) -> Option<Ned> {
+        let has_waited = now.since(self.waits_since?) >= ROUND_AFTER;
+        let traffic = self.traffic.as_ref().filter(|_| has_waited)?;
+        let [side, level] = traffic.way_round(now, way)?;
+        let Progress::Flying(mut corners) = self.durable.progress.clone() else {
+            return None;
+        };
+        corners.push_front(level);
+        corners.push_front(side);
+        self.progress(Progress::Flying(corners));
+        Some(side)
+    }
+
     /// Comes to rest, and tries again.
     fn wait(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
         self.next_try = Some(now + TRY_AGAIN_AFTER);
+        self.waits_since.get_or_insert(now);
         self.intend(telemetry.stop, telemetry.stop);
         if !telemetry.at_rest || telemetry.target == Some(corner) {
             self.demand(Demand::Fly(Setpoint::Hold {

@@ -454,6 +454,33 @@ fn it_looks_again_by_itself_whether_its_way_is_free() {
 }
 
 #[test]
+fn round_one_that_does_not_go_it_flies_after_a_while() {
+    let mut navigation = avoids();
+    let (start, to) = (Ned::new(0.0, 0.0, -12.0), Ned::new(0.0, 0.0, -24.0));
+    let amid = Ned::new(0.0, 0.0, -18.0);
+    hears_of(&mut navigation, 2, amid, amid);
+    told(&mut navigation, Input::Goal(Goal::TransitTo { to }));
+    told(&mut navigation, at_rest_at(start));
+    let later = Timestamp::ZERO + ROUND_AFTER;
+    let mut said = Vec::new();
+    let Ok(_) = step(
+        &mut navigation,
+        later,
+        Stimulus::Input(at_rest_at(start)),
+        |it| {
+            if let Said::Transmit(transmit) = it {
+                said.push(transmit);
+            }
+        },
+    );
+    let side = leg(&said[1..]).0;
+    assert_eq!(said[0], intends(start, side));
+    assert!(side.horizontal_distance_m(start) > 10.0);
+    let up = told(&mut navigation, at_rest_at(side));
+    assert_eq!(leg(&up[1..]).0, side.at_altitude(24.0));
+}
+
+#[test]
 fn in_mid_leg_it_stops_for_whoever_goes_first() {
     let to = Ned::new(100.0, 0.0, -25.0);
     let across = [Ned::new(50.0, -50.0, -25.0), Ned::new(50.0, 50.0, -25.0)];
