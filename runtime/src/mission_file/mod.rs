@@ -94,6 +94,8 @@ pub enum NoteKind {
     CurveIgnored,
     /// A jump without end: the swarm goes on behind it.
     EndlessJumpIgnored,
+    /// The indices of a waypoints file are not 0, 1, 2, …: its items are taken in the order of their lines.
+    IndicesIgnored,
     /// The file has no home: it is taken to be where this item is.
     HomeTaken,
     /// A geofence, which only a scenario can give.
@@ -137,6 +139,9 @@ impl fmt::Display for Note {
             NoteKind::CurveIgnored => f.write_str("the curve is flown as a straight leg"),
             NoteKind::EndlessJumpIgnored => f.write_str(
                 "the jump has no end and is ignored, the swarm goes on with the next item",
+            ),
+            NoteKind::IndicesIgnored => f.write_str(
+                "the numbers are not 0, 1, 2, …, the items are taken in the order of their lines",
             ),
             NoteKind::HomeTaken => {
                 f.write_str("home is taken to be there, the file does not say where it is")
@@ -191,7 +196,7 @@ pub fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
     if begins.starts_with('{') {
         return route::follow(document, qgc_plan::read(document)?);
     }
-    if begins.starts_with("QGC WPL") {
+    if waypoints::is_begun(text) {
         return route::follow(document, waypoints::read(document)?);
     }
     if begins.starts_with('<') {

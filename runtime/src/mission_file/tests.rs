@@ -136,6 +136,64 @@ fn windows_line_ends_and_comments_change_nothing() {
 }
 
 #[test]
+fn tabs_and_comments_in_and_before_the_header_change_nothing() {
+    let tabs = RIVER.replacen("QGC WPL 110", "# of the river\n\nQGC\tWPL\t110", 1);
+    assert_eq!(mission(&tabs), mission(RIVER));
+}
+
+const IN_LINE_ORDER: &str =
+    "index: the numbers are not 0, 1, 2, …, the items are taken in the order of their lines";
+
+#[test]
+fn items_are_flown_in_the_order_of_their_lines_whatever_their_indices() {
+    for (second, third) in [("4", "9"), ("1", "1"), ("0", "0"), ("3", "2")] {
+        let text = SHORT
+            .replace("\n2 0", &format!("\n{second} 0"))
+            .replace("\n3 0", &format!("\n{third} 0"));
+        let numbered = mission(&text);
+        assert_eq!(numbered.waypoints(), mission(SHORT).waypoints());
+        assert_eq!(notes(&numbered), [IN_LINE_ORDER]);
+    }
+}
+
+#[test]
+fn a_jump_goes_by_indices_that_ascend() {
+    let jump = "4 0 3 177 2 2 0 0 0 0 0 1\n";
+    let gaps = SHORT.replace("\n3 0", "\n5 0").replace("\n2 0", "\n4 0");
+    let jumps = mission(&format!("{gaps}8 0 3 177 4 2 0 0 0 0 0 1\n"));
+    assert_eq!(jumps.waypoints(), short_with(jump).waypoints());
+}
+
+#[test]
+fn a_mission_read_back_from_an_autopilot_has_no_home_line() {
+    let text = SHORT.replace("0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n", "");
+    let read_back = mission(&text);
+    assert_eq!(heights(&read_back), [25.0, 30.0]);
+    assert_eq!(
+        notes(&read_back),
+        [
+            IN_LINE_ORDER,
+            "item 2: home is taken to be there, the file does not say where it is",
+            "item 2: the waypoint is left out, it is where the one before it is",
+        ]
+    );
+    // Its first item is none that says where home is, even above sea level.
+    let refused = parse(Path::new("given"), &text.replace("2 0 3 16", "2 0 0 16"));
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("above sea level"), "{refused}");
+}
+
+#[test]
+fn an_item_without_a_command_says_that_home_is_not_set() {
+    let unset = mission(&SHORT.replace(
+        "0 1 0 16 0 0 0 0 39.333 -0.3085 2 1",
+        "0 1 0 0 0 0 0 0 0 0 0 1",
+    ));
+    assert_eq!(unset.home(), Geodetic::new(39.336, -0.3085, 0.0).unwrap());
+    assert_eq!(unset.notes()[0].kind(), NoteKind::HomeTaken);
+}
+
+#[test]
 fn without_take_off_the_first_waypoint_gives_the_height() {
     let text = SHORT
         .replace("1 0 3 22 0 0 0 0 0 0 25 1\n", "")

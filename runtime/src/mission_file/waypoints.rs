@@ -1,13 +1,13 @@
 //! The `QGC WPL 110` text: a header, then an item a line.
 //!
 //! Source: *File Formats*, "Mission Plain-Text File Format", of the MAVLink developer guide. Deviations, as the readers
-//! in common use have them: any white space separates columns, and empty lines and those that begin with `#` are
-//! passed over.
+//! in common use have them: any white space separates columns, empty lines and those that begin with `#` are passed over,
+//! and items are taken in the order of their lines, whatever their indices.
 
-use super::ITEMS_MAX;
 use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Written, quoted};
 use super::item::{Home, Item, Listing, Position};
+use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
 const COLUMNS: [&str; 12] = [
@@ -28,22 +28,30 @@ const COLUMNS: [&str; 12] = [
 /// `MAV_FRAME_GLOBAL`: altitudes above sea level.
 const HOME_FRAME: u16 = 0;
 
+/// What Mission Planner writes as the command of item 0 while home is not set.
+const NO_COMMAND: u16 = 0;
+
+/// Whether a text is of this format, of whichever version.
+pub(super) fn is_begun(text: &str) -> bool {
+    let header = lines(text).next().unwrap_or_default();
+    header.split_whitespace().take(2).eq(["QGC", "WPL"])
+}
+
 pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
-    let mut lines = document
-        .text
-        .lines()
-        .filter(|line| !line.trim().is_empty() && !line.starts_with('#'));
+    let mut lines = lines(document.text);
     check_header(document, lines.next().unwrap_or(document.end()))?;
+    let rows: Vec<&str> = lines.collect();
+    if let Some(row) = rows.get(ITEMS_MAX) {
+        return Err(document.refuse(
+            row,
+            format_args!("the file has more than {ITEMS_MAX} items"),
+            format!("at most {ITEMS_MAX} are read, home included"),
+        ));
+    }
+    let indices = Indices::of(&rows);
     let mut items = Vec::new();
-    for line in lines {
-        if items.len() == ITEMS_MAX {
-            return Err(document.refuse(
-                line,
-                format_args!("the file has more than {ITEMS_MAX} items"),
-                format!("at most {ITEMS_MAX} are read, home included"),
-            ));
-        }
-        items.push(item(document, line, items.len())?);
+    for (place, row) in rows.iter().enumerate() {
+        items.push(item(document, row, indices.number(place))?);
     }
     if items.is_empty() {
         return Err(document.refuse(
@@ -52,12 +60,94 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
             "save the mission again: an item a line follows the header",
         ));
     }
+    indices.check_jumps(document, &items)?;
     Ok(Listing {
-        home: take_home(&mut items),
+        home: if indices.begin_with_home() {
+            take_home(&mut items)
+        } else {
+            Home::Missing
+        },
         items,
-        notes: Vec::new(),
+        notes: indices.note().into_iter().collect(),
         items_at: document.end(),
     })
+}
+
+/// The lines that say something.
+fn lines(text: &str) -> impl Iterator<Item = &str> {
+    text.lines()
+        .filter(|line| !line.trim().is_empty() && !line.starts_with('#'))
+}
+
+/// What the column `index` says, which people and programs write as they like.
+enum Indices {
+    /// Each above the one before: they are the numbers by which jumps know the items.
+    Ascending(Vec<u16>),
+    /// Anything else: they number nothing.
+    Unordered { first: Option<u16> },
+}
+
+impl Indices {
+    fn of(rows: &[&str]) -> Self {
+        let index = |row: &&str| row.split_whitespace().next()?.parse().ok();
+        let indices: Option<Vec<u16>> = rows.iter().map(index).collect();
+        match indices {
+            Some(indices) if indices.is_sorted_by(|index, next| index < next) => {
+                Self::Ascending(indices)
+            }
+            _ => Self::Unordered {
+                first: rows.first().and_then(index),
+            },
+        }
+    }
+
+    /// The number of the item on this line of items: its index, or how many lines come before.
+    fn number(&self, place: usize) -> usize {
+        match self {
+            Self::Ascending(indices) => indices.get(place).copied().map_or(place, usize::from),
+            Self::Unordered { .. } => place,
+        }
+    }
+
+    /// Home is item 0. A mission that was read back from an autopilot, as DroneKit writes it, has none.
+    fn begin_with_home(&self) -> bool {
+        match self {
+            Self::Ascending(indices) => indices.first() == Some(&0),
+            Self::Unordered { first } => *first == Some(0),
+        }
+    }
+
+    fn note(&self) -> Option<Note> {
+        let is_usual = match self {
+            Self::Ascending(indices) => (0..).zip(indices).all(|(place, index)| place == *index),
+            Self::Unordered { .. } => false,
+        };
+        if is_usual {
+            return None;
+        }
+        Some(Note {
+            item: COLUMNS[0].to_owned(),
+            kind: NoteKind::IndicesIgnored,
+        })
+    }
+
+    /// A jump names an item by its index.
+    fn check_jumps(&self, document: Document<'_>, items: &[Item<'_>]) -> Result<(), BadInput> {
+        let Self::Unordered { .. } = self else {
+            return Ok(());
+        };
+        match items.iter().find(|item| is(item, Manoeuvre::Jump)) {
+            Some(jump) => Err(document.refuse(
+                jump.first.text,
+                format_args!(
+                    "{}: it jumps to an index, and the file's indices do not ascend",
+                    jump.name
+                ),
+                "number the items from 0 in the order of their lines, or save the mission again from a ground station",
+            )),
+            None => Ok(()),
+        }
+    }
 }
 
 fn check_header(document: Document<'_>, line: &str) -> Result<(), BadInput> {
@@ -71,31 +161,31 @@ fn check_header(document: Document<'_>, line: &str) -> Result<(), BadInput> {
     ))
 }
 
-fn item<'a>(document: Document<'a>, line: &'a str, expected: usize) -> Result<Item<'a>, BadInput> {
+fn item<'a>(document: Document<'a>, line: &'a str, number: usize) -> Result<Item<'a>, BadInput> {
     let columns: Vec<&'a str> = line.split_whitespace().take(COLUMNS.len() + 1).collect();
     let Ok(columns) = <[&'a str; COLUMNS.len()]>::try_from(columns) else {
         let count = line.split_whitespace().count();
         return Err(document.refuse(
             line,
-            format_args!("item {expected} has {count} columns"),
+            format_args!("item {number} has {count} columns"),
             format!("a line has {}: {}", COLUMNS.len(), COLUMNS.join(" ")),
         ));
     };
     let row = Row {
         document,
         columns,
-        index: expected,
+        number,
     };
-    row.check_index()?;
+    row.code(0)?;
     row.flag(1)?;
     for parameter in 6..8 {
         row.number(parameter)?;
     }
     Ok(Item {
-        name: format!("item {expected}"),
+        name: format!("item {number}"),
         frame: row.code(2)?,
         command: row.code(3)?,
-        number: u16::try_from(expected).ok(),
+        number: u16::try_from(number).ok(),
         first: row.number(4)?,
         second: row.number(5)?,
         position: Position {
@@ -108,19 +198,22 @@ fn item<'a>(document: Document<'a>, line: &'a str, expected: usize) -> Result<It
 }
 
 /// Takes out item 0 where it says where home is. Ground stations write it as a waypoint above sea level; some above home, at
-/// height 0, or before the take-off. Those for PX4 leave it out.
+/// height 0, or before the take-off; Mission Planner without a command while home is not set. Those for PX4 leave it out.
 fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
-    let is =
-        |item: &Item<'_>, manoeuvre| handling(item.command.value) == Handling::Flown(manoeuvre);
-    let Some(first) = items.first().filter(|item| is(item, Manoeuvre::Waypoint)) else {
+    let Some(first) = items.first() else {
         return Home::Missing;
     };
+    if first.command.value == NO_COMMAND && first.position.has_no_coordinates() {
+        items.remove(0);
+        return Home::Missing;
+    }
     let is_above_sea_level = first.frame.value == HOME_FRAME;
     let is_on_the_ground = first.position.altitude_m.value == Some(0.0);
     let is_before_take_off = items
         .get(1)
         .is_some_and(|item| is(item, Manoeuvre::TakeOff));
-    if !is_above_sea_level && !is_on_the_ground && !is_before_take_off {
+    let is_home = is_above_sea_level || is_on_the_ground || is_before_take_off;
+    if !is(first, Manoeuvre::Waypoint) || !is_home {
         return Home::Missing;
     }
     let home = items.remove(0).position;
@@ -131,24 +224,18 @@ fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
     }
 }
 
+fn is(item: &Item<'_>, manoeuvre: Manoeuvre) -> bool {
+    handling(item.command.value) == Handling::Flown(manoeuvre)
+}
+
 /// A line that has all its columns.
 struct Row<'a> {
     document: Document<'a>,
     columns: [&'a str; COLUMNS.len()],
-    index: usize,
+    number: usize,
 }
 
 impl<'a> Row<'a> {
-    fn check_index(&self) -> Result<(), BadInput> {
-        if self.columns[0].parse() == Ok(self.index) {
-            return Ok(());
-        }
-        Err(self.refuse(
-            0,
-            &format!("{}: items are numbered from 0 in order", self.index),
-        ))
-    }
-
     fn code(&self, column: usize) -> Result<Written<'a, u16>, BadInput> {
         let text = self.columns[column];
         match text.parse() {
@@ -183,7 +270,7 @@ impl<'a> Row<'a> {
             text,
             format_args!(
                 "the column `{name}` of item {} is {}",
-                self.index,
+                self.number,
                 quoted(text)
             ),
             format!("`{name}` must be {accepted}"),

@@ -259,9 +259,14 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 "3 0 3 16 0 0 x 0 39.339 -0.3085 30 1",
             ),
             (
-                "a missing index",
+                "an index that is text",
                 waypoint,
-                "4 0 3 16 0 0 0 0 39.339 -0.3085 30 1",
+                "three 0 3 16 0 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a jump where an index is there twice",
+                waypoint,
+                "2 0 3 177 2 1 0 0 0 0 0 1",
             ),
             (
                 "a command that is text",
@@ -280,6 +285,7 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
             ),
             ("too far", waypoint, "3 0 3 16 0 0 0 0 41 -0.3085 30 1"),
             ("no home", "0 1 0 16", "0 1 0 22"),
+            ("a place without a command", "0 1 0 16", "0 1 0 0"),
             ("home that is NaN", "39.333 -0.3085 2", "39.333 nan 2"),
             (
                 "landing at no number",
