@@ -1,6 +1,7 @@
 //! A MAVLink mission item, from whichever format.
 
 use super::Note;
+use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Written};
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, GeodeticError};
@@ -19,10 +20,13 @@ pub(super) struct Listing<'a> {
 /// Where a file says that home is.
 #[derive(Debug)]
 pub(super) enum Home<'a> {
-    /// With its height above sea level.
-    Given(Position<'a>),
-    /// Without.
-    OnTheGround(Position<'a>),
+    /// Where the operator has planned it, with its height above sea level.
+    Planned(Position<'a>),
+    /// In item 0 of a waypoints file, which an autopilot overwrites with where it arms.
+    Item0 {
+        at: Position<'a>,
+        is_above_sea_level: bool,
+    },
     /// Nowhere: the first place that the mission comes to is taken.
     Missing,
 }
@@ -41,6 +45,12 @@ pub(super) struct Item<'a> {
     pub(super) second: Written<'a, Option<f64>>,
     pub(super) position: Position<'a>,
     pub(super) auto_continue: bool,
+}
+
+impl Item<'_> {
+    pub(super) fn is_flown_as(&self, manoeuvre: Manoeuvre) -> bool {
+        handling(self.command.value) == Handling::Flown(manoeuvre)
+    }
 }
 
 /// The last three parameters of an item, or home. Numbers are finite, `None` where the file says `NaN` or `null`.

@@ -6,8 +6,10 @@
 
 mod command;
 mod document;
+mod home;
 mod item;
 mod json;
+mod jumps;
 mod kml;
 mod qgc_plan;
 mod route;
@@ -92,12 +94,20 @@ pub enum NoteKind {
     MergedWithPrevious,
     /// A curve: the swarm flies straight to its end.
     CurveIgnored,
-    /// A jump without end: the swarm goes on behind it.
+    /// A jump back without end: the swarm goes on behind it.
     EndlessJumpIgnored,
     /// The indices of a waypoints file are not 0, 1, 2, …: its items are taken in the order of their lines.
     IndicesIgnored,
     /// The file has no home: it is taken to be where this item is.
     HomeTaken,
+    /// All of the mission's places are far from the home that item 0 of a waypoints file says, and near each other: home
+    /// is taken to be where this item is.
+    HomeReplaced {
+        /// How far from there item 0 is, in metres.
+        distance_m: f64,
+    },
+    /// An item after the return to launch, which ends the mission.
+    LeftOutAfterReturn,
     /// A geofence, which only a scenario can give.
     FenceIgnored,
     /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
@@ -146,6 +156,14 @@ impl fmt::Display for Note {
             NoteKind::HomeTaken => {
                 f.write_str("home is taken to be there, the file does not say where it is")
             }
+            NoteKind::HomeReplaced { distance_m } => write!(
+                f,
+                "home is taken to be there, not in item 0, {:.0} km away, which autopilots overwrite",
+                distance_m / 1_000.0
+            ),
+            NoteKind::LeftOutAfterReturn => {
+                f.write_str("the item is left out, the mission ends with the return to launch")
+            }
             NoteKind::FenceIgnored => {
                 f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
             }
@@ -164,13 +182,14 @@ impl fmt::Display for Note {
 /// `NAV_TAKEOFF` gives the height of the first point, which is over home whatever the item's coordinates; without one
 /// the first `NAV_WAYPOINT` gives it. Each `NAV_WAYPOINT` adds a point. The route ends with the items, or with
 /// `NAV_RETURN_TO_LAUNCH`, which adds a point over home, or `NAV_LAND`, which adds one over its coordinates if it has
-/// any; both at the height of the last point. Altitudes may be above home or above sea level; not above the ground, of
+/// any; both at the height of the last point. Items after the return are left out, with a [`Note`]. Altitudes may be above home or above sea level; not above the ground, of
 /// which the swarm has no map. `NAV_LOITER_TIME` and `NAV_SPLINE_WAYPOINT` are points, too; so is
 /// `NAV_CONTINUE_AND_CHANGE_ALT`, or a waypoint without coordinates, where the point before it is. `DO_JUMP` goes on at the
-/// item that it names, as often as it says.
+/// item that it names, as often as it says, but not past the return.
 ///
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
-/// altitude may be above sea level.
+/// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are
+/// further from than [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M), and these are near each other.
 ///
 /// Other commands that move no drone are ignored, with a [`Note`]. A waypoint that is exactly where the one before it
 /// is, as surveys have them, is left out with a note. `NaN` (in JSON, `null`) in a parameter says, as in MAVLink, that

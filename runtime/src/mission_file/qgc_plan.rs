@@ -104,7 +104,7 @@ fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Home<'a>, BadInpu
     Ok(if position.has_no_coordinates() {
         Home::Missing
     } else {
-        Home::Given(position)
+        Home::Planned(position)
     })
 }
 

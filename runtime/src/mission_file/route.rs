@@ -4,8 +4,10 @@ use muster_machines::geometry::Ned;
 
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
-use super::item::{Home, Item, Listing, Position};
-use super::{HEIGHT_MAX_M, ITEMS_MAX, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
+use super::home::Origin;
+use super::item::{Item, Listing};
+use super::jumps::Jumps;
+use super::{HEIGHT_MAX_M, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, about_home, whole_millimetres};
 
@@ -14,131 +16,31 @@ const ACCEPTED_COMMANDS: &str = "a swarm flies NAV_TAKEOFF (22), NAV_WAYPOINT (1
 
 /// Turns what a file says into what a swarm flies.
 pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mission, BadInput> {
+    let Origin {
+        home,
+        knows_sea_level,
+        note,
+    } = Origin::of(document, &listing)?;
     let mut notes = listing.notes;
-    let (home, knows_sea_level) = match &listing.home {
-        Home::Given(at) => {
-            let altitude_m = at.altitude_m(document, "home")?;
-            (at.geodetic(document, "home", altitude_m)?, true)
-        }
-        Home::OnTheGround(at) => (at.geodetic(document, "home", 0.0)?, false),
-        Home::Missing => {
-            let first = listing.items.iter().find(|item| item.is_at_a_place());
-            let Some(first) = first else {
-                return Err(document.refuse(listing.items_at, NO_HOME, SET_HOME));
-            };
-            notes.push(Note {
-                item: first.name.clone(),
-                kind: NoteKind::HomeTaken,
-            });
-            (first.position.geodetic(document, &first.name, 0.0)?, false)
-        }
-    };
+    notes.extend(note);
     let mut route = Route {
         document,
         home,
         knows_sea_level,
         points: Vec::new(),
         nav_waypoints: 0,
-        ended_by: None,
+        end: None,
         notes,
     };
-    let jumps = Jumps {
+    for item in (Jumps {
         document,
         items: &listing.items,
-    };
-    for item in jumps.flown()? {
+    })
+    .flown()?
+    {
         route.add(item)?;
     }
     route.finish(listing.items_at)
-}
-
-const NO_HOME: &str = "the file says neither where home is nor any other place";
-const SET_HOME: &str =
-    "set the planned home position in the ground station, and save the mission again";
-
-impl Item<'_> {
-    /// Whether a drone flies to its coordinates.
-    fn is_at_a_place(&self) -> bool {
-        let is_flown = matches!(
-            handling(self.command.value),
-            Handling::Flown(
-                Manoeuvre::TakeOff | Manoeuvre::Waypoint | Manoeuvre::Spline | Manoeuvre::Loiter
-            )
-        );
-        let Position {
-            latitude_deg,
-            longitude_deg,
-            ..
-        } = &self.position;
-        let is_given = latitude_deg.value.is_some() && longitude_deg.value.is_some();
-        is_flown && is_given && !self.position.has_no_coordinates()
-    }
-}
-
-/// Items among which some say where to go on.
-struct Jumps<'a> {
-    document: Document<'a>,
-    items: &'a [Item<'a>],
-}
-
-impl<'a> Jumps<'a> {
-    /// The items in the order in which they are come to. One that jumps is among them, once, if it does so without end.
-    fn flown(&self) -> Result<Vec<&'a Item<'a>>, BadInput> {
-        let mut flown = Vec::new();
-        let mut left = vec![None; self.items.len()];
-        let mut at = 0;
-        while let Some(item) = self.items.get(at) {
-            let jump = match handling(item.command.value) {
-                Handling::Flown(Manoeuvre::Jump) => self.jump(item)?,
-                _ => None,
-            };
-            if let Some((to, times)) = jump {
-                let left = left[at].get_or_insert(times);
-                at = if *left > 0 { to } else { at + 1 };
-                *left = left.saturating_sub(1);
-                continue;
-            }
-            if flown.len() == ITEMS_MAX {
-                return Err(self.document.refuse(
-                    item.command.text,
-                    format_args!("the mission comes to more than {ITEMS_MAX} items, by its jumps"),
-                    "let it jump less often",
-                ));
-            }
-            flown.push(item);
-            at += 1;
-        }
-        Ok(flown)
-    }
-
-    /// Where a jump goes on, by its place among the items, and how often; nothing for one without end.
-    fn jump(&self, item: &Item<'_>) -> Result<Option<(usize, usize)>, BadInput> {
-        let to = item.first.value;
-        let is_named = |it: &Item<'_>| it.number.is_some() && it.number.map(f64::from) == to;
-        let Some(place) = self.items.iter().position(is_named) else {
-            return Err(self.document.refuse(
-                item.first.text,
-                format_args!("{}: there is no item to jump to", item.name),
-                "give the number of an item, as the ground station counts them from 1",
-            ));
-        };
-        match item.second.value {
-            Some(times) if times < 0.0 => Ok(None),
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a whole number up to `ITEMS_MAX`"
-            )]
-            Some(times) if times.fract() == 0.0 && times <= ITEMS_MAX as f64 => {
-                Ok(Some((place, times as usize)))
-            }
-            _ => Err(self.document.refuse(
-                item.second.text,
-                format_args!("{}: it does not say how often it jumps", item.name),
-                format!("give a whole number from 0 to {ITEMS_MAX}"),
-            )),
-        }
-    }
 }
 
 /// A route as far as its items have been read.
@@ -151,13 +53,26 @@ struct Route<'a> {
     points: Vec<Ned>,
     nav_waypoints: usize,
     /// The item after which nothing is flown.
-    ended_by: Option<String>,
+    end: Option<End>,
     notes: Vec<Note>,
+}
+
+/// What ends a flight.
+#[derive(PartialEq)]
+enum End {
+    Return,
+    /// The item of this name lands.
+    Landing(String),
 }
 
 impl Route<'_> {
     fn add(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
-        match handling(item.command.value) {
+        let handling = handling(item.command.value);
+        if self.end == Some(End::Return) && !matches!(handling, Handling::Ignored(_)) {
+            self.note(item, NoteKind::LeftOutAfterReturn);
+            return Ok(());
+        }
+        match handling {
             Handling::Flown(manoeuvre) => self.fly(item, manoeuvre),
             Handling::Ignored(command) => {
                 self.note(item, NoteKind::CommandIgnored { command });
@@ -176,11 +91,11 @@ impl Route<'_> {
     }
 
     fn fly(&mut self, item: &Item<'_>, manoeuvre: Manoeuvre) -> Result<(), BadInput> {
-        if let Some(end) = &self.ended_by {
+        if let Some(End::Landing(name)) = &self.end {
             return Err(self.document.refuse(
                 item.command.text,
-                format_args!("{} comes after {end}, where the mission ends", item.name),
-                "remove it, or what ends the mission before it",
+                format_args!("{} comes after {name}, where the swarm lands", item.name),
+                "a swarm that has landed does not take off again: end the mission there, or make two of it",
             ));
         }
         if !item.auto_continue {
@@ -261,7 +176,7 @@ impl Route<'_> {
                 self.push(item, point)?;
             }
         }
-        self.ended_by = Some(item.name.clone());
+        self.end = Some(End::Landing(item.name.clone()));
         Ok(())
     }
 
@@ -270,7 +185,7 @@ impl Route<'_> {
             let over_home = Ned::HOME.at_altitude(last.altitude_m());
             self.push(item, over_home)?;
         }
-        self.ended_by = Some(item.name.clone());
+        self.end = Some(End::Return);
         Ok(())
     }
 

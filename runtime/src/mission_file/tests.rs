@@ -227,6 +227,21 @@ fn a_return_adds_a_point_over_home_at_the_last_height() {
 }
 
 #[test]
+fn items_after_the_return_are_left_out() {
+    let returned = short_with("4 0 3 20 0 0 0 0 0 0 0 1\n");
+    let left_out = short_with(
+        "4 0 3 20 0 0 0 0 0 0 0 1\n5 0 3 16 0 0 0 0 39.342 -0.3085 0 1\n6 0 3 17 0 0 0 0 39 0 0 1\n\
+         7 0 3 177 5 3 0 0 0 0 0 1\n8 0 3 21 0 0 0 0 0 0 0 1\n",
+    );
+    assert_eq!(left_out.waypoints(), returned.waypoints());
+    let note = "the item is left out, the mission ends with the return to launch";
+    assert_eq!(
+        notes(&left_out),
+        [5, 6, 7, 8].map(|item| format!("item {item}: {note}"))
+    );
+}
+
+#[test]
 fn landing_somewhere_adds_a_point_over_it_at_the_last_height() {
     let mission = short_with("4 0 3 21 0 0 0 0 39.342 -0.3085 0 1\n");
     assert_eq!(mission.waypoints().len(), 4);
@@ -361,6 +376,59 @@ QGC WPL 110
     let plan = mission(&refusals::PLAN.replace("[39.333, -0.3085, 2]", "[0, 0, 0]"));
     assert_eq!(home(&plan), (39.333, -0.3085));
     assert_eq!(notes(&plan), [format!("mission.items[0]: {note}")]);
+}
+
+#[test]
+fn home_that_an_autopilot_wrote_elsewhere_is_taken_from_the_first_place() {
+    let simulated = SHORT.replacen("39.333 -0.3085 2", "-35.363262 149.165237 584", 1);
+    let elsewhere = mission(&simulated);
+    assert_eq!(
+        elsewhere.home(),
+        Geodetic::new(39.336, -0.3085, 0.0).unwrap()
+    );
+    assert_eq!(
+        notes(&elsewhere)[0],
+        "item 2: home is taken to be there, not in item 0, 12451 km away, which autopilots overwrite"
+    );
+    // The height of the home that was left behind is that of another place.
+    let refused = parse(
+        Path::new("given"),
+        &simulated.replace("2 0 3 16", "2 0 0 16"),
+    );
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("that of home is not known"), "{refused}");
+}
+
+#[test]
+fn home_far_away_is_refused_unless_all_other_places_are_together() {
+    let simulated = SHORT.replacen("39.333 -0.3085 2", "-35.363262 149.165237 584", 1);
+    for (from, to) in [
+        // One of them is at home, one 110 km from the others, and one alone might be the one that is wrong.
+        ("16 0 0 0 0 39.339 -0.3085", "16 0 0 0 0 -35.364 149.165"),
+        (
+            "3 0 3 16 0 0 0 0 39.339 -0.3085",
+            "3 0 3 21 0 0 0 0 -35.364 149.165",
+        ),
+        ("39.339", "40.339"),
+        ("3 0 3 16 0 0 0 0 39.339 -0.3085 30 1\n", ""),
+    ] {
+        assert!(simulated.contains(from));
+        let refused = parse(Path::new("given"), &simulated.replace(from, to)).unwrap_err();
+        assert!(refused.to_string().contains("km from home"), "{refused}");
+    }
+    // A plan's home is where its operator has put it.
+    let planned = refusals::PLAN.replace("[39.333, -0.3085, 2]", "[-35.363, 149.165, 584]");
+    let refused = parse(Path::new("given"), &planned).unwrap_err().to_string();
+    assert!(refused.contains("km from home"), "{refused}");
+}
+
+#[test]
+fn a_jump_forward_without_end_is_always_made() {
+    let skipped = short_with(
+        "4 0 3 177 6 -1 0 0 0 0 0 1\n5 0 3 16 0 0 0 0 39.5 -0.3085 30 1\n6 0 3 20 0 0 0 0 0 0 0 1\n",
+    );
+    assert_eq!(heights(&skipped), [25.0, 25.0, 30.0, 30.0]);
+    assert!(skipped.notes().is_empty());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! in common use have them: any white space separates columns, empty lines and those that begin with `#` are passed over,
 //! and items are taken in the order of their lines, whatever their indices.
 
-use super::command::{Handling, Manoeuvre, handling};
+use super::command::Manoeuvre;
 use super::document::{Document, Written, quoted};
 use super::item::{Home, Item, Listing, Position};
 use super::{ITEMS_MAX, Note, NoteKind};
@@ -136,7 +136,7 @@ impl Indices {
         let Self::Unordered { .. } = self else {
             return Ok(());
         };
-        match items.iter().find(|item| is(item, Manoeuvre::Jump)) {
+        match items.iter().find(|item| item.is_flown_as(Manoeuvre::Jump)) {
             Some(jump) => Err(document.refuse(
                 jump.first.text,
                 format_args!(
@@ -211,21 +211,19 @@ fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
     let is_on_the_ground = first.position.altitude_m.value == Some(0.0);
     let is_before_take_off = items
         .get(1)
-        .is_some_and(|item| is(item, Manoeuvre::TakeOff));
+        .is_some_and(|item| item.is_flown_as(Manoeuvre::TakeOff));
     let is_home = is_above_sea_level || is_on_the_ground || is_before_take_off;
-    if !is(first, Manoeuvre::Waypoint) || !is_home {
+    if !first.is_flown_as(Manoeuvre::Waypoint) || !is_home {
         return Home::Missing;
     }
-    let home = items.remove(0).position;
-    match (home.has_no_coordinates(), is_above_sea_level) {
-        (true, _) => Home::Missing,
-        (false, true) => Home::Given(home),
-        (false, false) => Home::OnTheGround(home),
+    let at = items.remove(0).position;
+    if at.has_no_coordinates() {
+        return Home::Missing;
     }
-}
-
-fn is(item: &Item<'_>, manoeuvre: Manoeuvre) -> bool {
-    handling(item.command.value) == Handling::Flown(manoeuvre)
+    Home::Item0 {
+        at,
+        is_above_sea_level,
+    }
 }
 
 /// A line that has all its columns.

@@ -162,9 +162,14 @@ fn every_fault_of_a_plan_shows_its_place() {
             ("an unknown command", "\"command\":20", "\"command\":31000"),
             ("a second take-off", "\"command\":16", "\"command\":22"),
             (
-                "a waypoint after the end",
+                "nothing before the return",
                 "\"command\":16",
                 "\"command\":20",
+            ),
+            (
+                "a waypoint after landing",
+                "\"command\":16",
+                "\"command\":21",
             ),
             ("no items", "\"items\": [", "\"items\": [], \"old\": ["),
             (
@@ -303,6 +308,22 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 "a jump that does not say how often",
                 waypoint,
                 "3 0 3 177 2 nan 0 0 0 0 0 1",
+            ),
+            (
+                "a jump past the return",
+                waypoint,
+                "3 0 3 177 6 1 0 0 0 0 0 1\n4 0 3 20 0 0 0 0 0 0 0 1\n5 0 3 16 0 0 0 0 39.34 -0.3085 30 1\n\
+                 6 0 3 16 0 0 0 0 39.35 -0.3085 30 1",
+            ),
+            (
+                "an endless jump past the return",
+                waypoint,
+                "3 0 3 177 5 -1 0 0 0 0 0 1\n4 0 3 20 0 0 0 0 0 0 0 1\n5 0 3 16 0 0 0 0 39.34 -0.3085 30 1",
+            ),
+            (
+                "a take-off after landing",
+                waypoint,
+                "3 0 3 21 0 0 0 0 0 0 0 1\n4 0 3 183 9 1 0 0 0 0 0 1\n5 0 3 22 0 0 0 0 0 0 25 1",
             ),
             ("jumps over jumps", waypoint, "3 0 3 177 2 5000 0 0 0 0 0 1"),
             (

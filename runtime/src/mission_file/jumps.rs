@@ -1,0 +1,114 @@
+//! The items of a mission in the order in which they are come to.
+
+use super::ITEMS_MAX;
+use super::command::Manoeuvre;
+use super::document::Document;
+use super::item::Item;
+use crate::diagnostic::BadInput;
+
+/// Items among which some say where to go on.
+pub(super) struct Jumps<'a> {
+    pub(super) document: Document<'a>,
+    pub(super) items: &'a [Item<'a>],
+}
+
+/// Where a jump goes on, by its place among the items, and how often: `None` for one without end.
+struct Jump {
+    to: usize,
+    times: Option<usize>,
+}
+
+impl<'a> Jumps<'a> {
+    /// The items in the order in which they are come to. A jump is among them, once, if it goes back without end, or comes
+    /// after the return to launch, where none is made.
+    pub(super) fn flown(&self) -> Result<Vec<&'a Item<'a>>, BadInput> {
+        let mut flown = Vec::new();
+        let mut left = vec![None; self.items.len()];
+        let mut has_returned = false;
+        let mut at = 0;
+        while let Some(item) = self.items.get(at) {
+            has_returned |= item.is_flown_as(Manoeuvre::ReturnToLaunch);
+            let jump = if item.is_flown_as(Manoeuvre::Jump) && !has_returned {
+                Some(self.jump_from(at)?)
+            } else {
+                None
+            };
+            match jump {
+                Some(Jump {
+                    to,
+                    times: Some(times),
+                }) => {
+                    let left = left[at].get_or_insert(times);
+                    at = if *left > 0 { to } else { at + 1 };
+                    *left = left.saturating_sub(1);
+                    continue;
+                }
+                Some(Jump { to, times: None }) if to > at => {
+                    at = to;
+                    continue;
+                }
+                _ => {}
+            }
+            if flown.len() == ITEMS_MAX {
+                return Err(self.document.refuse(
+                    item.command.text,
+                    format_args!("the mission comes to more than {ITEMS_MAX} items, by its jumps"),
+                    "let it jump less often",
+                ));
+            }
+            flown.push(item);
+            at += 1;
+        }
+        Ok(flown)
+    }
+
+    /// Where a jump goes on. Over the return to launch none goes: whether the mission ends there would depend on it.
+    fn jump_from(&self, at: usize) -> Result<Jump, BadInput> {
+        let item = &self.items[at];
+        let jump = self.jump(item)?;
+        let passed = self.items.get(at..jump.to).unwrap_or_default();
+        let end = passed
+            .iter()
+            .find(|item| item.is_flown_as(Manoeuvre::ReturnToLaunch));
+        match end {
+            Some(end) if jump.times != Some(0) => Err(self.document.refuse(
+                item.first.text,
+                format_args!(
+                    "{}: it jumps past {}, where the mission ends",
+                    item.name, end.name
+                ),
+                "put the return to launch last, or let it jump to an item before it",
+            )),
+            _ => Ok(jump),
+        }
+    }
+
+    fn jump(&self, item: &Item<'_>) -> Result<Jump, BadInput> {
+        let number = item.first.value;
+        let is_named = |it: &Item<'_>| it.number.is_some() && it.number.map(f64::from) == number;
+        let Some(to) = self.items.iter().position(is_named) else {
+            return Err(self.document.refuse(
+                item.first.text,
+                format_args!("{}: there is no item to jump to", item.name),
+                "give the number of an item, as the ground station counts them from 1",
+            ));
+        };
+        match item.second.value {
+            Some(times) if times < 0.0 => Ok(Jump { to, times: None }),
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a whole number up to `ITEMS_MAX`"
+            )]
+            Some(times) if times.fract() == 0.0 && times <= ITEMS_MAX as f64 => Ok(Jump {
+                to,
+                times: Some(times as usize),
+            }),
+            _ => Err(self.document.refuse(
+                item.second.text,
+                format_args!("{}: it does not say how often it jumps", item.name),
+                format!("give a whole number from 0 to {ITEMS_MAX}"),
+            )),
+        }
+    }
+}
