@@ -1,13 +1,16 @@
 //! What a swarm does with each MAVLink mission command.
 //!
-//! Source: the enumerations `MAV_CMD` and `MAV_FRAME` of MAVLink's `common.xml` and `ardupilotmega.xml`.
+//! Source: the enumerations `MAV_CMD` and `MAV_FRAME` of MAVLink's `common.xml` and `ardupilotmega.xml`; for what copters make
+//! of them, ArduPilot's *Mission Commands*.
+
+use super::NoteKind;
 
 /// What a swarm does with a command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Handling {
     Flown(Manoeuvre),
-    /// It moves no drone: it is noted and passed over.
-    Ignored(&'static str),
+    /// It is noted and passed over.
+    Ignored(NoteKind),
     /// The swarm can't fly it, or it is none that mission files have.
     Refused,
 }
@@ -21,6 +24,12 @@ pub(super) enum Manoeuvre {
     Spline,
     /// A waypoint where the drone is to wait.
     Loiter,
+    /// A waypoint that the drone is to circle.
+    Turns,
+    /// A place above which the drone is to change its height.
+    LoiterToHeight,
+    /// A place where the drone is to come down, leave something, and rise again.
+    PayloadPlace,
     /// A wait where the drone is.
     Delay,
     /// Another height where the drone is.
@@ -35,15 +44,23 @@ pub(super) enum Manoeuvre {
 pub(super) fn handling(command: u16) -> Handling {
     match command {
         16 => Handling::Flown(Manoeuvre::Waypoint),
+        18 => Handling::Flown(Manoeuvre::Turns),
         19 => Handling::Flown(Manoeuvre::Loiter),
         20 => Handling::Flown(Manoeuvre::ReturnToLaunch),
         21 => Handling::Flown(Manoeuvre::Land),
         22 => Handling::Flown(Manoeuvre::TakeOff),
         30 => Handling::Flown(Manoeuvre::ChangeHeight),
+        31 => Handling::Flown(Manoeuvre::LoiterToHeight),
         82 => Handling::Flown(Manoeuvre::Spline),
         93 => Handling::Flown(Manoeuvre::Delay),
+        94 => Handling::Flown(Manoeuvre::PayloadPlace),
+        113 => Handling::Ignored(NoteKind::HeightConditionIgnored),
         177 => Handling::Flown(Manoeuvre::Jump),
-        _ => name_in(IGNORED, command).map_or(Handling::Refused, Handling::Ignored),
+        178 => Handling::Ignored(NoteKind::SpeedIgnored),
+        _ => match name_in(IGNORED, command) {
+            Some(command) => Handling::Ignored(NoteKind::CommandIgnored { command }),
+            None => Handling::Refused,
+        },
     }
 }
 
@@ -70,13 +87,13 @@ fn name_in(names: &[(u16, &'static str)], number: u16) -> Option<&'static str> {
         .map(|(_, name)| *name)
 }
 
-/// Commands that change neither where a drone flies nor in which order: speed, payload, gimbal, camera, and markers
+/// Commands that change neither where a drone flies nor in which order: payload, gimbal, camera, and markers
 /// for a failsafe.
 const IGNORED: &[(u16, &str)] = &[
     (112, "CONDITION_DELAY"),
     (114, "CONDITION_DISTANCE"),
     (115, "CONDITION_YAW"),
-    (178, "DO_CHANGE_SPEED"),
+    (116, "CONDITION_LOCATION"),
     (180, "DO_SET_PARAMETER"),
     (181, "DO_SET_RELAY"),
     (182, "DO_REPEAT_RELAY"),
@@ -120,14 +137,12 @@ const IGNORED: &[(u16, &str)] = &[
 ];
 
 /// Commands that mission files have and the swarm can't fly: they hover or circle without end, change the route while it is
-/// flown, or end the flight.
+/// flown, end the flight, or do what only their user knows.
 const REFUSED: &[(u16, &str)] = &[
     (17, "NAV_LOITER_UNLIM"),
-    (18, "NAV_LOITER_TURNS"),
     (23, "NAV_LAND_LOCAL"),
     (24, "NAV_TAKEOFF_LOCAL"),
     (25, "NAV_FOLLOW"),
-    (31, "NAV_LOITER_TO_ALT"),
     (32, "DO_FOLLOW"),
     (33, "DO_FOLLOW_REPOSITION"),
     (34, "DO_ORBIT"),
@@ -139,8 +154,6 @@ const REFUSED: &[(u16, &str)] = &[
     (84, "NAV_VTOL_TAKEOFF"),
     (85, "NAV_VTOL_LAND"),
     (92, "NAV_GUIDED_ENABLE"),
-    (94, "NAV_PAYLOAD_PLACE"),
-    (113, "CONDITION_CHANGE_ALT"),
     (176, "DO_SET_MODE"),
     (179, "DO_SET_HOME"),
     (185, "DO_FLIGHTTERMINATION"),
@@ -162,6 +175,11 @@ const REFUSED: &[(u16, &str)] = &[
     (600, "JUMP_TAG"),
     (601, "DO_JUMP_TAG"),
     (3000, "DO_VTOL_TRANSITION"),
+    (31010, "USER_1"),
+    (31011, "USER_2"),
+    (31012, "USER_3"),
+    (31013, "USER_4"),
+    (31014, "USER_5"),
 ];
 
 const FRAMES: &[(u16, &str)] = &[

@@ -117,7 +117,13 @@ impl Item<'_> {
         let is_flown = matches!(
             handling(self.command.value),
             Handling::Flown(
-                Manoeuvre::TakeOff | Manoeuvre::Waypoint | Manoeuvre::Spline | Manoeuvre::Loiter
+                Manoeuvre::TakeOff
+                    | Manoeuvre::Waypoint
+                    | Manoeuvre::Spline
+                    | Manoeuvre::Loiter
+                    | Manoeuvre::Turns
+                    | Manoeuvre::LoiterToHeight
+                    | Manoeuvre::PayloadPlace
             )
         );
         is_flown && self.has_coordinates()

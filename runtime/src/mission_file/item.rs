@@ -11,6 +11,7 @@ use crate::geodetic::{Geodetic, GeodeticError};
 pub(super) struct Listing<'a> {
     pub(super) home: Home<'a>,
     pub(super) items: Vec<Item<'a>>,
+    pub(super) zero_height: ZeroHeight,
     /// What stands beside the items and is not obeyed.
     pub(super) notes: Vec<Note>,
     /// Where to point when there are too few.
@@ -31,6 +32,15 @@ pub(super) enum Home<'a> {
     Missing,
 }
 
+/// What a waypoint's height of zero above home says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ZeroHeight {
+    /// The height that the drone has by then, as in ArduCopter's missions.
+    Kept,
+    /// The ground.
+    Ground,
+}
+
 /// What the swarm needs to know of a mission item.
 #[derive(Debug)]
 pub(super) struct Item<'a> {
@@ -48,6 +58,7 @@ pub(super) struct Item<'a> {
 }
 
 impl Item<'_> {
+    /// Whether the swarm makes this manoeuvre of it.
     pub(super) fn is_flown_as(&self, manoeuvre: Manoeuvre) -> bool {
         handling(self.command.value) == Handling::Flown(manoeuvre)
     }

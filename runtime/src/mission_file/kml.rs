@@ -7,7 +7,7 @@ use std::ops::Range;
 use roxmltree::{Document as Xml, Error, Node};
 
 use super::document::{Document, Written, quoted};
-use super::item::{Home, Item, Listing, Position};
+use super::item::{Home, Item, Listing, Position, ZeroHeight};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
@@ -42,6 +42,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     Ok(Listing {
         home: Home::Missing,
         items,
+        zero_height: ZeroHeight::Ground,
         notes,
         items_at: text,
     })

@@ -30,15 +30,15 @@ pub const WAYPOINTS_MAX: usize = 1_000;
 /// The most items that a mission file has, those that the swarm ignores and home included.
 pub const ITEMS_MAX: usize = 5_000;
 
-/// The fewest distinct `NAV_WAYPOINT` items that a swarm follows: one leg, from over home.
+/// The fewest waypoints that a swarm follows. After a take-off, one may be where that leads to: the swarm hovers.
 pub const NAV_WAYPOINTS_MIN: usize = 1;
 
 /// The highest that a route goes above home, in metres. Most altitudes beyond it are above sea level, by mistake.
 pub const HEIGHT_MAX_M: f64 = 1_000.0;
 
-/// What a swarm follows: a home, and a route of at least two points about it.
+/// What a swarm follows: a home, and a route about it.
 ///
-/// The route's first point is over home, at the height that the swarm takes off to. No two consecutive points are the
+/// The route's first point is over home, at the height that the swarm takes off to; it may be the only one. No two consecutive points are the
 /// same; each is within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, above it, and at most
 /// [`HEIGHT_MAX_M`] above it. There are at most [`WAYPOINTS_MAX`].
 #[derive(Debug, Clone, PartialEq)]
@@ -78,10 +78,23 @@ pub struct Note {
 /// What a swarm leaves out of a mission, and why.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoteKind {
-    /// A command that moves no drone: a camera's, a gimbal's, a change of speed.
+    /// A command that moves no drone: a camera's, a gimbal's.
     CommandIgnored {
         /// Its name in MAVLink, without the `MAV_CMD_`.
         command: &'static str,
+    },
+    /// A change of speed: the swarm flies at its scenario's.
+    SpeedIgnored,
+    /// `CONDITION_CHANGE_ALT`, which ArduCopter passes over, too.
+    HeightConditionIgnored,
+    /// Turns about a place: the swarm flies to it and on.
+    TurnsIgnored,
+    /// A payload to set down: the swarm flies over the place, at the height that it has.
+    PayloadKept,
+    /// A height of zero above home, by which ArduCopter's missions say none: the swarm keeps the height that it has.
+    HeightKept {
+        /// That height, in metres above home.
+        height_m: f64,
     },
     /// A wait at a waypoint: the swarm flies on.
     HoldIgnored {
@@ -137,6 +150,20 @@ impl fmt::Display for Note {
             NoteKind::CommandIgnored { command } => {
                 write!(f, "{command} is ignored, it moves no drone of the swarm")
             }
+            NoteKind::SpeedIgnored => f.write_str(
+                "DO_CHANGE_SPEED is not obeyed, the swarm flies at `vehicle.speed_mps`",
+            ),
+            NoteKind::HeightConditionIgnored => {
+                f.write_str("CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it")
+            }
+            NoteKind::TurnsIgnored => f.write_str("the turns are not flown, the swarm flies on"),
+            NoteKind::PayloadKept => f.write_str(
+                "the payload is not set down, the swarm flies over the place and does not descend",
+            ),
+            NoteKind::HeightKept { height_m } => write!(
+                f,
+                "a height of 0 says none, the swarm keeps its {height_m} m above home"
+            ),
             NoteKind::HoldIgnored { hold_s } => {
                 write!(f, "the hold of {hold_s} s is ignored, the swarm flies on")
             }
@@ -168,7 +195,7 @@ impl fmt::Display for Note {
                 f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
             }
             NoteKind::GroundTakenForLevel => f.write_str(
-                "altitudes above the ground there are flown above home, the swarm has no map of the ground",
+                "the altitudes, above the ground there, are taken as heights above home, the swarm has no map of the ground",
             ),
             NoteKind::RallyPointsIgnored => f.write_str("rally points are ignored"),
         }
@@ -182,10 +209,14 @@ impl fmt::Display for Note {
 /// `NAV_TAKEOFF` gives the height of the first point, which is over home whatever the item's coordinates; without one
 /// the first `NAV_WAYPOINT` gives it. Each `NAV_WAYPOINT` adds a point. The route ends with the items, or with
 /// `NAV_RETURN_TO_LAUNCH`, which adds a point over home, or `NAV_LAND`, which adds one over its coordinates if it has
-/// any; both at the height of the last point. Items after the return are left out, with a [`Note`]. Altitudes may be above home or above sea level; not above the ground, of
-/// which the swarm has no map. `NAV_LOITER_TIME` and `NAV_SPLINE_WAYPOINT` are points, too; so is
-/// `NAV_CONTINUE_AND_CHANGE_ALT`, or a waypoint without coordinates, where the point before it is. `DO_JUMP` goes on at the
-/// item that it names, as often as it says, but not past the return.
+/// any; both at the height of the last point. Items after the return are left out, with a [`Note`]. Altitudes may be above
+/// home or above sea level; not above the ground, of which the swarm has no map. In a waypoints file, and in a plan for
+/// ArduPilot, a waypoint's altitude of 0 above home is none: it has the height of the point before it, with a [`Note`].
+///
+/// `NAV_LOITER_TIME`, `NAV_LOITER_TURNS` and `NAV_SPLINE_WAYPOINT` are points, too; so is `NAV_CONTINUE_AND_CHANGE_ALT`, or a
+/// waypoint without coordinates, where the point before it is. `NAV_LOITER_TO_ALT` is a point at the height of the one
+/// before it and one above or below it; `NAV_PAYLOAD_PLACE` only the first of these. `DO_JUMP` goes on at the item that it
+/// names, as often as it says, but not past the return.
 ///
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
 /// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are

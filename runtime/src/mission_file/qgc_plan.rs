@@ -4,7 +4,7 @@
 //! checked: of the geofence and the rally points, whether there are any; of the settings of a vehicle nothing.
 
 use super::document::{Document, Written, quoted};
-use super::item::{Home, Item, Listing, Position};
+use super::item::{Home, Item, Listing, Position, ZeroHeight};
 use super::json::{Node, Object};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
@@ -14,6 +14,16 @@ const FILE_VERSION: u16 = 1;
 
 /// Since QGroundControl 3.2: items have `params`.
 const MISSION_VERSION: u16 = 2;
+
+/// `MAV_AUTOPILOT_ARDUPILOTMEGA`, as `firmwareType` has it.
+const ARDUPILOT: u16 = 3;
+
+/// `MAV_FRAME_GLOBAL_TERRAIN_ALT`: altitudes above the ground there.
+const ABOVE_GROUND_FRAME: u16 = 10;
+
+/// The `AltitudeMode` of altitudes above the ground there, of which QGroundControl makes altitudes above sea level where it has
+/// a map; the item's altitude is `null` until then.
+const CALCULATED_ABOVE_GROUND: u16 = 3;
 
 /// The complex items whose simple items are in the file, as `complexItemType` has them.
 const EXPANDED: [&str; 2] = ["survey", "CorridorScan"];
@@ -25,6 +35,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     let mission = plan.field("mission")?.object()?;
     check_version(document, &mission.field("version")?, MISSION_VERSION)?;
     let home = home(document, &mission.field("plannedHomePosition")?)?;
+    let zero_height = zero_height(&mission);
     let mut items = Vec::new();
     let array = mission.field("items")?;
     for node in array.elements(ITEMS_MAX)? {
@@ -61,6 +72,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     Ok(Listing {
         home,
         items,
+        zero_height,
         notes,
         items_at: array.pointer(),
     })
@@ -106,6 +118,17 @@ fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Home<'a>, BadInpu
     } else {
         Home::Planned(position)
     })
+}
+
+/// Only ArduCopter takes zero for no height.
+fn zero_height(mission: &Object<'_>) -> ZeroHeight {
+    let firmware = mission.field_if_any("firmwareType");
+    match firmware.and_then(|firmware| firmware.code().ok()) {
+        Some(Written {
+            value: ARDUPILOT, ..
+        }) => ZeroHeight::Kept,
+        _ => ZeroHeight::Ground,
+    }
 }
 
 /// Adds a simple item, or those that a complex one stands for.
@@ -172,19 +195,42 @@ fn add_simple_item<'a>(
     for unused in [third, fourth] {
         unused.number_or_null()?;
     }
+    let position = position(&latitude, &longitude, &altitude)?;
     items.push(Item {
         name: item.node().path().to_owned(),
         command: item.field("command")?.code()?,
-        frame: item.field("frame")?.code()?,
+        frame: frame(item, &position)?,
         number: item
             .field_if_any("doJumpId")
             .and_then(|id| Some(id.code().ok()?.value)),
         first: first.number_or_null()?,
         second: second.number_or_null()?,
-        position: position(&latitude, &longitude, &altitude)?,
+        position,
         auto_continue: item.field("autoContinue")?.boolean()?.value,
     });
     Ok(())
+}
+
+/// What an item's altitude is above.
+fn frame<'a>(item: &Object<'a>, position: &Position<'a>) -> Result<Written<'a, u16>, BadInput> {
+    let frame = item.field("frame")?.code()?;
+    let mode = item.field_if_any("AltitudeMode");
+    match (
+        position.altitude_m.value,
+        mode.and_then(|mode| mode.code().ok()),
+    ) {
+        (
+            None,
+            Some(Written {
+                value: CALCULATED_ABOVE_GROUND,
+                text,
+            }),
+        ) => Ok(Written {
+            value: ABOVE_GROUND_FRAME,
+            text,
+        }),
+        _ => Ok(frame),
+    }
 }
 
 /// The values of an array that must have as many as its reader takes.

@@ -5,7 +5,7 @@ use muster_machines::geometry::Ned;
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
 use super::home::Origin;
-use super::item::{Item, Listing};
+use super::item::{Item, Listing, ZeroHeight};
 use super::jumps::Jumps;
 use super::{HEIGHT_MAX_M, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
 use crate::diagnostic::BadInput;
@@ -13,6 +13,9 @@ use crate::geodetic::{Geodetic, about_home, whole_millimetres};
 
 const ACCEPTED_COMMANDS: &str = "a swarm flies NAV_TAKEOFF (22), NAV_WAYPOINT (16), NAV_LAND (21) and \
                                  NAV_RETURN_TO_LAUNCH (20), and what is like them; replace the item by waypoints, or remove it";
+
+/// `MAV_FRAME_GLOBAL_RELATIVE_ALT` and, the same, `MAV_FRAME_GLOBAL_RELATIVE_ALT_INT`.
+const ABOVE_HOME_FRAMES: [u16; 2] = [3, 6];
 
 /// Turns what a file says into what a swarm flies.
 pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mission, BadInput> {
@@ -27,8 +30,10 @@ pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mis
         document,
         home,
         knows_sea_level,
+        zero_height: listing.zero_height,
         points: Vec::new(),
         nav_waypoints: 0,
+        has_taken_off: false,
         end: None,
         notes,
     };
@@ -49,9 +54,12 @@ struct Route<'a> {
     home: Geodetic,
     /// Whether home's altitude above sea level is known.
     knows_sea_level: bool,
+    zero_height: ZeroHeight,
     /// Empty, or the first is over home.
     points: Vec<Ned>,
+    /// Those over where the swarm takes off to count if there is a take-off before them.
     nav_waypoints: usize,
+    has_taken_off: bool,
     /// The item after which nothing is flown.
     end: Option<End>,
     notes: Vec<Note>,
@@ -74,8 +82,8 @@ impl Route<'_> {
         }
         match handling {
             Handling::Flown(manoeuvre) => self.fly(item, manoeuvre),
-            Handling::Ignored(command) => {
-                self.note(item, NoteKind::CommandIgnored { command });
+            Handling::Ignored(kind) => {
+                self.note(item, kind);
                 Ok(())
             }
             Handling::Refused => Err(self.document.refuse(
@@ -103,11 +111,21 @@ impl Route<'_> {
         }
         match manoeuvre {
             Manoeuvre::TakeOff => self.take_off(item),
-            Manoeuvre::Waypoint | Manoeuvre::Loiter => self.waypoint(item),
-            Manoeuvre::Spline => {
-                self.note(item, NoteKind::CurveIgnored);
+            Manoeuvre::Waypoint | Manoeuvre::Loiter => {
+                self.note_hold(item);
                 self.waypoint(item)
             }
+            Manoeuvre::Spline => {
+                self.note(item, NoteKind::CurveIgnored);
+                self.note_hold(item);
+                self.waypoint(item)
+            }
+            Manoeuvre::Turns => {
+                self.note(item, NoteKind::TurnsIgnored);
+                self.waypoint(item)
+            }
+            Manoeuvre::LoiterToHeight => self.loiter_to_height(item),
+            Manoeuvre::PayloadPlace => self.payload_place(item),
             Manoeuvre::Delay => {
                 self.note_hold(item);
                 Ok(())
@@ -131,27 +149,84 @@ impl Route<'_> {
             ));
         }
         let height_m = self.height_m(item)?;
+        self.has_taken_off = true;
         self.push(item, Ned::HOME.at_altitude(height_m)).map(drop)
     }
 
     fn waypoint(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
-        let height_m = self.height_m(item)?;
-        let point = if item.position.has_no_coordinates() {
-            // As flight controllers have it: where the drone is by then.
-            let last = self.points.last().copied().unwrap_or(Ned::HOME);
-            last.at_altitude(height_m)
-        } else {
-            self.place(item, height_m)?
+        let kept_m = self.kept_height_m(item);
+        let height_m = match kept_m {
+            Some(height_m) => height_m,
+            None => self.height_m(item)?,
         };
+        let point = self.point(item, height_m)?;
         if self.points.is_empty() {
-            self.push(item, Ned::HOME.at_altitude(point.altitude_m()))?;
+            self.push(item, Ned::HOME.at_altitude(height_m))?;
         }
-        self.note_hold(item);
-        if self.push(item, point)? {
+        let is_elsewhere = self.push(item, point)?;
+        self.count(item, is_elsewhere);
+        if is_elsewhere && let Some(height_m) = kept_m {
+            self.note(item, NoteKind::HeightKept { height_m });
+        }
+        Ok(())
+    }
+
+    /// Where an item's coordinates are or, as flight controllers have it where there are none, where the drone is by then.
+    fn point(&self, item: &Item<'_>, height_m: f64) -> Result<Ned, BadInput> {
+        if item.position.has_no_coordinates() {
+            let last = self.points.last().copied().unwrap_or(Ned::HOME);
+            return Ok(last.at_altitude(height_m));
+        }
+        self.place(item, height_m)
+    }
+
+    /// The height of the point before an item, where the item says none.
+    fn kept_height_m(&self, item: &Item<'_>) -> Option<f64> {
+        let is_zero = item.position.altitude_m.value == Some(0.0);
+        let is_none = is_zero && ABOVE_HOME_FRAMES.contains(&item.frame.value);
+        let last = self.points.last()?;
+        (is_none && self.zero_height == ZeroHeight::Kept).then(|| last.altitude_m())
+    }
+
+    /// First to the place, then up or down over it.
+    fn loiter_to_height(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+        let height_m = self.height_m(item)?;
+        let last_m = self.points.last().map_or(height_m, |it| it.altitude_m());
+        let (before, after) = (self.point(item, last_m)?, self.point(item, height_m)?);
+        if self.points.is_empty() {
+            self.push(item, Ned::HOME.at_altitude(height_m))?;
+        }
+        let is_elsewhere = self.push(item, before)?;
+        let is_above_or_below = self.push(item, after)?;
+        self.count(item, is_elsewhere || is_above_or_below);
+        Ok(())
+    }
+
+    /// Counts a waypoint, which is left out where it is not elsewhere than the one before it.
+    fn count(&mut self, item: &Item<'_>, is_elsewhere: bool) {
+        if is_elsewhere || self.has_taken_off {
             self.nav_waypoints += 1;
-        } else {
+        }
+        if !is_elsewhere {
             self.note(item, NoteKind::MergedWithPrevious);
         }
+    }
+
+    fn payload_place(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+        let Some(last) = self.points.last() else {
+            return Err(self.document.refuse(
+                item.command.text,
+                format_args!("{}: the swarm is not flying yet", item.name),
+                "put a NAV_TAKEOFF (22) or a NAV_WAYPOINT (16) before it",
+            ));
+        };
+        let height_m = last.altitude_m();
+        self.above_sea_level(item)?;
+        let point = self.point(item, height_m)?;
+        if self.push(item, point)? {
+            self.nav_waypoints += 1;
+        }
+        self.note(item, NoteKind::PayloadKept);
         Ok(())
     }
 
@@ -206,21 +281,33 @@ impl Route<'_> {
 
     /// An item's height above home, in metres, to the whole millimetre.
     fn height_m(&self, item: &Item<'_>) -> Result<f64, BadInput> {
+        let is_above_sea_level = self.above_sea_level(item)?;
         let altitude_m = item.position.altitude_m(self.document, &item.name)?;
-        let height_m = whole_millimetres(if self.above_sea_level(item)? {
-            altitude_m - self.home.altitude_m()
+        let home_m = self.home.altitude_m();
+        let height_m = whole_millimetres(if is_above_sea_level {
+            altitude_m - home_m
         } else {
             altitude_m
         });
         if height_m > 0.0 && height_m <= HEIGHT_MAX_M {
             return Ok(height_m);
         }
+        let help = if is_above_sea_level {
+            format!(
+                "home is {home_m} m above sea level: give an altitude up to {HEIGHT_MAX_M} m above that, or the frame 3 if it \
+                 is meant above home"
+            )
+        } else if height_m > 0.0 {
+            format!(
+                "give one up to {HEIGHT_MAX_M} m, or the frame 0 if it is meant above sea level"
+            )
+        } else {
+            format!("give one above 0 and up to {HEIGHT_MAX_M} m")
+        };
         Err(self.document.refuse(
             item.position.altitude_m.text,
             format_args!("{}: the height above home is {height_m} m", item.name),
-            format!(
-                "give one above 0 and up to {HEIGHT_MAX_M} m, and check that the frame is meant"
-            ),
+            help,
         ))
     }
 
@@ -236,7 +323,7 @@ impl Route<'_> {
                 ),
                 "give altitudes above home (frame 3), or home with its altitude above sea level",
             )),
-            3 | 6 => Ok(false),
+            frame if ABOVE_HOME_FRAMES.contains(&frame) => Ok(false),
             10 | 11 => Err(self.document.refuse(
                 item.frame.text,
                 format_args!(
@@ -286,7 +373,7 @@ impl Route<'_> {
             return Err(self.document.refuse(
                 items_at,
                 "the mission has no waypoint but where the swarm takes off to",
-                "add a NAV_WAYPOINT (16) item: where take-off leads to, landing and return don't count",
+                "add a NAV_WAYPOINT (16) item elsewhere or, to hover, one after a NAV_TAKEOFF (22): landing and return don't count",
             ));
         }
         Ok(Mission {

@@ -108,7 +108,7 @@ fn a_shipped_mission_is_loaded_from_its_file() {
     assert_eq!(heights(&river), [30.0, 30.0, 40.0, 40.0, 25.0, 20.0, 30.0]);
     assert_eq!(
         notes(&river),
-        ["item 2: DO_CHANGE_SPEED is ignored, it moves no drone of the swarm"]
+        ["item 2: DO_CHANGE_SPEED is not obeyed, the swarm flies at `vehicle.speed_mps`"]
     );
 }
 
@@ -443,7 +443,7 @@ fn a_path_drawn_on_a_map_is_flown_from_its_first_point() {
     assert_eq!(
         notes(&path),
         [
-            "altitudeMode: altitudes above the ground there are flown above home, the swarm has no map of the ground",
+            "altitudeMode: the altitudes, above the ground there, are taken as heights above home, the swarm has no map of the ground",
             "point 1: home is taken to be there, the file does not say where it is",
             "point 1: the waypoint is left out, it is where the one before it is",
         ]
@@ -490,6 +490,112 @@ fn waits_curves_and_heights_are_flown_as_far_as_a_swarm_can() {
         panic!("no waypoints");
     };
     assert!(before.horizontal_distance_m(*last) < 1e-9);
+}
+
+#[test]
+fn a_height_of_zero_is_the_height_of_the_point_before() {
+    let kept = short_with(
+        "4 0 3 16 0 0 0 0 39.342 -0.3085 0 1\n5 0 6 19 5 0 0 0 0 0 0 1\n6 0 3 82 0 0 0 0 39.345 -0.3085 0 1\n",
+    );
+    assert_eq!(heights(&kept), [25.0, 25.0, 30.0, 30.0, 30.0]);
+    let note = "a height of 0 says none, the swarm keeps its 30 m above home";
+    assert_eq!(
+        notes(&kept),
+        [
+            format!("item 4: {note}"),
+            "item 5: the hold of 5 s is ignored, the swarm flies on".to_owned(),
+            "item 5: the waypoint is left out, it is where the one before it is".to_owned(),
+            "item 6: the curve is flown as a straight leg".to_owned(),
+            format!("item 6: {note}"),
+        ]
+    );
+    let at_take_off_height = mission(&SHORT.replace("39.336 -0.3085 25", "39.336 -0.3085 0"));
+    assert_eq!(heights(&at_take_off_height), [25.0, 25.0, 30.0]);
+}
+
+#[test]
+fn only_plans_for_ardupilot_have_a_height_of_zero_for_none() {
+    let zero = refusals::PLAN.replace("39.339,-0.3085,25", "39.339,-0.3085,0");
+    let for_firmware = |firmware: u16| {
+        let plan = format!("\"mission\": {{ \"firmwareType\": {firmware},");
+        parse(Path::new("given"), &zero.replace("\"mission\": {", &plan))
+    };
+    assert_eq!(heights(&for_firmware(3).unwrap()), [25.0; 4]);
+    let refused = for_firmware(12).unwrap_err().to_string();
+    assert_eq!(refused, "mission.items[2]: the height above home is 0 m");
+}
+
+#[test]
+fn turns_and_payloads_are_places_to_fly_over() {
+    let flown = short_with(
+        "4 0 3 18 2 0 5 0 39.340 -0.3085 40 1\n5 0 3 18 1 0 5 0 0 0 0 1\n6 0 3 94 0 0 0 0 39.341 -0.3085 20 1\n\
+         7 0 3 94 0 0 0 0 0 0 0 1\n",
+    );
+    assert_eq!(heights(&flown), [25.0, 25.0, 30.0, 40.0, 40.0]);
+    let turns = "the turns are not flown, the swarm flies on";
+    let payload =
+        "the payload is not set down, the swarm flies over the place and does not descend";
+    assert_eq!(
+        notes(&flown),
+        [
+            format!("item 4: {turns}"),
+            format!("item 5: {turns}"),
+            "item 5: the waypoint is left out, it is where the one before it is".to_owned(),
+            format!("item 6: {payload}"),
+            format!("item 7: {payload}"),
+        ]
+    );
+}
+
+#[test]
+fn a_change_of_height_over_a_place_is_flown_straight_up_or_down() {
+    let flown = short_with(
+        "4 0 3 31 0 0 0 0 39.341 -0.3085 50 1\n5 0 3 31 1 0 0 0 0 0 20 1\n6 0 3 31 1 0 0 0 0 0 20 1\n",
+    );
+    assert_eq!(heights(&flown), [25.0, 25.0, 30.0, 30.0, 50.0, 20.0]);
+    let over = &flown.waypoints()[3..];
+    assert!(
+        over.iter()
+            .all(|it| it.horizontal_distance_m(over[0]) < 1e-9)
+    );
+    assert_eq!(
+        notes(&flown),
+        ["item 6: the waypoint is left out, it is where the one before it is"]
+    );
+}
+
+#[test]
+fn conditions_are_passed_over_as_copters_pass_over_them() {
+    let condition = |command: u16| format!("4 0 3 {command} 9 0 0 0 39.5 -0.3085 22222 1\n");
+    let noted = |command| notes(&short_with(&condition(command)));
+    for (command, name) in [
+        (112, "DELAY"),
+        (114, "DISTANCE"),
+        (115, "YAW"),
+        (116, "LOCATION"),
+    ] {
+        let note = "is ignored, it moves no drone of the swarm";
+        assert_eq!(noted(command), [format!("item 4: CONDITION_{name} {note}")]);
+    }
+    let height = "item 4: CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it";
+    assert_eq!(noted(113), [height]);
+    assert_eq!(short_with(&condition(113)).waypoints().len(), 3);
+}
+
+#[test]
+fn a_swarm_may_take_off_to_hover_and_land() {
+    let hover = "1 0 3 22 0 0 0 0 0 0 25 1\n2 0 3 16 30 0 0 0 39.333 -0.3085 25 1\n3 0 3 21 0 0 0 0 0 0 0 1\n";
+    let home = "QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n";
+    let hovering = mission(&format!("{home}{hover}"));
+    assert_eq!(hovering.waypoints(), [Ned::HOME.at_altitude(25.0)]);
+    let notes = notes(&hovering);
+    assert_eq!(
+        notes,
+        [
+            "item 2: the hold of 30 s is ignored, the swarm flies on",
+            "item 2: the waypoint is left out, it is where the one before it is",
+        ]
+    );
 }
 
 #[test]
@@ -566,7 +672,7 @@ proptest! {
         }
         if let Ok(mission) = parse(Path::new("given"), &text) {
             let points = mission.waypoints();
-            prop_assert!(points.len() > NAV_WAYPOINTS_MIN);
+            prop_assert!(points.len() > NAV_WAYPOINTS_MIN, "there is no take-off");
             prop_assert_eq!(points[0], Ned::HOME.at_altitude(points[0].altitude_m()));
             prop_assert!(points.windows(2).all(|pair| pair[0] != pair[1]));
             prop_assert!(points.iter().all(|point| point.altitude_m() > 0.0 && point.altitude_m() <= HEIGHT_MAX_M));

@@ -6,7 +6,7 @@
 
 use super::command::Manoeuvre;
 use super::document::{Document, Written, quoted};
-use super::item::{Home, Item, Listing, Position};
+use super::item::{Home, Item, Listing, Position, ZeroHeight};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
@@ -68,6 +68,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
             Home::Missing
         },
         items,
+        zero_height: ZeroHeight::Kept,
         notes: indices.note().into_iter().collect(),
         items_at: document.end(),
     })

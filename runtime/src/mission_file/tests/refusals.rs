@@ -155,6 +155,11 @@ fn every_fault_of_a_plan_shows_its_place() {
                 "[0,0,0,null,-0.3085,39.339,25]",
             ),
             ("above the terrain", "\"frame\":3", "\"frame\":10"),
+            (
+                "above the terrain, not yet calculated",
+                "\"command\":16,\"frame\":3,\"params\":[0,0,0,null,39.336,-0.3085,25]",
+                "\"AltitudeMode\":3,\"command\":16,\"frame\":0,\"params\":[0,0,0,null,39.336,-0.3085,null]",
+            ),
             ("local coordinates", "\"frame\":3", "\"frame\":1"),
             ("an unknown frame", "\"frame\":3", "\"frame\":99"),
             ("a loiter", "\"command\":20", "\"command\":17"),
@@ -308,6 +313,28 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 "a jump that does not say how often",
                 waypoint,
                 "3 0 3 177 2 nan 0 0 0 0 0 1",
+            ),
+            (
+                "no height at first",
+                "1 0 3 22 0 0 0 0 0 0 25 1\n2 0 3 16 0 0 0 0 39.336 -0.3085 25 1",
+                "1 0 3 16 0 0 0 0 39.336 -0.3085 0 1",
+            ),
+            (
+                "as high as home",
+                waypoint,
+                "3 0 0 16 0 0 0 0 39.339 -0.3085 2 1",
+            ),
+            ("an arc", waypoint, "3 0 3 36 90 0 0 0 39.339 -0.3085 30 1"),
+            (
+                "a user's own command",
+                waypoint,
+                "3 0 0 31010 1 0 0 0 0 0 0 1",
+            ),
+            ("a payload before the take-off", "1 0 3 22", "1 0 3 94"),
+            (
+                "loitering down to the ground",
+                waypoint,
+                "3 0 3 31 0 0 0 0 39.339 -0.3085 0 1",
             ),
             (
                 "a jump past the return",
