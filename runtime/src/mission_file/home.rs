@@ -30,6 +30,7 @@ impl Origin {
     pub(super) fn of(document: Document<'_>, listing: &Listing<'_>) -> Result<Self, BadInput> {
         match &listing.home {
             Home::Planned(at) => Self::above_sea_level(document, at),
+            Home::OnTheGround(at) => Self::on_the_ground(document, at),
             Home::Item0 {
                 at,
                 is_above_sea_level,

@@ -28,6 +28,8 @@ pub(super) enum Home<'a> {
         at: Position<'a>,
         is_above_sea_level: bool,
     },
+    /// On the ground, at no known height above sea level.
+    OnTheGround(Position<'a>),
     /// Nowhere: the first place that the mission comes to is taken.
     Missing,
 }

@@ -1,6 +1,7 @@
 //! A path drawn on a map: the first `LineString` of a KML file.
 //!
 //! Source: OGC 12-007r2, *OGC KML 2.3*, "kml:LineString". What is above the ground there is flown above home, with a note.
+//! Altitudes above sea level are read where QGroundControl exports a plan, whose path begins at the planned home.
 
 use std::ops::Range;
 
@@ -12,8 +13,15 @@ use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
 const NAV_WAYPOINT: u16 = 16;
+const NAV_LAND: u16 = 21;
 const ABOVE_SEA_LEVEL: u16 = 0;
 const ABOVE_HOME: u16 = 3;
+
+/// What QGroundControl names a document that it exports.
+const QGROUNDCONTROL: &str = "QGroundControl Plan KML";
+
+/// How far from the ground the ends of a path may be, in metres, for the swarm to take off and land there.
+const ON_THE_GROUND_M: f64 = 0.5;
 
 const DRAW: &str = "draw a path with altitudes relative to the ground, and save it as KML";
 
@@ -26,7 +34,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         let place = opening(document, path);
         return Err(document.refuse(place, "the `LineString` has no `coordinates`", DRAW));
     };
-    let (frame, notes) = frame(document, path)?;
+    let (frame, mut notes) = frame(document, &xml, path)?;
     let text = content(document, coordinates);
     let mut items = Vec::new();
     for point in text.split_whitespace() {
@@ -39,8 +47,9 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         }
         items.push(item(document, point, frame, items.len() + 1)?);
     }
+    let home = take_ends(&mut items, frame.value, &mut notes);
     Ok(Listing {
-        home: Home::Missing,
+        home,
         items,
         zero_height: ZeroHeight::Ground,
         notes,
@@ -48,18 +57,56 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     })
 }
 
+/// Takes out the point where the path begins, if it is on the ground: home is there. If it ends on the ground, the swarm lands.
+fn take_ends<'a>(items: &mut Vec<Item<'a>>, frame: u16, notes: &mut Vec<Note>) -> Home<'a> {
+    let is_above_sea_level = frame == ABOVE_SEA_LEVEL;
+    let ground_m = match items.first() {
+        Some(home) if is_above_sea_level => home.position.altitude_m.value,
+        _ => Some(0.0),
+    };
+    let is_on_the_ground = |item: &Item<'_>| match (item.position.altitude_m.value, ground_m) {
+        (Some(altitude_m), Some(ground_m)) => (altitude_m - ground_m).abs() <= ON_THE_GROUND_M,
+        _ => false,
+    };
+    if let [_, .., end] = &mut items[..]
+        && is_on_the_ground(end)
+    {
+        end.command.value = NAV_LAND;
+    }
+    if items.len() < 2 || !is_on_the_ground(&items[0]) {
+        return Home::Missing;
+    }
+    let begin = items.remove(0);
+    notes.push(Note {
+        item: begin.name,
+        kind: NoteKind::HomeWherePathBegins,
+    });
+    if is_above_sea_level {
+        Home::Planned(begin.position)
+    } else {
+        Home::OnTheGround(begin.position)
+    }
+}
+
 /// What the altitudes of a path are above.
 fn frame<'a>(
     document: Document<'a>,
+    xml: &Xml<'_>,
     path: Node<'_, '_>,
 ) -> Result<(Written<'a, u16>, Vec<Note>), BadInput> {
     let mode = named(path, "altitudeMode");
     let text = mode.map_or_else(|| opening(document, path), |mode| content(document, mode));
     match (mode, text.trim()) {
-        (Some(_), "absolute") => {
+        (Some(_), "absolute") if is_exported_plan(xml) => {
             let value = ABOVE_SEA_LEVEL;
             Ok((Written { value, text }, Vec::new()))
         }
+        (Some(_), "absolute") => Err(document.refuse(
+            text,
+            "the path's altitudes are above sea level, and that of home is not known",
+            "give altitudes relative to the ground; those above sea level are read where QGroundControl has exported a plan, whose \
+             path begins at home",
+        )),
         (Some(_), "relativeToGround") => {
             let value = ABOVE_HOME;
             let note = Note {
@@ -70,6 +117,12 @@ fn frame<'a>(
         }
         _ => Err(document.refuse(text, "the path lies on the ground", DRAW)),
     }
+}
+
+fn is_exported_plan(xml: &Xml<'_>) -> bool {
+    let document = named(xml.root(), "Document");
+    let name = document.and_then(|document| named(document, "name"));
+    name.and_then(|name| name.text()).map(str::trim) == Some(QGROUNDCONTROL)
 }
 
 /// A point: longitude, latitude and altitude.

@@ -121,6 +121,8 @@ pub enum NoteKind {
     },
     /// An item after the return to launch, which ends the mission.
     LeftOutAfterReturn,
+    /// A path drawn on a map begins on the ground: home is taken to be there.
+    HomeWherePathBegins,
     /// A geofence, which only a scenario can give.
     FenceIgnored,
     /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
@@ -188,6 +190,9 @@ impl fmt::Display for Note {
                 "home is taken to be there, not in item 0, {:.0} km away, which autopilots overwrite",
                 distance_m / 1_000.0
             ),
+            NoteKind::HomeWherePathBegins => {
+                f.write_str("home is taken to be there, the path begins on the ground")
+            }
             NoteKind::LeftOutAfterReturn => {
                 f.write_str("the item is left out, the mission ends with the return to launch")
             }
@@ -221,6 +226,9 @@ impl fmt::Display for Note {
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
 /// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are
 /// further from than [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M), and these are near each other.
+///
+/// Of KML the first path is flown. Home is where it begins, on the ground or below its first point. Where it ends on the
+/// ground, the swarm lands. Its altitudes are above the ground; above sea level only where QGroundControl has exported a plan.
 ///
 /// Other commands that move no drone are ignored, with a [`Note`]. A waypoint that is exactly where the one before it
 /// is, as surveys have them, is left out with a note. `NaN` (in JSON, `null`) in a parameter says, as in MAVLink, that

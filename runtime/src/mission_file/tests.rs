@@ -451,6 +451,49 @@ fn a_path_drawn_on_a_map_is_flown_from_its_first_point() {
 }
 
 #[test]
+fn a_path_that_begins_and_ends_on_the_ground_says_where_to_take_off_and_land() {
+    let drawn = refusals::KML
+        .replace("-0.3085,39.333,25", "-0.3085,39.333,0.2 -0.3085,39.333,25")
+        .replace("39.339,30", "39.339,30 -0.3085,39.340,0");
+    let path = mission(&drawn);
+    assert_eq!(heights(&path), [25.0, 25.0, 30.0, 30.0]);
+    assert_eq!(path.home(), Geodetic::new(39.333, -0.3085, 0.0).unwrap());
+    assert_eq!(
+        notes(&path)[1..],
+        [
+            "point 1: home is taken to be there, the path begins on the ground",
+            "point 2: the waypoint is left out, it is where the one before it is",
+        ]
+    );
+    let between = drawn.replace("39.336,25", "39.336,0");
+    let refused = parse(Path::new("given"), &between).unwrap_err().to_string();
+    assert_eq!(refused, "point 3: the height above home is 0 m");
+}
+
+#[test]
+fn a_plan_that_qgroundcontrol_exports_begins_at_home() {
+    let exported = refusals::KML
+        .replace(
+            "<Document>",
+            "<Document><name>QGroundControl Plan KML</name>",
+        )
+        .replace("relativeToGround", "absolute")
+        .replace(
+            "-0.3085,39.333,25",
+            "-0.3085,39.333,488.74 -0.3085,39.333,513.74",
+        )
+        .replace("39.336,25", "39.336,513.74")
+        .replace("39.339,30", "39.339,518.74 -0.3085,39.340,488.74");
+    let plan = mission(&exported);
+    assert_eq!(heights(&plan), [25.0, 25.0, 30.0, 30.0]);
+    assert_eq!(plan.home(), Geodetic::new(39.333, -0.3085, 488.74).unwrap());
+    // What is as high as home all the way is no flight.
+    let flat = exported.replace("513.74", "488.74");
+    let refused = parse(Path::new("given"), &flat).unwrap_err().to_string();
+    assert_eq!(refused, "point 2: the height above home is 0 m");
+}
+
+#[test]
 fn a_jump_is_made_as_often_as_it_says() {
     let jump = |times: &str| format!("4 0 3 177 2 {times} 0 0 0 0 0 1\n5 0 3 20 0 0 0 0 0 0 0 1\n");
     let twice = short_with(&jump("2"));

@@ -222,6 +222,13 @@ fn every_fault_of_a_path_shows_its_place() {
             ("a point that is text", "39.336", "north"),
             ("four numbers", "39.336,25", "39.336,25,1"),
             ("no points", "-0.3085,39.333,25 -0.3085,39.336,25\n", ""),
+            ("on the ground in between", "39.336,25", "39.336,0"),
+            (
+                "above sea level as QGroundControl exports it, and home alone",
+                KML,
+                "<kml><Document><name>QGroundControl Plan KML</name><LineString><altitudeMode>absolute</altitudeMode>\
+                 <coordinates>-0.3085,39.333,500</coordinates></LineString></Document></kml>",
+            ),
         ],
     );
     insta::assert_snapshot!(shown);
