@@ -55,14 +55,17 @@ fn describe(file: &Path) -> Result<String, BadInput> {
     } else {
         let mission = mission_file::load(file)?;
         let waypoints = mission.waypoints();
-        let length_m: f64 = waypoints
+        let length_m = waypoints
             .windows(2)
             .map(|leg| leg[0].horizontal_distance_m(leg[1]))
-            .sum();
+            .fold(0.0, |length_m, leg_m| length_m + leg_m);
         let heights = waypoints.iter().map(|waypoint| waypoint.altitude_m());
+        let waypoints = match waypoints.len() {
+            1 => "a waypoint".to_owned(),
+            waypoints => format!("{waypoints} waypoints"),
+        };
         let description = format!(
-            "a mission of {} waypoints over {length_m:.0} m, at {:.0} to {:.0} m",
-            waypoints.len(),
+            "a mission of {waypoints} over {length_m:.0} m, at {:.0} to {:.0} m",
             heights.clone().fold(f64::INFINITY, f64::min),
             heights.fold(0.0, f64::max),
         );

@@ -267,6 +267,40 @@ fn shipped_files_pass_their_check() {
 }
 
 #[test]
+fn a_mission_that_hovers_is_checked_and_flown() {
+    let folder = tempfile::tempdir().unwrap();
+    let hover = folder.path().join("hover.waypoints");
+    fs::write(
+        &hover,
+        "QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n1 0 3 22 0 0 0 0 0 0 25 1\n\
+         2 0 3 16 30 0 0 0 39.333 -0.3085 25 1\n3 0 3 21 0 0 0 0 0 0 0 1\n",
+    )
+    .unwrap();
+    let check = muster(folder.path())
+        .args(["check", "hover.waypoints"])
+        .assert()
+        .success();
+    let printed = String::from_utf8_lossy(&check.get_output().stdout).into_owned();
+    assert!(
+        printed.contains("a mission of a waypoint over 0 m"),
+        "{printed}"
+    );
+    for engine in ["events", "actors"] {
+        muster(folder.path())
+            .args([
+                "sim",
+                &scenario("thesis-1.toml"),
+                "--engine",
+                engine,
+                "--set",
+            ])
+            .arg(format!("mission.file={}", hover.display()))
+            .assert()
+            .success();
+    }
+}
+
+#[test]
 fn an_unchecked_run_says_so_wherever_a_checked_one_would_have_passed() {
     let folder = tempfile::tempdir().unwrap();
     let report = json_of(folder.path(), &["--engine", "events", "--unchecked"]);

@@ -29,6 +29,7 @@ use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
+use crate::report::figures::plural;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::{Craft, Landing, Vehicle};
 
@@ -145,11 +146,11 @@ impl Scenario {
     /// What it is, in a few words.
     #[must_use]
     pub fn description(&self) -> String {
-        let length_m: f64 = self
+        let length_m = self
             .waypoints
             .windows(2)
             .map(|leg| leg[0].horizontal_distance_m(leg[1]))
-            .sum();
+            .fold(0.0, |length_m, leg_m| length_m + leg_m);
         let layer_m = limits::highest_layer_m(&self.layout, &self.changes, &self.waypoints);
         let layers = if layer_m > 0.0 {
             format!("layers up to {layer_m} m above it")
@@ -162,10 +163,10 @@ impl Scenario {
             relays => format!(", and {relays} relays"),
         };
         format!(
-            "{} drones, master {}{relays}; a mission of {} waypoints over {length_m:.0} m, {layers}; at most {:.0} s",
+            "{} drones, master {}{relays}; a mission of {} over {length_m:.0} m, {layers}; at most {:.0} s",
             self.layout.formation().drones(),
             self.layout.formation().centre(),
-            self.waypoints.len(),
+            plural(self.waypoints.len(), "waypoint"),
             self.bound().as_secs_f64(),
         )
     }
