@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -123,6 +124,69 @@ fn what_the_documents_point_to_is_there() {
                 "{name} names {path}"
             );
         }
+    }
+}
+
+#[test]
+fn the_list_of_public_missions_is_well_formed_and_says_what_the_page_says() {
+    let list = text("docs/public-missions.csv");
+    let mut rows = csv::Reader::from_reader(list.as_bytes());
+    let columns = [
+        "repository",
+        "path",
+        "sha256",
+        "plausible",
+        "verdict",
+        "reason",
+    ];
+    assert_eq!(rows.headers().unwrap(), &columns[..]);
+    let mut files = BTreeSet::new();
+    let (mut plausible, mut fly, mut above_ground) = (0_u32, 0_u32, 0_u32);
+    for row in rows.deserialize() {
+        let [repository, path, sha256, is_plausible, verdict, reason]: [String; 6] = row.unwrap();
+        let is_named = repository
+            .split('/')
+            .filter(|part| !part.is_empty())
+            .count()
+            == 2;
+        assert!(
+            is_named && !path.is_empty() && !path.starts_with('/'),
+            "{repository} {path}"
+        );
+        let is_digit = |digit: u8| digit.is_ascii_digit() || (b'a'..=b'f').contains(&digit);
+        assert!(
+            sha256.len() == 64 && sha256.bytes().all(is_digit),
+            "{path}: {sha256}"
+        );
+        match (is_plausible.as_str(), verdict.as_str()) {
+            ("yes", "flies") => {
+                assert_eq!(reason, "", "{path}");
+                fly += 1;
+            }
+            ("yes" | "no", "refused") | ("no", "flies") => assert_ne!(reason, "", "{path}"),
+            other => panic!("{repository} {path}: {other:?}"),
+        }
+        plausible += u32::from(is_plausible == "yes");
+        above_ground += u32::from(reason == "heights above the ground");
+        assert!(files.insert((repository, path)), "a file is there twice");
+    }
+    let share = |of: u32| format!("{:.1} %", 100.0 * f64::from(fly) / f64::from(of));
+    let rest = plausible - above_ground;
+    let page = text("scenarios/README.md");
+    let page: Vec<&str> = page.split_whitespace().collect();
+    let page = page.join(" ");
+    for said in [
+        format!("lists {} mission files", files.len()),
+        format!(
+            "{plausible} are plausible and {fly} of them fly ({}).",
+            share(plausible)
+        ),
+        format!(
+            "Of the {rest} without heights above the ground, {fly} fly ({}).",
+            share(rest)
+        ),
+    ] {
+        assert!(page.contains(&said), "the page does not say: {said}");
     }
 }
 
