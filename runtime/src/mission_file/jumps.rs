@@ -25,6 +25,7 @@ impl<'a> Jumps<'a> {
         let mut flown = Vec::new();
         let mut left = vec![None; self.items.len()];
         let mut has_returned = false;
+        let mut jumps = 0;
         let mut at = 0;
         while let Some(item) = self.items.get(at) {
             has_returned |= item.is_flown_as(Manoeuvre::ReturnToLaunch);
@@ -33,31 +34,37 @@ impl<'a> Jumps<'a> {
             } else {
                 None
             };
-            match jump {
+            let next = match jump {
                 Some(Jump {
                     to,
                     times: Some(times),
                 }) => {
                     let left = left[at].get_or_insert(times);
-                    at = if *left > 0 { to } else { at + 1 };
+                    let next = if *left > 0 { to } else { at + 1 };
                     *left = left.saturating_sub(1);
-                    continue;
+                    Some(next)
                 }
-                Some(Jump { to, times: None }) if to > at => {
-                    at = to;
-                    continue;
-                }
-                _ => {}
-            }
-            if flown.len() == ITEMS_MAX {
+                Some(Jump { to, times: None }) if to > at => Some(to),
+                _ => None,
+            };
+            let come_to = if next.is_some() { jumps } else { flown.len() };
+            if come_to == ITEMS_MAX {
                 return Err(self.document.refuse(
                     item.command.text,
                     format_args!("the mission comes to more than {ITEMS_MAX} items, by its jumps"),
                     "let it jump less often",
                 ));
             }
-            flown.push(item);
-            at += 1;
+            match next {
+                Some(next) => {
+                    jumps += 1;
+                    at = next;
+                }
+                None => {
+                    flown.push(item);
+                    at += 1;
+                }
+            }
         }
         Ok(flown)
     }

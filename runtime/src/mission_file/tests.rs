@@ -432,6 +432,22 @@ fn a_jump_forward_without_end_is_always_made() {
 }
 
 #[test]
+fn jumps_from_jump_to_jump_have_a_limit() {
+    let to_itself =
+        |number: usize, times: usize| format!("{number} 0 3 177 {number} {times} 0 0 0 0 0 1\n");
+    assert_eq!(
+        short_with(&to_itself(4, ITEMS_MAX - 1)).waypoints().len(),
+        3
+    );
+    let jumps: String = (4..ITEMS_MAX)
+        .map(|number| to_itself(number, ITEMS_MAX))
+        .collect();
+    let refused = parse(Path::new("given"), &format!("{SHORT}{jumps}"));
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("by its jumps"), "{refused}");
+}
+
+#[test]
 fn a_path_drawn_on_a_map_is_flown_from_its_first_point() {
     let path = mission(refusals::KML);
     assert_eq!(heights(&path), [25.0, 25.0, 30.0]);
