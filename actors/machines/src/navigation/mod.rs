@@ -546,7 +546,8 @@ impl Navigation {
         };
         let is_news = traffic.hears(now, sender, intent);
         let is_in_the_way = self.way.is_some_and(|way| traffic.gives_way(now, way));
-        if is_news && (is_in_the_way || self.next_try.is_some()) {
+        // One that was forgotten is in the way again though it says nothing new.
+        if is_in_the_way || is_news && self.next_try.is_some() {
             self.demand(Demand::Report);
         }
     }

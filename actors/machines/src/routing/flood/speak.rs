@@ -104,8 +104,20 @@ impl FloodPolicy {
         self.heard_at
             .retain(|_, heard_at| now.since(*heard_at) <= time_to_live);
         // A master is no member, but that it is going to land is to be known.
+        // Those who hear it themselves may be going to land, too, and lead nobody.
+        let lost = core.master().filter(|_| core.master_lands());
+        let lost = lost.map(|master| Member {
+            id: master,
+            number: 0,
+            acknowledged: 0,
+            out_of_range: false,
+            landing: true,
+        });
         let members = match (is_master, own.landing) {
-            (false, _) => std::iter::once(own).chain(self.members.iter()).collect(),
+            (false, _) => {
+                let own = std::iter::once(own);
+                own.chain(self.members.iter()).chain(lost).collect()
+            }
             (true, true) => vec![own],
             (true, false) => Vec::new(),
         };

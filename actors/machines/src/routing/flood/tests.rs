@@ -480,3 +480,28 @@ fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_u
     assert!(!is_silent(&wait(&mut master, at(24.0)).notices));
     assert!(is_silent(&wait(&mut master, at(25.0)).notices));
 }
+
+#[test]
+fn that_the_master_lands_is_passed_on_by_whoever_knows_it() {
+    let landing = Member {
+        id: NodeId(0),
+        number: 3,
+        acknowledged: 1,
+        out_of_range: false,
+        landing: true,
+    };
+    let mut slave = routing(2);
+    hears(&mut slave, at(0.0), 1, &Packet::Flood(flood(1, 1)));
+    let mut heard = flood(2, 1);
+    heard.members = vec![landing];
+    let told = hears(&mut slave, at(0.1), 0, &Packet::Flood(heard));
+    assert!(told.notices.contains(&Notice::MasterLands));
+    let said = wait(&mut slave, at(0.4)).sent;
+    let Some(said @ Packet::Flood(_)) = said.last() else {
+        panic!("a flood should have been sent, not {said:?}");
+    };
+    let mut other = routing(3);
+    hears(&mut other, at(0.0), 1, &Packet::Flood(flood(1, 1)));
+    let told = hears(&mut other, at(0.5), 2, said);
+    assert!(told.notices.contains(&Notice::MasterLands));
+}
