@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::Change;
+use muster_machines::formation::{Change, Flown};
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
 use muster_machines::time::Timestamp;
@@ -30,7 +30,10 @@ impl Scenario {
             self.bound_in_words(),
         ];
         lines.extend(self.layers_in_words());
-        lines.extend(connected.and_then(|parts| self.apart_in_words(&parts)));
+        if let Some(in_slots) = &connected {
+            lines.extend(self.apart_in_words(in_slots));
+            lines.extend(self.apart_by_height_in_words(in_slots));
+        }
         let mut first = self.nodes();
         for (swarm, joins) in &self.others {
             let last = first + swarm.layout.formation().drones() - 1;
@@ -83,18 +86,23 @@ impl Scenario {
     /// Who is connected with whom, as all are in their slots; nothing for a swarm that is too large.
     fn connected(&self) -> Option<Parts> {
         let nodes = self.nodes();
-        if nodes > DIAMETER_NODES_MAX {
-            return None;
-        }
+        (nodes <= DIAMETER_NODES_MAX).then(|| self.connected_at(|_| self.waypoints[0].altitude_m()))
+    }
+
+    /// Who is connected with whom, as each is above its first slot, at a height of its own in metres above home.
+    fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Parts {
         let drones = (0..self.layout.formation().drones()).map(NodeId);
-        let slots = drones.map(|id| self.layout.slot(id, self.waypoints[0]));
-        let places: Vec<_> = slots.chain(self.relays.iter().copied()).collect();
+        let above = drones.map(|id| {
+            let slot = self.layout.slot(id, self.waypoints[0]);
+            slot.at_altitude(altitude_m(id))
+        });
+        let places: Vec<_> = above.chain(self.relays.iter().copied()).collect();
         // Nothing is drawn from it.
         let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
         let mut parts = Parts::default();
         let live = vec![Some(0); places.len()];
         parts.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
-        Some(parts)
+        parts
     }
 
     fn masters_part<'a>(&self, parts: &'a Parts) -> Option<&'a Part> {
@@ -102,14 +110,47 @@ impl Scenario {
         parts.iter().find(|part| part.members.contains(&master))
     }
 
-    /// Who is in a slot that no links that are up connect with the master's, if anybody is.
-    fn apart_in_words(&self, parts: &Parts) -> Option<String> {
+    /// Who is where no links that are up connect it with the master, lowest first.
+    fn out_of_reach(&self, parts: &Parts) -> Option<Vec<u32>> {
         let with_master = self.masters_part(parts)?;
         let all = (0..self.layout.formation().drones()).map(NodeId);
-        let apart: Vec<_> = all
-            .filter(|id| !with_master.members.contains(id))
-            .map(|id| id.0)
-            .collect();
+        let apart = all.filter(|id| !with_master.members.contains(id));
+        Some(apart.map(|id| id.0).collect())
+    }
+
+    /// Whom altitude layers lead out of the reach that they have in their slots.
+    fn apart_by_height_in_words(&self, in_slots: &Parts) -> Vec<String> {
+        let apart = self.out_of_reach(in_slots).unwrap_or_default();
+        let flown = Flown {
+            layout: &self.layout,
+            changes: &self.changes,
+            waypoints: &self.waypoints,
+        };
+        let begin = self.waypoints[0];
+        let on_the_way_up = self
+            .connected_at(|id| begin.altitude_m() + self.layout.take_off_layers_m()[id.0 as usize]);
+        let alone = self.connected_at(|id| flown.altitude_alone_m(id, 0, begin));
+        let lines = [
+            ("in their layers on the way up", on_the_way_up),
+            ("in their layers out of lockstep", alone),
+        ];
+        let lines = lines.into_iter().filter_map(|(when, parts)| {
+            let mut out_of_reach = self.out_of_reach(&parts)?;
+            out_of_reach.retain(|id| !apart.contains(id));
+            (!out_of_reach.is_empty()).then(|| {
+                format!(
+                    "out of the master's reach {when}: {}; larger `radio.range_m`, smaller `formation.spacing_m` or \
+                     `limits.separation_vertical_m` would help",
+                    drones(&out_of_reach)
+                )
+            })
+        });
+        lines.collect()
+    }
+
+    /// Who is in a slot that no links that are up connect with the master's, if anybody is.
+    fn apart_in_words(&self, parts: &Parts) -> Option<String> {
+        let apart = self.out_of_reach(parts)?;
         let led = match self.protocol.succession {
             Succession::Elect => "elect masters of their own",
             Succession::Land => "land",

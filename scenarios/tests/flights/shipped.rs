@@ -182,3 +182,18 @@ fn an_outlook_tells_where_flooding_does_not_carry_far_enough() {
     let told = outlook("protocol.policy=tree");
     assert!(!told.contains("no known time"), "{told}");
 }
+
+#[test]
+fn check_tells_whom_layers_lead_out_of_reach() {
+    let outlook = |overrides: &[&str]| {
+        let fields = ["formation.drones=37", "formation.spacing_m=40"];
+        let fields = [&fields[..], overrides].concat();
+        scenario("barrier-mesh.toml", &fields).outlook().join("\n")
+    };
+    let on_the_way_up = "out of the master's reach in their layers on the way up: drones 33–36";
+    let high = ["radio.range_m=60", "limits.altitude_max_m=400"];
+    let told = outlook(&high);
+    assert!(told.contains(on_the_way_up), "{told}");
+    let told = outlook(&[&high[..], &["limits.separation_vertical_m=1"]].concat());
+    assert!(!told.contains("out of the master's reach"), "{told}");
+}
