@@ -776,7 +776,11 @@ heading_deg = 82",
     folder.write("scenario.toml", fifteen);
     assert_says(
         &folder.refusal(&[]),
-        &["needs layers up to", "over the limit of 120 m"],
+        &[
+            "needs layers up to",
+            "over the limit of 120 m",
+            "set `limits.altitude_max_m`",
+        ],
     );
 }
 

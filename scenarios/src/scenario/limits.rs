@@ -7,7 +7,6 @@ use muster_machines::navigation;
 use muster_machines::supervision::RestartLimits;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
-use toml::Spanned;
 
 use super::Limits;
 use super::file::Source;
@@ -169,13 +168,20 @@ pub(super) fn check_layers(
     if highest_m + layer_m <= altitude_max_m {
         return Ok(());
     }
-    let altitude_max = raw.limits.altitude_max_m.as_ref();
-    let place = altitude_max.map_or_else(|| raw.mission.file.span(), Spanned::span);
     let message = format!(
         "the mission flies at up to {highest_m} m and this formation needs layers up to {layer_m} m above it, which \
          is over the limit of {altitude_max_m} m"
     );
-    Err(source.error(place, &message))
+    Err(match &raw.limits.altitude_max_m {
+        Some(altitude_max) => source.error(altitude_max.span(), &message),
+        None => {
+            let help = format!(
+                "set `limits.altitude_max_m` where you may fly higher, or let fewer drones fly: without it the limit is \
+                 {ALTITUDE_MAX_M} m"
+            );
+            BadInput::without_excerpt(&source.shown, message, help)
+        }
+    })
 }
 
 pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> Limits {
