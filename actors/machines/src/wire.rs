@@ -373,6 +373,20 @@ enum WireOrder {
     Assemble {
         at: [i32; 3],
     },
+    TakeOffInWave {
+        wave: u16,
+    },
+    LandInWave {
+        at: [i32; 3],
+        changes: u16,
+        apart: bool,
+        wave: u16,
+    },
+    CrossInWave {
+        change: u16,
+        apart: bool,
+        wave: u16,
+    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -395,19 +409,47 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
             count: *count,
             waypoints: waypoints.iter().copied().map(to_millimetres).collect(),
         },
-        Order::TakeOff => WireOrder::TakeOff,
+        Order::TakeOff { wave: 0 } => WireOrder::TakeOff,
+        Order::TakeOff { wave } => WireOrder::TakeOffInWave { wave: *wave },
         Order::Move { waypoint, apart } => WireOrder::Move {
             waypoint: *waypoint,
             apart: *apart,
         },
-        Order::Land { at, changes, apart } => WireOrder::Land {
+        Order::Land {
+            at,
+            changes,
+            wave: 0,
+            apart,
+        } => WireOrder::Land {
             at: to_millimetres(*at),
             changes: *changes,
             apart: *apart,
         },
+        Order::Land {
+            at,
+            changes,
+            wave,
+            apart,
+        } => WireOrder::LandInWave {
+            at: to_millimetres(*at),
+            changes: *changes,
+            apart: *apart,
+            wave: *wave,
+        },
+        Order::Reform {
+            change,
+            step: Step::Cross,
+            wave: wave @ 1..,
+            apart,
+        } => WireOrder::CrossInWave {
+            change: *change,
+            apart: *apart,
+            wave: *wave,
+        },
         Order::Reform {
             change,
             step,
+            wave: _,
             apart,
         } => WireOrder::Reform {
             apart: *apart,
@@ -444,11 +486,34 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             count,
             waypoints: waypoints.into_iter().map(from_millimetres).collect(),
         },
-        WireOrder::TakeOff => Order::TakeOff,
+        WireOrder::TakeOff => Order::TakeOff { wave: 0 },
+        WireOrder::TakeOffInWave { wave } => Order::TakeOff { wave },
         WireOrder::Move { waypoint, apart } => Order::Move { waypoint, apart },
         WireOrder::Land { at, changes, apart } => Order::Land {
             at: from_millimetres(at),
             changes,
+            wave: 0,
+            apart,
+        },
+        WireOrder::LandInWave {
+            at,
+            changes,
+            apart,
+            wave,
+        } => Order::Land {
+            at: from_millimetres(at),
+            changes,
+            wave,
+            apart,
+        },
+        WireOrder::CrossInWave {
+            change,
+            apart,
+            wave,
+        } => Order::Reform {
+            change,
+            step: Step::Cross,
+            wave,
             apart,
         },
         WireOrder::Reform {
@@ -463,6 +528,7 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
                 WireStep::Cross => Step::Cross,
                 WireStep::Descend => Step::Descend,
             },
+            wave: 0,
         },
         WireOrder::Follow { at, velocity } => Order::Follow {
             at: from_millimetres(at),

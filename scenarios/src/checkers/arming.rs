@@ -58,7 +58,8 @@ impl ArmingChecker {
         match envelope {
             Envelope::Mission(Input::Fly) => *phase = Phase::Leads,
             Envelope::Mission(Input::Routing(Notice::Order { ballot, order, .. }))
-                if !ballot.is_elected() && wire::decode_order(order) == Ok(Order::TakeOff) =>
+                if !ballot.is_elected()
+                    && matches!(wire::decode_order(order), Ok(Order::TakeOff { .. })) =>
             {
                 *phase = Phase::Told;
             }
@@ -213,7 +214,7 @@ mod tests {
                     let order = Notice::Order {
                         ballot: ballot(term),
                         sequence: 2,
-                        order: wire::encode_order(&Order::TakeOff).into(),
+                        order: wire::encode_order(&Order::TakeOff { wave: 0 }).into(),
                     };
                     checker.told(DRONE, &Envelope::Mission(Input::Routing(order)));
                     None

@@ -44,20 +44,6 @@ pub(super) fn highest_layer_m(layout: &Layout, changes: &[Change], waypoints: &[
     layers_m.chain(sectors_m).fold(0.0, f64::max)
 }
 
-/// Whether all layers above the mission are below a ceiling, and neighbours hear each other whichever they are in.
-pub(super) fn has_room(
-    raw: &Raw,
-    layout: &Layout,
-    changes: &[Change],
-    waypoints: &[Ned],
-    ceiling_m: f64,
-) -> bool {
-    let altitudes_m = waypoints.iter().map(|it| it.altitude_m());
-    let highest_m = highest_layer_m(layout, changes, waypoints);
-    let apart_m = raw.formation.spacing_m.get_ref().0.hypot(highest_m);
-    altitudes_m.fold(0.0, f64::max) + highest_m <= ceiling_m && apart_m <= raw.radio.range_m.0
-}
-
 impl Course<'_> {
     fn highest_layer_m(&self) -> f64 {
         highest_layer_m(self.layout, self.changes, self.waypoints)
@@ -112,7 +98,7 @@ impl Course<'_> {
     /// How long the longest way between ground and slot takes.
     fn farthest_s(&self) -> f64 {
         let home = self.waypoints[0];
-        let last = self.changes.last().map_or(self.layout, Change::layout);
+        let last = self.last_layout();
         let ways = self.drones().flat_map(|id| {
             [
                 (self.layout.stand(id, home), self.layout.slot(id, home)),
@@ -146,7 +132,22 @@ impl Course<'_> {
             Some(after) => after.as_secs_f64(),
             None => self.legs_s().sum(),
         };
-        course_s + 3.0 * self.changes_s().sum::<f64>() + self.farthest_s() + self.landing_s()
+        let steps_s = self.changes_s().zip(self.changes);
+        let changes_s = steps_s.map(|(step_s, change)| f64::from(change.waves() + 2) * step_s);
+        let (take_off, landing) = (
+            self.layout.take_off_waves(),
+            self.last_layout().landing_waves(),
+        );
+        course_s
+            + changes_s.sum::<f64>()
+            + f64::from(take_off) * self.farthest_s()
+            + f64::from(landing) * self.landing_s()
+            + f64::from(landing - 1) * self.farthest_s()
+    }
+
+    /// Who flies, stands and lands where at the end of the mission.
+    fn last_layout(&self) -> &Layout {
+        self.changes.last().map_or(self.layout, Change::layout)
     }
 }
 

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Layering, Separation};
+use muster_machines::formation::{Change, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Barrier;
@@ -19,9 +19,9 @@ use super::failsafe::{check_fence, failsafe, fence};
 use super::faults::faults;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
-use super::formation;
-use super::limits::{Course, altitude_max_m, check_layers, has_room, highest_layer_m, limits};
+use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
+use super::room::{Room, arrange};
 use super::{Chaos, Protocol, Scenario, Variation};
 use crate::vehicle::Landing;
 
@@ -127,16 +127,12 @@ fn alone(
             .map_or(SEPARATION_M, |it| it.0),
     };
     let fence = fence(raw, altitude_max_m(raw));
-    let mut layout = formation::layout(source, raw, separation)?.with_layers(Layering::Each);
-    let mut changes = formation::changes(source, raw, &layout, waypoints.len())?;
     let ceiling_m = fence.map_or(altitude_max_m(raw), |fence| fence.altitude_max_m);
-    if !has_room(raw, &layout, &changes, &waypoints, ceiling_m) {
-        layout = layout.with_layers(Layering::Shared);
-        changes = formation::changes(source, raw, &layout, waypoints.len())?;
-    }
-    let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let avoid = raw.safety.avoid.then_some(separation);
     let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
+    let room = Room::new(raw, separation, &waypoints, ceiling_m);
+    let (layout, changes) = arrange((source, raw), &waypoints, &room, vehicle)?;
+    let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),

@@ -11,6 +11,7 @@ mod limits;
 mod load;
 mod outlook;
 mod raw;
+mod room;
 mod settling;
 mod variation;
 mod written;
@@ -305,6 +306,7 @@ impl Scenario {
                 },
                 set_up_limit: self.limits.set_up,
                 take_off_limit: self.limits.take_off,
+                landing_limit: self.limits.leg + self.limits.landing,
                 leg_limit: self.limits.leg,
                 flight_time: self.limits.flight_time,
                 waypoints_max: self.limits.waypoints_max,

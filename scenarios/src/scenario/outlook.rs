@@ -12,6 +12,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::Scenario;
+use super::room::Pace;
 use crate::parts::{Link, Part, Parts};
 use crate::report::figures::{drones, figure, plural};
 
@@ -30,6 +31,7 @@ impl Scenario {
             self.bound_in_words(),
         ];
         lines.extend(self.layers_in_words());
+        lines.extend(self.waves_in_words());
         if let Some(in_slots) = &connected {
             lines.extend(self.apart_in_words(in_slots));
             lines.extend(self.apart_by_height_in_words(in_slots));
@@ -205,6 +207,27 @@ impl Scenario {
             ));
         }
         lines
+    }
+}
+
+impl Scenario {
+    /// In how many waves drones fly where there is no room for all at once, and how much longer that takes.
+    fn waves_in_words(&self) -> Option<String> {
+        let last = self.changes.last().map_or(&*self.layout, Change::layout);
+        let crossing = self.changes.iter().map(Change::waves).max().unwrap_or(1);
+        let (up, down) = (self.layout.take_off_waves(), last.landing_waves());
+        let pace = Pace {
+            vehicle: self.vehicle,
+            waypoints: &self.waypoints,
+        };
+        let extra_s = pace.extra_s(&self.layout, &self.changes);
+        (up.max(down).max(crossing) > 1).then(|| {
+            format!(
+                "waves: {up} to take off, {crossing} to change formation, {down} to land, one after the other, about {} s \
+                 longer than all at once",
+                figure(extra_s, 0)
+            )
+        })
     }
 }
 

@@ -1,5 +1,5 @@
 use super::crossings::{crossings, ways};
-use super::layers::Stack;
+use super::layers::{Rest, Stack};
 use super::{Formation, Layout};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
@@ -16,6 +16,8 @@ pub struct Change {
     from: Vec<Ned>,
     layout: Layout,
     sectors_m: Vec<f64>,
+    wave_of: Vec<u16>,
+    waves: u16,
 }
 
 impl Change {
@@ -28,18 +30,24 @@ impl Change {
     pub fn new(waypoint: u16, before: &Layout, formation: Formation) -> Self {
         let formation = formation.taken_from(before.formation());
         let from = before.formation().slots().to_vec();
-        let separation = before.separation();
+        let room = before.room();
+        let separation = room.separation;
         let mut crossings = crossings(&ways(&from, formation.slots()), separation.near_m());
         for crossing in &mut crossings {
             // Nobody climbs or descends while others cross; but who crosses may have to come down.
             crossing.over.reverse();
         }
-        let stack = Stack::of(from.len(), &crossings, 0);
+        let stack = match room.layers_max {
+            None => Stack::of(from.len(), &crossings, 0),
+            Some(most) => Stack::in_waves(&formation.by_rank(), &crossings, most, Rest::InLayer),
+        };
         Self {
             waypoint,
             from,
             sectors_m: separation.heights_m(&stack).collect(),
-            layout: Layout::new(formation, before.gap_m(), separation).layered_like(before),
+            waves: stack.wave_count(),
+            wave_of: stack.waves,
+            layout: Layout::within(formation, before.gap_m(), room).layered_like(before),
         }
     }
 
@@ -59,6 +67,21 @@ impl Change {
     #[must_use]
     pub fn sectors_m(&self) -> &[f64] {
         &self.sectors_m
+    }
+
+    /// In which wave a drone crosses, the first being 0.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn wave(&self, id: NodeId) -> u16 {
+        self.wave_of[id.0 as usize]
+    }
+
+    /// In how many waves drones cross.
+    #[must_use]
+    pub const fn waves(&self) -> u16 {
+        self.waves
     }
 
     /// The corners of a drone's way when the formation's centre is at `waypoint`: in its sector above its old slot, in

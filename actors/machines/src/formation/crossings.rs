@@ -16,6 +16,29 @@ pub(super) struct Crossing {
     pub(super) drones: [usize; 2],
     /// What of the other's each leads over.
     pub(super) over: [Over; 2],
+    /// Whether the place on the ground of each is below the other's slot.
+    pub(super) below: [bool; 2],
+}
+
+impl Crossing {
+    fn index_of(&self, drone: usize) -> usize {
+        usize::from(self.drones[1] == drone)
+    }
+
+    /// The other one of the two.
+    pub(super) fn other(&self, drone: usize) -> usize {
+        self.drones[1 - self.index_of(drone)]
+    }
+
+    /// What of the other's the way of `drone` leads over.
+    pub(super) fn over_of(&self, drone: usize) -> Over {
+        self.over[self.index_of(drone)]
+    }
+
+    /// Whether the place of `drone` on the ground is below the other's slot.
+    pub(super) fn is_below(&self, drone: usize) -> bool {
+        self.below[self.index_of(drone)]
+    }
 }
 
 /// Whether a way leads over an end of another, where that other's drone climbs and descends.
@@ -51,9 +74,11 @@ pub(super) fn crossings(ways: &[Way], near_m: f64) -> Vec<Crossing> {
         let (one, other) = (ways[a], ways[b]);
         let over = [over(one, other, near_m), over(other, one, near_m)];
         if over != [Over::Neither; 2] || cross(one, other) {
+            let is_below = |lower: Way, upper: Way| (lower.ground - upper.slot).norm() < near_m;
             found.push(Crossing {
                 drones: [a, b],
                 over,
+                below: [is_below(one, other), is_below(other, one)],
             });
         }
     });
@@ -78,6 +103,7 @@ pub(super) fn passings(slots: &[Ned], legs: &[Vector2<f64>], near_m: f64) -> Vec
             found.push(Crossing {
                 drones: [a, b],
                 over: [Over::Neither; 2],
+                below: [false; 2],
             });
         }
     });

@@ -2,8 +2,8 @@ use std::f64::consts::PI;
 use std::num::NonZeroU32;
 
 use super::assignment::Assignment;
-use super::crossings::{Crossing, crossings, ways};
-use super::layers::Stack;
+use super::crossings::{crossings, ways};
+use super::layers::{Rest, Stack};
 use super::{Formation, Kind};
 use crate::geometry::Ned;
 
@@ -30,14 +30,20 @@ const TURNS_RAD: [f64; 5] = [PI / 2.0, 0.0, PI / 4.0, -PI / 4.0, PI / 8.0];
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) places: Vec<Ned>,
-    pub(super) crossings: Vec<Crossing>,
     pub(super) stack: Stack,
 }
 
 impl Places {
-    /// An arrangement whose places are `gap_m` apart, turned as fewest ends of ways are exposed and fewest layers
-    /// needed, where ways nearer than `near_m` cross.
-    pub(super) fn new(ground: Ground, formation: &Formation, gap_m: f64, near_m: f64) -> Self {
+    /// An arrangement whose places are `gap_m` apart, turned as fewest ends of ways are exposed and fewest waves and layers
+    /// needed, where ways nearer than `near_m` cross. In one wave, or with layers up to `layers_max` in waves from the
+    /// centre outwards, so that each wave is within reach of the ones before.
+    pub(super) fn new(
+        ground: Ground,
+        formation: &Formation,
+        gap_m: f64,
+        near_m: f64,
+        layers_max: Option<u32>,
+    ) -> Self {
         let mut best: Option<Self> = None;
         // Drones that stand as far apart as they fly climb straight up.
         let is_drawn_together = ground != Ground::Gathered || gap_m < formation.nearest_m();
@@ -49,19 +55,21 @@ impl Places {
         for turn_rad in turns_rad.iter().copied() {
             let places = ground.places(formation, gap_m, turn_rad);
             let crossings = crossings(&ways(&places, formation.slots()), near_m);
-            let stack = Stack::of(places.len(), &crossings, 0);
-            let cost = |stack: &Stack| (stack.exposed, stack.highest());
+            let stack = match layers_max {
+                None => Stack::of(places.len(), &crossings, 0),
+                Some(most) => {
+                    let order = formation.by_rank();
+                    Stack::in_waves(&order, &crossings, most, Rest::GroundAndSlot)
+                }
+            };
+            let cost = |stack: &Stack| (stack.exposed, stack.wave_count(), stack.highest());
             if best
                 .as_ref()
                 .is_none_or(|best| cost(&stack) < cost(&best.stack))
             {
-                best = Some(Self {
-                    places,
-                    crossings,
-                    stack,
-                });
+                best = Some(Self { places, stack });
             }
-            if best.as_ref().is_some_and(|it| cost(&it.stack) == (0, 0)) {
+            if best.as_ref().is_some_and(|it| cost(&it.stack) == (0, 1, 0)) {
                 break;
             }
         }

@@ -59,14 +59,23 @@ pub enum Layering {
 #[derive(Debug)]
 pub struct Layout {
     formation: Formation,
-    separation: Separation,
+    room: Room,
     gap_m: f64,
+    standing: Ground,
     ground: Option<Ways>,
     landing: Ways,
     layering: Layering,
     /// Who has the lowest layer, if each has its own: the first master.
     lowest: NodeId,
     layers: Layers,
+}
+
+/// What keeps drones apart whose ways cross.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    pub(super) separation: Separation,
+    /// The highest layer that may be flown, where drones fly in waves rather than higher.
+    pub(super) layers_max: Option<u32>,
 }
 
 /// Places on the ground, and the layer in which the way between them and the slots is flown.
@@ -77,8 +86,12 @@ struct Ways {
 }
 
 impl Ways {
-    fn new(ground: Ground, formation: &Formation, gap_m: f64, separation: Separation) -> Self {
-        let arranged = Places::new(ground, formation, gap_m, separation.near_m());
+    fn new(ground: Ground, formation: &Formation, gap_m: f64, room: Room) -> Self {
+        let Room {
+            separation,
+            layers_max,
+        } = room;
+        let arranged = Places::new(ground, formation, gap_m, separation.near_m(), layers_max);
         Self {
             layers_m: separation.heights_m(&arranged.stack).collect(),
             arranged,
@@ -90,23 +103,46 @@ impl Layout {
     /// The layout of a formation whose drones stand and land `gap_m` metres apart.
     #[must_use]
     pub fn new(formation: Formation, gap_m: f64, separation: Separation) -> Self {
+        let room = Room {
+            separation,
+            layers_max: None,
+        };
+        Self::within(formation, gap_m, room)
+    }
+
+    pub(super) fn within(formation: Formation, gap_m: f64, room: Room) -> Self {
         Self {
-            landing: Ways::new(Ground::Gathered, &formation, gap_m, separation),
+            landing: Ways::new(Ground::Gathered, &formation, gap_m, room),
             ground: None,
+            standing: Ground::Gathered,
             layering: Layering::Shared,
             lowest: formation.centre(),
             layers: Layers::default(),
             formation,
-            separation,
+            room,
             gap_m,
         }
+    }
+
+    /// The same with layers up to `layers_max` above the slots: drones take off and land in waves where more would be
+    /// needed, and cross in waves in the changes of formation that are made from it.
+    #[must_use]
+    pub fn in_waves(self, layers_max: u32) -> Self {
+        let room = Room {
+            layers_max: Some(layers_max),
+            ..self.room
+        };
+        Self::within(self.formation, self.gap_m, room)
+            .standing(self.standing)
+            .with_layers(self.layering)
     }
 
     /// The same, but for how the drones stand before take-off.
     #[must_use]
     pub fn standing(mut self, ground: Ground) -> Self {
+        self.standing = ground;
         self.ground = (ground != Ground::Gathered)
-            .then(|| Ways::new(ground, &self.formation, self.gap_m, self.separation));
+            .then(|| Ways::new(ground, &self.formation, self.gap_m, self.room));
         self
     }
 
@@ -134,7 +170,11 @@ impl Layout {
 
     /// How far apart drones must be.
     pub(crate) const fn separation(&self) -> Separation {
-        self.separation
+        self.room.separation
+    }
+
+    pub(super) const fn room(&self) -> Room {
+        self.room
     }
 
     /// How far apart drones stand and land, in metres.
@@ -188,6 +228,38 @@ impl Layout {
         &self.take_off().layers_m
     }
 
+    /// In which wave a drone takes off, the first being 0, in which the first master does.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn take_off_wave(&self, id: NodeId) -> u16 {
+        self.take_off().arranged.stack.waves[id.0 as usize]
+    }
+
+    /// How many waves take off.
+    #[must_use]
+    pub fn take_off_waves(&self) -> u16 {
+        self.take_off().arranged.stack.wave_count()
+    }
+
+    /// In which wave a drone lands, the first being 0: from the outside in, so that those that are left are within reach
+    /// of each other. The first master lands in the last.
+    ///
+    /// # Panics
+    /// When the formation has no such drone.
+    #[must_use]
+    pub fn landing_wave(&self, id: NodeId) -> u16 {
+        let outwards = &self.landing.arranged.stack;
+        outwards.wave_count() - 1 - outwards.waves[id.0 as usize]
+    }
+
+    /// How many waves land.
+    #[must_use]
+    pub fn landing_waves(&self) -> u16 {
+        self.landing.arranged.stack.wave_count()
+    }
+
     /// Each drone's altitude layer on its way from its slot at the mission's last waypoint to where it lands, in
     /// metres above the slot.
     #[must_use]
@@ -197,7 +269,7 @@ impl Layout {
 
     /// Each drone's altitude layer for a mission: how many metres above the mission's altitude it flies whenever it
     /// is not in lockstep with its swarm. If layers are shared, it differs for drones of which one, flying a leg alone,
-    /// passes the slot of the other, and for those whose ways to the landing places cross; 0 for those in nobody's way.
+    /// passes the slot of the other; 0 for those in nobody's way. In such a layer drones land below their slots.
     #[must_use]
     pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
         self.layers.of(waypoints, || {
@@ -212,10 +284,9 @@ impl Layout {
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).0.xy())
                 .collect();
-            let mut crossings = self.landing.arranged.crossings.clone();
-            crossings.extend(passings(slots, &legs, self.separation.near_m()));
+            let crossings = passings(slots, &legs, self.separation().near_m());
             let stack = Stack::of(slots.len(), &crossings, 1);
-            self.separation.heights_m(&stack).collect()
+            self.separation().heights_m(&stack).collect()
         })
     }
 
@@ -241,7 +312,7 @@ impl Layout {
     /// From one altitude layer to the next, in metres.
     #[must_use]
     pub fn pitch_m(&self) -> f64 {
-        self.separation.pitch_m()
+        self.separation().pitch_m()
     }
 
     /// The highest layer of all, in metres above the mission's altitude.

@@ -184,6 +184,13 @@ impl Formation {
         &self.ranks
     }
 
+    /// The drones from the centre outwards.
+    fn by_rank(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.slots.len()).collect();
+        order.sort_by_key(|drone| self.ranks[*drone]);
+        order
+    }
+
     /// How far apart the nearest two slots are, in metres; the spacing where there is one slot only.
     #[must_use]
     pub const fn nearest_m(&self) -> f64 {

@@ -20,10 +20,12 @@ impl Mission {
     /// Where a step of a change leads this drone.
     pub(super) fn corner(&self, change: u16, step: Step) -> Option<Ned> {
         let change = self.config.changes.get(usize::from(change))?;
+        let wave = change.wave(self.config.id);
         let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
         let [above_old, above_new, new] = change.way(self.config.id, *waypoint);
         Some(match (self.flies_in_own_layer(), step) {
             (false, Step::Climb) => above_old,
+            (false, Step::Cross) if self.durable.wave < Some(wave) => above_old,
             (false, Step::Cross) => above_new,
             (false, Step::Descend) => new,
             (true, step) => {
@@ -44,17 +46,29 @@ impl Mission {
     }
 
     /// As master: orders a step and takes it.
-    pub(super) fn order_step(&mut self, now: Timestamp, change: u16, step: Step) {
+    pub(super) fn order_step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
         let apart = self.is_apart();
         self.give_order(&Order::Reform {
             change,
             step,
+            wave,
             apart,
         });
-        self.step(now, change, step);
+        self.step(now, change, (step, wave));
     }
 
-    fn step(&mut self, now: Timestamp, change: u16, step: Step) {
+    /// The step after one of a change, and which wave takes it; `None` after the last.
+    pub(super) fn next_step(&self, change: u16, step: Step) -> Option<(Step, u16)> {
+        let change = self.config.changes.get(usize::from(change))?;
+        let next_wave = self.durable.wave.map_or(0, |wave| wave + 1);
+        if step == Step::Cross && next_wave < change.waves() {
+            return Some((Step::Cross, next_wave));
+        }
+        step.next().map(|next| (next, 0))
+    }
+
+    fn step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
+        self.durable.wave = (step == Step::Cross).then_some(wave);
         self.enter(State::ChangingFormation { change, step });
         self.durable.in_layer |= self.is_elected_epoch();
         self.outbox.transmit(Transmit::Scatter);
@@ -63,7 +77,13 @@ impl Mission {
     }
 
     /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way, and lands.
-    pub(super) fn take_step(&mut self, now: Timestamp, sequence: u32, change: u16, step: Step) {
+    pub(super) fn take_step(
+        &mut self,
+        now: Timestamp,
+        sequence: u32,
+        change: u16,
+        (step, wave): (Step, u16),
+    ) {
         if !self.durable.state.is_following() || usize::from(change) >= self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
@@ -79,10 +99,11 @@ impl Mission {
                     step: last,
                 },
             ) if current == change => {
-                if last > step {
+                let last = (last, self.durable.wave.unwrap_or(0));
+                if last > (step, wave) {
                     return self.acknowledge(sequence);
                 }
-                if last == step {
+                if last == (step, wave) {
                     return self.carry_on(sequence);
                 }
             }
@@ -96,7 +117,10 @@ impl Mission {
             State::ChangingFormation {
                 change: current,
                 step: last,
-            } => current == change && last.next() == Some(step) && self.durable.pending.is_none(),
+            } => {
+                let next = self.next_step(change, last);
+                current == change && next == Some((step, wave)) && self.durable.pending.is_none()
+            }
             _ => false,
         };
         // In a layer of its own it is in nobody's way, whichever step it takes.
@@ -111,7 +135,7 @@ impl Mission {
             return;
         }
         self.durable.pending = Some(sequence);
-        self.step(now, change, step);
+        self.step(now, change, (step, wave));
     }
 
     /// In a layer of its own it is in nobody's way: it makes for the waypoint at which the others change formation, and

@@ -142,6 +142,8 @@ pub struct Checkpoint {
     pub opened: Option<u16>,
     /// How many changes of formation have been made.
     pub changes: u16,
+    /// Which wave of the take-off, of a crossing or of the landing was ordered last; `None` before its first.
+    pub wave: Option<u16>,
     /// The order that is being carried out; acknowledged once it is.
     pub pending: Option<u32>,
     /// The newest order that is carried out; 0 before the first.
@@ -175,6 +177,7 @@ impl Checkpoint {
             || self.state != before.state
             || self.opened != before.opened
             || self.changes != before.changes
+            || self.wave != before.wave
             || self.leaving != before.leaving
             || self.plan_complete != before.plan_complete
             || order(self) != order(before)

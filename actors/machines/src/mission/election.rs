@@ -157,7 +157,10 @@ impl Mission {
         let apart = self.durable.in_layer;
         let (order, limit) = match self.durable.state {
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
-                (Order::TakeOff, self.config.take_off_limit)
+                // Nobody on the ground takes off at its word: it goes on once those in the air are in their slots.
+                let wave = self.layout().take_off_waves() - 1;
+                self.durable.wave = Some(wave);
+                (Order::TakeOff { wave }, self.config.take_off_limit)
             }
             // Nobody has opened the first waypoint yet.
             State::WaypointReached { .. } if self.durable.opened.is_none() => return,
@@ -165,9 +168,11 @@ impl Mission {
                 (Order::Move { waypoint, apart }, self.config.leg_limit)
             }
             State::ChangingFormation { change, step } => {
+                let wave = self.durable.wave.unwrap_or(0);
                 let order = Order::Reform {
                     change,
                     step,
+                    wave,
                     apart,
                 };
                 (order, self.config.leg_limit)

@@ -136,7 +136,7 @@ impl Mission {
     /// Around which centre it comes down that would come down around this one: in a layer of its own, where nobody's way
     /// leads, for it does not know where the others are.
     pub(super) fn clearing(&self, centre: Ned) -> Ned {
-        if !self.flies_in_own_layer() {
+        if !self.durable.in_layer {
             return centre;
         }
         self.flown()

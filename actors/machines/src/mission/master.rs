@@ -151,7 +151,7 @@ impl Mission {
     /// For whom it waits where it is now.
     fn barrier(&self) -> Barrier {
         match self.durable.state {
-            State::WaypointReached { .. } => self.config.barrier,
+            State::WaypointReached { .. } if self.durable.wave.is_none() => self.config.barrier,
             _ => Barrier::Strict,
         }
     }
@@ -172,13 +172,10 @@ impl Mission {
         }
         match self.durable.state {
             State::SetUp => self.go_on_setting_up(now),
-            State::TakingOff => {
-                self.durable.limit = None;
-                self.outbox.transmit(Transmit::Discover);
-            }
+            State::TakingOff => self.go_on_taking_off(now),
             State::WaypointReached { waypoint } => self.go_on_from(now, waypoint),
             State::ChangingFormation { change, step } => {
-                if let Some(step) = step.next() {
+                if let Some(step) = self.next_step(change, step) {
                     self.order_step(now, change, step);
                 }
             }
@@ -199,15 +196,35 @@ impl Mission {
             self.carried_out();
             return self.lead(now);
         }
-        self.give_order(&Order::TakeOff);
+        self.order_take_off(0);
         self.begin_to_fly(now);
+    }
+
+    fn order_take_off(&mut self, wave: u16) {
+        self.durable.wave = Some(wave);
+        self.give_order(&Order::TakeOff { wave });
+    }
+
+    /// Lets the next wave take off; after the last, routes are looked for.
+    fn go_on_taking_off(&mut self, now: Timestamp) {
+        let next = self.durable.wave.map_or(0, |wave| wave + 1);
+        if next >= self.layout().take_off_waves() {
+            self.durable.limit = None;
+            return self.outbox.transmit(Transmit::Discover);
+        }
+        self.order_take_off(next);
+        self.durable.limit = Some(now + self.config.take_off_limit);
+        self.outbox.transmit(Transmit::Scatter);
+        self.carried_out();
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
         let reopens = self.is_elected_epoch() && flaw::has(Flaw::ReopensWaypoints);
         let next = if reopens { waypoint } else { waypoint + 1 };
-        if self.changes_before(next) > self.durable.changes {
-            self.order_step(now, self.durable.changes, Step::Climb);
+        if let Some(wave) = self.durable.wave {
+            self.land_next_wave(now, wave + 1);
+        } else if self.changes_before(next) > self.durable.changes {
+            self.order_step(now, self.durable.changes, (Step::Climb, 0));
         } else if self.config.following.is_some() {
             self.start_being_followed(now);
         } else if usize::from(next) < self.durable.plan.len() {
@@ -219,19 +236,49 @@ impl Mission {
             });
             self.outbox.event(Event::Opened { waypoint: next });
             self.leave_for(now, next);
-        } else if let Some(last) = self.durable.plan.last().copied() {
-            self.gather_at(last);
-            self.begin_to_land(now, last);
+        } else {
+            self.land_next_wave(now, 0);
         }
     }
 
-    pub(super) fn gather_at(&mut self, centre: Ned) {
+    /// Lets a wave land around the last waypoint, this drone, too, if it is its own. Apart, each below its slot, all land at
+    /// once.
+    fn land_next_wave(&mut self, now: Timestamp, wave: u16) {
+        let Some(last) = self.durable.plan.last().copied() else {
+            return;
+        };
+        let wave = if self.is_apart() {
+            self.layout().landing_waves() - 1
+        } else {
+            wave
+        };
+        self.order_landing(last, wave);
+        if self.layout().landing_wave(self.config.id) <= wave {
+            self.begin_to_land(now, last);
+        } else {
+            self.durable.limit = Some(now + self.config.landing_limit);
+            self.carried_out();
+        }
+    }
+
+    fn order_landing(&mut self, centre: Ned, wave: u16) {
         let (changes, apart) = (self.durable.changes, self.is_apart());
+        self.durable.wave = Some(wave);
         self.give_order(&Order::Land {
             at: centre,
             changes,
+            wave,
             apart,
         });
+    }
+
+    /// Orders all to land around a centre at once: apart where it would take waves otherwise.
+    pub(super) fn gather_at(&mut self, centre: Ned) {
+        let last = self.layout().landing_waves() - 1;
+        if last > 0 {
+            self.keep_apart();
+        }
+        self.order_landing(centre, last);
     }
 
     /// As master: whether some of the swarm may be elsewhere, since nobody hears of them and they have not said that they

@@ -19,22 +19,28 @@ impl Mission {
                 count,
                 waypoints,
             } => self.store_plan(sequence, index, count, &waypoints),
-            Order::TakeOff => self.take_off(now, sequence),
+            Order::TakeOff { wave } => self.take_off(now, sequence, wave),
             Order::Move { waypoint, apart } => {
                 self.hear_apart(apart);
                 self.open(sequence, waypoint);
             }
-            Order::Land { at, changes, apart } => {
+            Order::Land {
+                at,
+                changes,
+                wave,
+                apart,
+            } => {
                 self.hear_apart(apart);
-                self.go_to_land(now, sequence, at, changes);
+                self.go_to_land(now, sequence, (at, changes, wave));
             }
             Order::Reform {
                 change,
                 step,
+                wave,
                 apart,
             } => {
                 self.hear_apart(apart);
-                self.take_step(now, sequence, change, step);
+                self.take_step(now, sequence, change, (step, wave));
             }
             Order::Follow { at, velocity } => self.keep_formation(at, velocity),
             Order::Assemble { at } => self.assemble(now, sequence, at),
@@ -62,7 +68,8 @@ impl Mission {
         self.carried_out();
     }
 
-    fn take_off(&mut self, now: Timestamp, sequence: u32) {
+    fn take_off(&mut self, now: Timestamp, sequence: u32, wave: u16) {
+        let own_wave = self.layout().take_off_wave(self.config.id);
         let is_the_operators = self
             .durable
             .obeyed
@@ -74,10 +81,18 @@ impl Mission {
             State::SetUp
                 if self.durable.plan_complete
                     && is_the_operators
-                    && self.master_silent.is_none() =>
+                    && self.master_silent.is_none()
+                    // Others may rest where the way of a drone leads that has missed its wave.
+                    && own_wave >= wave =>
             {
-                self.durable.pending = Some(sequence);
-                self.begin_to_fly(now);
+                self.durable.wave = Some(wave);
+                if own_wave == wave {
+                    self.durable.pending = Some(sequence);
+                    self.begin_to_fly(now);
+                } else {
+                    self.outbox.transmit(Transmit::Scatter);
+                    self.acknowledge(sequence);
+                }
             }
             State::TakingOff => self.carry_on(sequence),
             state if state.is_following() => self.acknowledge(sequence),
@@ -144,21 +159,33 @@ impl Mission {
         self.durable.state == State::TakingOff && self.durable.pending.is_some()
     }
 
-    fn go_to_land(&mut self, now: Timestamp, sequence: u32, at: Ned, changes: u16) {
+    /// `wave` is the one that lands around `at`, after so many changes of formation.
+    fn go_to_land(&mut self, now: Timestamp, sequence: u32, (at, changes, wave): (Ned, u16, u16)) {
         if !self.durable.state.is_following() || usize::from(changes) > self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
         }
-        self.durable.pending = Some(sequence);
         self.durable.changes = changes;
+        self.durable.wave = Some(wave);
+        if self.layout().landing_wave(self.config.id) > wave {
+            return self.acknowledge(sequence);
+        }
+        self.durable.pending = Some(sequence);
         self.begin_to_land(now, at);
+    }
+
+    /// Whether the next wave lands only once this drone is on the ground; it does not count as landing until then.
+    pub(super) fn is_awaited_on_ground(&self) -> bool {
+        let wave = self.layout().landing_wave(self.config.id);
+        let lands_in_wave = self.durable.leaving.is_none() && !self.durable.in_layer;
+        lands_in_wave && wave + 1 < self.layout().landing_waves()
     }
 
     /// Makes for the landing place around `at`.
     pub(super) fn begin_to_land(&mut self, now: Timestamp, at: Ned) {
         self.durable.leaving = None;
         self.durable.land_at = at;
-        if self.flies_in_own_layer() {
+        if self.durable.in_layer {
             // Below its slot where it is, or is bound for: others may be coming down, or fly on, it does not know where.
             let waypoint = self.bound_for().map(usize::from);
             let bound_for = waypoint.and_then(|waypoint| self.durable.plan.get(waypoint));
@@ -168,7 +195,9 @@ impl Mission {
         self.enter(State::MovingToLand);
         self.outbox
             .event(Event::Landing(LandingReason::MissionOver));
-        self.outbox.transmit(Transmit::Land);
+        if !self.is_awaited_on_ground() {
+            self.outbox.transmit(Transmit::Land);
+        }
         self.pursue_goal();
     }
 

@@ -59,8 +59,10 @@ pub struct Config {
     pub deference: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
-    /// How long the master waits for members that do not get to their slots.
+    /// How long the master waits for members of a wave that do not get to their slots.
     pub take_off_limit: Duration,
+    /// How long it waits for members of a wave that do not get to the ground.
+    pub landing_limit: Duration,
     /// The longest that a leg may take; a drone that takes longer lands.
     pub leg_limit: Duration,
     /// How long a drone flies at most: then it goes to land as soon as it is in its slot and, if that takes longer than a
@@ -292,6 +294,9 @@ impl Mission {
     fn enter(&mut self, state: State) {
         if self.durable.state != state {
             self.durable.state = state;
+            if matches!(state, State::WaypointReached { .. }) {
+                self.durable.wave = None;
+            }
             self.outbox.event(Event::State(state));
         }
     }
@@ -373,7 +378,7 @@ impl Mission {
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = self.landing_altitude_m();
-                let place = if self.flies_in_own_layer() {
+                let place = if self.durable.in_layer {
                     layout.slot(id, at)
                 } else {
                     layout.place(id, at)
@@ -449,7 +454,7 @@ impl Mission {
     }
 
     /// Flies in its layer from now on, on whose ways it may not hear the others as it did.
-    fn keep_apart(&mut self) {
+    pub(super) fn keep_apart(&mut self) {
         self.durable.in_layer = true;
         self.outbox.transmit(Transmit::Scatter);
     }
@@ -651,6 +656,7 @@ impl Mission {
         match self.durable.state {
             // It says so once it is below the others.
             State::MovingToLand if self.durable.leaving.is_some() => {}
+            State::MovingToLand | State::Landing if self.is_awaited_on_ground() => {}
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),
             _ => {}

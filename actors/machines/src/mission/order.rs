@@ -14,8 +14,11 @@ pub enum Order {
         /// Its waypoints, for the centre of the formation.
         waypoints: Vec<Ned>,
     },
-    /// Take off; carried out once in the slot at waypoint 0.
-    TakeOff,
+    /// Take off; carried out once in the slot at waypoint 0, by drones of later waves at once.
+    TakeOff {
+        /// Which wave takes off, the first being 0.
+        wave: u16,
+    },
     /// Go to a waypoint; carried out once there.
     Move {
         /// The waypoint that is opened, 0 being where the take-off ends.
@@ -29,6 +32,8 @@ pub enum Order {
         at: Ned,
         /// How many changes of formation have been made: which formation's places are landed on.
         changes: u16,
+        /// Which wave lands, the first being 0; drones of later waves have carried it out at once.
+        wave: u16,
         /// As for [`Self::Move`].
         apart: bool,
     },
@@ -38,6 +43,8 @@ pub enum Order {
         change: u16,
         /// Which step of it.
         step: Step,
+        /// Which wave crosses, the first being 0; 0 in the other steps.
+        wave: u16,
         /// As for [`Self::Move`].
         apart: bool,
     },

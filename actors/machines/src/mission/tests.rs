@@ -2,6 +2,7 @@ mod change;
 mod election;
 mod failsafe;
 mod follow;
+mod waves;
 
 use std::num::NonZeroU32;
 
@@ -62,6 +63,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         deference: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
+        landing_limit: 60 * SECOND,
         leg_limit: 100 * SECOND,
         flight_time: 2_000 * SECOND,
         waypoints_max: 100,
@@ -132,6 +134,7 @@ fn land_at(at: Ned) -> Order {
         at,
         changes: 0,
         apart: false,
+        wave: 0,
     }
 }
 
@@ -147,7 +150,7 @@ fn whole_plan() -> Order {
 fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
     let mut slave = mission(0, liveness);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     told(
         &mut slave,
         20.0,
@@ -178,7 +181,7 @@ fn master_taking_off_with(barrier: Barrier) -> Mission {
     told(&mut master, 0.0, Input::Fly);
     hears(&mut master, 1.0, progress(0, 1));
     let transmits = hears(&mut master, 1.0, progress(2, 1));
-    assert_eq!(orders(&transmits), [Order::TakeOff]);
+    assert_eq!(orders(&transmits), [Order::TakeOff { wave: 0 }]);
     master
 }
 
@@ -203,14 +206,14 @@ fn only_the_drone_at_the_centre_leads_and_only_once_told() {
 #[test]
 fn nobody_takes_off_without_the_whole_mission() {
     let mut slave = mission(0, Liveness::Pulse);
-    assert!(ordered(&mut slave, 1, &Order::TakeOff).is_empty());
+    assert!(ordered(&mut slave, 1, &Order::TakeOff { wave: 0 }).is_empty());
     let half = Order::Plan {
         index: 0,
         count: 2,
         waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
     };
     assert_eq!(ordered(&mut slave, 1, &half), [acknowledges(1)]);
-    assert!(ordered(&mut slave, 3, &Order::TakeOff).is_empty());
+    assert!(ordered(&mut slave, 3, &Order::TakeOff { wave: 0 }).is_empty());
     assert_eq!(slave.durable.state, State::SetUp);
 }
 
@@ -223,7 +226,7 @@ fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
         "drone 2 is missing"
     );
     let (transmits, events) = stimulate(&mut master, 30.0, Stimulus::Timeout);
-    assert_eq!(orders(&transmits), [Order::TakeOff]);
+    assert_eq!(orders(&transmits), [Order::TakeOff { wave: 0 }]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
 }
 
@@ -260,11 +263,11 @@ fn whoever_misses_its_master_does_not_take_off_at_an_old_word_and_asks_once_it_i
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
     hears(&mut slave, 1.0, RoutingNotice::MasterSilent);
-    assert_eq!(ordered(&mut slave, 2, &Order::TakeOff), []);
+    assert_eq!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }), []);
     assert_eq!(slave.durable.state, State::SetUp);
     let said = hears(&mut slave, 2.0, RoutingNotice::MasterReturned);
     assert_eq!(said, [Transmit::Resync]);
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     assert_eq!(slave.durable.state, State::TakingOff);
 }
 
@@ -407,7 +410,7 @@ fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
 fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let transmits = ordered(
         &mut slave,
         3,
@@ -545,7 +548,7 @@ fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_wayp
     // In its slot, told to move on before there are ways.
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let arrived = Input::Navigation(NavigationNotice::Arrived);
     told(&mut slave, 20.0, arrived);
     hears(&mut slave, 21.0, RoutingNotice::HopUpdateStarted);
@@ -559,7 +562,7 @@ fn what_is_out_is_said_again_to_a_restarted_routing() {
     let mut master = master_taking_off();
     let said = hears(&mut master, 15.0, RoutingNotice::Resync);
     assert!(matches!(said[0], Transmit::Lead(_)));
-    assert_eq!(orders(&said), [Order::TakeOff]);
+    assert_eq!(orders(&said), [Order::TakeOff { wave: 0 }]);
     assert!(said.contains(&acknowledges(1)));
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
     told(&mut slave, 35.0, Input::GiveUp);
@@ -579,7 +582,7 @@ fn what_is_out_is_said_again_to_a_restarted_routing() {
 fn take_off_and_the_way_to_land_have_limits() {
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     stimulate(&mut slave, 61.0, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::Landing);
     let mut slave = slave_at_waypoint_0(Liveness::Pulse);
@@ -608,7 +611,7 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
     let expected_m = 25.0 + layer_m;
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     told(
         &mut slave,
         20.0,
@@ -631,14 +634,14 @@ fn every_part_of_a_long_mission_has_its_limit() {
     told(&mut master, 0.0, Input::Fly);
     // Nobody answers: the limit of the first part leaves all out, and the master goes on alone.
     let (transmits, _) = stimulate(&mut master, 30.0, Stimulus::Timeout);
-    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff));
+    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff { wave: 0 }));
     // One answers the first part and no more.
     let mut master = Mission::new(master.config, None);
     told(&mut master, 0.0, Input::Fly);
     hears(&mut master, 1.0, progress(0, 1));
     stimulate(&mut master, 30.0, Stimulus::Timeout);
     let (transmits, _) = stimulate(&mut master, 60.0, Stimulus::Timeout);
-    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff));
+    assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff { wave: 0 }));
 }
 
 #[test]
@@ -647,7 +650,7 @@ fn a_drone_given_up_on_the_ground_stays_there_and_so_does_a_swarm_without_its_ma
     ordered(&mut slave, 1, &whole_plan());
     let said = told(&mut slave, 5.0, Input::GiveUp);
     assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
-    assert!(ordered(&mut slave, 2, &Order::TakeOff).is_empty());
+    assert!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }).is_empty());
     let mut master = mission(1, Liveness::Pulse);
     told(&mut master, 0.0, Input::Fly);
     told(&mut master, 5.0, Input::GiveUp);

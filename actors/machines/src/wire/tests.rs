@@ -157,7 +157,7 @@ fn orders_have_these_bytes() {
         waypoints: vec![Ned::new(1.0, -1.0, -25.0)],
     };
     assert_eq!(hex(&encode_order(&plan)), "00000101d00fcf0fcf8603");
-    assert_eq!(hex(&encode_order(&Order::TakeOff)), "01");
+    assert_eq!(hex(&encode_order(&Order::TakeOff { wave: 0 })), "01");
     assert_eq!(
         hex(&encode_order(&Order::Move {
             waypoint: 300,
@@ -169,6 +169,7 @@ fn orders_have_these_bytes() {
         at: Ned::new(0.001, 0.0, 0.0),
         changes: 2,
         apart: false,
+        wave: 0,
     };
     assert_eq!(hex(&encode_order(&land)), "030200000200");
     for (step, bytes) in [
@@ -180,6 +181,7 @@ fn orders_have_these_bytes() {
             change: 1,
             step,
             apart: false,
+            wave: 0,
         };
         assert_eq!(hex(&encode_order(&reform)), bytes);
         assert_eq!(decode_order(&encode_order(&reform)), Ok(reform));
@@ -430,7 +432,7 @@ proptest! {
     #[test]
     fn places_survive_to_the_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
         let at = Ned::new(place[0], place[1], place[2]);
-        let land = Order::Land { at, changes: 0, apart: false };
+        let land = Order::Land { at, changes: 0, apart: false, wave: 0 };
         let Ok(Order::Land { at: read, .. }) = decode_order(&encode_order(&land)) else {
             panic!("a landing is read back as one");
         };

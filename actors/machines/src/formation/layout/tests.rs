@@ -1,3 +1,5 @@
+mod waves;
+
 use std::num::NonZeroU32;
 
 use proptest::prelude::*;

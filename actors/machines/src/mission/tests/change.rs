@@ -18,6 +18,7 @@ fn step_of_change(step: Step) -> Order {
         change: 0,
         step,
         apart: false,
+        wave: 0,
     }
 }
 
@@ -28,7 +29,7 @@ fn slave_in_its_slot() -> Mission {
 fn slave_of(config: Config) -> Mission {
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     arrives(&mut slave, 20.0);
     ordered(
         &mut slave,
@@ -112,7 +113,8 @@ fn a_change_that_is_none_is_refused() {
                 &Order::Reform {
                     change,
                     step,
-                    apart: false
+                    apart: false,
+                    wave: 0
                 }
             ),
             []
@@ -128,7 +130,8 @@ fn a_change_that_is_none_is_refused() {
             &Order::Land {
                 at,
                 changes,
-                apart: false
+                apart: false,
+                wave: 0
             }
         ),
         []
@@ -190,6 +193,7 @@ fn a_master_goes_on_without_a_member_that_never_takes_the_step() {
         change,
         step,
         apart,
+        wave: 0,
     };
     assert_eq!(orders(&said), [cross]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
@@ -226,7 +230,7 @@ fn a_slave_in_its_own_layer_that_still_looks_for_routes_takes_the_step_that_the_
     ] {
         let mut slave = Mission::new(config_in_layers(0), None);
         ordered(&mut slave, 1, &whole_plan());
-        ordered(&mut slave, 2, &Order::TakeOff);
+        ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
         arrives(&mut slave, 20.0);
         slave.durable.in_layer = true;
         slave.durable.state = state;

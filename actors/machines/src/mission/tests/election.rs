@@ -21,7 +21,7 @@ fn defers(id: u32, deference: Duration) -> Mission {
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     told(
         &mut slave,
         20.0,
@@ -101,7 +101,7 @@ fn whoever_claims_once_its_patience_has_ended_climbs_at_once() {
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let arrived = Input::Navigation(NavigationNotice::Arrived);
     told(&mut slave, 20.0, arrived);
     assert_eq!(hears(&mut slave, 21.0, RoutingNotice::MasterSilent), []);
@@ -301,7 +301,7 @@ fn nobody_takes_off_at_the_word_of_a_master_that_was_elected() {
     hears(
         &mut slave,
         5.0,
-        order_of(ballot(2, 2, 2), 1, &Order::TakeOff),
+        order_of(ballot(2, 2, 2), 1, &Order::TakeOff { wave: 0 }),
     );
     assert_eq!(slave.durable.state, State::SetUp);
 }

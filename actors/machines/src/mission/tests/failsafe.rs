@@ -8,7 +8,7 @@ fn elects(id: u32, moves: bool) -> Mission {
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     arrives(&mut slave, 20.0);
     hears(&mut slave, 30.0, RoutingNotice::RoutesReady);
     ordered(
@@ -156,12 +156,12 @@ fn a_low_battery_on_the_ground_never_takes_off() {
         failing(Failure::BatteryLow, Ned::HOME, false),
     );
     assert_eq!(said, [Transmit::Land, Transmit::Stop]);
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     assert_eq!(slave.durable.state, State::Finished);
     // Nor does one that was told to and has not armed yet.
     let mut slave = mission(0, Liveness::Pulse);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let said = told(
         &mut slave,
         5.0,
@@ -206,7 +206,7 @@ fn a_drone_that_is_called_down_lands_where_it_is_or_stays_on_the_ground_and_no_o
     told(&mut slave, 0.0, come_down());
     assert_eq!(slave.durable.state, State::Finished);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     assert_eq!(slave.durable.state, State::Finished);
 }
 
@@ -321,7 +321,7 @@ fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
     let flies_apart = || {
         let mut slave = Mission::new(config.clone(), None);
         ordered(&mut slave, 1, &whole_plan());
-        ordered(&mut slave, 2, &Order::TakeOff);
+        ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
         let arrived = Input::Navigation(NavigationNotice::Arrived);
         told(&mut slave, 20.0, arrived);
         let (waypoint, apart) = (0, true);

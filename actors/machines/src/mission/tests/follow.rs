@@ -32,7 +32,7 @@ fn is_at(mission: &mut Mission, at_s: f64, position: Ned, velocity: Velocity) ->
 fn slave_in_its_slot() -> Mission {
     let mut slave = Mission::new(config_of_follower(0, false), None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     arrives(&mut slave, 20.0);
     slave
 }
@@ -72,7 +72,7 @@ fn a_slave_keeps_its_slot_around_a_master_that_moves_and_acknowledges_nothing() 
 fn a_slave_on_its_way_to_its_slot_does_not_run_after_the_swarm() {
     let mut slave = Mission::new(config_of_follower(0, false), None);
     ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff);
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let (at, velocity) = (Ned::new(50.0, 0.0, -30.0), NORTH);
     let said = ordered(&mut slave, 3, &Order::Follow { at, velocity });
     assert!(said.contains(&Transmit::Goal(Goal::Land)));

@@ -85,6 +85,7 @@ impl Hash for Mission {
             routes,
             opened,
             changes,
+            wave,
             pending,
             acknowledged,
             in_layer,
@@ -98,7 +99,7 @@ impl Hash for Mission {
             restarted,
         } = &*self.0;
         (obeyed, state, plan.len(), plan_complete).hash(hasher);
-        (opened, changes, pending, acknowledged).hash(hasher);
+        (opened, changes, wave, pending, acknowledged).hash(hasher);
         (*routes as u8, in_layer, leaving, restarted).hash(hasher);
         (limit, flies_until, catches_up).hash(hasher);
         for place in [Some(*land_at), *assembled_at] {

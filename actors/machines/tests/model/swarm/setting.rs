@@ -99,6 +99,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             deference: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
+            landing_limit: 60 * second,
             leg_limit: 100 * second,
             flight_time: 2_000 * second,
             waypoints_max: 10,
