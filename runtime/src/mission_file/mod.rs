@@ -19,6 +19,7 @@ use std::fmt;
 use std::path::Path;
 
 use muster_machines::geometry::Ned;
+use muster_machines::mission::Holds;
 
 use crate::diagnostic::{BadInput, read_text};
 use crate::geodetic::Geodetic;
@@ -45,6 +46,7 @@ pub const HEIGHT_MAX_M: f64 = 1_000.0;
 pub struct Mission {
     home: Geodetic,
     waypoints: Vec<Ned>,
+    holds: Holds,
     notes: Vec<Note>,
 }
 
@@ -59,6 +61,12 @@ impl Mission {
     #[must_use]
     pub fn waypoints(&self) -> &[Ned] {
         &self.waypoints
+    }
+
+    /// How long the swarm waits at which of its waypoints, once all have arrived.
+    #[must_use]
+    pub fn holds(&self) -> &Holds {
+        &self.holds
     }
 
     /// What the file asks for and the swarm doesn't do, in the file's order.
@@ -96,11 +104,13 @@ pub enum NoteKind {
         /// That height, in metres above home.
         height_m: f64,
     },
-    /// A wait at a waypoint: the swarm flies on.
-    HoldIgnored {
+    /// A wait before the take-off.
+    HoldOnGroundIgnored {
         /// How long the file asks for, in seconds.
         hold_s: f64,
     },
+    /// A wait for a time of day: the swarm flies on.
+    TimeOfDayIgnored,
     /// An item after which the drone is to wait for its operator: the swarm flies on.
     StopIgnored,
     /// A waypoint where the one before it is, to the millimetre: it is left out.
@@ -166,8 +176,12 @@ impl fmt::Display for Note {
                 f,
                 "a height of 0 says none, the swarm keeps its {height_m} m above home"
             ),
-            NoteKind::HoldIgnored { hold_s } => {
-                write!(f, "the hold of {hold_s} s is ignored, the swarm flies on")
+            NoteKind::HoldOnGroundIgnored { hold_s } => write!(
+                f,
+                "the hold of {hold_s} s is ignored, the swarm has not taken off by then"
+            ),
+            NoteKind::TimeOfDayIgnored => {
+                f.write_str("the wait for a time of day is ignored, the swarm flies on")
             }
             NoteKind::StopIgnored => {
                 f.write_str("the wait for the operator is ignored, the swarm flies on")
@@ -222,6 +236,10 @@ impl fmt::Display for Note {
 /// waypoint without coordinates, where the point before it is. `NAV_LOITER_TO_ALT` is a point at the height of the one
 /// before it and one above or below it; `NAV_PAYLOAD_PLACE` only the first of these. `DO_JUMP` goes on at the item that it
 /// names, as often as it says, but not past the return.
+///
+/// The first parameter of a `NAV_WAYPOINT`, a `NAV_LOITER_TIME`, a `NAV_SPLINE_WAYPOINT` or a `NAV_DELAY` is how long the
+/// swarm waits there, in seconds, up to [`Holds::MAX`]. What is asked for at the same point adds up. A `NAV_DELAY` for a time
+/// of day is ignored, with a [`Note`].
 ///
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
 /// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are

@@ -6,7 +6,7 @@ use std::time::Duration;
 use muster_machines::formation::{Change, Layering, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
-use muster_machines::mission::Barrier;
+use muster_machines::mission::{Barrier, Holds};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::wire;
@@ -148,6 +148,7 @@ fn alone(
         layout: &layout,
         changes: &changes,
         waypoints: &waypoints,
+        holds: mission.holds(),
         vehicle: follow.as_ref().map_or(vehicle, |follow| follow.master),
         landing,
         settle,
@@ -159,7 +160,7 @@ fn alone(
     let limits = limits(raw, separation, &course);
     let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
-    check_datagrams(source, raw)?;
+    check_datagrams(source, raw, mission.holds())?;
     let faults = faults(source, raw, waypoints.len())?;
     let radio = radio(source, raw)?;
     let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
@@ -182,6 +183,7 @@ fn alone(
         relays,
         changes,
         waypoints,
+        holds: mission.holds().clone(),
         radio,
         protocol,
         follow,
@@ -439,7 +441,7 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
 }
 
 /// Refuses a swarm whose lists of members would outgrow a datagram.
-fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
+fn check_datagrams(source: &Source, raw: &Raw, holds: &Holds) -> Result<(), BadInput> {
     if *raw.protocol.policy.get_ref() != PolicyName::Flood {
         return Ok(());
     }
@@ -455,6 +457,11 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
         index: u16::MAX,
         count: u16::MAX,
         waypoints: vec![Ned::new(-1e6, -1e6, -1e6); wire::PLAN_PART_MAX],
+        holds: if holds.is_empty() {
+            Vec::new()
+        } else {
+            vec![Holds::MAX; wire::PLAN_PART_MAX]
+        },
     });
     let fits = |drones: u64| {
         let packet = Packet::Flood(Flood {

@@ -22,7 +22,7 @@ use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Following, Holds, Liveness, Succession};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Lives};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -33,6 +33,7 @@ use crate::report::figures::plural;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::{Craft, Landing, Vehicle};
 
+pub use self::outlook::holds_in_words;
 pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
 };
@@ -65,6 +66,8 @@ pub struct Scenario {
     pub changes: Arc<[Change]>,
     /// The waypoints of the centre of the formation; 0 is over home.
     pub waypoints: Arc<[Ned]>,
+    /// How long the swarm waits at them once all have arrived.
+    pub holds: Holds,
     /// What the medium is like.
     pub radio: sim::Config,
     /// How the swarm talks.
@@ -287,6 +290,11 @@ impl Scenario {
                     Arc::clone(&self.waypoints)
                 } else {
                     Arc::default()
+                },
+                holds: if leads {
+                    self.holds.clone()
+                } else {
+                    Holds::default()
                 },
                 changes: Arc::clone(&self.changes),
                 following: self.follow.as_ref().map(|follow| follow.following),

@@ -23,6 +23,7 @@ impl Mission {
         self.hear_epoch(ballot);
         self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.durable.plan = self.config.mission.to_vec();
+        self.durable.holds = self.config.holds.clone();
         self.durable.plan_complete = true;
         self.durable.limit = Some(now + self.config.set_up_limit);
         self.enter(State::SetUp);
@@ -60,6 +61,7 @@ impl Mission {
                 index: u16::try_from(index).expect(fits),
                 count: u16::try_from(count).expect(fits),
                 waypoints: part.to_vec(),
+                holds: self.durable.holds.part(index * PLAN_PART_MAX, part.len()),
             };
             self.give_order(&order);
         }
@@ -176,7 +178,11 @@ impl Mission {
                 self.durable.limit = None;
                 self.outbox.transmit(Transmit::Discover);
             }
-            State::WaypointReached { waypoint } => self.go_on_from(now, waypoint),
+            State::WaypointReached { waypoint } => {
+                if self.has_held(now, waypoint) {
+                    self.go_on_from(now, waypoint);
+                }
+            }
             State::ChangingFormation { change, step } => {
                 if let Some(step) = step.next() {
                     self.order_step(now, change, step);

@@ -359,6 +359,21 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 waypoint,
                 "3 0 3 21 0 0 0 0 0 0 0 1\n4 0 3 183 9 1 0 0 0 0 0 1\n5 0 3 22 0 0 0 0 0 0 25 1",
             ),
+            (
+                "a hold of less than no time",
+                waypoint,
+                "3 0 3 16 -2 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a hold of more than an hour",
+                waypoint,
+                "3 0 3 19 3600.5 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "holds of more than an hour together",
+                waypoint,
+                "3 0 3 93 3000 0 0 0 0 0 0 1\n4 0 3 93 601 0 0 0 0 0 0 1",
+            ),
             ("jumps over jumps", waypoint, "3 0 3 177 2 5000 0 0 0 0 0 1"),
             (
                 "nothing but take-off and return",
