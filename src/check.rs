@@ -69,9 +69,13 @@ fn describe(file: &Path) -> Result<String, BadInput> {
             heights.clone().fold(f64::INFINITY, f64::min),
             heights.fold(0.0, f64::max),
         );
-        if let Some(holds) = scenario::holds_in_words(mission.holds()) {
+        let holds = scenario::holds_in_words(mission.holds());
+        for line in holds
+            .into_iter()
+            .chain(scenario::fence_in_words(mission.fence()))
+        {
             description.push_str("\n  ");
-            description.push_str(&holds);
+            description.push_str(&line);
         }
         let notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
         Ok(with_notes(description, &notes))

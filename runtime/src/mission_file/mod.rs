@@ -6,6 +6,7 @@
 
 mod command;
 mod document;
+mod fence;
 mod home;
 mod item;
 mod json;
@@ -20,6 +21,7 @@ use std::path::Path;
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::Holds;
+use muster_machines::navigation::Zone;
 
 use crate::diagnostic::{BadInput, read_text};
 use crate::geodetic::Geodetic;
@@ -30,6 +32,12 @@ pub const WAYPOINTS_MAX: usize = 1_000;
 
 /// The most items that a mission file has, those that the swarm ignores and home included.
 pub const ITEMS_MAX: usize = 5_000;
+
+/// The most circles and polygons that a plan's fence has.
+pub const FENCE_ZONES_MAX: usize = 100;
+
+/// The most corners that the polygons of a plan's fence have together.
+pub const FENCE_CORNERS_MAX: usize = 1_000;
 
 /// The fewest waypoints that a swarm follows. After a take-off, one may be where that leads to: the swarm hovers.
 pub const NAV_WAYPOINTS_MIN: usize = 1;
@@ -47,7 +55,17 @@ pub struct Mission {
     home: Geodetic,
     waypoints: Vec<Ned>,
     holds: Holds,
+    fence: Vec<FenceZone>,
     notes: Vec<Note>,
+}
+
+/// A part of the fence that a plan has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FenceZone {
+    /// As errors name it: `geoFence.polygons[0]`.
+    pub name: String,
+    /// Where it is, about home.
+    pub zone: Zone,
 }
 
 impl Mission {
@@ -67,6 +85,13 @@ impl Mission {
     #[must_use]
     pub fn holds(&self) -> &Holds {
         &self.holds
+    }
+
+    /// Where the swarm may fly, if its plan has a fence. Home, all waypoints and the straight ways between them lie within
+    /// all areas to stay within, and outside of the others.
+    #[must_use]
+    pub fn fence(&self) -> &[FenceZone] {
+        &self.fence
     }
 
     /// What the file asks for and the swarm doesn't do, in the file's order.
@@ -133,8 +158,8 @@ pub enum NoteKind {
     LeftOutAfterReturn,
     /// A path drawn on a map begins on the ground: home is taken to be there.
     HomeWherePathBegins,
-    /// A geofence, which only a scenario can give.
-    FenceIgnored,
+    /// A place to return to from the fence: who is stopped there lands there.
+    BreachReturnIgnored,
     /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
     GroundTakenForLevel,
     /// Rally points: who must come down lands over home, or where it is.
@@ -210,9 +235,9 @@ impl fmt::Display for Note {
             NoteKind::LeftOutAfterReturn => {
                 f.write_str("the item is left out, the mission ends with the return to launch")
             }
-            NoteKind::FenceIgnored => {
-                f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
-            }
+            NoteKind::BreachReturnIgnored => f.write_str(
+                "the place to return to is ignored, a drone that is stopped at the fence lands there",
+            ),
             NoteKind::GroundTakenForLevel => f.write_str(
                 "the altitudes, above the ground there, are taken as heights above home, the swarm has no map of the ground",
             ),
@@ -240,6 +265,10 @@ impl fmt::Display for Note {
 /// The first parameter of a `NAV_WAYPOINT`, a `NAV_LOITER_TIME`, a `NAV_SPLINE_WAYPOINT` or a `NAV_DELAY` is how long the
 /// swarm waits there, in seconds, up to [`Holds::MAX`]. What is asked for at the same point adds up. A `NAV_DELAY` for a time
 /// of day is ignored, with a [`Note`].
+///
+/// Of a plan's fence (`geoFence`) the circles and polygons are obeyed: the swarm stays within each area to stay within, as
+/// ArduPilot's vehicles do unless they are told otherwise, and out of all others. Fences of a waypoints file are files of
+/// their own, which are not read.
 ///
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
 /// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are

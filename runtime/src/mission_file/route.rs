@@ -7,6 +7,7 @@ use muster_machines::mission::Holds;
 
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
+use super::fence::WrittenZone;
 use super::home::Origin;
 use super::item::{Item, Listing, ZeroHeight};
 use super::jumps::Jumps;
@@ -49,7 +50,7 @@ pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mis
     {
         route.add(item)?;
     }
-    route.finish(listing.items_at)
+    route.finish(listing.items_at, &listing.fence)
 }
 
 /// A route as far as its items have been read.
@@ -410,7 +411,7 @@ impl Route<'_> {
         }
     }
 
-    fn finish(self, items_at: &str) -> Result<Mission, BadInput> {
+    fn finish(self, items_at: &str, written: &[WrittenZone<'_>]) -> Result<Mission, BadInput> {
         if self.nav_waypoints < NAV_WAYPOINTS_MIN {
             return Err(self.document.refuse(
                 items_at,
@@ -418,10 +419,17 @@ impl Route<'_> {
                 "add a NAV_WAYPOINT (16) item elsewhere or, to hover, one after a NAV_TAKEOFF (22): landing and return don't count",
             ));
         }
+        let fence = written.iter().map(|zone| {
+            let about_home = zone.about(self.document, self.home)?;
+            zone.check(self.document, &about_home.zone, &self.points)?;
+            Ok(about_home)
+        });
+        let fence = fence.collect::<Result<_, BadInput>>()?;
         Ok(Mission {
             home: self.home,
             waypoints: self.points,
             holds: self.holds,
+            fence,
             notes: self.notes,
         })
     }

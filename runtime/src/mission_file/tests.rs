@@ -686,17 +686,48 @@ fn waits_on_the_ground_and_for_a_time_of_day_are_told_of() {
     }
 }
 
-#[test]
-fn a_fence_and_rally_points_are_told_of() {
-    let plan = refusals::PLAN.replacen(
-        "\"version\": 1\n",
-        "\"version\": 1, \"geoFence\": {\"circles\": [], \"polygons\": [{}]}, \"rallyPoints\": {\"points\": [[1, 2, 3]]}\n",
-        1,
+/// A plan with these circles and polygons.
+fn fenced(circles: &str, polygons: &str) -> String {
+    let fence = format!(
+        "\"version\": 1, \"geoFence\": {{\"circles\": [{circles}], \"polygons\": [{polygons}], \"version\": 2}}\n"
     );
+    refusals::PLAN.replacen("\"version\": 1\n", &fence, 1)
+}
+
+/// Of 50 m, 1 km east of home.
+const CIRCLE: &str = "{\"circle\": {\"center\": [39.333, -0.2969], \"radius\": 50}, \"inclusion\": false, \"version\": 1}";
+
+/// Half a kilometre to each side of the mission, which is bent inwards on its east.
+const POLYGON: &str = "{\"polygon\": [[39.328, -0.3143], [39.344, -0.3143], [39.344, -0.3027], [39.336, -0.3073], \
+                       [39.328, -0.3027]], \"inclusion\": true, \"version\": 1}";
+
+#[test]
+fn a_fence_is_where_its_circles_and_polygons_are_about_home() {
+    let plan = mission(&fenced(CIRCLE, POLYGON));
+    assert_eq!(notes(&plan), Vec::<String>::new());
+    let [circle, polygon] = plan.fence() else {
+        panic!("two zones: {:?}", plan.fence());
+    };
+    assert_eq!(circle.name, "geoFence.circles[0]");
+    assert!(!circle.zone.is_inclusion && polygon.zone.is_inclusion);
+    let from_home_m = circle.zone.room_m(Ned::HOME);
+    assert!((from_home_m - 950.0).abs() < 2.0, "{from_home_m} m");
+    assert_eq!(polygon.name, "geoFence.polygons[0]");
+    // Half-way up the mission's way the fence is 0.0012° of longitude, 103 m, to the east; its corner at the closest.
+    let least_m = polygon.zone.room_m(plan.waypoints()[1]);
+    assert!((least_m - 103.0).abs() < 1.0, "{least_m} m");
+    assert_eq!(mission(&fenced("", "")).fence(), []);
+}
+
+#[test]
+fn rally_points_and_a_place_to_return_to_are_told_of() {
+    let rally =
+        "\"rallyPoints\": {\"points\": [[1, 2, 3]]}, \"geoFence\": {\"breachReturn\": [1, 2, 3],";
+    let plan = fenced(CIRCLE, "").replacen("\"geoFence\": {", rally, 1);
     assert_eq!(
         notes(&mission(&plan)),
         [
-            "geoFence: the fence is not obeyed, give the scenario a `[geofence]`",
+            "geoFence: the place to return to is ignored, a drone that is stopped at the fence lands there",
             "rallyPoints: rally points are ignored",
         ]
     );
@@ -717,6 +748,7 @@ fn shipped() -> impl Strategy<Value = &'static str> {
         Just(ALBUFERA),
         Just(RIVER),
         Just(refusals::PLAN),
+        Just(refusals::FENCED),
         Just(refusals::KML),
         Just(SHORT)
     ]

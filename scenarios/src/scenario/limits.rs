@@ -30,7 +30,7 @@ pub(super) struct Course<'a> {
     pub(super) waypoints: &'a [Ned],
     pub(super) holds: &'a Holds,
     /// The slowest of its vehicles.
-    pub(super) vehicle: navigation::Config,
+    pub(super) vehicle: &'a navigation::Config,
     pub(super) landing: Landing,
     /// How long a vehicle takes at most to come to rest at the end of a leg.
     pub(super) settle: Duration,

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Layering, Separation};
+use muster_machines::formation::{Change, Flown, Layering, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
@@ -15,8 +15,9 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
-use super::failsafe::{check_fence, failsafe, fence};
+use super::failsafe::failsafe;
 use super::faults::faults;
+use super::fence::Fenced;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
 use super::formation;
@@ -126,37 +127,46 @@ fn alone(
             .separation_vertical_m
             .map_or(SEPARATION_M, |it| it.0),
     };
-    let fence = fence(raw, altitude_max_m(raw));
+    let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let mut layout = formation::layout(source, raw, separation)?.with_layers(Layering::Each);
     let mut changes = formation::changes(source, raw, &layout, waypoints.len())?;
-    let ceiling_m = fence.map_or(altitude_max_m(raw), |fence| fence.altitude_max_m);
+    let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
+    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
     if !has_room(raw, &layout, &changes, &waypoints, ceiling_m) {
         layout = layout.with_layers(Layering::Shared);
         changes = formation::changes(source, raw, &layout, waypoints.len())?;
     }
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let avoid = raw.safety.avoid.then_some(separation);
+    let fence = fenced.as_ref().map(Fenced::fence);
     let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
-    let follow = follow(source, raw, vehicle, heights)?;
-    let landing = landing(raw, vehicle);
+    let follow = follow(source, raw, &vehicle, heights)?;
+    let landing = landing(raw, &vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
         changes: &changes,
         waypoints: &waypoints,
         holds: mission.holds(),
-        vehicle: follow.as_ref().map_or(vehicle, |follow| follow.master),
+        vehicle: follow.as_ref().map_or(&vehicle, |follow| &follow.master),
         landing,
         settle,
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
     check_layers(source, raw, &course)?;
-    let flown = (&*layout, &*changes, &*waypoints);
-    check_fence(source, raw, fence, flown, vehicle.speed_mps)?;
+    let flown = Flown {
+        layout: &layout,
+        changes: &changes,
+        waypoints: &waypoints,
+    };
+    let fence = match &fenced {
+        Some(fenced) => fenced.check(source, raw, flown, vehicle.speed_mps)?,
+        None => Vec::new(),
+    };
     let limits = limits(raw, separation, &course);
     let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
@@ -196,6 +206,7 @@ fn alone(
             .map(|it| Duration::from_secs_f64(it.0)),
         alone: raw.failsafe.alone.into(),
         limits,
+        fence,
         notes,
         faults,
         chaos: chaos(source, raw)?,
@@ -331,7 +342,7 @@ fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigati
 }
 
 /// As ArduCopter's defaults: LAND_SPEED 0.5 m/s below LAND_ALT_LOW 10 m.
-fn landing(raw: &Raw, vehicle: navigation::Config) -> Landing {
+fn landing(raw: &Raw, vehicle: &navigation::Config) -> Landing {
     Landing {
         descent_mps: vehicle.descent_mps,
         final_mps: raw.vehicle.landing_mps.map_or(0.5, |it| it.0),

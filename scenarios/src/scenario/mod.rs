@@ -3,6 +3,7 @@
 mod failsafe;
 mod fault;
 mod faults;
+mod fence;
 mod fields;
 mod file;
 mod follow;
@@ -33,6 +34,7 @@ use crate::report::figures::plural;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::{Craft, Landing, Vehicle};
 
+pub use self::fence::fence_in_words;
 pub use self::outlook::holds_in_words;
 pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
@@ -86,6 +88,8 @@ pub struct Scenario {
     pub alone: Alone,
     /// What must not be exceeded.
     pub limits: Limits,
+    /// What its fence is, if it has one, and how near its flight comes to it, in words.
+    pub fence: Vec<String>,
     /// What the mission file asks for and the swarm does not do, in words.
     pub notes: Vec<String>,
     /// What goes wrong, and when.
@@ -318,8 +322,8 @@ impl Scenario {
                 waypoints_max: self.limits.waypoints_max,
             },
             navigation: match &self.follow {
-                Some(follow) if leads => follow.master,
-                _ => self.vehicle,
+                Some(follow) if leads => follow.master.clone(),
+                _ => self.vehicle.clone(),
             },
             link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
         }

@@ -31,6 +31,7 @@ impl Scenario {
         ];
         lines.extend(holds_in_words(&self.holds));
         lines.extend(self.layers_in_words());
+        lines.extend(self.fence.iter().cloned());
         if let Some(in_slots) = &connected {
             lines.extend(self.apart_in_words(in_slots));
             lines.extend(self.apart_by_height_in_words(in_slots));
