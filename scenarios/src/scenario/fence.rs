@@ -17,6 +17,7 @@ use crate::report::rounded_down;
 
 /// The nearest that anybody's way comes to the boundary of an area over ground.
 struct Nearest {
+    /// How near, in metres; 0 where the way leaves the fence.
     room_m: f64,
     zone: usize,
     drone: NodeId,
@@ -259,7 +260,9 @@ impl Search<'_> {
     /// what was found before.
     fn look(&mut self, on: Part, centre: (Ned, Ned), way: impl Fn(NodeId) -> (Ned, Ned)) {
         for (zone, area) in self.zones.iter().enumerate() {
+            // Of those who leave the fence the first one is told.
             let at_least_m = area.room_along_m(centre.0, centre.1) - self.reach_m;
+            let at_least_m = at_least_m.max(0.0);
             let is_nearer = |nearest: &Option<Nearest>, room_m: f64| {
                 nearest.as_ref().is_none_or(|it| room_m < it.room_m)
             };
@@ -268,7 +271,7 @@ impl Search<'_> {
             }
             for drone in (0..self.drones).map(NodeId) {
                 let (from, to) = way(drone);
-                let room_m = area.room_along_m(from, to);
+                let room_m = area.room_along_m(from, to).max(0.0);
                 if is_nearer(&self.nearest, room_m) {
                     self.nearest = Some(Nearest {
                         room_m,
