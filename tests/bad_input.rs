@@ -859,7 +859,6 @@ fn a_mission_that_leads_nowhere_is_refused() {
 fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does() {
     // 195 m north in place of 40: drone 4 passes the circle's centre 15 m to the west.
     let farther = ("41.76536014", "41.76675568");
-    let wider = |radius: &'static str| ("\"radius\": 25", radius);
     let change = "--set=changes=[{waypoint=1,kind=\"circular\",spacing_m=60}]";
     type Replaced = (&'static str, &'static str);
     let cases: &[(&[Replaced], &[&str], &[&str])] = &[
@@ -879,7 +878,7 @@ fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does
             ],
         ),
         (
-            &[farther, wider("\"radius\": 13.5")],
+            &[farther, ("\"radius\": 25", "\"radius\": 13.5")],
             &[],
             &[
                 "drone 4 comes within 1.5 m of the fence, geoFence.circles[0]",
@@ -887,10 +886,13 @@ fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does
             ],
         ),
         (
-            &[(
-                "\"center\": [",
-                "\"center\": [41.76563, -0.81464], \"old\": [",
-            )],
+            &[
+                (
+                    "\"center\": [",
+                    "\"center\": [41.76563, -0.81518], \"old\": [",
+                ),
+                ("\"radius\": 25", "\"radius\": 8"),
+            ],
             &[
                 "--set",
                 "formation.drones=3",
@@ -899,7 +901,7 @@ fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does
                 change,
             ],
             &[
-                "changing formation at waypoint 1, drone",
+                "changing formation at waypoint 1, drone 0",
                 "leaves the fence, geoFence.circles[0]",
             ],
         ),
@@ -908,7 +910,7 @@ fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does
             &["--set", "geofence.radius_m=61"],
             &[
                 "at waypoint 0 the slot of drone 0",
-                "is 1 m within the fence",
+                "is 1.0 m within the fence",
             ],
         ),
         (
