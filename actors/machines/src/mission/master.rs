@@ -178,11 +178,7 @@ impl Mission {
                 self.durable.limit = None;
                 self.outbox.transmit(Transmit::Discover);
             }
-            State::WaypointReached { waypoint } => {
-                if self.has_held(now, waypoint) {
-                    self.go_on_from(now, waypoint);
-                }
-            }
+            State::WaypointReached { waypoint } => self.go_on_from(now, waypoint),
             State::ChangingFormation { change, step } => {
                 if let Some(step) = step.next() {
                     self.order_step(now, change, step);
@@ -210,6 +206,9 @@ impl Mission {
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
+        if !self.has_held(now, waypoint) {
+            return;
+        }
         let reopens = self.is_elected_epoch() && flaw::has(Flaw::ReopensWaypoints);
         let next = if reopens { waypoint } else { waypoint + 1 };
         if self.changes_before(next) > self.durable.changes {

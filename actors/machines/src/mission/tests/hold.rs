@@ -40,9 +40,9 @@ fn arrives(mission: &mut Mission, at_s: f64) -> Vec<Order> {
     orders(&told(mission, at_s, arrived))
 }
 
-fn deadline_s(mission: &Mission) -> f64 {
-    let deadline = mission.deadline().unwrap();
-    deadline.since(Timestamp::ZERO).as_secs_f64()
+/// An instant, so many seconds after the start.
+fn after(seconds: f64) -> Option<Timestamp> {
+    Some(Timestamp::from_secs_f64(seconds))
 }
 
 /// A master at waypoint 1 since 50 s, whose members are there since 51 s.
@@ -71,7 +71,7 @@ fn holding_master() -> Mission {
 #[test]
 fn a_master_holds_once_all_have_arrived_and_opens_the_next_waypoint_then() {
     let mut master = holding_master();
-    assert_eq!(deadline_s(&master), 81.0);
+    assert_eq!(master.deadline(), after(81.0));
     assert_eq!(
         orders(&stimulate(&mut master, 80.9, Stimulus::Timeout).0),
         []
@@ -91,7 +91,7 @@ fn a_master_that_restarts_amid_a_hold_goes_on_with_it() {
     let before = holding_master();
     let mut master = Mission::new(before.config.clone(), Some(before.durable.clone()));
     assert_eq!(arrives(&mut master, 60.0), []);
-    assert_eq!(deadline_s(&master), 81.0);
+    assert_eq!(master.deadline(), after(81.0));
     let (said, _) = stimulate(&mut master, 81.0, Stimulus::Timeout);
     assert_eq!(orders(&said), [opens(2)]);
 }
@@ -106,7 +106,7 @@ fn whoever_comes_back_amid_a_hold_is_waited_for_after_it_but_not_for_ever() {
         orders(&stimulate(&mut master, 81.0, Stimulus::Timeout).0),
         []
     );
-    assert_eq!(deadline_s(&master), 81.0 + 100.0);
+    assert_eq!(master.deadline(), after(81.0 + 100.0));
     let (said, events) = stimulate(&mut master, 181.0, Stimulus::Timeout);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
     assert_eq!(
@@ -149,7 +149,7 @@ fn whoever_is_elected_amid_a_hold_holds_for_the_whole_of_it_once_all_have_acknow
     assert_eq!(orders(&hears(&mut member, 60.5, silent)), []);
     let said = hears(&mut member, 61.0, progress(2, 1));
     assert_eq!(orders(&said), [], "it holds");
-    assert_eq!(deadline_s(&member), 91.0);
+    assert_eq!(member.deadline(), after(91.0));
     let (said, _) = stimulate(&mut member, 91.0, Stimulus::Timeout);
     assert_eq!(
         orders(&said),

@@ -55,14 +55,21 @@ fn refused(corners: &[(f64, f64)]) -> PolygonError {
     Polygon::new(corners).unwrap_err()
 }
 
+#[track_caller]
+fn assert_room(found_m: f64, expected_m: f64) {
+    let off_m = (found_m - expected_m).abs();
+    assert!(off_m < 1e-9, "{found_m} m in place of {expected_m} m");
+}
+
 #[test]
 fn a_cylinder_is_as_wide_and_as_high_as_it_says() {
     let fence = Fence::cylinder(100.0, 50.0);
-    assert_eq!(fence.room_m(place(60.0, 80.0)), 0.0);
-    assert_eq!(fence.room_m(place(0.0, 0.0)), 30.0);
-    assert_eq!(fence.room_m(Ned::new(0.0, 0.0, -60.0)), -10.0);
+    assert_room(fence.room_m(place(60.0, 80.0)), 0.0);
+    assert_room(fence.room_m(place(0.0, 0.0)), 30.0);
+    assert_room(fence.room_m(Ned::new(0.0, 0.0, -60.0)), -10.0);
     let on_the_way_back = fence.stopping_room_m(place(120.0, 0.0), place(90.0, 0.0));
-    assert_eq!(on_the_way_back, 10.0, "where it comes to rest counts");
+    // Where it comes to rest counts.
+    assert_room(on_the_way_back, 10.0);
 }
 
 #[test]
@@ -80,26 +87,27 @@ fn a_drone_stays_within_all_areas_to_stay_within_and_out_of_the_others() {
         ],
         f64::INFINITY,
     );
-    assert_eq!(fence.room_m(place(-15.0, 0.0)), 5.0);
-    assert_eq!(fence.room_m(place(-25.0, 0.0)), -5.0, "in one of the two");
-    assert_eq!(fence.room_m(place(15.0, 0.0)), -5.0);
-    assert_eq!(fence.room_m(place(15.0, 8.0)), 3.0);
-    assert_eq!(fence.room_m(place(15.0, 8.0).at_altitude(1e6)), 3.0);
+    assert_room(fence.room_m(place(-15.0, 0.0)), 5.0);
+    // In one of the two.
+    assert_room(fence.room_m(place(-25.0, 0.0)), -5.0);
+    assert_room(fence.room_m(place(15.0, 0.0)), -5.0);
+    assert_room(fence.room_m(place(15.0, 8.0)), 3.0);
+    assert_room(fence.room_m(place(15.0, 8.0).at_altitude(1e6)), 3.0);
 }
 
 #[test]
 fn a_notch_is_outside_and_no_way_leads_across_it() {
     let zone = within(Area::Polygon(notched()));
-    assert_eq!(zone.room_m(place(30.0, 25.0)), 15.0);
-    assert_eq!(zone.room_m(place(30.0, 0.0)), -10.0);
-    assert_eq!(
+    assert_room(zone.room_m(place(30.0, 25.0)), 15.0);
+    assert_room(zone.room_m(place(30.0, 0.0)), -10.0);
+    assert_room(
         zone.room_along_m(place(30.0, -25.0), place(30.0, 25.0)),
-        0.0
+        0.0,
     );
     // Below the notch, and past its corner.
-    assert_eq!(
+    assert_room(
         zone.room_along_m(place(-25.0, -25.0), place(-25.0, 25.0)),
-        15.0
+        15.0,
     );
     let past_the_corner = zone.room_along_m(place(-20.0, 0.0), place(-6.0, 20.0));
     assert!(
@@ -114,8 +122,8 @@ fn a_drone_that_would_come_to_rest_behind_what_it_is_to_stay_out_of_has_no_room(
     let (here, there) = (place(30.0, -25.0), place(30.0, 25.0));
     assert!(room_m(within(Area::Polygon(notched())), here, there) <= 0.0);
     assert!(room_m(out_of(circle(30.0, 0.0, 3.0)), here, there) <= 0.0);
-    assert_eq!(room_m(out_of(circle(0.0, 0.0, 3.0)), here, there), 27.0);
-    assert_eq!(room_m(within(circle(30.0, 0.0, 30.0)), here, there), 5.0);
+    assert_room(room_m(out_of(circle(0.0, 0.0, 3.0)), here, there), 27.0);
+    assert_room(room_m(within(circle(30.0, 0.0, 30.0)), here, there), 5.0);
 }
 
 #[test]
