@@ -64,11 +64,19 @@ fn describe(file: &Path) -> Result<String, BadInput> {
             1 => "a waypoint".to_owned(),
             waypoints => format!("{waypoints} waypoints"),
         };
-        let description = format!(
+        let mut description = format!(
             "a mission of {waypoints} over {length_m:.0} m, at {:.0} to {:.0} m",
             heights.clone().fold(f64::INFINITY, f64::min),
             heights.fold(0.0, f64::max),
         );
+        let holds = scenario::holds_in_words(mission.holds());
+        for line in holds
+            .into_iter()
+            .chain(scenario::fence_in_words(mission.fence()))
+        {
+            description.push_str("\n  ");
+            description.push_str(&line);
+        }
         let notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
         Ok(with_notes(description, &notes))
     }

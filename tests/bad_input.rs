@@ -11,6 +11,8 @@ use tempfile::TempDir;
 
 const SCENARIO: &str = include_str!("../scenarios/thesis-1.toml");
 const MISSION: &str = include_str!("../scenarios/missions/albufera.plan");
+const FENCED_SCENARIO: &str = include_str!("../scenarios/failsafe-plan-fence.toml");
+const FENCED_MISSION: &str = include_str!("../scenarios/missions/enclosure.plan");
 
 /// A folder with a scenario and its mission, to be spoilt.
 struct Folder(TempDir);
@@ -851,6 +853,91 @@ fn a_mission_that_leads_nowhere_is_refused() {
     );
     let said = folder.refusal(&["--set", "mission.file=hover.waypoints"]);
     assert_says(&said, &["hover.waypoints", "has no waypoint but", "help:"]);
+}
+
+#[test]
+fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does() {
+    // 195 m north in place of 40: drone 4 passes the circle's centre 15 m to the west.
+    let farther = ("41.76536014", "41.76675568");
+    let change = "--set=changes=[{waypoint=1,kind=\"circular\",spacing_m=60}]";
+    type Replaced = (&'static str, &'static str);
+    let cases: &[(&[Replaced], &[&str], &[&str])] = &[
+        (
+            &[],
+            &["--set", "formation.spacing_m=80"],
+            &[
+                "on its way to its first slot, drone 0 leaves the fence, geoFence.polygons[0]",
+                "missions/enclosure.plan",
+            ],
+        ),
+        (
+            &[farther],
+            &[],
+            &[
+                "on the way from waypoint 0 to waypoint 1, drone 4 leaves the fence, geoFence.circles[0]",
+            ],
+        ),
+        (
+            &[farther, ("\"radius\": 25", "\"radius\": 13.5")],
+            &[],
+            &[
+                "drone 4 comes within 1.5 m of the fence, geoFence.circles[0]",
+                "at 10 m/s it is to stay more than 2 m within",
+            ],
+        ),
+        (
+            &[
+                (
+                    "\"center\": [",
+                    "\"center\": [41.76563, -0.81518], \"old\": [",
+                ),
+                ("\"radius\": 25", "\"radius\": 8"),
+            ],
+            &[
+                "--set",
+                "formation.drones=3",
+                "--set",
+                "protocol.kind=muscop",
+                change,
+            ],
+            &[
+                "changing formation at waypoint 1, drone 0",
+                "leaves the fence, geoFence.circles[0]",
+            ],
+        ),
+        (
+            &[],
+            &["--set", "geofence.radius_m=61"],
+            &[
+                "at waypoint 0 the slot of drone 0",
+                "is 1.0 m within the fence",
+            ],
+        ),
+        (
+            &[("\"radius\": 25", "\"radius\": 0")],
+            &[],
+            &[
+                "geoFence.circles[0]: the radius is 0 m",
+                "enclosure.plan",
+                "above 0",
+            ],
+        ),
+    ];
+    for (replaced, fields, words) in cases {
+        let folder = Folder::new();
+        let mut mission = FENCED_MISSION.to_owned();
+        for (from, to) in *replaced {
+            assert!(mission.contains(from), "{from}");
+            mission = mission.replacen(from, to, 1);
+        }
+        let mut scenario = FENCED_SCENARIO.to_owned();
+        if fields.contains(&"protocol.kind=muscop") {
+            scenario.truncate(scenario.find("[follow]").unwrap());
+        }
+        folder.write("scenario.toml", scenario);
+        folder.write("missions/enclosure.plan", mission);
+        assert_says(&folder.refusal(fields), words);
+    }
 }
 
 #[test]

@@ -331,7 +331,7 @@ impl Blueprint {
             ))),
             Address::Navigation => Cell::Navigation(Box::new(navigation::Navigation::new(
                 self.id,
-                self.navigation,
+                self.navigation.clone(),
                 checkpoints.navigation.as_deref().cloned(),
             ))),
             Address::Msp => Cell::Msp((self.link)(checkpoints.msp)),

@@ -31,7 +31,7 @@ pub use self::tree::{Runs, TreeFrame, TreeFront};
 use self::writer::Writer;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{Ballot, NodeId, SwarmId};
-use crate::mission::{Order, Step};
+use crate::mission::{Holds, Order, Step};
 use crate::routing::{Flood, Member, Packet, Tree};
 use crate::traffic::Intent;
 
@@ -387,6 +387,12 @@ enum WireOrder {
         apart: bool,
         wave: u16,
     },
+    /// A part of a plan in which the swarm waits at some waypoints: each with the milliseconds.
+    PlanWithHolds {
+        index: u16,
+        count: u16,
+        waypoints: Vec<([i32; 3], u32)>,
+    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -404,11 +410,24 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
             index,
             count,
             waypoints,
-        } => WireOrder::Plan {
-            index: *index,
-            count: *count,
-            waypoints: waypoints.iter().copied().map(to_millimetres).collect(),
-        },
+            holds,
+        } => {
+            let (index, count) = (*index, *count);
+            let places = waypoints.iter().copied().map(to_millimetres);
+            if holds.is_empty() {
+                WireOrder::Plan {
+                    index,
+                    count,
+                    waypoints: places.collect(),
+                }
+            } else {
+                WireOrder::PlanWithHolds {
+                    index,
+                    count,
+                    waypoints: places.zip(holds.iter().map(to_milliseconds)).collect(),
+                }
+            }
+        }
         Order::TakeOff { wave: 0 } => WireOrder::TakeOff,
         Order::TakeOff { wave } => WireOrder::TakeOffInWave { wave: *wave },
         Order::Move { waypoint, apart } => WireOrder::Move {
@@ -485,6 +504,7 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             index,
             count,
             waypoints: waypoints.into_iter().map(from_millimetres).collect(),
+            holds: Vec::new(),
         },
         WireOrder::TakeOff => Order::TakeOff { wave: 0 },
         WireOrder::TakeOffInWave { wave } => Order::TakeOff { wave },
@@ -537,7 +557,33 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
         WireOrder::Assemble { at } => Order::Assemble {
             at: from_millimetres(at),
         },
+        WireOrder::PlanWithHolds {
+            index,
+            count,
+            waypoints,
+        } => {
+            let (places, holds): (Vec<_>, Vec<_>) = waypoints.into_iter().unzip();
+            Order::Plan {
+                index,
+                count,
+                waypoints: places.into_iter().map(from_millimetres).collect(),
+                holds: from_milliseconds(&holds)?,
+            }
+        }
     })
+}
+
+fn to_milliseconds(hold: &Duration) -> u32 {
+    u32::try_from(hold.as_millis()).unwrap_or(u32::MAX)
+}
+
+/// How long a swarm waits at waypoints, if that is no longer than it may.
+fn from_milliseconds(holds: &[u32]) -> Result<Vec<Duration>, PayloadError> {
+    let holds = holds
+        .iter()
+        .map(|hold| Duration::from_millis((*hold).into()));
+    let holds = holds.map(|hold| (hold <= Holds::MAX).then_some(hold).ok_or(PayloadError));
+    holds.collect()
 }
 
 fn write<T: Serialize>(value: &T, out: Vec<u8>) -> Vec<u8> {

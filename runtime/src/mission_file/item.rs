@@ -3,6 +3,7 @@
 use super::Note;
 use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Written};
+use super::fence::WrittenZone;
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, GeodeticError};
 
@@ -12,6 +13,7 @@ pub(super) struct Listing<'a> {
     pub(super) home: Home<'a>,
     pub(super) items: Vec<Item<'a>>,
     pub(super) zero_height: ZeroHeight,
+    pub(super) fence: Vec<WrittenZone<'a>>,
     /// What stands beside the items and is not obeyed.
     pub(super) notes: Vec<Note>,
     /// Where to point when there are too few.

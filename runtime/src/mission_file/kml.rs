@@ -52,6 +52,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         home,
         items,
         zero_height: ZeroHeight::Ground,
+        fence: Vec::new(),
         notes,
         items_at: text,
     })

@@ -6,6 +6,7 @@
 
 mod command;
 mod document;
+mod fence;
 mod home;
 mod item;
 mod json;
@@ -19,6 +20,8 @@ use std::fmt;
 use std::path::Path;
 
 use muster_machines::geometry::Ned;
+use muster_machines::mission::Holds;
+use muster_machines::navigation::Zone;
 
 use crate::diagnostic::{BadInput, read_text};
 use crate::geodetic::Geodetic;
@@ -29,6 +32,12 @@ pub const WAYPOINTS_MAX: usize = 1_000;
 
 /// The most items that a mission file has, those that the swarm ignores and home included.
 pub const ITEMS_MAX: usize = 5_000;
+
+/// The most circles and polygons that a plan's fence has.
+pub const FENCE_ZONES_MAX: usize = 100;
+
+/// The most corners that the polygons of a plan's fence have together.
+pub const FENCE_CORNERS_MAX: usize = 1_000;
 
 /// The fewest waypoints that a swarm follows. After a take-off, one may be where that leads to: the swarm hovers.
 pub const NAV_WAYPOINTS_MIN: usize = 1;
@@ -45,7 +54,18 @@ pub const HEIGHT_MAX_M: f64 = 1_000.0;
 pub struct Mission {
     home: Geodetic,
     waypoints: Vec<Ned>,
+    holds: Holds,
+    fence: Vec<FenceZone>,
     notes: Vec<Note>,
+}
+
+/// A part of the fence that a plan has.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FenceZone {
+    /// As errors name it: `geoFence.polygons[0]`.
+    pub name: String,
+    /// Where it is, about home.
+    pub zone: Zone,
 }
 
 impl Mission {
@@ -59,6 +79,19 @@ impl Mission {
     #[must_use]
     pub fn waypoints(&self) -> &[Ned] {
         &self.waypoints
+    }
+
+    /// How long the swarm waits at which of its waypoints, once all have arrived.
+    #[must_use]
+    pub fn holds(&self) -> &Holds {
+        &self.holds
+    }
+
+    /// Where the swarm may fly, if its plan has a fence. Home, all waypoints and the straight ways between them lie within
+    /// all areas to stay within, and outside of the others.
+    #[must_use]
+    pub fn fence(&self) -> &[FenceZone] {
+        &self.fence
     }
 
     /// What the file asks for and the swarm doesn't do, in the file's order.
@@ -96,11 +129,13 @@ pub enum NoteKind {
         /// That height, in metres above home.
         height_m: f64,
     },
-    /// A wait at a waypoint: the swarm flies on.
-    HoldIgnored {
+    /// A wait before the take-off.
+    HoldOnGroundIgnored {
         /// How long the file asks for, in seconds.
         hold_s: f64,
     },
+    /// A wait for a time of day: the swarm flies on.
+    TimeOfDayIgnored,
     /// An item after which the drone is to wait for its operator: the swarm flies on.
     StopIgnored,
     /// A waypoint where the one before it is, to the millimetre: it is left out.
@@ -123,8 +158,8 @@ pub enum NoteKind {
     LeftOutAfterReturn,
     /// A path drawn on a map begins on the ground: home is taken to be there.
     HomeWherePathBegins,
-    /// A geofence, which only a scenario can give.
-    FenceIgnored,
+    /// A place to return to from the fence: who is stopped there lands there.
+    BreachReturnIgnored,
     /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
     GroundTakenForLevel,
     /// Rally points: who must come down lands over home, or where it is.
@@ -166,8 +201,12 @@ impl fmt::Display for Note {
                 f,
                 "a height of 0 says none, the swarm keeps its {height_m} m above home"
             ),
-            NoteKind::HoldIgnored { hold_s } => {
-                write!(f, "the hold of {hold_s} s is ignored, the swarm flies on")
+            NoteKind::HoldOnGroundIgnored { hold_s } => write!(
+                f,
+                "the hold of {hold_s} s is ignored, the swarm has not taken off by then"
+            ),
+            NoteKind::TimeOfDayIgnored => {
+                f.write_str("the wait for a time of day is ignored, the swarm flies on")
             }
             NoteKind::StopIgnored => {
                 f.write_str("the wait for the operator is ignored, the swarm flies on")
@@ -196,9 +235,9 @@ impl fmt::Display for Note {
             NoteKind::LeftOutAfterReturn => {
                 f.write_str("the item is left out, the mission ends with the return to launch")
             }
-            NoteKind::FenceIgnored => {
-                f.write_str("the fence is not obeyed, give the scenario a `[geofence]`")
-            }
+            NoteKind::BreachReturnIgnored => f.write_str(
+                "the place to return to is ignored, a drone that is stopped at the fence lands there",
+            ),
             NoteKind::GroundTakenForLevel => f.write_str(
                 "the altitudes, above the ground there, are taken as heights above home, the swarm has no map of the ground",
             ),
@@ -222,6 +261,14 @@ impl fmt::Display for Note {
 /// waypoint without coordinates, where the point before it is. `NAV_LOITER_TO_ALT` is a point at the height of the one
 /// before it and one above or below it; `NAV_PAYLOAD_PLACE` only the first of these. `DO_JUMP` goes on at the item that it
 /// names, as often as it says, but not past the return.
+///
+/// The first parameter of a `NAV_WAYPOINT`, a `NAV_LOITER_TIME`, a `NAV_SPLINE_WAYPOINT` or a `NAV_DELAY` is how long the
+/// swarm waits there, in seconds, up to [`Holds::MAX`]. What is asked for at the same point adds up. A `NAV_DELAY` for a time
+/// of day is ignored, with a [`Note`].
+///
+/// Of a plan's fence (`geoFence`) the circles and polygons are obeyed: the swarm stays within each area to stay within, as
+/// ArduPilot's vehicles do unless they are told otherwise, and out of all others. Fences of a waypoints file are files of
+/// their own, which are not read.
 ///
 /// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
 /// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are

@@ -1,9 +1,10 @@
 //! QGroundControl's `.plan`.
 //!
 //! Source: *Plan File Format*, of the QGroundControl developer guide, version 4. Only what the swarm needs is read and
-//! checked: of the geofence and the rally points, whether there are any; of the settings of a vehicle nothing.
+//! checked: of the rally points, whether there are any; of the settings of a vehicle nothing.
 
 use super::document::{Document, Written, quoted};
+use super::fence;
 use super::item::{Home, Item, Listing, Position, ZeroHeight};
 use super::json::{Node, Object};
 use super::{ITEMS_MAX, Note, NoteKind};
@@ -41,41 +42,32 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     for node in array.elements(ITEMS_MAX)? {
         add_item(document, node, &mut items)?;
     }
-    let has = |part: &str, lists: &[&str]| -> Result<bool, BadInput> {
-        let Some(part) = plan.field_if_any(part) else {
-            return Ok(false);
-        };
-        let part = part.object()?;
-        for list in lists {
-            if let Some(list) = part.field_if_any(list)
-                && !list.elements(ITEMS_MAX)?.is_empty()
-            {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    };
     let mut notes = Vec::new();
-    for (part, lists, kind) in [
-        (
-            "geoFence",
-            &["circles", "polygons"][..],
-            NoteKind::FenceIgnored,
-        ),
-        ("rallyPoints", &["points"], NoteKind::RallyPointsIgnored),
-    ] {
-        if has(part, lists)? {
-            let item = part.to_owned();
-            notes.push(Note { item, kind });
-        }
-    }
+    let fence = fence::read(document, &plan, &mut notes)?;
+    notes.extend(rally_points(&plan)?);
     Ok(Listing {
         home,
         items,
         zero_height,
+        fence,
         notes,
         items_at: array.pointer(),
     })
+}
+
+/// That there are some, if there are.
+fn rally_points(plan: &Object<'_>) -> Result<Option<Note>, BadInput> {
+    let Some(part) = plan.field_if_any("rallyPoints") else {
+        return Ok(None);
+    };
+    let item = part.path().to_owned();
+    let points = part.object()?.field_if_any("points");
+    let is_empty = match points {
+        Some(points) => points.elements(ITEMS_MAX)?.is_empty(),
+        None => true,
+    };
+    let kind = NoteKind::RallyPointsIgnored;
+    Ok((!is_empty).then_some(Note { item, kind }))
 }
 
 fn check_type(document: Document<'_>, plan: &Object<'_>) -> Result<(), BadInput> {
@@ -90,7 +82,7 @@ fn check_type(document: Document<'_>, plan: &Object<'_>) -> Result<(), BadInput>
     ))
 }
 
-fn check_version(
+pub(super) fn check_version(
     document: Document<'_>,
     version: &Node<'_>,
     accepted: u16,
@@ -234,7 +226,7 @@ fn frame<'a>(item: &Object<'a>, position: &Position<'a>) -> Result<Written<'a, u
 }
 
 /// The values of an array that must have as many as its reader takes.
-fn exactly<'a, const N: usize>(
+pub(super) fn exactly<'a, const N: usize>(
     document: Document<'a>,
     array: &Node<'a>,
     meaning: &str,

@@ -1,9 +1,13 @@
 //! The route that a swarm flies, of a mission's items.
 
+use std::time::Duration;
+
 use muster_machines::geometry::Ned;
+use muster_machines::mission::Holds;
 
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
+use super::fence::WrittenZone;
 use super::home::Origin;
 use super::item::{Item, Listing, ZeroHeight};
 use super::jumps::Jumps;
@@ -32,6 +36,7 @@ pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mis
         knows_sea_level,
         zero_height: listing.zero_height,
         points: Vec::new(),
+        holds: Holds::default(),
         nav_waypoints: 0,
         has_taken_off: false,
         end: None,
@@ -45,7 +50,7 @@ pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mis
     {
         route.add(item)?;
     }
-    route.finish(listing.items_at)
+    route.finish(listing.items_at, &listing.fence)
 }
 
 /// A route as far as its items have been read.
@@ -57,6 +62,7 @@ struct Route<'a> {
     zero_height: ZeroHeight,
     /// Empty, or the first is over home.
     points: Vec<Ned>,
+    holds: Holds,
     /// Those over where the swarm takes off to count if there is a take-off before them.
     nav_waypoints: usize,
     has_taken_off: bool,
@@ -111,25 +117,25 @@ impl Route<'_> {
         }
         match manoeuvre {
             Manoeuvre::TakeOff => self.take_off(item),
-            Manoeuvre::Waypoint | Manoeuvre::Loiter => {
-                self.note_hold(item);
-                self.waypoint(item)
-            }
+            Manoeuvre::Waypoint | Manoeuvre::Loiter => self.waypoint_with_hold(item),
             Manoeuvre::Spline => {
                 self.note(item, NoteKind::CurveIgnored);
-                self.note_hold(item);
-                self.waypoint(item)
+                self.waypoint_with_hold(item)
             }
             Manoeuvre::Turns => {
                 self.note(item, NoteKind::TurnsIgnored);
-                self.waypoint(item)
+                if !self.waypoint(item)? {
+                    self.note(item, NoteKind::MergedWithPrevious);
+                }
+                Ok(())
             }
             Manoeuvre::LoiterToHeight => self.loiter_to_height(item),
             Manoeuvre::PayloadPlace => self.payload_place(item),
-            Manoeuvre::Delay => {
-                self.note_hold(item);
+            Manoeuvre::Delay if item.first.value.is_some_and(|it| it < 0.0) => {
+                self.note(item, NoteKind::TimeOfDayIgnored);
                 Ok(())
             }
+            Manoeuvre::Delay => self.hold(item),
             Manoeuvre::ChangeHeight => self.change_height(item),
             Manoeuvre::Jump => {
                 self.note(item, NoteKind::EndlessJumpIgnored);
@@ -153,7 +159,17 @@ impl Route<'_> {
         self.push(item, Ned::HOME.at_altitude(height_m)).map(drop)
     }
 
-    fn waypoint(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+    /// A waypoint where the one before it is only adds its hold to that.
+    fn waypoint_with_hold(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+        let is_elsewhere = self.waypoint(item)?;
+        if !is_elsewhere && hold_s(item).is_none() {
+            self.note(item, NoteKind::MergedWithPrevious);
+        }
+        self.hold(item)
+    }
+
+    /// Whether it is elsewhere than the point before it.
+    fn waypoint(&mut self, item: &Item<'_>) -> Result<bool, BadInput> {
         let kept_m = self.kept_height_m(item);
         let height_m = match kept_m {
             Some(height_m) => height_m,
@@ -164,11 +180,11 @@ impl Route<'_> {
             self.push(item, Ned::HOME.at_altitude(height_m))?;
         }
         let is_elsewhere = self.push(item, point)?;
-        self.count(item, is_elsewhere);
+        self.count(is_elsewhere);
         if is_elsewhere && let Some(height_m) = kept_m {
             self.note(item, NoteKind::HeightKept { height_m });
         }
-        Ok(())
+        Ok(is_elsewhere)
     }
 
     /// Where an item's coordinates are or, as flight controllers have it where there are none, where the drone is by then.
@@ -198,17 +214,17 @@ impl Route<'_> {
         }
         let is_elsewhere = self.push(item, before)?;
         let is_above_or_below = self.push(item, after)?;
-        self.count(item, is_elsewhere || is_above_or_below);
+        self.count(is_elsewhere || is_above_or_below);
+        if !is_elsewhere && !is_above_or_below {
+            self.note(item, NoteKind::MergedWithPrevious);
+        }
         Ok(())
     }
 
-    /// Counts a waypoint, which is left out where it is not elsewhere than the one before it.
-    fn count(&mut self, item: &Item<'_>, is_elsewhere: bool) {
+    /// Counts a waypoint, if it is elsewhere than the one before it or where the take-off leads to.
+    fn count(&mut self, is_elsewhere: bool) {
         if is_elsewhere || self.has_taken_off {
             self.nav_waypoints += 1;
-        }
-        if !is_elsewhere {
-            self.note(item, NoteKind::MergedWithPrevious);
         }
     }
 
@@ -236,11 +252,38 @@ impl Route<'_> {
         self.push(item, last.at_altitude(height_m)).map(drop)
     }
 
-    /// A wait as long as the first parameter says.
-    fn note_hold(&mut self, item: &Item<'_>) {
-        if let Some(hold_s) = item.first.value.filter(|hold_s| *hold_s != 0.0) {
-            self.note(item, NoteKind::HoldIgnored { hold_s });
+    /// A wait where the swarm is by then.
+    fn hold(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
+        let Some(hold_s) = hold_s(item) else {
+            return Ok(());
+        };
+        let Some(point) = self.points.len().checked_sub(1) else {
+            self.note(item, NoteKind::HoldOnGroundIgnored { hold_s });
+            return Ok(());
+        };
+        let point = u16::try_from(point).expect("there are at most `WAYPOINTS_MAX`");
+        let hold = Duration::try_from_secs_f64(hold_s);
+        let added = hold.map(|hold| self.holds.add(point, hold));
+        if matches!(added, Ok(Ok(()))) {
+            return Ok(());
         }
+        let before_s = self.holds.at(point).as_secs_f64();
+        let message = if before_s > 0.0 {
+            format!(
+                "{}: the hold is {hold_s} s, after one of {before_s} s at the same place",
+                item.name
+            )
+        } else {
+            format!("{}: the hold is {hold_s} s", item.name)
+        };
+        Err(self.document.refuse(
+            item.first.text,
+            message,
+            format!(
+                "give seconds from 0 up to {} at one place",
+                Holds::MAX.as_secs()
+            ),
+        ))
     }
 
     fn land(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
@@ -368,7 +411,7 @@ impl Route<'_> {
         }
     }
 
-    fn finish(self, items_at: &str) -> Result<Mission, BadInput> {
+    fn finish(self, items_at: &str, written: &[WrittenZone<'_>]) -> Result<Mission, BadInput> {
         if self.nav_waypoints < NAV_WAYPOINTS_MIN {
             return Err(self.document.refuse(
                 items_at,
@@ -376,10 +419,23 @@ impl Route<'_> {
                 "add a NAV_WAYPOINT (16) item elsewhere or, to hover, one after a NAV_TAKEOFF (22): landing and return don't count",
             ));
         }
+        let fence = written.iter().map(|zone| {
+            let about_home = zone.about(self.document, self.home)?;
+            zone.check(self.document, &about_home.zone, &self.points)?;
+            Ok(about_home)
+        });
+        let fence = fence.collect::<Result<_, BadInput>>()?;
         Ok(Mission {
             home: self.home,
             waypoints: self.points,
+            holds: self.holds,
+            fence,
             notes: self.notes,
         })
     }
+}
+
+/// How many seconds an item asks the swarm to wait, in its first parameter.
+fn hold_s(item: &Item<'_>) -> Option<f64> {
+    item.first.value.filter(|hold_s| *hold_s != 0.0)
 }

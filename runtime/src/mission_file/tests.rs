@@ -1,5 +1,6 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use proptest::prelude::*;
 
@@ -34,6 +35,12 @@ fn heights(mission: &Mission) -> Vec<f64> {
         .iter()
         .map(|point| point.altitude_m())
         .collect()
+}
+
+/// Each waypoint at which the swarm waits, and for how many seconds.
+fn holds_s(mission: &Mission) -> Vec<(u16, f64)> {
+    let holds = mission.holds().iter();
+    holds.map(|(at, hold)| (at, hold.as_secs_f64())).collect()
 }
 
 fn notes(mission: &Mission) -> Vec<String> {
@@ -539,12 +546,9 @@ fn waits_curves_and_heights_are_flown_as_far_as_a_swarm_can() {
     assert_eq!(heights(&flown), [25.0, 25.0, 30.0, 40.0, 40.0, 40.0, 20.0]);
     assert_eq!(
         notes(&flown),
-        [
-            "item 4: the hold of 5 s is ignored, the swarm flies on",
-            "item 6: the curve is flown as a straight leg",
-            "item 7: the hold of 3 s is ignored, the swarm flies on",
-        ]
+        ["item 6: the curve is flown as a straight leg",]
     );
+    assert_eq!(holds_s(&flown), [(2, 5.0), (5, 3.0)]);
     let [.., before, last] = flown.waypoints() else {
         panic!("no waypoints");
     };
@@ -562,8 +566,6 @@ fn a_height_of_zero_is_the_height_of_the_point_before() {
         notes(&kept),
         [
             format!("item 4: {note}"),
-            "item 5: the hold of 5 s is ignored, the swarm flies on".to_owned(),
-            "item 5: the waypoint is left out, it is where the one before it is".to_owned(),
             "item 6: the curve is flown as a straight leg".to_owned(),
             format!("item 6: {note}"),
         ]
@@ -647,27 +649,85 @@ fn a_swarm_may_take_off_to_hover_and_land() {
     let home = "QGC WPL 110\n0 1 0 16 0 0 0 0 39.333 -0.3085 2 1\n";
     let hovering = mission(&format!("{home}{hover}"));
     assert_eq!(hovering.waypoints(), [Ned::HOME.at_altitude(25.0)]);
-    let notes = notes(&hovering);
     assert_eq!(
-        notes,
-        [
-            "item 2: the hold of 30 s is ignored, the swarm flies on",
-            "item 2: the waypoint is left out, it is where the one before it is",
-        ]
+        notes(&hovering),
+        Vec::<String>::new(),
+        "the waypoint is where the take-off leads to, and says how long"
     );
+    assert_eq!(holds_s(&hovering), [(0, 30.0)]);
 }
 
 #[test]
-fn a_fence_and_rally_points_are_told_of() {
-    let plan = refusals::PLAN.replacen(
-        "\"version\": 1\n",
-        "\"version\": 1, \"geoFence\": {\"circles\": [], \"polygons\": [{}]}, \"rallyPoints\": {\"points\": [[1, 2, 3]]}\n",
-        1,
+fn the_swarm_waits_as_long_as_items_at_the_same_place_say_together() {
+    let held = short_with(
+        "4 0 3 93 0.25 -1 -1 -1 0 0 0 1\n5 0 3 19 1.5 0 0 0 39.339 -0.3085 30 1\n6 0 3 177 5 2 0 0 0 0 0 1\n\
+         7 0 3 82 2 0 0 0 39.345 -0.3085 30 1\n8 0 3 16 nan 0 0 0 39.346 -0.3085 30 1\n",
     );
+    assert_eq!(holds_s(&held), [(2, 4.75), (3, 2.0)]);
+    assert_eq!(held.holds().total(), Duration::from_millis(6_750));
+    let a_day = format!("4 0 3 93 {} 0 0 0 0 0 0 1\n", Holds::MAX.as_secs());
+    assert_eq!(holds_s(&short_with(&a_day)), [(2, 3_600.0)]);
+}
+
+#[test]
+fn waits_on_the_ground_and_for_a_time_of_day_are_told_of() {
+    let on_the_ground = SHORT.replace("1 0 3 22", "9 0 3 93 20 0 0 0 0 0 0 1\n1 0 3 22");
+    assert_eq!(
+        notes(&mission(&on_the_ground))[1..],
+        ["item 1: the hold of 20 s is ignored, the swarm has not taken off by then"]
+    );
+    let at_noon = short_with("4 0 3 93 -1 12 0 0 0 0 0 1\n");
+    assert_eq!(
+        notes(&at_noon),
+        ["item 4: the wait for a time of day is ignored, the swarm flies on"]
+    );
+    for mission in [mission(&on_the_ground), at_noon] {
+        assert_eq!(holds_s(&mission), []);
+    }
+}
+
+/// A plan with these circles and polygons.
+fn fenced(circles: &str, polygons: &str) -> String {
+    let fence = format!(
+        "\"version\": 1, \"geoFence\": {{\"circles\": [{circles}], \"polygons\": [{polygons}], \"version\": 2}}\n"
+    );
+    refusals::PLAN.replacen("\"version\": 1\n", &fence, 1)
+}
+
+/// Of 50 m, 1 km east of home.
+const CIRCLE: &str = "{\"circle\": {\"center\": [39.333, -0.2969], \"radius\": 50}, \"inclusion\": false, \"version\": 1}";
+
+/// Half a kilometre to each side of the mission, which is bent inwards on its east.
+const POLYGON: &str = "{\"polygon\": [[39.328, -0.3143], [39.344, -0.3143], [39.344, -0.3027], [39.336, -0.3073], \
+                       [39.328, -0.3027]], \"inclusion\": true, \"version\": 1}";
+
+#[test]
+fn a_fence_is_where_its_circles_and_polygons_are_about_home() {
+    let plan = mission(&fenced(CIRCLE, POLYGON));
+    assert_eq!(notes(&plan), Vec::<String>::new());
+    let [circle, polygon] = plan.fence() else {
+        panic!("two zones: {:?}", plan.fence());
+    };
+    assert_eq!(circle.name, "geoFence.circles[0]");
+    assert!(!circle.zone.is_inclusion && polygon.zone.is_inclusion);
+    let from_home_m = circle.zone.room_m(Ned::HOME);
+    assert!((from_home_m - 950.0).abs() < 2.0, "{from_home_m} m");
+    assert_eq!(polygon.name, "geoFence.polygons[0]");
+    // Half-way up the mission's way the fence is 0.0012° of longitude, 103 m, to the east; its corner at the closest.
+    let least_m = polygon.zone.room_m(plan.waypoints()[1]);
+    assert!((least_m - 103.0).abs() < 1.0, "{least_m} m");
+    assert_eq!(mission(&fenced("", "")).fence(), []);
+}
+
+#[test]
+fn rally_points_and_a_place_to_return_to_are_told_of() {
+    let rally =
+        "\"rallyPoints\": {\"points\": [[1, 2, 3]]}, \"geoFence\": {\"breachReturn\": [1, 2, 3],";
+    let plan = fenced(CIRCLE, "").replacen("\"geoFence\": {", rally, 1);
     assert_eq!(
         notes(&mission(&plan)),
         [
-            "geoFence: the fence is not obeyed, give the scenario a `[geofence]`",
+            "geoFence: the place to return to is ignored, a drone that is stopped at the fence lands there",
             "rallyPoints: rally points are ignored",
         ]
     );
@@ -688,6 +748,7 @@ fn shipped() -> impl Strategy<Value = &'static str> {
         Just(ALBUFERA),
         Just(RIVER),
         Just(refusals::PLAN),
+        Just(refusals::FENCED),
         Just(refusals::KML),
         Just(SHORT)
     ]

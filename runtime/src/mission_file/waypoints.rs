@@ -69,6 +69,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         },
         items,
         zero_height: ZeroHeight::Kept,
+        fence: Vec::new(),
         notes: indices.note().into_iter().collect(),
         items_at: document.end(),
     })

@@ -32,7 +32,7 @@ pub(super) struct Heights {
 pub(super) fn follow(
     source: &Source,
     raw: &Raw,
-    vehicle: navigation::Config,
+    vehicle: &navigation::Config,
     heights_m: Heights,
 ) -> Result<Option<Follow>, BadInput> {
     let unset = raw::Follow::default();
@@ -72,7 +72,7 @@ pub(super) fn follow(
             vehicle.acceleration_mps2,
             ACCELERATION_SHARE,
         )?,
-        ..vehicle
+        ..vehicle.clone()
     };
     let pilot = pilot(source, fields, vehicle)?;
     let land_after = match (&fields.land_after_s, pilot.last()) {
@@ -159,7 +159,7 @@ fn at_most(
 fn pilot(
     source: &Source,
     fields: &raw::Follow,
-    vehicle: navigation::Config,
+    vehicle: &navigation::Config,
 ) -> Result<Vec<Sticks>, BadInput> {
     let mut pilot: Vec<Sticks> = Vec::new();
     for sticks in &fields.pilot {

@@ -3,6 +3,7 @@ use std::time::Duration;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Holds;
 use muster_machines::navigation;
 use muster_machines::supervision::RestartLimits;
 use muster_runtime::diagnostic::BadInput;
@@ -27,8 +28,9 @@ pub(super) struct Course<'a> {
     pub(super) layout: &'a Layout,
     pub(super) changes: &'a [Change],
     pub(super) waypoints: &'a [Ned],
+    pub(super) holds: &'a Holds,
     /// The slowest of its vehicles.
-    pub(super) vehicle: navigation::Config,
+    pub(super) vehicle: &'a navigation::Config,
     pub(super) landing: Landing,
     /// How long a vehicle takes at most to come to rest at the end of a leg.
     pub(super) settle: Duration,
@@ -126,11 +128,12 @@ impl Course<'_> {
         highest_m / self.landing.final_mps.min(self.landing.descent_mps)
     }
 
-    /// How long all between take-off and the ground should take.
+    /// How long all between take-off and the ground should take, holds included.
     fn flight_s(&self) -> f64 {
         let course_s = match self.land_after {
-            Some(after) => after.as_secs_f64(),
-            None => self.legs_s().sum(),
+            // A pilot waits where the mission begins only.
+            Some(after) => (after + self.holds.at(0)).as_secs_f64(),
+            None => self.legs_s().sum::<f64>() + self.holds.total().as_secs_f64(),
         };
         let steps_s = self.changes_s().zip(self.changes);
         let changes_s = steps_s.map(|(step_s, change)| f64::from(change.waves() + 2) * step_s);

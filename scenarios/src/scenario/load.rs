@@ -3,10 +3,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Separation};
+use muster_machines::formation::{Change, Flown, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
-use muster_machines::mission::Barrier;
+use muster_machines::mission::{Barrier, Holds};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::wire;
@@ -15,8 +15,9 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
-use super::failsafe::{check_fence, failsafe, fence};
+use super::failsafe::failsafe;
 use super::faults::faults;
+use super::fence::Fenced;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
 use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
@@ -126,36 +127,46 @@ fn alone(
             .separation_vertical_m
             .map_or(SEPARATION_M, |it| it.0),
     };
-    let fence = fence(raw, altitude_max_m(raw));
-    let ceiling_m = fence.map_or(altitude_max_m(raw), |fence| fence.altitude_max_m);
+    let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
+    let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
+    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
     let avoid = raw.safety.avoid.then_some(separation);
+    let fence = fenced.as_ref().map(Fenced::fence);
     let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
     let room = Room::new(raw, separation, &waypoints, ceiling_m);
-    let (layout, changes) = arrange((source, raw), &waypoints, &room, vehicle)?;
+    let (layout, changes) = arrange((source, raw), &waypoints, &room, &vehicle)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
-    let follow = follow(source, raw, vehicle, heights)?;
-    let landing = landing(raw, vehicle);
+    let follow = follow(source, raw, &vehicle, heights)?;
+    let landing = landing(raw, &vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
         changes: &changes,
         waypoints: &waypoints,
-        vehicle: follow.as_ref().map_or(vehicle, |follow| follow.master),
+        holds: mission.holds(),
+        vehicle: follow.as_ref().map_or(&vehicle, |follow| &follow.master),
         landing,
         settle,
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
     check_layers(source, raw, &course)?;
-    let flown = (&*layout, &*changes, &*waypoints);
-    check_fence(source, raw, fence, flown, vehicle.speed_mps)?;
+    let flown = Flown {
+        layout: &layout,
+        changes: &changes,
+        waypoints: &waypoints,
+    };
+    let fence = match &fenced {
+        Some(fenced) => fenced.check(source, raw, flown, vehicle.speed_mps)?,
+        None => Vec::new(),
+    };
     let limits = limits(raw, separation, &course);
     let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
-    check_datagrams(source, raw)?;
+    check_datagrams(source, raw, mission.holds())?;
     let faults = faults(source, raw, waypoints.len())?;
     let radio = radio(source, raw)?;
     let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
@@ -178,6 +189,7 @@ fn alone(
         relays,
         changes,
         waypoints,
+        holds: mission.holds().clone(),
         radio,
         protocol,
         follow,
@@ -190,6 +202,7 @@ fn alone(
             .map(|it| Duration::from_secs_f64(it.0)),
         alone: raw.failsafe.alone.into(),
         limits,
+        fence,
         notes,
         faults,
         chaos: chaos(source, raw)?,
@@ -325,7 +338,7 @@ fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigati
 }
 
 /// As ArduCopter's defaults: LAND_SPEED 0.5 m/s below LAND_ALT_LOW 10 m.
-fn landing(raw: &Raw, vehicle: navigation::Config) -> Landing {
+fn landing(raw: &Raw, vehicle: &navigation::Config) -> Landing {
     Landing {
         descent_mps: vehicle.descent_mps,
         final_mps: raw.vehicle.landing_mps.map_or(0.5, |it| it.0),
@@ -435,7 +448,7 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
 }
 
 /// Refuses a swarm whose lists of members would outgrow a datagram.
-fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
+fn check_datagrams(source: &Source, raw: &Raw, holds: &Holds) -> Result<(), BadInput> {
     if *raw.protocol.policy.get_ref() != PolicyName::Flood {
         return Ok(());
     }
@@ -451,6 +464,11 @@ fn check_datagrams(source: &Source, raw: &Raw) -> Result<(), BadInput> {
         index: u16::MAX,
         count: u16::MAX,
         waypoints: vec![Ned::new(-1e6, -1e6, -1e6); wire::PLAN_PART_MAX],
+        holds: if holds.is_empty() {
+            Vec::new()
+        } else {
+            vec![Holds::MAX; wire::PLAN_PART_MAX]
+        },
     });
     let fits = |drones: u64| {
         let packet = Packet::Flood(Flood {

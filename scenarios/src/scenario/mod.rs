@@ -3,6 +3,7 @@
 mod failsafe;
 mod fault;
 mod faults;
+mod fence;
 mod fields;
 mod file;
 mod follow;
@@ -23,7 +24,7 @@ use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Alone, Barrier, Following, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Following, Holds, Liveness, Succession};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Lives};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
@@ -34,6 +35,8 @@ use crate::report::figures::plural;
 use crate::simulated_link::SimulatedLink;
 use crate::vehicle::{Craft, Landing, Vehicle};
 
+pub use self::fence::fence_in_words;
+pub use self::outlook::holds_in_words;
 pub use fault::{
     Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
 };
@@ -66,6 +69,8 @@ pub struct Scenario {
     pub changes: Arc<[Change]>,
     /// The waypoints of the centre of the formation; 0 is over home.
     pub waypoints: Arc<[Ned]>,
+    /// How long the swarm waits at them once all have arrived.
+    pub holds: Holds,
     /// What the medium is like.
     pub radio: sim::Config,
     /// How the swarm talks.
@@ -84,6 +89,8 @@ pub struct Scenario {
     pub alone: Alone,
     /// What must not be exceeded.
     pub limits: Limits,
+    /// What its fence is, if it has one, and how near its flight comes to it, in words.
+    pub fence: Vec<String>,
     /// What the mission file asks for and the swarm does not do, in words.
     pub notes: Vec<String>,
     /// What goes wrong, and when.
@@ -289,6 +296,11 @@ impl Scenario {
                 } else {
                     Arc::default()
                 },
+                holds: if leads {
+                    self.holds.clone()
+                } else {
+                    Holds::default()
+                },
                 changes: Arc::clone(&self.changes),
                 following: self.follow.as_ref().map(|follow| follow.following),
                 barrier: protocol.barrier,
@@ -312,8 +324,8 @@ impl Scenario {
                 waypoints_max: self.limits.waypoints_max,
             },
             navigation: match &self.follow {
-                Some(follow) if leads => follow.master,
-                _ => self.vehicle,
+                Some(follow) if leads => follow.master.clone(),
+                _ => self.vehicle.clone(),
             },
             link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use muster_machines::formation::{Change, Flown};
 use muster_machines::identity::NodeId;
-use muster_machines::mission::Succession;
+use muster_machines::mission::{Holds, Succession};
 use muster_machines::time::Timestamp;
 use muster_transport::sim::Medium;
 use rand::SeedableRng;
@@ -30,8 +30,10 @@ impl Scenario {
             self.settling_in_words(connected.as_ref()),
             self.bound_in_words(),
         ];
+        lines.extend(holds_in_words(&self.holds));
         lines.extend(self.layers_in_words());
         lines.extend(self.waves_in_words());
+        lines.extend(self.fence.iter().cloned());
         if let Some(in_slots) = &connected {
             lines.extend(self.apart_in_words(in_slots));
             lines.extend(self.apart_by_height_in_words(in_slots));
@@ -217,7 +219,7 @@ impl Scenario {
         let crossing = self.changes.iter().map(Change::waves).max().unwrap_or(1);
         let (up, down) = (self.layout.take_off_waves(), last.landing_waves());
         let pace = Pace {
-            vehicle: self.vehicle,
+            vehicle: &self.vehicle,
             waypoints: &self.waypoints,
         };
         let extra_s = pace.extra_s(&self.layout, &self.changes);
@@ -229,6 +231,29 @@ impl Scenario {
             )
         })
     }
+}
+
+/// As many holds are told one by one.
+const HOLDS_TOLD_MAX: usize = 8;
+
+/// How long the swarm waits at which waypoints, if it waits at any.
+#[must_use]
+pub fn holds_in_words(holds: &Holds) -> Option<String> {
+    let each = holds.iter().take(HOLDS_TOLD_MAX);
+    let each = each.map(|(waypoint, hold)| format!("{} s at {waypoint}", hold.as_secs_f64()));
+    let more = if holds.iter().count() > HOLDS_TOLD_MAX {
+        ", …"
+    } else {
+        ""
+    };
+    (!holds.is_empty()).then(|| {
+        format!(
+            "holds at {}, {} s in all: {}{more}",
+            plural(holds.iter().count(), "waypoint"),
+            holds.total().as_secs_f64(),
+            each.collect::<Vec<_>>().join(", "),
+        )
+    })
 }
 
 /// Without the digits that a sum of decimal fractions leaves behind.

@@ -64,7 +64,7 @@ pub(super) fn arrange(
     (source, raw): (&Source, &Raw),
     waypoints: &[Ned],
     room: &Room,
-    vehicle: navigation::Config,
+    vehicle: &navigation::Config,
 ) -> Result<(Layout, Vec<Change>), BadInput> {
     let layout = |layering| {
         let layout = formation::layout(source, raw, room.separation)?;
@@ -99,7 +99,7 @@ pub(super) fn arrange(
 
 /// How fast waves follow each other.
 pub(super) struct Pace<'a> {
-    pub(super) vehicle: navigation::Config,
+    pub(super) vehicle: &'a navigation::Config,
     pub(super) waypoints: &'a [Ned],
 }
 

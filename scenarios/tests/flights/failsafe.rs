@@ -3,6 +3,7 @@
 use muster_machines::geometry::Ned;
 use muster_scenarios::engine::{Engine, run};
 use muster_scenarios::report::{Flight, Report};
+use muster_scenarios::scenario::Scenario;
 
 use crate::support::{fly, scenario};
 
@@ -87,6 +88,77 @@ fn nobody_leaves_the_fence_whatever_the_pilot_does() {
     };
     assert!((0..5).all(|drone| farthest(drone) < 250.0));
     assert_eq!(reasons(&report), [FENCE; 5]);
+}
+
+/// The least that any drone was within its fence, on all straight ways between the places of its track, in metres.
+fn least_room_m(scenario: &Scenario, flight: &Flight) -> f64 {
+    let fence = scenario.vehicle.failsafe.fence.as_deref().unwrap();
+    let tracks = flight.drones.iter().map(|drone| &drone.track);
+    let legs = tracks.flat_map(|track| track.windows(2));
+    legs.flat_map(|leg| {
+        let zones = fence.zones().iter();
+        zones.map(|zone| zone.room_along_m(leg[0].1, leg[1].1))
+    })
+    .fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn nobody_leaves_the_fence_of_a_plan_though_it_is_bent_inwards() {
+    let (report, flight) = flown("failsafe-plan-fence.toml", &[]);
+    let landed = report.drones.iter().map(|it| it.landed_because.as_deref());
+    let landed: Vec<_> = landed.collect();
+    assert_eq!(landed, [FENCE, FENCE, FENCE, OVER, FENCE]);
+    let scenario = scenario("failsafe-plan-fence.toml", &[]);
+    let least_m = least_room_m(&scenario, &flight);
+    assert!(least_m > 0.0, "{least_m} m");
+    // The circle stops one, the bend of the polygon the master; beside it there is room as far north again.
+    let farthest = |drone: usize| {
+        let track = flight.drones[drone].track.iter();
+        track.map(|(_, at)| at.north_m()).fold(0.0, f64::max)
+    };
+    assert!(farthest(4) < 110.0, "{}", farthest(4));
+    let at_the_bend = 210.0..220.0;
+    assert!(at_the_bend.contains(&farthest(2)), "{}", farthest(2));
+}
+
+#[test]
+fn nobody_leaves_the_fence_of_a_plan_wherever_the_pilot_flies() {
+    for degrees in (0..360_i32).step_by(24) {
+        for speed_mps in [4.0, 9.9] {
+            let heading = f64::from(degrees).to_radians();
+            let (north, east) = (speed_mps * heading.cos(), speed_mps * heading.sin());
+            let pilot = format!(
+                "follow.pilot=[{{after_s=2,north_mps={north:.3},east_mps={east:.3}}},\
+                 {{after_s=30,north_mps={:.3},east_mps={:.3}}}]",
+                -east, north
+            );
+            let fields = [
+                &*pilot,
+                "formation.heading_deg=30",
+                // Only the fence is looked at: who is stopped amid a swarm that flies on may come near another.
+                "limits.separation_horizontal_m=0.01",
+                "limits.separation_vertical_m=0.01",
+            ];
+            let scenario = scenario("failsafe-plan-fence.toml", &fields);
+            let (report, flight) = run(&scenario, Engine::Events, None).unwrap();
+            assert_eq!(report.violations, [], "{fields:?}");
+            let least_m = least_room_m(&scenario, &flight);
+            assert!(least_m > 0.0, "{fields:?}: {least_m} m");
+        }
+    }
+}
+
+#[test]
+fn the_fences_of_a_plan_and_of_its_scenario_are_both_in_force() {
+    let own = "geofence.radius_m=100";
+    let both = scenario("failsafe-plan-fence.toml", &[own]);
+    let (report, flight) = run(&both, Engine::Events, None).unwrap();
+    assert_eq!(report.violations, []);
+    let least_m = least_room_m(&both, &flight);
+    assert!(least_m > 0.0, "{least_m} m");
+    let zones = both.vehicle.failsafe.fence.as_ref().unwrap().zones().len();
+    assert_eq!(zones, 3);
+    assert!(reasons(&report).contains(&FENCE));
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod faults;
 mod follow;
 mod formations;
 mod found;
+mod holds;
 mod planted;
 mod relay;
 mod settling;

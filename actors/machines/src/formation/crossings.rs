@@ -177,7 +177,7 @@ fn cross(a: Way, b: Way) -> bool {
 }
 
 /// How far a point is from a segment at the closest, in metres.
-pub(super) fn to_point_m(segment: (Vector2<f64>, Vector2<f64>), point: Vector2<f64>) -> f64 {
+pub(crate) fn to_point_m(segment: (Vector2<f64>, Vector2<f64>), point: Vector2<f64>) -> f64 {
     let along = segment.1 - segment.0;
     let length_squared = along.norm_squared();
     let part = if length_squared > 0.0 {

@@ -4,7 +4,7 @@ mod assignment;
 mod change;
 mod circular;
 mod clearing;
-mod crossings;
+pub(crate) mod crossings;
 mod ground;
 mod layers;
 mod layout;

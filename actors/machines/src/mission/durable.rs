@@ -3,6 +3,7 @@ use std::fmt;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
+use super::hold::{Hold, Holds};
 use super::order::Step;
 use super::{Barrier, LandingReason};
 use crate::flaw::{self, Flaw};
@@ -166,6 +167,8 @@ pub struct Checkpoint {
     pub lead: Option<Lead>,
     /// Whether the drone's process started anew since it was first told something: the drone does not arm any more.
     pub restarted: bool,
+    /// How long the swarm waits at waypoints, as far as the mission is known.
+    pub holds: Holds,
 }
 
 impl Checkpoint {
@@ -226,6 +229,8 @@ pub struct Lead {
     pub neighbours: NodeSet,
     /// What only a master has that is followed.
     pub followed: Option<Followed>,
+    /// The hold that began last.
+    pub hold: Option<Hold>,
 }
 
 /// What a master knows that is followed.

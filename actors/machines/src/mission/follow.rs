@@ -90,7 +90,10 @@ impl Mission {
     }
 
     pub(super) fn arrived_as_followed(&mut self, now: Timestamp) {
-        if self.followed().is_some_and(|followed| !followed.is_ending) {
+        let followed = self.followed().filter(|followed| !followed.is_ending);
+        if let Some(bound_for) = followed.map(|followed| followed.bound_for)
+            && self.has_held(now, bound_for)
+        {
             self.fly_on(now);
         }
     }

@@ -23,6 +23,7 @@ impl Mission {
         self.hear_epoch(ballot);
         self.durable.lead = Some(Lead::over(drones, self.config.id));
         self.durable.plan = self.config.mission.to_vec();
+        self.durable.holds = self.config.holds.clone();
         self.durable.plan_complete = true;
         self.durable.limit = Some(now + self.config.set_up_limit);
         self.enter(State::SetUp);
@@ -60,6 +61,7 @@ impl Mission {
                 index: u16::try_from(index).expect(fits),
                 count: u16::try_from(count).expect(fits),
                 waypoints: part.to_vec(),
+                holds: self.durable.holds.part(index * PLAN_PART_MAX, part.len()),
             };
             self.give_order(&order);
         }
@@ -219,6 +221,9 @@ impl Mission {
     }
 
     fn go_on_from(&mut self, now: Timestamp, waypoint: u16) {
+        if !self.has_held(now, waypoint) {
+            return;
+        }
         let reopens = self.is_elected_epoch() && flaw::has(Flaw::ReopensWaypoints);
         let next = if reopens { waypoint } else { waypoint + 1 };
         if let Some(wave) = self.durable.wave {

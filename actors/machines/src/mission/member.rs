@@ -1,5 +1,7 @@
 //! What a drone does that is led.
 
+use std::time::Duration;
+
 use super::{Event, LandingReason, Mission, Order, State, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
@@ -18,7 +20,8 @@ impl Mission {
                 index,
                 count,
                 waypoints,
-            } => self.store_plan(sequence, index, count, &waypoints),
+                holds,
+            } => self.store_plan(sequence, (index, count), &waypoints, &holds),
             Order::TakeOff { wave } => self.take_off(now, sequence, wave),
             Order::Move { waypoint, apart } => {
                 self.hear_apart(apart);
@@ -53,7 +56,13 @@ impl Mission {
         }
     }
 
-    fn store_plan(&mut self, sequence: u32, index: u16, count: u16, waypoints: &[Ned]) {
+    fn store_plan(
+        &mut self,
+        sequence: u32,
+        (index, count): (u16, u16),
+        waypoints: &[Ned],
+        holds: &[Duration],
+    ) {
         let on_the_ground = matches!(self.durable.state, State::Start | State::SetUp);
         let fits = self.durable.plan.len() == usize::from(index) * PLAN_PART_MAX
             && self.durable.plan.len() + waypoints.len() <= self.config.waypoints_max;
@@ -62,6 +71,7 @@ impl Mission {
             return;
         }
         self.enter(State::SetUp);
+        self.durable.holds.add_part(self.durable.plan.len(), holds);
         self.durable.plan.extend_from_slice(waypoints);
         self.durable.plan_complete = index + 1 >= count;
         self.durable.pending = Some(sequence);

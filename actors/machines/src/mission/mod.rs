@@ -5,6 +5,7 @@ mod durable;
 mod election;
 mod failsafe;
 mod follow;
+mod hold;
 mod master;
 mod member;
 mod order;
@@ -18,6 +19,7 @@ use serde::{Deserialize, Serialize};
 
 pub use durable::{Checkpoint, Followed, Lead, RoutesPhase, State};
 pub use follow::Following;
+pub use hold::{Hold, HoldTooLong, Holds};
 pub use order::{Order, Step};
 
 use crate::flaw::{self, Flaw};
@@ -40,6 +42,8 @@ pub struct Config {
     pub layout: Arc<Layout>,
     /// The waypoints to lead the swarm along; none for a drone that was given no mission.
     pub mission: Arc<[Ned]>,
+    /// How long the swarm waits at them.
+    pub holds: Holds,
     /// The changes of formation on the way, in the order in which they are made.
     pub changes: Arc<[Change]>,
     /// How the master is followed, where it does not lead from waypoint to waypoint.
@@ -687,6 +691,7 @@ impl Mission {
             self.next_fix(),
             self.succeeds_at(),
             self.bears_silence_until(),
+            self.holds_until(),
         ];
         deadlines.into_iter().flatten().min()
     }
@@ -731,6 +736,7 @@ impl Machine for Mission {
         self.allow_for_stall(now);
         self.end_flight_if_due(now);
         self.end_patience_if_due(now);
+        self.end_hold_if_due(now);
         let is_needed = self.succeeds_at().is_some_and(|at| at <= now);
         if is_needed && !flaw::has(Flaw::DeadlineInThePast) {
             self.succeed(now);

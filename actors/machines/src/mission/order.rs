@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Ned, Velocity};
@@ -13,6 +15,9 @@ pub enum Order {
         count: u16,
         /// Its waypoints, for the centre of the formation.
         waypoints: Vec<Ned>,
+        /// How long the swarm waits at each of them once all have arrived, in whole milliseconds, at most
+        /// [`Holds::MAX`](super::Holds::MAX); empty if it waits at none.
+        holds: Vec<Duration>,
     },
     /// Take off; carried out once in the slot at waypoint 0, by drones of later waves at once.
     TakeOff {

@@ -2,6 +2,7 @@ mod change;
 mod election;
 mod failsafe;
 mod follow;
+mod hold;
 mod waves;
 
 use std::num::NonZeroU32;
@@ -53,6 +54,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         id: NodeId(id),
         layout: Arc::new(Layout::new(formation, 10.0, separation)),
         mission: waypoints().into(),
+        holds: Holds::default(),
         changes: Arc::default(),
         following: None,
         barrier: Barrier::Strict,
@@ -143,6 +145,7 @@ fn whole_plan() -> Order {
         index: 0,
         count: 1,
         waypoints: waypoints(),
+        holds: Vec::new(),
     }
 }
 
@@ -211,6 +214,7 @@ fn nobody_takes_off_without_the_whole_mission() {
         index: 0,
         count: 2,
         waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
+        holds: Vec::new(),
     };
     assert_eq!(ordered(&mut slave, 1, &half), [acknowledges(1)]);
     assert!(ordered(&mut slave, 3, &Order::TakeOff { wave: 0 }).is_empty());

@@ -1,5 +1,6 @@
 //! How a drone gets where its mission wants it: guidance in the open, by straight legs; and whether it can go on.
 
+mod fence;
 mod watch;
 
 use std::collections::VecDeque;
@@ -16,8 +17,9 @@ use crate::msp::{Demand, Setpoint, Telemetry};
 use crate::time::Timestamp;
 use crate::traffic::{Intent, Traffic};
 
+pub use self::fence::{Area, Fence, Polygon, PolygonError, Zone};
 use self::watch::Watch;
-pub use self::watch::{Failsafe, Failure, Fence};
+pub use self::watch::{Failsafe, Failure};
 
 /// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
 const ARRIVAL_RADIUS_M: f64 = 1.0;
@@ -27,7 +29,7 @@ const TRY_AGAIN_AFTER: Duration = Duration::from_millis(500);
 const ROUND_AFTER: Duration = Duration::from_secs(3);
 
 /// How fast the vehicle may fly.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// Over ground, in m/s.
     pub speed_mps: f64,
@@ -201,12 +203,12 @@ impl Navigation {
     #[must_use]
     pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
+            traffic: config.avoid.map(|it| Traffic::new(id, it)),
             config,
             durable: Checkpoint::default(),
             locating: false,
             held_at_m: None,
             watch: Watch::default(),
-            traffic: config.avoid.map(|it| Traffic::new(id, it)),
             way: None,
             waits_since: None,
             next_try: None,
@@ -301,10 +303,10 @@ impl Navigation {
             failsafe,
             speed_mps,
             ..
-        } = self.config;
+        } = &self.config;
         let takes_off = matches!(self.durable.goal, Some(Goal::TakeOff { arm: true, .. }));
-        let fit_for = (takes_off, speed_mps);
-        let verdict = self.watch.judge(now, telemetry, &failsafe, fit_for);
+        let fit_for = (takes_off, *speed_mps);
+        let verdict = self.watch.judge(now, telemetry, failsafe, fit_for);
         if verdict.is_found {
             self.held_at_m = None;
             if self.durable.goal == Some(Goal::Yield) {

@@ -1,21 +1,22 @@
 //! Whether the drone can go on, told from its telemetry: its battery, its position, its fence.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
-use crate::geometry::Ned;
+use super::fence::Fence;
 use crate::msp::Telemetry;
 use crate::time::Timestamp;
 
 /// For how long a position may be missing before the drone stops: PX4's default of `COM_POS_FS_DELAY`.
 const POSITION_MISSED_MAX: Duration = Duration::from_secs(1);
 /// How often a vehicle is looked at that is about to reach its fence.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+pub(super) const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// How much farther out than when it was stopped a vehicle may be found before that counts as another breach, in metres.
 const SLACK_M: f64 = 0.5;
 
 /// From when on a drone can't go on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Failsafe {
     /// How long a drone holds that does not know where it is, before it comes down.
     pub position_hold: Duration,
@@ -24,33 +25,7 @@ pub struct Failsafe {
     /// Up to which it is all but empty.
     pub battery_critical: f64,
     /// Where it may fly.
-    pub fence: Option<Fence>,
-}
-
-/// Where a drone may fly: a cylinder around home.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fence {
-    /// How far from home over ground, in metres.
-    pub radius_m: f64,
-    /// How high above home, in metres.
-    pub altitude_max_m: f64,
-}
-
-impl Fence {
-    /// How far a place is within the fence, in metres; negative beyond it.
-    #[must_use]
-    pub fn room_m(&self, place: Ned) -> f64 {
-        let over_ground_m = self.radius_m - Ned::HOME.horizontal_distance_m(place);
-        over_ground_m.min(self.altitude_max_m - place.altitude_m())
-    }
-
-    /// How far within the fence a vehicle is stopped that flies at up to this speed, in metres. Where it would come to
-    /// rest, v²/2a ahead, moves at 2 v at most, when it accelerates as hard as it brakes; this is how far that gets
-    /// between two looks.
-    #[must_use]
-    pub fn margin_m(speed_mps: f64) -> f64 {
-        2.0 * speed_mps * LOOK_EVERY.as_secs_f64()
-    }
+    pub fence: Option<Arc<Fence>>,
 }
 
 /// Why a drone can't go on.
@@ -123,7 +98,7 @@ impl Watch {
         if !telemetry.armed || telemetry.landing {
             return verdict;
         }
-        if let Some(fence) = failsafe.fence
+        if let Some(fence) = &failsafe.fence
             && !self.is_lost
             && self.breaches(now, telemetry, fence, speed_mps)
         {
@@ -172,10 +147,11 @@ impl Watch {
         &mut self,
         now: Timestamp,
         telemetry: &Telemetry,
-        fence: Fence,
+        fence: &Fence,
         speed_mps: f64,
     ) -> bool {
-        let room_m = fence.room_m(telemetry.stop) - Fence::margin_m(speed_mps);
+        let room_m =
+            fence.stopping_room_m(telemetry.position, telemetry.stop) - Fence::margin_m(speed_mps);
         let looks_away_s = room_m.max(0.0) / (2.0 * speed_mps);
         self.look_after(now, LOOK_EVERY.max(Duration::from_secs_f64(looks_away_s)));
         let beyond_m = -room_m;

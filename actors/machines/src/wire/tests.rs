@@ -155,8 +155,21 @@ fn orders_have_these_bytes() {
         index: 0,
         count: 1,
         waypoints: vec![Ned::new(1.0, -1.0, -25.0)],
+        holds: Vec::new(),
     };
     assert_eq!(hex(&encode_order(&plan)), "00000101d00fcf0fcf8603");
+    assert_eq!(decode_order(&encode_order(&plan)), Ok(plan));
+    let plan = Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::new(1.0, -1.0, -25.0), Ned::HOME],
+        holds: vec![Duration::from_millis(300), Duration::ZERO],
+    };
+    assert_eq!(
+        hex(&encode_order(&plan)),
+        "0a000102d00fcf0fcf8603ac0200000000"
+    );
+    assert_eq!(decode_order(&encode_order(&plan)), Ok(plan));
     assert_eq!(hex(&encode_order(&Order::TakeOff { wave: 0 })), "01");
     assert_eq!(
         hex(&encode_order(&Order::Move {
@@ -276,7 +289,17 @@ fn a_payload_with_something_after_it_is_none() {
     assert_eq!(decode_packet(&packet), Err(PayloadError));
     assert_eq!(decode_order(&[1, 0]), Err(PayloadError));
     assert_eq!(decode_order(&[]), Err(PayloadError));
-    assert_eq!(decode_order(&[9]), Err(PayloadError));
+    assert_eq!(decode_order(&[99]), Err(PayloadError));
+    let holds_for = |hold: Duration| Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::HOME],
+        holds: vec![hold],
+    };
+    let most = holds_for(Holds::MAX);
+    assert_eq!(decode_order(&encode_order(&most)), Ok(most));
+    let longer = holds_for(Holds::MAX + Duration::from_millis(1));
+    assert_eq!(decode_order(&encode_order(&longer)), Err(PayloadError));
 }
 
 fn ids_below_200() -> impl Strategy<Value = Vec<NodeId>> {

@@ -30,6 +30,37 @@ pub(super) const KML: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 </Placemark></Document></kml>
 "#;
 
+/// [`PLAN`] with a fence: out of a circle 1 km east of home, within a polygon that is bent inwards on its east.
+pub(super) const FENCED: &str = r#"{
+  "fileType": "Plan",
+  "geoFence": {
+    "circles": [
+      {"circle": {"center": [39.333, -0.2969], "radius": 50}, "inclusion": false, "version": 1}
+    ],
+    "polygons": [
+      {"inclusion": true, "polygon": [
+        [39.328, -0.3143],
+        [39.344, -0.3143],
+        [39.344, -0.3027],
+        [39.336, -0.3073],
+        [39.328, -0.3027]
+      ], "version": 1}
+    ],
+    "version": 2
+  },
+  "mission": {
+    "items": [
+      {"autoContinue":true,"command":22,"frame":3,"params":[0,0,0,null,39.333,-0.3085,25],"type":"SimpleItem"},
+      {"autoContinue":true,"command":16,"frame":3,"params":[0,0,0,null,39.339,-0.3085,25],"type":"SimpleItem"},
+      {"autoContinue":true,"command":20,"frame":2,"params":[0,0,0,0,0,0,0],"type":"SimpleItem"}
+    ],
+    "plannedHomePosition": [39.333, -0.3085, 2],
+    "version": 2
+  },
+  "version": 1
+}
+"#;
+
 /// Every case's name and error, as shown, after replacing the first of `from` by `to`.
 fn refusals(file: &str, text: &str, cases: &[(&str, &str, &str)]) -> String {
     let mut shown = String::new();
@@ -359,6 +390,21 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
                 waypoint,
                 "3 0 3 21 0 0 0 0 0 0 0 1\n4 0 3 183 9 1 0 0 0 0 0 1\n5 0 3 22 0 0 0 0 0 0 25 1",
             ),
+            (
+                "a hold of less than no time",
+                waypoint,
+                "3 0 3 16 -2 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "a hold of more than an hour",
+                waypoint,
+                "3 0 3 19 3600.5 0 0 0 39.339 -0.3085 30 1",
+            ),
+            (
+                "holds of more than an hour together",
+                waypoint,
+                "3 0 3 93 3000 0 0 0 0 0 0 1\n4 0 3 93 601 0 0 0 0 0 0 1",
+            ),
             ("jumps over jumps", waypoint, "3 0 3 177 2 5000 0 0 0 0 0 1"),
             (
                 "nothing but take-off and return",
@@ -368,4 +414,94 @@ fn every_fault_of_a_waypoints_file_shows_its_place() {
         ],
     );
     insta::assert_snapshot!(shown);
+}
+
+#[test]
+fn every_fault_of_a_fence_shows_its_place() {
+    let corner = "[39.336, -0.3073]";
+    let shown = refusals(
+        "fenced.plan",
+        FENCED,
+        &[
+            ("a radius of nothing", "\"radius\": 50", "\"radius\": 0"),
+            ("a negative radius", "\"radius\": 50", "\"radius\": -50"),
+            ("no radius", "\"radius\": 50", "\"radius\": null"),
+            (
+                "a radius beyond all missions",
+                "\"radius\": 50",
+                "\"radius\": 1e6",
+            ),
+            (
+                "a radius that is text",
+                "\"radius\": 50",
+                "\"radius\": \"50\"",
+            ),
+            ("a centre of three numbers", "-0.2969]", "-0.2969, 0]"),
+            (
+                "a centre too far away",
+                "39.333, -0.2969",
+                "41.333, -0.2969",
+            ),
+            ("neither within nor out of", "\"inclusion\": false, ", ""),
+            ("no circle in it", "\"circle\": {", "\"round\": {"),
+            (
+                "two corners",
+                "[39.344, -0.3143],\n        [39.344, -0.3027],\n        [39.336, -0.3073],\n",
+                "",
+            ),
+            ("sides that cross", corner, "[39.336, -0.3153]"),
+            ("sides that touch", corner, "[39.328, -0.3143]"),
+            ("a corner without a longitude", corner, "[39.336, null]"),
+            ("a corner at a pole", corner, "[90, -0.3073]"),
+            (
+                "home within what to stay out of",
+                "39.333, -0.2969",
+                "39.333, -0.3084",
+            ),
+            ("a waypoint within it", "39.333, -0.2969", "39.339, -0.3084"),
+            ("a way through it", "39.333, -0.2969", "39.336, -0.3084"),
+            (
+                "a way around a corner of the fence",
+                corner,
+                "[39.336, -0.3095]",
+            ),
+            ("home outside", "[39.328, -0.3143]", "[39.342, -0.3143]"),
+            (
+                "another version",
+                "\"version\": 2\n  },\n  \"mission\"",
+                "\"version\": 1\n  },\n  \"mission\"",
+            ),
+            ("no list", "\"circles\": [", "\"circles\": 7, \"old\": ["),
+        ],
+    );
+    insta::assert_snapshot!(shown);
+}
+
+#[test]
+fn a_fence_has_a_limit() {
+    let with_zones = |zones: usize| {
+        let zone =
+            "{\"circle\": {\"center\": [39.333, -0.2969], \"radius\": 50}, \"inclusion\": false},";
+        FENCED.replacen(
+            "\"circles\": [",
+            &format!("\"circles\": [{}", zone.repeat(zones)),
+            1,
+        )
+    };
+    let read = |text: &str| parse(Path::new("given"), text);
+    assert_eq!(
+        read(&with_zones(FENCE_ZONES_MAX - 2))
+            .unwrap()
+            .fence()
+            .len(),
+        FENCE_ZONES_MAX
+    );
+    let refused = read(&with_zones(FENCE_ZONES_MAX - 1))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(refused, "the fence has more than 100 circles and polygons");
+    let many = "[39.336, -0.3073],".repeat(FENCE_CORNERS_MAX - 3);
+    let many = FENCED.replacen("[39.336, -0.3073],", &many, 1);
+    let refused = read(&many).unwrap_err().to_string();
+    assert_eq!(refused, "`geoFence.polygons[0].polygon` has 1001 values");
 }

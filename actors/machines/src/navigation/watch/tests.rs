@@ -1,15 +1,15 @@
 use super::*;
-use crate::geometry::Velocity;
+use crate::geometry::{Ned, Velocity};
+use crate::navigation::{Area, Zone};
 
-const FAILSAFE: Failsafe = Failsafe {
-    position_hold: Duration::from_secs(10),
-    battery_low: 0.2,
-    battery_critical: 0.1,
-    fence: Some(Fence {
-        radius_m: 100.0,
-        altitude_max_m: 50.0,
-    }),
-};
+fn failsafe() -> Failsafe {
+    Failsafe {
+        position_hold: Duration::from_secs(10),
+        battery_low: 0.2,
+        battery_critical: 0.1,
+        fence: Some(Arc::new(Fence::cylinder(100.0, 50.0))),
+    }
+}
 
 const SPEED_MPS: f64 = 10.0;
 
@@ -30,7 +30,7 @@ fn at(seconds: f64) -> Timestamp {
 }
 
 fn judge(watch: &mut Watch, at_s: f64, telemetry: Telemetry) -> Verdict {
-    watch.judge(at(at_s), &telemetry, &FAILSAFE, (false, SPEED_MPS))
+    watch.judge(at(at_s), &telemetry, &failsafe(), (false, SPEED_MPS))
 }
 
 fn charged(charge: f64) -> Telemetry {
@@ -155,9 +155,36 @@ fn whoever_waits_on_the_ground_to_take_off_fails_without_a_position_too() {
     for takes_off in [false, true] {
         let mut watch = Watch::default();
         let fit_for = (takes_off, SPEED_MPS);
-        watch.judge(at(51.0), &on_the_ground(1.0), &FAILSAFE, fit_for);
+        watch.judge(at(51.0), &on_the_ground(1.0), &failsafe(), fit_for);
         assert_eq!(watch.next_look().is_some(), takes_off);
-        let verdict = watch.judge(at(61.0), &on_the_ground(11.0), &FAILSAFE, fit_for);
+        let verdict = watch.judge(at(61.0), &on_the_ground(11.0), &failsafe(), fit_for);
         assert_eq!(verdict.failures.contains(&Failure::PositionLost), takes_off);
     }
+}
+
+#[test]
+fn a_drone_is_stopped_before_an_area_to_stay_out_of_however_far_behind_it_it_would_come_to_rest() {
+    let fallen_tree = Zone {
+        area: Area::Circle {
+            centre: Ned::new(40.0, 0.0, 0.0),
+            radius_m: 1.0,
+        },
+        is_inclusion: false,
+    };
+    let failsafe = Failsafe {
+        fence: Some(Arc::new(Fence::new(vec![fallen_tree], 50.0))),
+        ..failsafe()
+    };
+    let mut watch = Watch::default();
+    let mut judge = |from_m: f64, to_m: f64| {
+        let telemetry = Telemetry {
+            position: Ned::new(from_m, 0.0, -20.0),
+            ..stops_at(to_m, 20.0)
+        };
+        let verdict = watch.judge(at(0.0), &telemetry, &failsafe, (false, SPEED_MPS));
+        verdict.failures
+    };
+    assert_eq!(judge(0.0, 36.9), []);
+    assert_eq!(judge(1.0, 80.0), [Failure::Geofence]);
+    assert_eq!(judge(50.0, 80.0), [], "behind it");
 }

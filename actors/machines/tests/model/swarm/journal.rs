@@ -97,11 +97,12 @@ impl Hash for Mission {
             flies_until,
             lead,
             restarted,
+            holds,
         } = &*self.0;
         (obeyed, state, plan.len(), plan_complete).hash(hasher);
         (opened, changes, wave, pending, acknowledged).hash(hasher);
         (*routes as u8, in_layer, leaving, restarted).hash(hasher);
-        (limit, flies_until, catches_up).hash(hasher);
+        (limit, flies_until, catches_up, holds).hash(hasher);
         for place in [Some(*land_at), *assembled_at] {
             place.map(bits).hash(hasher);
         }
@@ -109,7 +110,7 @@ impl Hash for Mission {
         (lead.sequence, &lead.order, &lead.neighbours).hash(hasher);
         (&lead.members, &lead.acknowledged).hash(hasher);
         (&lead.silent, &lead.landing, &lead.left_out).hash(hasher);
-        lead.bears_silence_until.hash(hasher);
+        (lead.bears_silence_until, lead.hold).hash(hasher);
         assert!(lead.followed.is_none(), "nobody is followed in the model");
     }
 }

@@ -1,0 +1,236 @@
+//! The fence of a plan, in which its mission must lie.
+//!
+//! Source: *Plan File Format*, of the QGroundControl developer guide: `geoFence`, version 2.
+
+use muster_machines::geometry::Ned;
+use muster_machines::navigation::{Area, Polygon, PolygonError, Zone};
+
+use super::document::{Document, Written};
+use super::item::Position;
+use super::json::{Node, Object};
+use super::qgc_plan::{check_version, exactly};
+use super::{FENCE_CORNERS_MAX, FENCE_ZONES_MAX, FenceZone, Note, NoteKind};
+use crate::diagnostic::BadInput;
+use crate::geodetic::{Geodetic, HOME_DISTANCE_MAX_M, about_home};
+
+/// Since QGroundControl 3.4: circles and polygons, each to stay within or out of.
+const FENCE_VERSION: u16 = 2;
+
+/// A part of a fence, as its file says it.
+#[derive(Debug)]
+pub(super) struct WrittenZone<'a> {
+    name: String,
+    at: &'a str,
+    is_inclusion: bool,
+    area: WrittenArea<'a>,
+}
+
+#[derive(Debug)]
+enum WrittenArea<'a> {
+    Circle {
+        centre: Position<'a>,
+        radius_m: Written<'a, Option<f64>>,
+    },
+    Polygon(Vec<Position<'a>>),
+}
+
+/// Reads the fence of a plan, if it has one, and adds what of it is not obeyed to `notes`.
+pub(super) fn read<'a>(
+    document: Document<'a>,
+    plan: &Object<'a>,
+    notes: &mut Vec<Note>,
+) -> Result<Vec<WrittenZone<'a>>, BadInput> {
+    let Some(fence) = plan.field_if_any("geoFence") else {
+        return Ok(Vec::new());
+    };
+    let item = fence.path().to_owned();
+    let fence = fence.object()?;
+    let list = |name: &str| match fence.field_if_any(name) {
+        Some(list) => list.elements(FENCE_CORNERS_MAX),
+        None => Ok(Vec::new()),
+    };
+    let (circles, polygons) = (list("circles")?, list("polygons")?);
+    // Of version 1, the corners of the only one.
+    let is_empty = circles.is_empty() && polygons.is_empty() && list("polygon")?.is_empty();
+    if is_empty {
+        return Ok(Vec::new());
+    }
+    check_version(document, &fence.field("version")?, FENCE_VERSION)?;
+    if let Some(extra) = circles.iter().chain(&polygons).nth(FENCE_ZONES_MAX) {
+        return Err(document.refuse(
+            extra.pointer(),
+            format_args!("the fence has more than {FENCE_ZONES_MAX} circles and polygons"),
+            format!("at most {FENCE_ZONES_MAX} are obeyed"),
+        ));
+    }
+    let mut zones = Vec::new();
+    let mut corners = 0;
+    for node in circles {
+        let (name, at) = (node.path().to_owned(), node.pointer());
+        let zone = node.object()?;
+        let circle = zone.field("circle")?.object()?;
+        zones.push(WrittenZone {
+            name,
+            at,
+            is_inclusion: zone.field("inclusion")?.boolean()?.value,
+            area: WrittenArea::Circle {
+                centre: place(document, &circle.field("center")?)?,
+                radius_m: circle.field("radius")?.number_or_null()?,
+            },
+        });
+    }
+    for node in polygons {
+        let (name, at) = (node.path().to_owned(), node.pointer());
+        let zone = node.object()?;
+        let outline = zone.field("polygon")?.elements(FENCE_CORNERS_MAX)?;
+        corners += outline.len();
+        if corners > FENCE_CORNERS_MAX {
+            return Err(document.refuse(
+                at,
+                format_args!("the fence's polygons have more than {FENCE_CORNERS_MAX} corners"),
+                format!("at most {FENCE_CORNERS_MAX} are obeyed, of all together"),
+            ));
+        }
+        let outline = outline.iter().map(|corner| place(document, corner));
+        zones.push(WrittenZone {
+            name,
+            at,
+            is_inclusion: zone.field("inclusion")?.boolean()?.value,
+            area: WrittenArea::Polygon(outline.collect::<Result<_, _>>()?),
+        });
+    }
+    if fence.field_if_any("breachReturn").is_some() {
+        let kind = NoteKind::BreachReturnIgnored;
+        notes.push(Note { item, kind });
+    }
+    Ok(zones)
+}
+
+/// Coordinates without an altitude.
+fn place<'a>(document: Document<'a>, node: &Node<'a>) -> Result<Position<'a>, BadInput> {
+    let [latitude, longitude] = exactly(document, node, "latitude and longitude")?;
+    let latitude_deg = latitude.number_or_null()?;
+    Ok(Position {
+        latitude_deg,
+        longitude_deg: longitude.number_or_null()?,
+        altitude_m: Written {
+            value: None,
+            text: latitude_deg.text,
+        },
+    })
+}
+
+impl WrittenZone<'_> {
+    /// The zone about home.
+    pub(super) fn about(
+        &self,
+        document: Document<'_>,
+        home: Geodetic,
+    ) -> Result<FenceZone, BadInput> {
+        let name = &self.name;
+        let area = match &self.area {
+            WrittenArea::Circle { centre, radius_m } => {
+                let is_accepted = |it: &f64| *it > 0.0 && *it <= HOME_DISTANCE_MAX_M;
+                let Some(radius) = radius_m.value.filter(is_accepted) else {
+                    let said = match radius_m.value {
+                        Some(radius) => format!("is {radius} m"),
+                        None => "is not given".to_owned(),
+                    };
+                    return Err(document.refuse(
+                        radius_m.text,
+                        format_args!("{name}: the radius {said}"),
+                        format!("give one above 0 and up to {HOME_DISTANCE_MAX_M} m"),
+                    ));
+                };
+                Area::Circle {
+                    centre: local(document, name, home, centre)?,
+                    radius_m: radius,
+                }
+            }
+            WrittenArea::Polygon(outline) => {
+                let corners = outline
+                    .iter()
+                    .map(|corner| local(document, name, home, corner))
+                    .collect::<Result<Vec<_>, _>>()?;
+                let polygon = Polygon::new(corners);
+                Area::Polygon(polygon.map_err(|error| self.refuse(document, outline, error))?)
+            }
+        };
+        Ok(FenceZone {
+            zone: Zone {
+                area,
+                is_inclusion: self.is_inclusion,
+            },
+            name: self.name.clone(),
+        })
+    }
+
+    fn refuse(
+        &self,
+        document: Document<'_>,
+        outline: &[Position<'_>],
+        error: PolygonError,
+    ) -> BadInput {
+        let (at, help) = match error {
+            PolygonError::TooFewCorners { .. } => (self.at, "give three corners or more"),
+            PolygonError::SidesMeet { second, .. } => (
+                outline[second].latitude_deg.text,
+                "give the corners in order, so that no two sides meet",
+            ),
+        };
+        document.refuse(at, format_args!("{}: {error}", self.name), help)
+    }
+
+    /// Refuses a fence that leaves home, a waypoint or a way between two out.
+    pub(super) fn check(
+        &self,
+        document: Document<'_>,
+        zone: &Zone,
+        waypoints: &[Ned],
+    ) -> Result<(), BadInput> {
+        let (side, through) = if self.is_inclusion {
+            ("outside of it", "leads out of it")
+        } else {
+            ("within it", "leads through it")
+        };
+        let refuse = |what: String| {
+            let message = format!("{}: {what}", self.name);
+            let help = "move the fence or the waypoints in the ground station: the whole mission, home included, must lie within \
+                        all areas to stay within and outside of all others";
+            Err(document.refuse(self.at, message, help))
+        };
+        let places = waypoints.iter().copied().enumerate();
+        let places = places.map(|(number, at)| (format!("waypoint {number}"), at));
+        for (name, place) in [("home".to_owned(), Ned::HOME)].into_iter().chain(places) {
+            let room_m = zone.room_m(place);
+            if room_m <= 0.0 {
+                return refuse(format!("{name} is {:.1} m {side}", -room_m));
+            }
+        }
+        for (number, leg) in waypoints.windows(2).enumerate() {
+            if zone.room_along_m(leg[0], leg[1]) <= 0.0 {
+                let next = number + 1;
+                return refuse(format!(
+                    "the way from waypoint {number} to waypoint {next} {through}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn local(
+    document: Document<'_>,
+    name: &str,
+    home: Geodetic,
+    position: &Position<'_>,
+) -> Result<Ned, BadInput> {
+    let place = position.geodetic(document, name, home.altitude_m())?;
+    about_home(home, place).map_err(|error| {
+        document.refuse(
+            position.latitude_deg.text,
+            format_args!("{name}: {error}"),
+            "check home and the fence, and that latitude comes before longitude",
+        )
+    })
+}

@@ -1,0 +1,141 @@
+//! The swarm waits at its waypoints for as long as its mission says, whoever leads it.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+use muster_scenarios::scenario::Scenario;
+
+use crate::support::{assert_finished, fly, masters, scenario};
+
+/// The mission: 20 s at waypoint 1, 10 s at waypoint 2, 5 s at the last.
+const MISSION: &str = "mission.file=missions/lookout.waypoints";
+const HOLDS_S: [f64; 4] = [0.0, 20.0, 10.0, 5.0];
+
+/// Longer than anybody who has arrived takes to say so and to be told to go on.
+const PROMPT_S: f64 = 3.0;
+
+/// Seven drones in line of which the last hear the master over two hops.
+fn held(policy: &str, fields: &[&str]) -> Scenario {
+    let policy = format!("protocol.policy={policy}");
+    let fields = [&[MISSION, &policy, "faults=[]"], fields].concat();
+    scenario("kill-at-waypoint.toml", &fields)
+}
+
+/// Flown alike on both engines without breaking a rule.
+fn flown(scenario: &Scenario, what: &str) -> Report {
+    let report = fly(scenario, Engine::Events);
+    assert_eq!(report.violations, [], "{what}");
+    let actors = fly(scenario, Engine::Actors);
+    assert_eq!(actors.trace, report.trace, "{what}: the engines disagree");
+    report
+}
+
+/// How long all waited at each waypoint, in seconds, from when the last had arrived.
+fn waits_s(report: &Report) -> Vec<f64> {
+    let barriers = report.barriers.iter();
+    barriers.map(|it| it.moving_s - it.arrived_s).collect()
+}
+
+#[test]
+fn all_wait_for_as_long_as_the_mission_says_once_the_last_has_arrived() {
+    for policy in ["flood", "tree"] {
+        let report = flown(&held(policy, &[]), policy);
+        assert_finished(&report, &[], policy);
+        let waits_s = waits_s(&report);
+        assert_eq!(waits_s.len(), HOLDS_S.len(), "{policy}");
+        for (wait_s, hold_s) in waits_s.iter().zip(HOLDS_S) {
+            let late_s = wait_s - hold_s;
+            assert!((0.0..PROMPT_S).contains(&late_s), "{policy}: {waits_s:?}");
+        }
+    }
+}
+
+#[test]
+fn a_process_or_an_actor_that_restarts_amid_a_hold_holds_on() {
+    for policy in ["flood", "tree"] {
+        for fault in [
+            "restart = \"master\"",
+            "restart = 0",
+            "crash = \"master\", actor = \"mission\"",
+            "crash = \"master\", actor = \"routing\"",
+            "crash = 6, actor = \"mission\"",
+            "hang = \"master\", for_s = 0.5",
+        ] {
+            let what = format!("{policy}, {fault}");
+            let faults = format!("faults=[{{ at_waypoint = 1, after_s = 9, {fault} }}]");
+            let report = flown(&held(policy, &[&faults]), &what);
+            assert_finished(&report, &[], &what);
+            assert!(report.mission_completed, "{what}");
+            // A master of another epoch begins the hold anew.
+            let most_s = HOLDS_S[1]
+                + if report.elections.is_empty() {
+                    0.0
+                } else {
+                    20.0
+                };
+            let wait_s = waits_s(&report)[1];
+            assert!(
+                (HOLDS_S[1]..most_s + PROMPT_S).contains(&wait_s),
+                "{what}: {wait_s} s, {:?}",
+                report.elections
+            );
+        }
+    }
+}
+
+#[test]
+fn a_master_that_is_elected_amid_a_hold_holds_for_the_whole_of_it_at_most() {
+    for policy in ["flood", "tree"] {
+        for after_s in [2.0, 9.0, 18.0] {
+            let faults =
+                format!("faults=[{{ at_waypoint = 1, after_s = {after_s}, kill = \"master\" }}]");
+            let what = format!("{policy}, {after_s} s");
+            // All hear each other, so that one is elected.
+            let scenario = held(policy, &["radio.range_m=500", &faults]);
+            let report = flown(&scenario, &what);
+            assert_finished(&report, &[3], &what);
+            assert!(report.mission_completed, "{what}");
+            assert_eq!(masters(&report).len(), 1, "{what}");
+            let wait_s = waits_s(&report)[1];
+            let election_s = report.elections[0].settled_after_s.unwrap_or_default();
+            // Until it is missed, elected, and all have acknowledged its order.
+            let most_s = after_s + election_s + HOLDS_S[1] + 2.0 * PROMPT_S;
+            assert!(
+                wait_s >= after_s + HOLDS_S[1] - 1.0 && wait_s <= most_s,
+                "{what}: {wait_s} s"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_master_that_is_followed_holds_at_its_waypoints() {
+    for policy in ["flood", "tree"] {
+        let following = ["protocol.kind=follow"];
+        let with_holds = flown(&held(policy, &following), policy);
+        assert_finished(&with_holds, &[], policy);
+        let without = [following[0], "mission.file=missions/field.waypoints"];
+        let without = flown(&held(policy, &without), policy);
+        let longer_s = with_holds.simulated_s - without.simulated_s;
+        let holds_s: f64 = HOLDS_S.iter().sum();
+        assert!((longer_s - holds_s).abs() < 1.0, "{policy}: {longer_s} s");
+    }
+}
+
+#[test]
+fn what_a_mission_may_take_counts_its_holds_in() {
+    let with_holds = held("tree", &[]).limits;
+    let without = held("tree", &["mission.file=missions/field.waypoints"]).limits;
+    let holds_s: f64 = HOLDS_S.iter().sum();
+    let longer_s = |longer: std::time::Duration, than: std::time::Duration| {
+        (longer.as_secs_f64() - than.as_secs_f64() - holds_s).abs()
+    };
+    assert!(longer_s(with_holds.flight, without.flight) < 1e-6);
+    assert!(
+        longer_s(
+            with_holds.flight_time,
+            without.flight_time + (with_holds.flight - without.flight)
+        ) < 1e-6
+    );
+    assert!(with_holds.duration > without.duration);
+    assert_eq!(with_holds.leg, without.leg, "a hold is no part of a leg");
+}
