@@ -197,13 +197,15 @@ fn cut(outline: &[Vector4<f64>], inside: impl Fn(&Vector4<f64>) -> f64) -> Outli
     kept
 }
 
-/// How far a convex outline is from the origin at the closest, in metres; 0 if that is within it.
+/// How far a convex outline is from the origin at the closest, in metres; 0 if that is within it. Corners that rounding puts a
+/// little beside a straight side, or that are there twice, do not matter.
 fn to_origin_m(outline: &[Vector2<f64>]) -> f64 {
     let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
-    // Twice the area of the triangle that each side makes with the origin; of one sign where that is within.
-    let areas = || sides().map(|(a, b)| a.perp(b));
-    let is_within = areas().all(|area| area >= 0.0) || areas().all(|area| area <= 0.0);
-    if is_within && areas().sum::<f64>() != 0.0 {
+    // How often the axis to the right of the origin is crossed.
+    let crosses = |(a, b): &(&Vector2<f64>, &Vector2<f64>)| {
+        (a.y > 0.0) != (b.y > 0.0) && a.x + (b.x - a.x) * a.y / (a.y - b.y) > 0.0
+    };
+    if sides().filter(crosses).count() % 2 == 1 {
         return 0.0;
     }
     sides()
