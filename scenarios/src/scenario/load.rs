@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Layering, Separation};
+use muster_machines::formation::{Change, Flown, Layering, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Barrier;
@@ -15,6 +15,7 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
+use super::exposure::check_apart;
 use super::failsafe::{check_fence, failsafe, fence};
 use super::faults::faults;
 use super::file::{Override, Source};
@@ -156,6 +157,12 @@ fn alone(
     check_layers(source, raw, &course)?;
     let flown = (&*layout, &*changes, &*waypoints);
     check_fence(source, raw, fence, flown, vehicle.speed_mps)?;
+    let flown = Flown {
+        layout: &layout,
+        changes: &changes,
+        waypoints: &waypoints,
+    };
+    check_apart(source, raw, flown)?;
     let limits = limits(raw, separation, &course);
     let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
