@@ -373,7 +373,9 @@ impl Mission {
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = self.landing_altitude_m();
-                let place = if self.flies_in_own_layer() {
+                let place = if flaw::has(Flaw::LandsOnOnePoint) {
+                    at
+                } else if self.flies_in_own_layer() {
                     layout.slot(id, at)
                 } else {
                     layout.place(id, at)
