@@ -745,6 +745,19 @@ fn a_scenario_with_a_wrong_line_is_shown_with_what_would_be_accepted() {
             &["over the limit of 20 m", "altitude_max_m"],
         ),
         (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\naccept = [\"late\", \"gone\"]",
+            &["unknown variant `gone`", "\"descends\" and \"killed\""],
+        ),
+        (
+            "liveness = \"thesis\"",
+            "liveness = \"thesis\"\n\n[limits]\naccept = [\"late\", \"apart\", \"killed\"]",
+            &[
+                "a drone that comes down on the spot may come too near another",
+                "takes \"descends\" in `limits.accept`",
+            ],
+        ),
+        (
             "spacing_m = 160",
             "spacing_m = 160\nheading_deg = 90\ndrones_per_row = 3",
             &["unknown field `drones_per_row`"],
@@ -938,6 +951,56 @@ fn a_flight_that_leaves_the_fence_of_its_plan_is_refused_with_the_part_that_does
         folder.write("missions/enclosure.plan", mission);
         assert_says(&folder.refusal(fields), words);
     }
+}
+
+#[test]
+fn what_a_plan_is_exposed_to_is_refused_unless_it_is_accepted_or_the_drones_give_way() {
+    let folder = Folder::new();
+    // In file, the way of each leads through the slots of others.
+    let line = "spacing_m = 160\nheading_deg = 0";
+    assert!(SCENARIO.contains("spacing_m = 160"));
+    let check = |accept: &str, avoid: bool| {
+        let tables = format!("\n[limits]\naccept = {accept}\n\n[safety]\navoid = {avoid}\n");
+        let scenario =
+            SCENARIO
+                .replacen("liveness = \"thesis\"", "", 1)
+                .replacen("spacing_m = 160", line, 1)
+                + &tables;
+        folder.write("scenario.toml", scenario);
+        let check = Command::cargo_bin("muster")
+            .unwrap()
+            .current_dir(folder.0.path())
+            .args(["check", "scenario.toml"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8(check.stderr).unwrap();
+        (check.status.code(), said)
+    };
+    assert_eq!(
+        check("[\"late\", \"apart\", \"descends\", \"killed\"]", false).0,
+        Some(0)
+    );
+    let (code, said) = check("[\"apart\", \"descends\", \"killed\"]", false);
+    assert_eq!(code, Some(2));
+    assert_says(
+        &said,
+        &[
+            "a drone that is late",
+            "`safety.avoid = true`",
+            "scenario.toml",
+        ],
+    );
+    assert_eq!(
+        check("[\"descends\", \"killed\"]", true).0,
+        Some(0),
+        "they give way"
+    );
+    let (code, said) = check("[\"descends\"]", true);
+    assert_eq!(code, Some(2));
+    assert_says(
+        &said,
+        &["brought down by its flight controller", "\"killed\""],
+    );
 }
 
 #[test]

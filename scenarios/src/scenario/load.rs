@@ -15,6 +15,7 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
+use super::exposure::check_apart;
 use super::failsafe::failsafe;
 use super::faults::faults;
 use super::fence::Fenced;
@@ -159,6 +160,7 @@ fn alone(
         changes: &changes,
         waypoints: &waypoints,
     };
+    check_apart(source, raw, flown)?;
     let fence = match &fenced {
         Some(fenced) => fenced.check(source, raw, flown, vehicle.speed_mps)?,
         None => Vec::new(),

@@ -1,5 +1,6 @@
 //! What is simulated: a scenario, as parsed.
 
+mod exposure;
 mod failsafe;
 mod fault;
 mod faults;

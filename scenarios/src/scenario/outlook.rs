@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Flown};
+use muster_machines::formation::{Act, Change, Phase, Ways};
+use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Holds, Succession};
 use muster_machines::time::Timestamp;
@@ -26,16 +27,17 @@ impl Scenario {
     #[must_use]
     pub fn outlook(&self) -> Vec<String> {
         let connected = self.connected();
-        let mut lines = vec![
+        let mut lines = self.apart_in_words(self.counted_out_of_reach());
+        lines.extend([
             self.settling_in_words(connected.as_ref()),
             self.bound_in_words(),
-        ];
+        ]);
         lines.extend(holds_in_words(&self.holds));
         lines.extend(self.layers_in_words());
         lines.extend(self.waves_in_words());
         lines.extend(self.fence.iter().cloned());
         if let Some(in_slots) = &connected {
-            lines.extend(self.apart_in_words(in_slots));
+            lines.extend(self.unreached_in_words(in_slots));
             lines.extend(self.apart_by_height_in_words(in_slots));
         }
         let mut first = self.nodes();
@@ -93,6 +95,29 @@ impl Scenario {
         (nodes <= DIAMETER_NODES_MAX).then(|| self.connected_at(|_| self.waypoints[0].altitude_m()))
     }
 
+    /// How many are out of the master's reach in a phase, where they are the farthest apart in it; `None` for a swarm that is
+    /// too large. Relays are left out: they stay where the mission began.
+    fn counted_out_of_reach(&self) -> impl FnMut(&Phase) -> Option<usize> {
+        let is_small = self.nodes() <= DIAMETER_NODES_MAX;
+        // On each leg of one formation it is the same.
+        let mut on_legs: BTreeMap<u16, Option<usize>> = BTreeMap::new();
+        move |phase| {
+            if !is_small {
+                return None;
+            }
+            let look = || {
+                let above = |ways: &Ways| ways.get(1).unwrap_or(&ways[0]).to;
+                let places: Vec<_> = phase.ways.iter().map(above).collect();
+                self.out_of_reach(&self.connected_among(&places))
+                    .map(|it| it.len())
+            };
+            match phase.act {
+                Act::Flies { .. } => *on_legs.entry(phase.changes).or_insert_with(look),
+                _ => look(),
+            }
+        }
+    }
+
     /// Who is connected with whom, as each is above its first slot, at a height of its own in metres above home.
     fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Parts {
         let drones = (0..self.layout.formation().drones()).map(NodeId);
@@ -101,8 +126,12 @@ impl Scenario {
             slot.at_altitude(altitude_m(id))
         });
         let places: Vec<_> = above.chain(self.relays.iter().copied()).collect();
+        self.connected_among(&places)
+    }
+
+    fn connected_among(&self, places: &[Ned]) -> Parts {
         // Nothing is drawn from it.
-        let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), &places);
+        let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), places);
         let mut parts = Parts::default();
         let live = vec![Some(0); places.len()];
         parts.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
@@ -125,11 +154,7 @@ impl Scenario {
     /// Whom altitude layers lead out of the reach that they have in their slots.
     fn apart_by_height_in_words(&self, in_slots: &Parts) -> Vec<String> {
         let apart = self.out_of_reach(in_slots).unwrap_or_default();
-        let flown = Flown {
-            layout: &self.layout,
-            changes: &self.changes,
-            waypoints: &self.waypoints,
-        };
+        let flown = self.flown();
         let begin = self.waypoints[0];
         let on_the_way_up = self
             .connected_at(|id| begin.altitude_m() + self.layout.take_off_layers_m()[id.0 as usize]);
@@ -153,7 +178,7 @@ impl Scenario {
     }
 
     /// Who is in a slot that no links that are up connect with the master's, if anybody is.
-    fn apart_in_words(&self, parts: &Parts) -> Option<String> {
+    fn unreached_in_words(&self, parts: &Parts) -> Option<String> {
         let apart = self.out_of_reach(parts)?;
         let led = match self.protocol.succession {
             Succession::Elect => "elect masters of their own",
@@ -261,12 +286,21 @@ fn to_millimetres(metres: f64) -> f64 {
     (metres * 1_000.0).round() / 1_000.0
 }
 
-/// Who flies in which layer, the lowest first.
+/// So many layers are told one by one.
+const LISTED_LAYERS_MAX: usize = 16;
+
+/// Who flies in which layer, the lowest first; of many layers only how many there are and how high.
 fn in_words(when: &str, layers_m: &[f64]) -> String {
     let mut layers: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     for (id, layer_m) in (0..).zip(layers_m) {
         // Layers are not negative, so their bits are in their order.
         layers.entry(layer_m.to_bits()).or_default().push(id);
+    }
+    if layers.len() > LISTED_LAYERS_MAX
+        && let Some((highest_m, _)) = layers.last_key_value()
+    {
+        let highest_m = to_millimetres(f64::from_bits(*highest_m));
+        return format!("layers {when}: {}, up to +{highest_m} m", layers.len());
     }
     let layers = layers.iter().map(|(layer_m, ids)| {
         format!(

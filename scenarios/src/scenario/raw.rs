@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use muster_machines::cell::Address;
+use muster_machines::formation::Exposure;
 use muster_machines::geometry::Ned;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
@@ -372,6 +373,28 @@ pub(super) struct Limits {
     pub(super) watchdog_ms: Option<Milliseconds>,
     pub(super) controller_s: Option<Seconds>,
     pub(super) restart_window_s: Option<Seconds>,
+    pub(super) accept: Option<Spanned<Vec<ExposureName>>>,
+}
+
+/// What a single fault may expose drones to.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ExposureName {
+    Late,
+    Apart,
+    Descends,
+    Killed,
+}
+
+impl From<ExposureName> for Exposure {
+    fn from(name: ExposureName) -> Self {
+        match name {
+            ExposureName::Late => Self::Late,
+            ExposureName::Apart => Self::Apart,
+            ExposureName::Descends => Self::Descends,
+            ExposureName::Killed => Self::Killed,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]

@@ -107,7 +107,12 @@ fn defect_7_all_land_on_one_point() {
 fn defect_8_slots_are_shared_missing_or_too_far_out() {
     let matrix = shipped::forty_drones_have_forty_places;
     let clusters = shipped::clusters_without_their_master_are_swarms_of_their_own;
-    let says = ["big-matrix", "rule: 4", "0.00 m apart"];
+    // It is found before anybody flies.
+    let says = [
+        "big-matrix",
+        "in lockstep",
+        "while all take off: 0 m over ground",
+    ];
     assert_found(Flaw::RepeatsPlaces, matrix, &says);
     assert_found(Flaw::DropsRemainder, clusters, &["a slot for each drone"]);
     let says = ["split-up-5: how many swarms"];

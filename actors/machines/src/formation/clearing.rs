@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use super::crossings::to_point_m;
-use super::{Change, Layout};
+use super::phases::Act;
+use super::{Change, Layout, Way};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
@@ -61,14 +62,27 @@ impl<'a> Flown<'a> {
     }
 
     /// The centre around which the slot of drone `id` after so many changes is the place nearest to its slot around `centre`
-    /// that nobody else's way leads over: from the ground to the first waypoint, from each waypoint to the next and from
-    /// each slot to that after a change. It is so near that nobody else who looks for one so, around the same centre, comes
-    /// too close. Where there is none, it is the one that is the farthest from all ways.
+    /// that nobody else's way leads over, from the ground to where all land. It is so near that nobody else who looks for
+    /// one so, around the same centre, comes too close. Where there is none, it is the one that is the farthest from all
+    /// ways.
     ///
     /// # Panics
     /// When there are fewer changes, or no such drone.
     #[must_use]
     pub fn clearing(&self, id: NodeId, changes: u16, centre: Ned) -> Ned {
+        self.clearing_among(&self.seen_from_above(), id, changes, centre)
+    }
+
+    /// Likewise for each drone.
+    pub(super) fn clearings(&self, changes: u16, centre: Ned) -> Vec<Ned> {
+        let ways = self.seen_from_above();
+        let drones = (0..self.layout.formation().drones()).map(NodeId);
+        drones
+            .map(|id| self.clearing_among(&ways, id, changes, centre))
+            .collect()
+    }
+
+    fn clearing_among(&self, ways: &[Seen], id: NodeId, changes: u16, centre: Ned) -> Ned {
         let layout = self.layout_after(changes);
         let near_m = layout.separation().near_m();
         let slots = layout.formation().slots();
@@ -79,36 +93,34 @@ impl<'a> Flown<'a> {
             .fold(f64::INFINITY, f64::min);
         let reach_m = ((nearest_m - near_m) / 2.0).min(REACH * near_m);
         let wish = (centre + own).0.xy();
-        let others = (0..layout.formation().drones()).map(NodeId);
-        let ways: Vec<_> = (others.filter(|other| *other != id))
-            .flat_map(|other| self.ways(other))
+        let ways: Vec<_> = (ways.iter())
+            .filter(|(other, _)| *other != id)
+            .map(|(_, way)| *way)
             .filter(|way| to_point_m(*way, wish) < near_m + reach_m)
             .collect();
         let offset = clear_offset(wish, reach_m, near_m, &ways);
         centre + Ned::new(offset.x, offset.y, 0.0)
     }
 
-    /// The ways of a drone, as seen from above.
-    fn ways(&self, id: NodeId) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
-        let slot = move |changes: u16, at: usize| {
-            let layout = self.layout_after(changes);
-            layout.slot(id, self.waypoints[at]).0.xy()
-        };
-        let stand = self.layout.stand(id, Ned::HOME).0.xy();
-        let from_ground = self.waypoints.first().map(|_| (stand, slot(0, 0)));
-        let in_the_air = (0..self.waypoints.len()).flat_map(move |at| {
-            let (first, last) = (self.changes_before(at), self.changes_before(at + 1));
-            let is_followed = at + 1 < self.waypoints.len();
-            let crossings =
-                (first..last).map(move |before| (slot(before, at), slot(before + 1, at)));
-            let legs = (first..=last)
-                .filter(move |_| is_followed)
-                .map(move |changes| (slot(changes, at), slot(last, at + 1)));
-            crossings.chain(legs)
-        });
-        from_ground.into_iter().chain(in_the_air)
+    /// All ways of all drones, in lockstep or not, as seen from above.
+    fn seen_from_above(self) -> Vec<Seen> {
+        let mut seen = Vec::new();
+        let mut sees = |id: NodeId, way: Way| seen.push((id, (way.from.0.xy(), way.to.0.xy())));
+        for phase in self.phases() {
+            for (id, ways) in (0..).map(NodeId).zip(&phase.ways) {
+                let level = ways.iter().filter(|way| !way.is_upright());
+                level.for_each(|way| sees(id, *way));
+                if let Act::Flies { to } = phase.act {
+                    self.legs_alone(id, to).for_each(|way| sees(id, way));
+                }
+            }
+        }
+        seen
     }
 }
+
+/// Whose way it is, and its ends as seen from above.
+type Seen = (NodeId, (Vector2<f64>, Vector2<f64>));
 
 /// The shortest way from `wish`, of at most `reach_m`, to a place that is `near_m` from all `ways`, or to the one that is
 /// the farthest from them.
@@ -196,7 +208,8 @@ mod tests {
                 for other in (0..7).map(NodeId).filter(|other| *other != id) {
                     let apart_m = place.horizontal_distance_m(places[other.0 as usize]);
                     assert!(apart_m >= 5.0, "{kind:?}: {id} and {other}: {apart_m}");
-                    for way in flown.ways(other) {
+                    let ways = flown.seen_from_above();
+                    for (_, way) in ways.into_iter().filter(|(whose, _)| *whose == other) {
                         let apart_m = to_point_m(way, place.0.xy());
                         assert!(
                             apart_m >= 5.0,

@@ -7,7 +7,6 @@ use super::crossings::passings;
 use super::ground::Places;
 use super::layers::Stack;
 use super::{Formation, Ground, Layers};
-use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
@@ -212,9 +211,6 @@ impl Layout {
     /// When the formation has no such drone.
     #[must_use]
     pub fn place(&self, id: NodeId, centre: Ned) -> Ned {
-        if flaw::has(Flaw::LandsOnOnePoint) {
-            return centre;
-        }
         centre + self.landing.arranged.places[id.0 as usize]
     }
 

@@ -1,6 +1,5 @@
-use nalgebra::{Vector2, Vector3};
-
 use super::Separation;
+use super::tube::Tube;
 use crate::geometry::Ned;
 
 /// A straight way, flown from one end to the other.
@@ -13,70 +12,31 @@ pub struct Way {
 }
 
 impl Way {
+    /// A way whose ends are the same place: where a drone stands still.
+    #[must_use]
+    pub const fn standing(at: Ned) -> Self {
+        Self { from: at, to: at }
+    }
+
     /// Whether a drone anywhere on this way and one anywhere on the other may be too near each other, over ground and in
     /// height at once.
     #[must_use]
     pub fn comes_near(self, other: Self, separation: Separation) -> bool {
-        if !self.may_come_near(other, separation) {
-            return false;
-        }
-        // Relative to each other they may be anywhere in the parallelogram that is spanned by the two ways: cut to the
-        // slab in which the heights are too near, is it too near the vertical axis?
-        let (u, v) = ((self.to - self.from).0, -(other.to - other.from).0);
-        let corner = (self.from - other.from).0;
-        let mut outline = vec![corner, corner + u, corner + u + v, corner + v];
-        for (sign, limit) in [(1.0, separation.vertical_m), (-1.0, separation.vertical_m)] {
-            outline = cut(&outline, |at| limit - sign * at.z);
-        }
-        let seen_from_above: Vec<_> = outline.iter().map(Vector3::xy).collect();
-        !seen_from_above.is_empty() && to_origin_m(&seen_from_above) < separation.horizontal_m
+        Tube::from(self).comes_near(other.into(), separation)
     }
-}
 
-impl Way {
-    /// Whether the boxes around the two are too near each other.
-    fn may_come_near(self, other: Self, separation: Separation) -> bool {
-        let near_m = [
-            separation.horizontal_m,
-            separation.horizontal_m,
-            separation.vertical_m,
-        ];
-        near_m.into_iter().enumerate().all(|(axis, near_m)| {
-            let (a, b) = (self.from.0[axis], self.to.0[axis]);
-            let (c, d) = (other.from.0[axis], other.to.0[axis]);
-            a.min(b) - c.max(d) < near_m && c.min(d) - a.max(b) < near_m
-        })
+    /// Whether it leads straight up or down, or nowhere.
+    #[must_use]
+    pub fn is_upright(self) -> bool {
+        self.from.0.xy() == self.to.0.xy()
     }
-}
 
-/// The part of a convex outline where `inside` is positive; it changes evenly along each side.
-fn cut(outline: &[Vector3<f64>], inside: impl Fn(&Vector3<f64>) -> f64) -> Vec<Vector3<f64>> {
-    let mut kept = Vec::with_capacity(outline.len() + 2);
-    let next = outline.iter().cycle().skip(1);
-    for (at, next) in outline.iter().zip(next) {
-        let (here, there) = (inside(at), inside(next));
-        if here > 0.0 {
-            kept.push(*at);
-        }
-        if (here > 0.0) != (there > 0.0) {
-            kept.push(at.lerp(next, here / (here - there)));
+    pub(super) fn map(self, place: impl Fn(Ned) -> Ned) -> Self {
+        Self {
+            from: place(self.from),
+            to: place(self.to),
         }
     }
-    kept
-}
-
-/// How far a convex outline is from the origin at the closest, in metres; 0 if that is within it.
-fn to_origin_m(outline: &[Vector2<f64>]) -> f64 {
-    let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
-    // Twice the area of the triangle that each side makes with the origin; of one sign where that is within.
-    let areas = || sides().map(|(a, b)| a.perp(b));
-    let is_within = areas().all(|area| area >= 0.0) || areas().all(|area| area <= 0.0);
-    if is_within && areas().sum::<f64>() != 0.0 {
-        return 0.0;
-    }
-    sides()
-        .map(|(a, b)| super::crossings::to_point_m((*a, *b), Vector2::zeros()))
-        .fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

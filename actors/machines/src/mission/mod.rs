@@ -382,7 +382,9 @@ impl Mission {
             State::MovingToLand => {
                 let at = self.durable.land_at;
                 let altitude_m = self.landing_altitude_m();
-                let place = if self.durable.in_layer {
+                let place = if flaw::has(Flaw::LandsOnOnePoint) {
+                    at
+                } else if self.durable.in_layer {
                     layout.slot(id, at)
                 } else {
                     layout.place(id, at)

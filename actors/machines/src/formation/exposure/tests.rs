@@ -1,0 +1,127 @@
+use std::num::NonZeroU32;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::formation::tests::kinds;
+use crate::formation::{Assignment, Change, Formation, Ground, Kind, Layering, Layout};
+use crate::geometry::Ned;
+
+const SEPARATION: Separation = Separation {
+    horizontal_m: 5.0,
+    vertical_m: 5.0,
+};
+
+fn formation(kind: Kind, drones: u32, spacing_m: f64, heading_rad: f64) -> Formation {
+    Formation::new(
+        kind,
+        NonZeroU32::new(drones).unwrap(),
+        spacing_m,
+        heading_rad,
+    )
+}
+
+fn at(north_m: f64, altitude_m: f64) -> Ned {
+    Ned::new(north_m, 0.0, -altitude_m)
+}
+
+/// What a line of five along its legs is exposed to, phase by phase.
+fn exposures_of_a_line(waypoints: &[Ned]) -> Vec<Vec<(Exposure, Nearness)>> {
+    let along = std::f64::consts::FRAC_PI_2;
+    let layout = Layout::new(formation(Kind::Linear, 5, 20.0, along), 10.0, SEPARATION)
+        .with_layers(Layering::Each);
+    let flown = Flown {
+        layout: &layout,
+        changes: &[],
+        waypoints,
+    };
+    flown.exposures().collect()
+}
+
+fn pairs(of: &[(Exposure, Nearness)], exposure: Exposure) -> usize {
+    let (_, nearness) = of.iter().find(|(it, _)| *it == exposure).unwrap();
+    nearness.too_near.len()
+}
+
+#[test]
+fn in_file_one_that_is_late_is_in_the_way_of_those_behind_it() {
+    // A leg of 30 m leads past one slot, one of 50 m past two.
+    for (length_m, too_near) in [(30.0, 4), (50.0, 7), (14.0, 0)] {
+        let of = exposures_of_a_line(&[at(0.0, 20.0), at(length_m, 20.0)]);
+        // Each of the two may be the one that is late.
+        assert_eq!(pairs(&of[1], Exposure::Late), 2 * too_near, "{length_m} m");
+    }
+}
+
+#[test]
+fn one_that_flies_in_its_own_layer_is_above_a_slope() {
+    let of = exposures_of_a_line(&[at(0.0, 20.0), at(14.0, 40.0)]);
+    assert_eq!(pairs(&of[1], Exposure::Apart), 0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+    #[test]
+    fn in_lockstep_no_two_come_too_near(
+        kinds in (kinds(), kinds()),
+        grid in any::<bool>(),
+        drones in 2_u32..16,
+        spacing_m in 12.0..80.0_f64,
+        heading_rad in 0.0..6.3_f64,
+        each in any::<bool>(),
+        legs in prop::collection::vec((0.0..6.3_f64, 5.0..200.0_f64, 12.0..60.0_f64), 0..4),
+    ) {
+        let ground = if grid { Ground::Grid(Assignment::Optimal) } else { Ground::Gathered };
+        let layering = if each { Layering::Each } else { Layering::Shared };
+        let layout = Layout::new(formation(kinds.0, drones, spacing_m, heading_rad), 10.0, SEPARATION)
+            .standing(ground)
+            .with_layers(layering);
+        let mut waypoints = vec![at(0.0, 20.0)];
+        for (course_rad, length_m, altitude_m) in legs {
+            let last = waypoints[waypoints.len() - 1];
+            let next = last + at(length_m, 0.0).turned(course_rad);
+            waypoints.push(next.at_altitude(altitude_m));
+        }
+        let change_at = u16::try_from(waypoints.len() / 2).unwrap();
+        let after = formation(kinds.1, drones, spacing_m + 3.0, heading_rad + 1.0);
+        let changes = if waypoints.len() > 1 {
+            vec![Change::new(change_at, &layout, after)]
+        } else {
+            Vec::new()
+        };
+        let flown = Flown { layout: &layout, changes: &changes, waypoints: &waypoints };
+        for Exposed { phase, lockstep, .. } in flown.in_lockstep() {
+            prop_assert!(lockstep.too_near.is_empty(), "{:?}: {:?}", phase.act, lockstep.closest);
+            let room = lockstep.closest.unwrap().clearance.room;
+            prop_assert!(room >= 1.0, "{:?}: {}", phase.act, room);
+        }
+    }
+
+    #[test]
+    fn the_nearest_two_are_found_among_all(
+        kind in kinds(),
+        drones in 2_u32..12,
+        spacing_m in 12.0..60.0_f64,
+        length_m in 5.0..100.0_f64,
+    ) {
+        let layout = Layout::new(formation(kind, drones, spacing_m, 0.3), 10.0, SEPARATION);
+        let waypoints = [at(0.0, 20.0), at(length_m, 30.0)];
+        let flown = Flown { layout: &layout, changes: &[], waypoints: &waypoints };
+        let leg = flown.phases().nth(1).unwrap();
+        let of = flown.exposures().nth(1).unwrap();
+        let late = &of[0].1;
+        let mut closest = f64::INFINITY;
+        let mut too_near = BTreeSet::new();
+        for (a, one) in tubes(&leg) {
+            for (b, other) in tubes(&leg).filter(|(b, _)| a != *b) {
+                let (one, other) = (Tube::from(one), Tube::from(other));
+                closest = closest.min(one.clearance(other, SEPARATION).room);
+                if one.comes_near(other, SEPARATION) {
+                    too_near.insert([a, b]);
+                }
+            }
+        }
+        prop_assert_eq!(&late.too_near, &too_near);
+        prop_assert!((late.closest.unwrap().clearance.room - closest).abs() < 1e-9);
+    }
+}

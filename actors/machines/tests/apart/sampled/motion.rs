@@ -1,0 +1,183 @@
+//! How drones move: straight from corner to corner, with delays and stops that nobody foresees.
+
+use muster_machines::formation::{Act, Exposure, Flown, Layering, Phase, Way};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// When a drone begins, how fast it flies, and where it stops for how long.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    delay_s: f64,
+    speed_mps: f64,
+    /// As a share of all its way.
+    stop_at: f64,
+    stop_s: f64,
+}
+
+impl Pace {
+    pub(super) fn draw(rng: &mut ChaCha8Rng) -> Self {
+        Self {
+            delay_s: rng.random_range(0.0..8.0),
+            speed_mps: rng.random_range(2.0..12.0),
+            stop_at: rng.random_range(0.0..1.0),
+            stop_s: rng.random_range(0.0..8.0),
+        }
+    }
+}
+
+/// Where a drone is when: in between it flies straight and evenly, before and after it stands.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    stations: Vec<(f64, Ned)>,
+    begins_s: f64,
+}
+
+impl Motion {
+    pub(super) fn new(corners: Vec<Ned>, pace: Pace) -> Self {
+        let mut stations = vec![(0.0, corners[0])];
+        let mut motion = Self {
+            stations: Vec::new(),
+            begins_s: 0.0,
+        };
+        let mut time_s = pace.delay_s;
+        stations.push((time_s, corners[0]));
+        let legs = || corners.windows(2).map(|leg| leg[0].distance_m(leg[1]));
+        let stop_m = legs().sum::<f64>() * pace.stop_at;
+        let mut flown_m = 0.0;
+        for leg in corners.windows(2) {
+            let length_m = leg[0].distance_m(leg[1]);
+            let stops = (flown_m..flown_m + length_m).contains(&stop_m);
+            if stops {
+                let share = (stop_m - flown_m) / length_m;
+                let at = Ned(leg[0].0.lerp(&leg[1].0, share));
+                let there_s = time_s + length_m * share / pace.speed_mps;
+                stations.extend([(there_s, at), (there_s + pace.stop_s, at)]);
+            }
+            time_s += length_m / pace.speed_mps + if stops { pace.stop_s } else { 0.0 };
+            flown_m += length_m;
+            stations.push((time_s, leg[1]));
+        }
+        motion.stations = stations;
+        motion
+    }
+
+    /// What it does from some instant on, in seconds from where it is now, begins now.
+    pub(super) fn go_on_from(&mut self, time_s: f64) {
+        self.begins_s += time_s;
+    }
+
+    pub(super) fn ends_s(&self) -> f64 {
+        self.stations[self.stations.len() - 1].0 - self.begins_s
+    }
+
+    pub(super) fn at(&self, time_s: f64) -> Ned {
+        let time_s = time_s + self.begins_s;
+        let next = self.stations.partition_point(|(at_s, _)| *at_s <= time_s);
+        match (
+            next.checked_sub(1).map(|last| self.stations[last]),
+            self.stations.get(next),
+        ) {
+            (None, _) => self.stations[0].1,
+            (Some((_, last)), None) => last,
+            (Some((from_s, from)), Some((to_s, to))) => {
+                Ned(from.0.lerp(&to.0, (time_s - from_s) / (to_s - from_s)))
+            }
+        }
+    }
+
+    /// Breaks it off at some instant and flies these corners instead.
+    fn then(mut self, time_s: f64, hover_s: f64, corners: &[Ned], speed_mps: f64) -> Self {
+        let here = self.at(time_s);
+        self.stations.retain(|(at_s, _)| *at_s < time_s);
+        let mut now_s = time_s + hover_s;
+        self.stations.extend([(time_s, here), (now_s, here)]);
+        let mut last = here;
+        for corner in corners {
+            now_s += last.distance_m(*corner) / speed_mps;
+            self.stations.push((now_s, *corner));
+            last = *corner;
+        }
+        self
+    }
+}
+
+pub(super) fn corners(ways: &[Way]) -> Vec<Ned> {
+    let ends = ways.iter().map(|way| way.to);
+    std::iter::once(ways[0].from).chain(ends).collect()
+}
+
+/// One to whom something happens in a phase.
+pub(super) fn out_of_lockstep(
+    rng: &mut ChaCha8Rng,
+    flown: Flown<'_>,
+    phase: &Phase,
+    id: NodeId,
+    exposure: Exposure,
+) -> Motion {
+    let ways = &phase.ways[id.0 as usize];
+    let own = Motion::new(corners(ways), Pace::draw(rng));
+    let when_s = rng.random_range(0.0..=own.ends_s());
+    let speed_mps = rng.random_range(0.5..3.0);
+    let here = own.at(when_s);
+    match exposure {
+        Exposure::Late => own,
+        Exposure::Descends => own.then(when_s, 0.0, &[here.at_altitude(0.0)], speed_mps),
+        Exposure::Killed => own.then(when_s, 5.0, &[here.at_altitude(0.0)], speed_mps),
+        // On the way up and at the last waypoint it falls out of lockstep in its slot.
+        Exposure::Apart if matches!(phase.act, Act::TakesOff { .. } | Act::Lands { .. }) => {
+            let slot = match phase.act {
+                Act::Lands { .. } => ways[0].from,
+                _ => phase.end(id),
+            };
+            Motion::new(alone(flown, slot, phase, id), Pace::draw(rng))
+        }
+        Exposure::Apart => {
+            let corners = alone(flown, here, phase, id);
+            own.then(when_s, 0.0, &corners[1..], 3.0 * speed_mps)
+        }
+    }
+}
+
+/// Whether a drone that is not in lockstep flies in its layer in a phase.
+pub(super) fn flies_alone(flown: Flown<'_>, phase: &Phase) -> bool {
+    let is_step = matches!(
+        phase.act,
+        Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. }
+    );
+    !is_step || flown.layout.layering() == Layering::Each
+}
+
+/// All drones, each in its layer, on from where they are after the phase before.
+pub(super) fn all_alone(
+    rng: &mut ChaCha8Rng,
+    flown: Flown<'_>,
+    before: &Phase,
+    phase: &Phase,
+) -> Vec<Motion> {
+    let drones = (0..flown.layout.formation().drones()).map(NodeId);
+    let motions = drones.map(|id| {
+        let corners = alone(flown, before.end(id), phase, id);
+        Motion::new(corners, Pace::draw(rng))
+    });
+    motions.collect()
+}
+
+/// The corners of the way of one that flies in its layer from somewhere on to the end of a phase.
+fn alone(flown: Flown<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
+    let centre = flown.waypoints[phase.waypoint];
+    let altitude_m = flown.altitude_alone_m(id, phase.changes, centre);
+    let up = from.at_altitude(altitude_m);
+    if !matches!(phase.act, Act::Lands { .. }) {
+        return vec![from, up, phase.end(id).at_altitude(altitude_m)];
+    }
+    let layout = flown.layout_after(phase.changes);
+    let place = layout.slot(id, flown.clearing(id, phase.changes, centre));
+    vec![
+        from,
+        up,
+        place.at_altitude(altitude_m),
+        place.at_altitude(0.0),
+    ]
+}
