@@ -17,11 +17,15 @@ use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
-/// For how long a silent drone is thought to be where it said. It may be out of reach, and elsewhere by then; one that is
-/// dead is missed before that, and all fly above where it comes down.
+/// After how long a drone that was heard is silent: it may be out of reach, or its process gone. Drones speak once a second at
+/// least, and a flight controller waits longer than this.
+const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// How much longer than after it was heard last a drone may have lived: until it was to speak again.
+const HEARD_EVERY: Duration = Duration::from_secs(1);
+/// For how long a drone that fell silent in the air is thought to be where its way ends, at the least.
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(30);
-/// After how long a silent drone is thought to be where its way ends: it has flown on, out of reach.
-const THERE_AFTER: Duration = Duration::from_secs(5);
+/// Below which height a way ends on the ground, in metres.
+const GROUND_M: f64 = 1.0;
 /// Two ways of which one is the other elsewhere, for their lengths and directions differ by no more than this, in metres.
 const ALIKE_M: f64 = 1.0;
 /// How far aside a way round is looked for, counted in how far from others drones keep over ground.
@@ -40,6 +44,30 @@ const TURNS_RAD: [f64; 8] = [
 /// A way is flown straight up or down if it leads no farther over ground, in metres.
 const UPRIGHT_M: f64 = 1.0;
 
+/// How a drone keeps clear of others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// How far.
+    pub separation: Separation,
+    /// After how long without a word of its drone's a flight controller brings an aircraft down.
+    pub controller: Duration,
+    /// How fast it does, in m/s.
+    pub descent_mps: f64,
+    /// How much longer than at that speed the last metres take.
+    pub touch_down: Duration,
+}
+
+impl Config {
+    /// How long after it was heard last a drone at that height, in metres, is on the ground if its process has ended.
+    fn down_after(&self, altitude_m: f64) -> Duration {
+        let descent = Duration::from_secs_f64(altitude_m.max(0.0) / self.descent_mps);
+        HEARD_EVERY + self.controller + descent + self.touch_down
+    }
+}
+
+/// Into how many parts a way is divided to say how much of it is flown.
+const PARTS: f64 = 128.0;
+
 /// Where a drone is and where it goes: the straight way that it flies, whose ends are the same where it stands still.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Intent {
@@ -47,17 +75,23 @@ pub struct Intent {
     pub from_dm: [i32; 3],
     /// Where it ends, likewise.
     pub to_dm: [i32; 3],
+    /// How much of the way is behind it at the least, in 128ths of it: 0 to 127.
+    pub flown: u8,
+    /// Whether it flies this way whoever is there: it lands, it does not know where it is, or it follows a master.
+    pub is_heedless: bool,
 }
 
 impl Intent {
-    /// The nearest to a way that can be said.
+    /// The nearest to a way that can be said, of which so large a share is flown.
     #[must_use]
-    pub fn of(way: Way) -> Self {
+    pub fn of(way: Way, share: f64, is_heedless: bool) -> Self {
         // What is farther than 2^31 decimetres is on no mission.
         let decimetres = |place: Ned| <[f64; 3]>::from(place).map(|it| (it * 10.0).round() as i32);
         Self {
             from_dm: decimetres(way.from),
             to_dm: decimetres(way.to),
+            flown: (share * PARTS).clamp(0.0, PARTS - 1.0) as u8,
+            is_heedless,
         }
     }
 
@@ -70,11 +104,19 @@ impl Intent {
             to: metres(self.to_dm),
         }
     }
+
+    /// What of the way is left, in metres.
+    fn rest(self) -> Way {
+        let Way { from, to } = self.way();
+        let from = Ned(from.0.lerp(&to.0, f64::from(self.flown) / PARTS));
+        Way { from, to }
+    }
 }
 
 /// What a drone does, those first whom others give way to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Manner {
+    Heedless,
     StandsStill,
     GoesUpOrDown,
     FliesOn,
@@ -84,10 +126,44 @@ impl Manner {
     fn of(way: Way) -> Self {
         if way.from == way.to {
             Self::StandsStill
-        } else if way.from.horizontal_distance_m(way.to) <= UPRIGHT_M {
+        } else if is_upright(way) {
             Self::GoesUpOrDown
         } else {
             Self::FliesOn
+        }
+    }
+}
+
+fn is_upright(way: Way) -> bool {
+    way.from.horizontal_distance_m(way.to) <= UPRIGHT_M
+}
+
+/// Where another may be.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    way: Way,
+    /// Whether it may come down from there.
+    sinks: bool,
+    manner: Manner,
+}
+
+impl Room {
+    fn at(place: Ned) -> Self {
+        Self {
+            way: Way {
+                from: place,
+                to: place,
+            },
+            sinks: false,
+            manner: Manner::StandsStill,
+        }
+    }
+
+    fn is_near(&self, way: Way, separation: Separation) -> bool {
+        if self.sinks {
+            way.comes_near_below(self.way, separation)
+        } else {
+            way.comes_near(self.way, separation)
         }
     }
 }
@@ -96,56 +172,77 @@ impl Manner {
 #[derive(Debug)]
 pub(crate) struct Traffic {
     own: NodeId,
-    separation: Separation,
-    others: BTreeMap<NodeId, (Way, Timestamp)>,
+    config: Config,
+    others: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
 impl Traffic {
-    pub(crate) const fn new(own: NodeId, separation: Separation) -> Self {
+    pub(crate) const fn new(own: NodeId, config: Config) -> Self {
         Self {
             own,
-            separation,
+            config,
             others: BTreeMap::new(),
         }
     }
 
     /// Takes in where another is and goes, or that it does not say so any more; whether that is news.
     pub(crate) fn hears(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
-        let Some(way) = intent.map(Intent::way) else {
+        let Some(intent) = intent else {
             return self.others.remove(&id).is_some();
         };
-        let before = self.others.insert(id, (way, now));
-        before.is_none_or(|(before, _)| before != way)
+        let before = self.others.insert(id, (intent, now));
+        before.is_none_or(|(before, _)| before != intent)
     }
 
     /// Whether a way may be begun: no other is near it, and none is on a way that comes near it.
     pub(crate) fn is_free(&self, now: Timestamp, way: Way) -> bool {
-        self.near(now, way).next().is_none()
+        self.near(now, way, way).next().is_none()
     }
 
     /// Whether the rest of a way that is being flown is another's to fly first.
-    pub(crate) fn gives_way(&self, now: Timestamp, way: Way) -> bool {
-        let own = (Manner::of(way), self.own);
-        let mut near = self.near(now, way);
-        near.any(|(id, other)| (Manner::of(other), id) < own)
+    pub(crate) fn gives_way(&self, now: Timestamp, rest: Way, whole: Way) -> bool {
+        let own = (Manner::of(whole), self.own);
+        let mut near = self.near(now, rest, whole);
+        near.any(|(id, other)| (other.manner, id) < own)
     }
 
-    /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the height where it begins, then
-    /// up or down to the height where it ends, and from there straight on.
+    /// A place aside of where a drone would come down, at the same height, and the way there, if both are free.
+    pub(crate) fn beside(&self, now: Timestamp, column: Way) -> Option<Ned> {
+        self.sides(column.from, Vector2::x()).find(|side| {
+            let across = Way {
+                from: column.from,
+                to: *side,
+            };
+            let down = Way {
+                from: *side,
+                to: side.at_altitude(0.0),
+            };
+            // Whoever is near already is not in the way of the way there, but of a descent.
+            self.is_free(now, across) && self.rooms(now).all(|(_, it)| !self.is_near(&it, down))
+        })
+    }
+
+    /// Places around another at which a way round may begin, those before that are nearest ahead first.
+    fn sides(&self, from: Ned, ahead: Vector2<f64>) -> impl Iterator<Item = Ned> {
+        let horizontal_m = self.config.separation.horizontal_m;
+        ASIDE.iter().flat_map(move |far| {
+            TURNS_RAD.iter().map(move |turn_rad| {
+                let aside = Rotation2::new(*turn_rad) * ahead * (far * horizontal_m);
+                from + Ned::new(aside.x, aside.y, 0.0)
+            })
+        })
+    }
+
+    /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the
+    /// height where it begins, then up or down to the height where it ends, and from there straight on.
     pub(crate) fn way_round(&self, now: Timestamp, way: Way) -> Option<[Ned; 2]> {
-        let mut in_the_way = self.near(now, way);
-        if in_the_way.any(|(_, other)| Manner::of(other) != Manner::StandsStill) {
+        let mut in_the_way = self.near(now, way, way);
+        if in_the_way.any(|(_, other)| other.manner != Manner::StandsStill) {
             return None;
         }
         let ahead = (way.to - way.from).0.xy();
         let ahead = ahead.try_normalize(UPRIGHT_M).unwrap_or_else(Vector2::x);
-        let sides = ASIDE.iter().flat_map(|far| {
-            let distance_m = far * self.separation.horizontal_m;
-            TURNS_RAD.iter().map(move |turn_rad| {
-                let aside = Rotation2::new(*turn_rad) * ahead * distance_m;
-                way.from + Ned::new(aside.x, aside.y, 0.0)
-            })
-        });
+        let sides = self.sides(way.from, ahead);
         let mut ways_round = sides.map(|side| [side, side.at_altitude(way.to.altitude_m())]);
         ways_round.find(|[side, level]| {
             let legs = [(way.from, *side), (*side, *level), (*level, way.to)];
@@ -154,27 +251,65 @@ impl Traffic {
         })
     }
 
-    /// Who is too near a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it stays as far;
-    /// and nobody who is too near where the way begins, for to wait there would not help.
-    fn near(&self, now: Timestamp, way: Way) -> impl Iterator<Item = (NodeId, Way)> {
+    /// Who is too near the rest of a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it
+    /// stays as far; and nobody who is too near where the way begins, for to wait there would not help.
+    fn near(&self, now: Timestamp, rest: Way, whole: Way) -> impl Iterator<Item = (NodeId, Room)> {
         let here = Way {
-            from: way.from,
-            to: way.from,
+            from: rest.from,
+            to: rest.from,
         };
-        self.others.iter().filter_map(move |(id, (said, at))| {
-            let silent = now.since(*at);
-            let mut other = *said;
-            if silent > THERE_AFTER && Manner::of(other) == Manner::FliesOn {
-                other.from = other.to;
-            }
-            let flies_alike = Manner::of(other) == Manner::FliesOn
-                && ((way.to - way.from).0 - (other.to - other.from).0).norm() < ALIKE_M;
-            let is_in_the_way = silent <= FORGOTTEN_AFTER
-                && !flies_alike
-                && way.comes_near(other, self.separation)
-                && !here.comes_near(other, self.separation);
-            is_in_the_way.then_some((*id, other))
+        self.rooms(now).filter(move |(id, room)| {
+            let may_fly = room.manner == Manner::FliesOn || room.sinks;
+            let flies_alike = may_fly && {
+                let other = self.others[id].0.way();
+                let differ_m = ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
+                differ_m < ALIKE_M && Manner::of(other) == Manner::FliesOn
+            };
+            !flies_alike && self.is_near(room, rest) && !self.is_near(room, here)
         })
+    }
+
+    fn is_near(&self, room: &Room, way: Way) -> bool {
+        room.is_near(way, self.config.separation)
+    }
+
+    fn rooms(&self, now: Timestamp) -> impl Iterator<Item = (NodeId, Room)> {
+        let others = self.others.iter();
+        others.filter_map(move |(id, (said, at))| Some((*id, self.room(now.since(*at), *said)?)))
+    }
+
+    /// Where one may be that said this, and has been silent for so long.
+    ///
+    /// One that can be heard is on what is left of its way. A silent one may have flown on, and be out of reach, or may have
+    /// no process any more; then its aircraft comes down somewhere on the rest of its way. Once it must be down, where the
+    /// way ended is kept clear for a while yet. One that came down where it said lies there for good.
+    fn room(&self, silent: Duration, said: Intent) -> Option<Room> {
+        let rest = said.rest();
+        let highest_m = rest.from.altitude_m().max(rest.to.altitude_m());
+        let down_after = self.config.down_after(highest_m);
+        let comes_down = is_upright(said.way()) && rest.to.altitude_m() < GROUND_M;
+        if silent <= SILENT_AFTER || comes_down && silent <= down_after {
+            let manner = if said.is_heedless {
+                Manner::Heedless
+            } else {
+                Manner::of(said.way())
+            };
+            Some(Room {
+                way: rest,
+                sinks: false,
+                manner,
+            })
+        } else if comes_down {
+            Some(Room::at(rest.to))
+        } else if silent <= down_after {
+            Some(Room {
+                way: rest,
+                sinks: true,
+                manner: Manner::StandsStill,
+            })
+        } else {
+            (silent <= FORGOTTEN_AFTER).then(|| Room::at(rest.to))
+        }
     }
 }
 
@@ -187,6 +322,14 @@ mod tests {
         vertical_m: 5.0,
     };
 
+    /// An aircraft 30 m high is down 1 s, 5 s, 10 s and 10 s after it was heard last.
+    const CONFIG: Config = Config {
+        separation: SEPARATION,
+        controller: Duration::from_secs(5),
+        descent_mps: 3.0,
+        touch_down: Duration::from_secs(10),
+    };
+
     fn at(north_m: f64, east_m: f64, altitude_m: f64) -> Ned {
         Ned::new(north_m, east_m, -altitude_m)
     }
@@ -195,15 +338,19 @@ mod tests {
         Way { from, to }
     }
 
+    fn says(way: Way) -> Intent {
+        Intent::of(way, 0.0, false)
+    }
+
     fn seconds(seconds: f64) -> Timestamp {
         Timestamp::from_secs_f64(seconds)
     }
 
     /// What drone 5 knows that has heard this of others just now.
     fn traffic(said: &[(u32, Way)]) -> Traffic {
-        let mut traffic = Traffic::new(NodeId(5), SEPARATION);
+        let mut traffic = Traffic::new(NodeId(5), CONFIG);
         for (id, way) in said {
-            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(Intent::of(*way))));
+            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(says(*way))));
         }
         traffic
     }
@@ -211,10 +358,10 @@ mod tests {
     #[test]
     fn what_is_said_is_the_way_to_five_centimetres() {
         let flown = way(at(1.04, -2.26, 30.0), at(-1_000.0, 3.0, 12.31));
-        let said = Intent::of(flown).way();
+        let said = says(flown).way();
         assert!(said.from.distance_m(flown.from) < 0.09 && said.to.distance_m(flown.to) < 0.09);
         let far = at(1e300, f64::NAN, 0.0);
-        assert_eq!(Intent::of(way(far, far)).from_dm, [i32::MAX, 0, 0]);
+        assert_eq!(says(way(far, far)).from_dm, [i32::MAX, 0, 0]);
     }
 
     #[test]
@@ -228,13 +375,13 @@ mod tests {
         assert!(known.is_free(seconds(1.0), above));
         // It has gone on, the same way: whoever is behind it may follow.
         let ahead = way(there, at(220.0, 0.0, 12.0));
-        assert!(known.hears(seconds(1.0), NodeId(2), Some(Intent::of(ahead))));
+        assert!(known.hears(seconds(1.0), NodeId(2), Some(says(ahead))));
         assert!(
-            !known.hears(seconds(1.5), NodeId(2), Some(Intent::of(ahead))),
+            !known.hears(seconds(1.5), NodeId(2), Some(says(ahead))),
             "no news"
         );
         assert!(known.is_free(seconds(2.0), leg));
-        known.hears(seconds(3.0), NodeId(2), Some(Intent::of(way(there, there))));
+        known.hears(seconds(3.0), NodeId(2), Some(says(way(there, there))));
         assert!(!known.is_free(seconds(3.0), leg));
         assert!(known.hears(seconds(4.0), NodeId(2), None) && known.is_free(seconds(4.0), leg));
     }
@@ -253,8 +400,9 @@ mod tests {
         let east = way(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
         let up = way(at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
         let still = way(up.to, up.to);
-        let stops =
-            |own: Way, id: u32, other: Way| traffic(&[(id, other)]).gives_way(seconds(0.1), own);
+        let stops = |own: Way, id: u32, other: Way| {
+            traffic(&[(id, other)]).gives_way(seconds(0.1), own, own)
+        };
         assert!(stops(north, 4, east) && !stops(north, 6, east));
         assert!(stops(north, 6, up) && !stops(up, 4, north));
         assert!(stops(up, 6, still));
@@ -288,13 +436,61 @@ mod tests {
     }
 
     #[test]
-    fn one_that_has_fallen_silent_is_thought_to_be_there_for_a_while() {
-        let there = at(60.0, 0.0, 12.0);
-        let known = traffic(&[(2, way(there, there))]);
+    fn what_is_flown_of_a_way_is_in_nobody_s_way_any_more() {
+        let (from, to) = (at(60.0, -100.0, 12.0), at(60.0, 100.0, 12.0));
         let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
-        assert!(!known.is_free(seconds(30.0), leg) && known.is_free(seconds(30.1), leg));
-        // One that was on its way has arrived, where it can't be heard.
-        let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
-        assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
+        for (share, is_free) in [(0.5, false), (0.54, true), (1.0, true)] {
+            let mut known = traffic(&[]);
+            known.hears(
+                seconds(0.0),
+                NodeId(2),
+                Some(Intent::of(way(from, to), share, false)),
+            );
+            assert_eq!(known.is_free(seconds(1.0), leg), is_free, "{share}");
+        }
+        // Whose way is like the own one still is when half of it is flown.
+        let ahead = way(at(60.0, 0.0, 12.0), at(220.0, 0.0, 12.0));
+        let mut known = traffic(&[]);
+        known.hears(seconds(0.0), NodeId(2), Some(Intent::of(ahead, 0.5, false)));
+        assert!(known.is_free(seconds(1.0), leg));
+        let rest = way(at(80.0, 0.0, 12.0), leg.to);
+        assert!(!known.gives_way(seconds(1.0), rest, leg));
+    }
+
+    #[test]
+    fn to_one_that_can_t_give_way_all_do() {
+        let (low, high) = (at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
+        let mut known = traffic(&[]);
+        let lands = Intent::of(way(high, at(50.0, 0.0, 15.0)), 0.0, true);
+        known.hears(seconds(0.0), NodeId(9), Some(lands));
+        assert!(known.gives_way(seconds(0.1), way(low, high), way(low, high)));
+    }
+
+    #[test]
+    fn nobody_flies_below_one_that_has_fallen_silent_before_it_must_be_down() {
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let above = way(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
+        let crosses = way(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
+        let there = way(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
+        for said in [there, crosses] {
+            let known = traffic(&[(9, said)]);
+            for (at_s, may_begin) in [(3.0, true), (3.1, false), (26.0, false), (26.1, true)] {
+                let now = seconds(at_s);
+                assert_eq!(known.is_free(now, leg), may_begin, "{said:?} at {at_s}");
+                assert_eq!(known.gives_way(now, leg, leg), !may_begin);
+                assert!(known.is_free(now, above));
+            }
+        }
+        // Where its way ends it may stay for a while, and where it came down for good.
+        let at_its_height = way(at(0.0, 0.0, 30.0), at(160.0, 0.0, 30.0));
+        let known = traffic(&[(9, there)]);
+        assert!(!known.is_free(seconds(30.0), at_its_height));
+        assert!(known.is_free(seconds(30.1), at_its_height));
+        let known = traffic(&[(9, way(there.from, at(60.0, 0.0, 0.0)))]);
+        assert!(!known.is_free(seconds(26.0), leg) && known.is_free(seconds(26.1), leg));
+        let onto_it = way(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
+        assert!(!known.is_free(seconds(900.0), onto_it));
+        let side = known.beside(seconds(900.0), onto_it).unwrap();
+        assert!(side.horizontal_distance_m(onto_it.to) > 10.0);
     }
 }

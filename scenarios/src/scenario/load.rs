@@ -9,6 +9,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::mission::Barrier;
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
+use muster_machines::traffic;
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::mission_file;
@@ -20,7 +21,9 @@ use super::faults::faults;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
 use super::formation;
-use super::limits::{Course, altitude_max_m, check_layers, has_room, highest_layer_m, limits};
+use super::limits::{
+    Course, altitude_max_m, check_layers, controller, has_room, highest_layer_m, limits,
+};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
 use super::{Chaos, Protocol, Scenario, Variation};
 use crate::vehicle::Landing;
@@ -135,8 +138,8 @@ fn alone(
         changes = formation::changes(source, raw, &layout, waypoints.len())?;
     }
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
-    let avoid = raw.safety.avoid.then_some(separation);
-    let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
+    let avoids = raw.safety.avoid.then_some(separation);
+    let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoids);
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
@@ -316,15 +319,30 @@ fn bursts(source: &Source, radio: &super::raw::Radio) -> Result<Option<Bursts>, 
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
 /// WPNAV_SPEED_DN 1.5 m/s.
-fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigation::Config {
+fn vehicle(raw: &Raw, failsafe: Failsafe, avoids: Option<Separation>) -> navigation::Config {
     let vehicle = &raw.vehicle;
-    navigation::Config {
+    let config = navigation::Config {
         speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
         climb_mps: vehicle.climb_mps.map_or(2.5, |it| it.0),
         descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
         acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
         failsafe,
-        avoid,
+        avoid: None,
+    };
+    let Landing {
+        descent_mps,
+        final_mps,
+        final_altitude_m,
+        ..
+    } = landing(raw, config);
+    navigation::Config {
+        avoid: avoids.map(|separation| traffic::Config {
+            separation,
+            controller: controller(raw),
+            descent_mps,
+            touch_down: Duration::from_secs_f64(final_altitude_m / final_mps),
+        }),
+        ..config
     }
 }
 

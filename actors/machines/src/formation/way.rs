@@ -17,7 +17,24 @@ impl Way {
     /// height at once.
     #[must_use]
     pub fn comes_near(self, other: Self, separation: Separation) -> bool {
-        if !self.may_come_near(other, separation) {
+        let limits = [(1.0, separation.vertical_m), (-1.0, separation.vertical_m)];
+        self.is_within(other, separation.horizontal_m, &limits)
+    }
+
+    /// Likewise, where the other may come down from anywhere on its way, as far as the ground.
+    #[must_use]
+    pub fn comes_near_below(self, other: Self, separation: Separation) -> bool {
+        self.is_within(
+            other,
+            separation.horizontal_m,
+            &[(-1.0, separation.vertical_m)],
+        )
+    }
+
+    /// Whether the two may be nearer than that over ground while the one is below the other, in metres, by less than each
+    /// limit allows, with its sign.
+    fn is_within(self, other: Self, horizontal_m: f64, limits: &[(f64, f64)]) -> bool {
+        if !self.boxes_are_within(other, horizontal_m, limits) {
             return false;
         }
         // Relative to each other they may be anywhere in the parallelogram that is spanned by the two ways: cut to the
@@ -25,27 +42,29 @@ impl Way {
         let (u, v) = ((self.to - self.from).0, -(other.to - other.from).0);
         let corner = (self.from - other.from).0;
         let mut outline = vec![corner, corner + u, corner + u + v, corner + v];
-        for (sign, limit) in [(1.0, separation.vertical_m), (-1.0, separation.vertical_m)] {
+        for (sign, limit) in limits {
             outline = cut(&outline, |at| limit - sign * at.z);
         }
         let seen_from_above: Vec<_> = outline.iter().map(Vector3::xy).collect();
-        !seen_from_above.is_empty() && to_origin_m(&seen_from_above) < separation.horizontal_m
+        !seen_from_above.is_empty() && to_origin_m(&seen_from_above) < horizontal_m
     }
-}
 
-impl Way {
-    /// Whether the boxes around the two are too near each other.
-    fn may_come_near(self, other: Self, separation: Separation) -> bool {
-        let near_m = [
-            separation.horizontal_m,
-            separation.horizontal_m,
-            separation.vertical_m,
-        ];
-        near_m.into_iter().enumerate().all(|(axis, near_m)| {
+    /// Whether the boxes around the two are so near.
+    fn boxes_are_within(self, other: Self, horizontal_m: f64, limits: &[(f64, f64)]) -> bool {
+        // How far the one is from the other along an axis, at the least and at the most.
+        let apart = |axis: usize| {
             let (a, b) = (self.from.0[axis], self.to.0[axis]);
             let (c, d) = (other.from.0[axis], other.to.0[axis]);
-            a.min(b) - c.max(d) < near_m && c.min(d) - a.max(b) < near_m
-        })
+            (a.min(b) - c.max(d), a.max(b) - c.min(d))
+        };
+        let (least, most) = apart(2);
+        (0..2)
+            .map(apart)
+            .all(|(least, most)| least < horizontal_m && -most < horizontal_m)
+            && limits.iter().all(|(sign, limit)| {
+                let nearest = (sign * least).min(sign * most);
+                nearest < *limit
+            })
     }
 }
 
@@ -128,6 +147,26 @@ mod tests {
                 prop_assert_eq!(comes_near, [false; 2], "{} of 1", room);
             }
         }
+    }
+
+    #[test]
+    fn below_one_that_may_come_down_all_is_near() {
+        let level = |altitude_m: f64| Way {
+            from: Ned::new(-50.0, 0.0, -altitude_m),
+            to: Ned::new(50.0, 0.0, -altitude_m),
+        };
+        let across = Way {
+            from: Ned::new(0.0, -50.0, -20.0),
+            to: Ned::new(0.0, 50.0, -30.0),
+        };
+        let is_near = |altitude_m: f64| level(altitude_m).comes_near_below(across, SEPARATION);
+        // It is 25 m high where the two cross, and somewhat more 5 m farther on.
+        assert!(is_near(1.0) && is_near(27.9) && !is_near(28.6));
+        let aside = Way {
+            from: Ned::new(0.0, 5.0, -20.0),
+            to: Ned::new(0.0, 50.0, -20.0),
+        };
+        assert!(!level(1.0).comes_near_below(aside, SEPARATION));
     }
 
     #[test]
