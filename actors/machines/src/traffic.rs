@@ -20,6 +20,8 @@ use crate::time::Timestamp;
 /// After how long a drone that was heard is silent: it may be out of reach, or its process gone. Drones speak once a second at
 /// least, and a flight controller waits longer than this.
 const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// After how long a silent drone that has flown out of reach is thought to be where its way ends.
+const THERE_AFTER: Duration = Duration::from_secs(5);
 /// How much longer than after it was heard last a drone may have lived: until it was to speak again.
 const HEARD_EVERY: Duration = Duration::from_secs(1);
 /// For how long a drone that fell silent in the air is thought to be where its way ends, at the least.
@@ -148,6 +150,19 @@ struct Room {
 }
 
 impl Room {
+    /// Of one that is heard.
+    fn of(said: Intent) -> Self {
+        Self {
+            way: said.rest(),
+            sinks: false,
+            manner: if said.is_heedless {
+                Manner::Heedless
+            } else {
+                Manner::of(said.way())
+            },
+        }
+    }
+
     fn at(place: Ned) -> Self {
         Self {
             way: Way {
@@ -218,7 +233,8 @@ impl Traffic {
                 to: side.at_altitude(0.0),
             };
             // Whoever is near already is not in the way of the way there, but of a descent.
-            self.is_free(now, across) && self.rooms(now).all(|(_, it)| !self.is_near(&it, down))
+            self.is_free(now, across)
+                && (self.rooms(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
         })
     }
 
@@ -258,7 +274,7 @@ impl Traffic {
             from: rest.from,
             to: rest.from,
         };
-        self.rooms(now).filter(move |(id, room)| {
+        self.rooms(now, rest.from).filter(move |(id, room)| {
             let may_fly = room.manner == Manner::FliesOn || room.sinks;
             let flies_alike = may_fly && {
                 let other = self.others[id].0.way();
@@ -273,40 +289,47 @@ impl Traffic {
         room.is_near(way, self.config.separation)
     }
 
-    fn rooms(&self, now: Timestamp) -> impl Iterator<Item = (NodeId, Room)> {
-        let others = self.others.iter();
-        others.filter_map(move |(id, (said, at))| Some((*id, self.room(now.since(*at), *said)?)))
+    /// Where the others may be, as seen from `here`.
+    fn rooms(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, Room)> {
+        let apart_m = move |said: &Intent| here.distance_m(said.rest().from);
+        let heard = self.others.values();
+        let heard = heard.filter(move |(_, at)| now.since(*at) <= SILENT_AFTER);
+        let reach_m = heard.map(|(said, _)| apart_m(said)).fold(0.0, f64::max);
+        self.others.iter().filter_map(move |(id, (said, at))| {
+            let silent = now.since(*at);
+            let room = if silent <= SILENT_AFTER {
+                Some(Room::of(*said))
+            } else {
+                self.silent_room(silent, *said, apart_m(said) <= reach_m)
+            };
+            Some((*id, room?))
+        })
     }
 
     /// Where one may be that said this, and has been silent for so long.
     ///
-    /// One that can be heard is on what is left of its way. A silent one may have flown on, and be out of reach, or may have
-    /// no process any more; then its aircraft comes down somewhere on the rest of its way. Once it must be down, where the
-    /// way ended is kept clear for a while yet. One that came down where it said lies there for good.
-    fn room(&self, silent: Duration, said: Intent) -> Option<Room> {
+    /// One that was no farther away than another that is heard has no process any more, as far as can be known: its aircraft
+    /// comes down somewhere on the rest of its way. Any other may have flown on, out of reach. Once it is down or there,
+    /// where its way ended is kept clear for a while yet. One that came down where it said lies there for good.
+    fn silent_room(&self, silent: Duration, said: Intent, is_in_reach: bool) -> Option<Room> {
         let rest = said.rest();
         let highest_m = rest.from.altitude_m().max(rest.to.altitude_m());
-        let down_after = self.config.down_after(highest_m);
+        let may_sink = silent <= self.config.down_after(highest_m);
         let comes_down = is_upright(said.way()) && rest.to.altitude_m() < GROUND_M;
-        if silent <= SILENT_AFTER || comes_down && silent <= down_after {
-            let manner = if said.is_heedless {
-                Manner::Heedless
+        if comes_down {
+            Some(if may_sink {
+                Room::of(said)
             } else {
-                Manner::of(said.way())
-            };
-            Some(Room {
-                way: rest,
-                sinks: false,
-                manner,
+                Room::at(rest.to)
             })
-        } else if comes_down {
-            Some(Room::at(rest.to))
-        } else if silent <= down_after {
+        } else if is_in_reach && may_sink {
             Some(Room {
                 way: rest,
                 sinks: true,
                 manner: Manner::StandsStill,
             })
+        } else if silent <= THERE_AFTER {
+            Some(Room::of(said))
         } else {
             (silent <= FORGOTTEN_AFTER).then(|| Room::at(rest.to))
         }
@@ -467,17 +490,32 @@ mod tests {
     }
 
     #[test]
+    fn one_that_has_flown_out_of_reach_is_thought_to_be_there_for_a_while() {
+        let there = at(60.0, 0.0, 12.0);
+        let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
+    }
+
+    #[test]
     fn nobody_flies_below_one_that_has_fallen_silent_before_it_must_be_down() {
         let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         let above = way(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
         let crosses = way(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
         let there = way(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
         for said in [there, crosses] {
-            let known = traffic(&[(9, said)]);
-            for (at_s, may_begin) in [(3.0, true), (3.1, false), (26.0, false), (26.1, true)] {
+            for (at_s, waits) in [(3.0, false), (3.1, true), (26.0, true), (26.1, false)] {
                 let now = seconds(at_s);
-                assert_eq!(known.is_free(now, leg), may_begin, "{said:?} at {at_s}");
-                assert_eq!(known.gives_way(now, leg, leg), !may_begin);
+                let mut known = traffic(&[(9, said)]);
+                assert!(
+                    known.is_free(now, leg),
+                    "nobody is heard: it is out of reach"
+                );
+                // One that is heard is farther away.
+                let far = at(-500.0, 0.0, 12.0);
+                known.hears(now, NodeId(8), Some(says(way(far, far))));
+                assert_eq!(known.is_free(now, leg), !waits, "{said:?} at {at_s}");
+                assert_eq!(known.gives_way(now, leg, leg), waits);
                 assert!(known.is_free(now, above));
             }
         }
