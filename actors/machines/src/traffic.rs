@@ -17,13 +17,10 @@ use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
-/// After how long a drone that was heard is silent: it may be out of reach, or its process gone. Drones speak once a second at
-/// least, and a flight controller waits longer than this.
-const SILENT_AFTER: Duration = Duration::from_secs(3);
+/// How much older what is known of a drone may be than what it said last: its radio passes on what is no news once a second.
+const KNOWN_LATE: Duration = Duration::from_secs(1);
 /// After how long a silent drone that has flown out of reach is thought to be where its way ends.
 const THERE_AFTER: Duration = Duration::from_secs(5);
-/// How much longer than after it was heard last a drone may have lived: until it was to speak again.
-const HEARD_EVERY: Duration = Duration::from_secs(1);
 /// For how long a drone that fell silent in the air is thought to be where its way ends, at the least.
 const FORGOTTEN_AFTER: Duration = Duration::from_secs(30);
 /// Below which height a way ends on the ground, in metres.
@@ -51,6 +48,8 @@ const UPRIGHT_M: f64 = 1.0;
 pub struct Config {
     /// How far.
     pub separation: Separation,
+    /// After how long without a word of it a drone is silent.
+    pub time_to_live: Duration,
     /// After how long without a word of its drone's a flight controller brings an aircraft down.
     pub controller: Duration,
     /// How fast it does, in m/s.
@@ -60,10 +59,15 @@ pub struct Config {
 }
 
 impl Config {
+    /// How old what is known of a drone is at the most as long as that counts as heard.
+    fn silent_after(&self) -> Duration {
+        self.time_to_live + KNOWN_LATE
+    }
+
     /// How long after it was heard last a drone at that height, in metres, is on the ground if its process has ended.
     fn down_after(&self, altitude_m: f64) -> Duration {
         let descent = Duration::from_secs_f64(altitude_m.max(0.0) / self.descent_mps);
-        HEARD_EVERY + self.controller + descent + self.touch_down
+        self.silent_after() + self.controller + descent + self.touch_down
     }
 }
 
@@ -293,11 +297,11 @@ impl Traffic {
     fn rooms(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, Room)> {
         let apart_m = move |said: &Intent| here.distance_m(said.rest().from);
         let heard = self.others.values();
-        let heard = heard.filter(move |(_, at)| now.since(*at) <= SILENT_AFTER);
+        let heard = heard.filter(move |(_, at)| now.since(*at) <= self.config.silent_after());
         let reach_m = heard.map(|(said, _)| apart_m(said)).fold(0.0, f64::max);
         self.others.iter().filter_map(move |(id, (said, at))| {
             let silent = now.since(*at);
-            let room = if silent <= SILENT_AFTER {
+            let room = if silent <= self.config.silent_after() {
                 Some(Room::of(*said))
             } else {
                 self.silent_room(silent, *said, apart_m(said) <= reach_m)
@@ -345,9 +349,10 @@ mod tests {
         vertical_m: 5.0,
     };
 
-    /// An aircraft 30 m high is down 1 s, 5 s, 10 s and 10 s after it was heard last.
+    /// One is silent after 3 s; an aircraft 30 m high is down 5 s, 10 s and 10 s after that.
     const CONFIG: Config = Config {
         separation: SEPARATION,
+        time_to_live: Duration::from_secs(2),
         controller: Duration::from_secs(5),
         descent_mps: 3.0,
         touch_down: Duration::from_secs(10),
@@ -504,7 +509,7 @@ mod tests {
         let crosses = way(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
         let there = way(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
         for said in [there, crosses] {
-            for (at_s, waits) in [(3.0, false), (3.1, true), (26.0, true), (26.1, false)] {
+            for (at_s, waits) in [(3.0, false), (3.1, true), (28.0, true), (28.1, false)] {
                 let now = seconds(at_s);
                 let mut known = traffic(&[(9, said)]);
                 assert!(
@@ -525,7 +530,7 @@ mod tests {
         assert!(!known.is_free(seconds(30.0), at_its_height));
         assert!(known.is_free(seconds(30.1), at_its_height));
         let known = traffic(&[(9, way(there.from, at(60.0, 0.0, 0.0)))]);
-        assert!(!known.is_free(seconds(26.0), leg) && known.is_free(seconds(26.1), leg));
+        assert!(!known.is_free(seconds(28.0), leg) && known.is_free(seconds(28.1), leg));
         let onto_it = way(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
         assert!(!known.is_free(seconds(900.0), onto_it));
         let side = known.beside(seconds(900.0), onto_it).unwrap();

@@ -138,14 +138,15 @@ fn alone(
         changes = formation::changes(source, raw, &layout, waypoints.len())?;
     }
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
-    let avoids = raw.safety.avoid.then_some(separation);
-    let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoids);
+    let protocol = protocol(source, raw)?;
+    let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
+    let landing = landing(raw, vehicle);
+    vehicle.avoid = (raw.safety.avoid).then(|| avoid(raw, separation, landing, &protocol));
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
     let follow = follow(source, raw, vehicle, heights)?;
-    let landing = landing(raw, vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
@@ -160,7 +161,6 @@ fn alone(
     let flown = (&*layout, &*changes, &*waypoints);
     check_fence(source, raw, fence, flown, vehicle.speed_mps)?;
     let limits = limits(raw, separation, &course);
-    let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
     check_datagrams(source, raw)?;
     let faults = faults(source, raw, waypoints.len())?;
@@ -319,30 +319,32 @@ fn bursts(source: &Source, radio: &super::raw::Radio) -> Result<Option<Bursts>, 
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
 /// WPNAV_SPEED_DN 1.5 m/s.
-fn vehicle(raw: &Raw, failsafe: Failsafe, avoids: Option<Separation>) -> navigation::Config {
+fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
     let vehicle = &raw.vehicle;
-    let config = navigation::Config {
+    navigation::Config {
         speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
         climb_mps: vehicle.climb_mps.map_or(2.5, |it| it.0),
         descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
         acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
         failsafe,
         avoid: None,
-    };
-    let Landing {
-        descent_mps,
-        final_mps,
-        final_altitude_m,
-        ..
-    } = landing(raw, config);
-    navigation::Config {
-        avoid: avoids.map(|separation| traffic::Config {
-            separation,
-            controller: controller(raw),
-            descent_mps,
-            touch_down: Duration::from_secs_f64(final_altitude_m / final_mps),
-        }),
-        ..config
+    }
+}
+
+/// How drones keep clear of each other.
+fn avoid(
+    raw: &Raw,
+    separation: Separation,
+    landing: Landing,
+    protocol: &Protocol,
+) -> traffic::Config {
+    let touch_down_s = landing.final_altitude_m / landing.final_mps;
+    traffic::Config {
+        separation,
+        time_to_live: protocol.time_to_live,
+        controller: controller(raw),
+        descent_mps: landing.descent_mps,
+        touch_down: Duration::from_secs_f64(touch_down_s),
     }
 }
 

@@ -398,6 +398,7 @@ fn avoids() -> Navigation {
     };
     let avoid = traffic::Config {
         separation,
+        time_to_live: Duration::from_secs(2),
         controller: Duration::from_secs(5),
         descent_mps: 1.5,
         touch_down: Duration::from_secs(10),
