@@ -83,7 +83,7 @@ pub struct Intent {
     pub to_dm: [i32; 3],
     /// How much of the way is behind it at the least, in 128ths of it: 0 to 127.
     pub flown: u8,
-    /// Whether it flies this way whoever is there: it lands, it does not know where it is, or it follows a master.
+    /// Whether it flies this way whoever is there: it lands, or follows a master.
     pub is_heedless: bool,
 }
 
@@ -109,6 +109,17 @@ impl Intent {
             from: metres(self.from_dm),
             to: metres(self.to_dm),
         }
+    }
+
+    /// Whether it is a way that leads to the ground.
+    fn comes_down(self) -> bool {
+        let way = self.way();
+        is_upright(way) && way.to.altitude_m() < GROUND_M
+    }
+
+    /// Whether it follows a master.
+    fn follows(self) -> bool {
+        self.is_heedless && !self.comes_down()
     }
 
     /// What of the way is left, in metres.
@@ -192,6 +203,8 @@ impl Room {
 pub(crate) struct Traffic {
     own: NodeId,
     config: Config,
+    /// Whether it flies in step with those that follow its master.
+    in_step: bool,
     others: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
@@ -200,8 +213,14 @@ impl Traffic {
         Self {
             own,
             config,
+            in_step: false,
             others: BTreeMap::new(),
         }
+    }
+
+    /// The drone flies in step with those that follow its master from now on, or does not any more.
+    pub(crate) const fn flies_in_step(&mut self, in_step: bool) {
+        self.in_step = in_step;
     }
 
     /// Takes in where another is and goes, or that it does not say so any more; whether that is news.
@@ -285,7 +304,8 @@ impl Traffic {
                 let differ_m = ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
                 differ_m < ALIKE_M && Manner::of(other) == Manner::FliesOn
             };
-            !flies_alike && self.is_near(room, rest) && !self.is_near(room, here)
+            let follows_alike = self.in_step && self.others[id].0.follows();
+            !flies_alike && !follows_alike && self.is_near(room, rest) && !self.is_near(room, here)
         })
     }
 
@@ -319,8 +339,7 @@ impl Traffic {
         let rest = said.rest();
         let highest_m = rest.from.altitude_m().max(rest.to.altitude_m());
         let may_sink = silent <= self.config.down_after(highest_m);
-        let comes_down = is_upright(said.way()) && rest.to.altitude_m() < GROUND_M;
-        if comes_down {
+        if said.comes_down() {
             Some(if may_sink {
                 Room::of(said)
             } else {
@@ -500,6 +519,21 @@ mod tests {
         let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
         let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
+    }
+
+    #[test]
+    fn one_in_step_flies_among_those_that_follow_and_no_other_does() {
+        let (here, ahead) = (at(60.0, 0.0, 12.0), at(64.0, 0.0, 12.0));
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let mut known = traffic(&[]);
+        let follows = Intent::of(way(here, ahead), 0.0, true);
+        known.hears(seconds(0.0), NodeId(9), Some(follows));
+        assert!(!known.is_free(seconds(1.0), leg) && known.gives_way(seconds(1.0), leg, leg));
+        known.flies_in_step(true);
+        assert!(known.is_free(seconds(1.0), leg));
+        let lands = Intent::of(way(here, at(60.0, 0.0, 0.0)), 0.0, true);
+        known.hears(seconds(1.0), NodeId(9), Some(lands));
+        assert!(!known.is_free(seconds(1.0), leg));
     }
 
     #[test]

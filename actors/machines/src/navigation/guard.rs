@@ -168,8 +168,9 @@ impl Guard {
         self.waits_since.get_or_insert(now);
     }
 
-    /// It has another goal.
-    pub(super) const fn starts_anew(&mut self) {
+    /// It has another goal, to which it flies in step with those that follow its master, or not.
+    pub(super) const fn starts_anew(&mut self, in_step: bool) {
+        self.traffic.flies_in_step(in_step);
         self.waits_since = None;
         self.next_try = None;
     }

@@ -210,6 +210,9 @@ impl Navigation {
         match checkpoint {
             Some(checkpoint) => {
                 navigation.durable = checkpoint;
+                if let Some(guard) = &mut navigation.guard {
+                    guard.starts_anew(matches!(navigation.durable.goal, Some(Goal::FlyTo { .. })));
+                }
                 navigation.inform(Notice::Resync);
                 navigation.demand(Demand::Report);
             }
@@ -245,7 +248,7 @@ impl Navigation {
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
             if let Some(guard) = &mut self.guard {
-                guard.starts_anew();
+                guard.starts_anew(matches!(goal, Goal::FlyTo { .. }));
             }
             self.progress(Progress::Planning);
         }
@@ -361,7 +364,7 @@ impl Navigation {
             from: telemetry.stop,
             to: telemetry.stop.at_altitude(altitude_m),
         };
-        self.intend(now, Some(way), true);
+        self.intend(now, Some(way), false);
         self.demand(Demand::Fly(Setpoint::Hold {
             altitude_m,
             vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
