@@ -513,6 +513,9 @@ impl From<radio::Transmit> for Effect {
                     intent,
                 })))
             }
+            radio::Transmit::Resync => {
+                Self::Post(Envelope::Navigation(Box::new(navigation::Input::SayWay)))
+            }
             radio::Transmit::Outcome {
                 to,
                 payload,
@@ -598,7 +601,9 @@ impl From<navigation::Transmit> for Effect {
             navigation::Transmit::Inform(notice) => {
                 Envelope::Mission(mission::Input::Navigation(notice))
             }
-            navigation::Transmit::Intend(intent) => Envelope::Radio(radio::Input::Intend(intent)),
+            navigation::Transmit::Intend { intent, at_once } => {
+                Envelope::Radio(radio::Input::Intend { intent, at_once })
+            }
         })
     }
 }

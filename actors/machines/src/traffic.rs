@@ -17,11 +17,14 @@ use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
-/// For how long a silent drone is thought to be where it said. It may be out of reach, and elsewhere by then; one that is
-/// dead is missed before that, and all fly above where it comes down.
-const FORGOTTEN_AFTER: Duration = Duration::from_secs(30);
-/// After how long a silent drone is thought to be where its way ends: it has flown on, out of reach.
+/// How much older what is known of a drone may be than what it said last: its radio passes on what is no news once a second.
+const KNOWN_LATE: Duration = Duration::from_secs(1);
+/// After how long a silent drone that has flown out of reach is thought to be where its way ends.
 const THERE_AFTER: Duration = Duration::from_secs(5);
+/// For how long a drone that fell silent in the air is thought to be where its way ends, at the least.
+const FORGOTTEN_AFTER: Duration = Duration::from_secs(30);
+/// Below which height a way ends on the ground, in metres.
+const GROUND_M: f64 = 1.0;
 /// Two ways of which one is the other elsewhere, for their lengths and directions differ by no more than this, in metres.
 const ALIKE_M: f64 = 1.0;
 /// How far aside a way round is looked for, counted in how far from others drones keep over ground.
@@ -40,6 +43,37 @@ const TURNS_RAD: [f64; 8] = [
 /// A way is flown straight up or down if it leads no farther over ground, in metres.
 const UPRIGHT_M: f64 = 1.0;
 
+/// How a drone keeps clear of others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// How far.
+    pub separation: Separation,
+    /// After how long without a word of it a drone is silent.
+    pub time_to_live: Duration,
+    /// After how long without a word of its drone's a flight controller brings an aircraft down.
+    pub controller: Duration,
+    /// How fast it does, in m/s.
+    pub descent_mps: f64,
+    /// How much longer than at that speed the last metres take.
+    pub touch_down: Duration,
+}
+
+impl Config {
+    /// How old what is known of a drone is at the most as long as that counts as heard.
+    fn silent_after(&self) -> Duration {
+        self.time_to_live + KNOWN_LATE
+    }
+
+    /// How long after it was heard last a drone at that height, in metres, is on the ground if its process has ended.
+    fn down_after(&self, altitude_m: f64) -> Duration {
+        let descent = Duration::from_secs_f64(altitude_m.max(0.0) / self.descent_mps);
+        self.silent_after() + self.controller + descent + self.touch_down
+    }
+}
+
+/// Into how many parts a way is divided to say how much of it is flown.
+const PARTS: f64 = 128.0;
+
 /// Where a drone is and where it goes: the straight way that it flies, whose ends are the same where it stands still.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Intent {
@@ -47,17 +81,23 @@ pub struct Intent {
     pub from_dm: [i32; 3],
     /// Where it ends, likewise.
     pub to_dm: [i32; 3],
+    /// How much of the way is behind it at the least, in 128ths of it: 0 to 127.
+    pub flown: u8,
+    /// Whether it flies this way whoever is there: it lands, or follows a master.
+    pub is_heedless: bool,
 }
 
 impl Intent {
-    /// The nearest to a way that can be said.
+    /// The nearest to a way that can be said, of which so large a share is flown.
     #[must_use]
-    pub fn of(way: Way) -> Self {
+    pub fn of(way: Way, share: f64, is_heedless: bool) -> Self {
         // What is farther than 2^31 decimetres is on no mission.
         let decimetres = |place: Ned| <[f64; 3]>::from(place).map(|it| (it * 10.0).round() as i32);
         Self {
             from_dm: decimetres(way.from),
             to_dm: decimetres(way.to),
+            flown: (share * PARTS).clamp(0.0, PARTS - 1.0) as u8,
+            is_heedless,
         }
     }
 
@@ -70,11 +110,30 @@ impl Intent {
             to: metres(self.to_dm),
         }
     }
+
+    /// Whether it is a way that leads to the ground.
+    fn comes_down(self) -> bool {
+        let way = self.way();
+        is_upright(way) && way.to.altitude_m() < GROUND_M
+    }
+
+    /// Whether it follows a master.
+    fn follows(self) -> bool {
+        self.is_heedless && !self.comes_down()
+    }
+
+    /// What of the way is left, in metres.
+    fn rest(self) -> Way {
+        let Way { from, to } = self.way();
+        let from = Ned(from.0.lerp(&to.0, f64::from(self.flown) / PARTS));
+        Way { from, to }
+    }
 }
 
 /// What a drone does, those first whom others give way to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Manner {
+    Heedless,
     StandsStill,
     GoesUpOrDown,
     FliesOn,
@@ -84,10 +143,57 @@ impl Manner {
     fn of(way: Way) -> Self {
         if way.from == way.to {
             Self::StandsStill
-        } else if way.from.horizontal_distance_m(way.to) <= UPRIGHT_M {
+        } else if is_upright(way) {
             Self::GoesUpOrDown
         } else {
             Self::FliesOn
+        }
+    }
+}
+
+fn is_upright(way: Way) -> bool {
+    way.from.horizontal_distance_m(way.to) <= UPRIGHT_M
+}
+
+/// Where another may be.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    way: Way,
+    /// Whether it may come down from there.
+    sinks: bool,
+    manner: Manner,
+}
+
+impl Room {
+    /// Of one that is heard.
+    fn of(said: Intent) -> Self {
+        Self {
+            way: said.rest(),
+            sinks: false,
+            manner: if said.is_heedless {
+                Manner::Heedless
+            } else {
+                Manner::of(said.way())
+            },
+        }
+    }
+
+    fn at(place: Ned) -> Self {
+        Self {
+            way: Way {
+                from: place,
+                to: place,
+            },
+            sinks: false,
+            manner: Manner::StandsStill,
+        }
+    }
+
+    fn is_near(&self, way: Way, separation: Separation) -> bool {
+        if self.sinks {
+            way.comes_near_below(self.way, separation)
+        } else {
+            way.comes_near(self.way, separation)
         }
     }
 }
@@ -96,56 +202,86 @@ impl Manner {
 #[derive(Debug)]
 pub(crate) struct Traffic {
     own: NodeId,
-    separation: Separation,
-    others: BTreeMap<NodeId, (Way, Timestamp)>,
+    config: Config,
+    /// Whether it flies in step with those that follow its master.
+    in_step: bool,
+    others: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
 impl Traffic {
-    pub(crate) const fn new(own: NodeId, separation: Separation) -> Self {
+    pub(crate) const fn new(own: NodeId, config: Config) -> Self {
         Self {
             own,
-            separation,
+            config,
+            in_step: false,
             others: BTreeMap::new(),
         }
     }
 
+    /// The drone flies in step with those that follow its master from now on, or does not any more.
+    pub(crate) const fn flies_in_step(&mut self, in_step: bool) {
+        self.in_step = in_step;
+    }
+
     /// Takes in where another is and goes, or that it does not say so any more; whether that is news.
     pub(crate) fn hears(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
-        let Some(way) = intent.map(Intent::way) else {
+        let Some(intent) = intent else {
             return self.others.remove(&id).is_some();
         };
-        let before = self.others.insert(id, (way, now));
-        before.is_none_or(|(before, _)| before != way)
+        let before = self.others.insert(id, (intent, now));
+        before.is_none_or(|(before, _)| before != intent)
     }
 
     /// Whether a way may be begun: no other is near it, and none is on a way that comes near it.
     pub(crate) fn is_free(&self, now: Timestamp, way: Way) -> bool {
-        self.near(now, way).next().is_none()
+        self.near(now, way, way).next().is_none()
     }
 
     /// Whether the rest of a way that is being flown is another's to fly first.
-    pub(crate) fn gives_way(&self, now: Timestamp, way: Way) -> bool {
-        let own = (Manner::of(way), self.own);
-        let mut near = self.near(now, way);
-        near.any(|(id, other)| (Manner::of(other), id) < own)
+    pub(crate) fn gives_way(&self, now: Timestamp, rest: Way, whole: Way) -> bool {
+        let own = (Manner::of(whole), self.own);
+        let mut near = self.near(now, rest, whole);
+        near.any(|(id, other)| (other.manner, id) < own)
     }
 
-    /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the height where it begins, then
-    /// up or down to the height where it ends, and from there straight on.
+    /// A place aside of where a drone would come down, at the same height, and the way there, if both are free.
+    pub(crate) fn beside(&self, now: Timestamp, column: Way) -> Option<Ned> {
+        self.sides(column.from, Vector2::x()).find(|side| {
+            let across = Way {
+                from: column.from,
+                to: *side,
+            };
+            let down = Way {
+                from: *side,
+                to: side.at_altitude(0.0),
+            };
+            // Whoever is near already is not in the way of the way there, but of a descent.
+            self.is_free(now, across)
+                && (self.rooms(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
+        })
+    }
+
+    /// Places around another at which a way round may begin, those before that are nearest ahead first.
+    fn sides(&self, from: Ned, ahead: Vector2<f64>) -> impl Iterator<Item = Ned> {
+        let horizontal_m = self.config.separation.horizontal_m;
+        ASIDE.iter().flat_map(move |far| {
+            TURNS_RAD.iter().map(move |turn_rad| {
+                let aside = Rotation2::new(*turn_rad) * ahead * (far * horizontal_m);
+                from + Ned::new(aside.x, aside.y, 0.0)
+            })
+        })
+    }
+
+    /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the
+    /// height where it begins, then up or down to the height where it ends, and from there straight on.
     pub(crate) fn way_round(&self, now: Timestamp, way: Way) -> Option<[Ned; 2]> {
-        let mut in_the_way = self.near(now, way);
-        if in_the_way.any(|(_, other)| Manner::of(other) != Manner::StandsStill) {
+        let mut in_the_way = self.near(now, way, way);
+        if in_the_way.any(|(_, other)| other.manner != Manner::StandsStill) {
             return None;
         }
         let ahead = (way.to - way.from).0.xy();
         let ahead = ahead.try_normalize(UPRIGHT_M).unwrap_or_else(Vector2::x);
-        let sides = ASIDE.iter().flat_map(|far| {
-            let distance_m = far * self.separation.horizontal_m;
-            TURNS_RAD.iter().map(move |turn_rad| {
-                let aside = Rotation2::new(*turn_rad) * ahead * distance_m;
-                way.from + Ned::new(aside.x, aside.y, 0.0)
-            })
-        });
+        let sides = self.sides(way.from, ahead);
         let mut ways_round = sides.map(|side| [side, side.at_altitude(way.to.altitude_m())]);
         ways_round.find(|[side, level]| {
             let legs = [(way.from, *side), (*side, *level), (*level, way.to)];
@@ -154,27 +290,72 @@ impl Traffic {
         })
     }
 
-    /// Who is too near a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it stays as far;
-    /// and nobody who is too near where the way begins, for to wait there would not help.
-    fn near(&self, now: Timestamp, way: Way) -> impl Iterator<Item = (NodeId, Way)> {
+    /// Who is too near the rest of a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it
+    /// stays as far; and nobody who is too near where the way begins, for to wait there would not help.
+    fn near(&self, now: Timestamp, rest: Way, whole: Way) -> impl Iterator<Item = (NodeId, Room)> {
         let here = Way {
-            from: way.from,
-            to: way.from,
+            from: rest.from,
+            to: rest.from,
         };
+        self.rooms(now, rest.from).filter(move |(id, room)| {
+            let may_fly = room.manner == Manner::FliesOn || room.sinks;
+            let flies_alike = may_fly && {
+                let other = self.others[id].0.way();
+                let differ_m = ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
+                differ_m < ALIKE_M && Manner::of(other) == Manner::FliesOn
+            };
+            let follows_alike = self.in_step && self.others[id].0.follows();
+            !flies_alike && !follows_alike && self.is_near(room, rest) && !self.is_near(room, here)
+        })
+    }
+
+    fn is_near(&self, room: &Room, way: Way) -> bool {
+        room.is_near(way, self.config.separation)
+    }
+
+    /// Where the others may be, as seen from `here`.
+    fn rooms(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, Room)> {
+        let apart_m = move |said: &Intent| here.distance_m(said.rest().from);
+        let heard = self.others.values();
+        let heard = heard.filter(move |(_, at)| now.since(*at) <= self.config.silent_after());
+        let reach_m = heard.map(|(said, _)| apart_m(said)).fold(0.0, f64::max);
         self.others.iter().filter_map(move |(id, (said, at))| {
             let silent = now.since(*at);
-            let mut other = *said;
-            if silent > THERE_AFTER && Manner::of(other) == Manner::FliesOn {
-                other.from = other.to;
-            }
-            let flies_alike = Manner::of(other) == Manner::FliesOn
-                && ((way.to - way.from).0 - (other.to - other.from).0).norm() < ALIKE_M;
-            let is_in_the_way = silent <= FORGOTTEN_AFTER
-                && !flies_alike
-                && way.comes_near(other, self.separation)
-                && !here.comes_near(other, self.separation);
-            is_in_the_way.then_some((*id, other))
+            let room = if silent <= self.config.silent_after() {
+                Some(Room::of(*said))
+            } else {
+                self.silent_room(silent, *said, apart_m(said) <= reach_m)
+            };
+            Some((*id, room?))
         })
+    }
+
+    /// Where one may be that said this, and has been silent for so long.
+    ///
+    /// One that was no farther away than another that is heard has no process any more, as far as can be known: its aircraft
+    /// comes down somewhere on the rest of its way. Any other may have flown on, out of reach. Once it is down or there,
+    /// where its way ended is kept clear for a while yet. One that came down where it said lies there for good.
+    fn silent_room(&self, silent: Duration, said: Intent, is_in_reach: bool) -> Option<Room> {
+        let rest = said.rest();
+        let highest_m = rest.from.altitude_m().max(rest.to.altitude_m());
+        let may_sink = silent <= self.config.down_after(highest_m);
+        if said.comes_down() {
+            Some(if may_sink {
+                Room::of(said)
+            } else {
+                Room::at(rest.to)
+            })
+        } else if is_in_reach && may_sink {
+            Some(Room {
+                way: rest,
+                sinks: true,
+                manner: Manner::StandsStill,
+            })
+        } else if silent <= THERE_AFTER {
+            Some(Room::of(said))
+        } else {
+            (silent <= FORGOTTEN_AFTER).then(|| Room::at(rest.to))
+        }
     }
 }
 
@@ -187,6 +368,15 @@ mod tests {
         vertical_m: 5.0,
     };
 
+    /// One is silent after 3 s; an aircraft 30 m high is down 5 s, 10 s and 10 s after that.
+    const CONFIG: Config = Config {
+        separation: SEPARATION,
+        time_to_live: Duration::from_secs(2),
+        controller: Duration::from_secs(5),
+        descent_mps: 3.0,
+        touch_down: Duration::from_secs(10),
+    };
+
     fn at(north_m: f64, east_m: f64, altitude_m: f64) -> Ned {
         Ned::new(north_m, east_m, -altitude_m)
     }
@@ -195,15 +385,19 @@ mod tests {
         Way { from, to }
     }
 
+    fn says(way: Way) -> Intent {
+        Intent::of(way, 0.0, false)
+    }
+
     fn seconds(seconds: f64) -> Timestamp {
         Timestamp::from_secs_f64(seconds)
     }
 
     /// What drone 5 knows that has heard this of others just now.
     fn traffic(said: &[(u32, Way)]) -> Traffic {
-        let mut traffic = Traffic::new(NodeId(5), SEPARATION);
+        let mut traffic = Traffic::new(NodeId(5), CONFIG);
         for (id, way) in said {
-            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(Intent::of(*way))));
+            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(says(*way))));
         }
         traffic
     }
@@ -211,10 +405,10 @@ mod tests {
     #[test]
     fn what_is_said_is_the_way_to_five_centimetres() {
         let flown = way(at(1.04, -2.26, 30.0), at(-1_000.0, 3.0, 12.31));
-        let said = Intent::of(flown).way();
+        let said = says(flown).way();
         assert!(said.from.distance_m(flown.from) < 0.09 && said.to.distance_m(flown.to) < 0.09);
         let far = at(1e300, f64::NAN, 0.0);
-        assert_eq!(Intent::of(way(far, far)).from_dm, [i32::MAX, 0, 0]);
+        assert_eq!(says(way(far, far)).from_dm, [i32::MAX, 0, 0]);
     }
 
     #[test]
@@ -228,13 +422,13 @@ mod tests {
         assert!(known.is_free(seconds(1.0), above));
         // It has gone on, the same way: whoever is behind it may follow.
         let ahead = way(there, at(220.0, 0.0, 12.0));
-        assert!(known.hears(seconds(1.0), NodeId(2), Some(Intent::of(ahead))));
+        assert!(known.hears(seconds(1.0), NodeId(2), Some(says(ahead))));
         assert!(
-            !known.hears(seconds(1.5), NodeId(2), Some(Intent::of(ahead))),
+            !known.hears(seconds(1.5), NodeId(2), Some(says(ahead))),
             "no news"
         );
         assert!(known.is_free(seconds(2.0), leg));
-        known.hears(seconds(3.0), NodeId(2), Some(Intent::of(way(there, there))));
+        known.hears(seconds(3.0), NodeId(2), Some(says(way(there, there))));
         assert!(!known.is_free(seconds(3.0), leg));
         assert!(known.hears(seconds(4.0), NodeId(2), None) && known.is_free(seconds(4.0), leg));
     }
@@ -253,8 +447,9 @@ mod tests {
         let east = way(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
         let up = way(at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
         let still = way(up.to, up.to);
-        let stops =
-            |own: Way, id: u32, other: Way| traffic(&[(id, other)]).gives_way(seconds(0.1), own);
+        let stops = |own: Way, id: u32, other: Way| {
+            traffic(&[(id, other)]).gives_way(seconds(0.1), own, own)
+        };
         assert!(stops(north, 4, east) && !stops(north, 6, east));
         assert!(stops(north, 6, up) && !stops(up, 4, north));
         assert!(stops(up, 6, still));
@@ -288,13 +483,91 @@ mod tests {
     }
 
     #[test]
-    fn one_that_has_fallen_silent_is_thought_to_be_there_for_a_while() {
-        let there = at(60.0, 0.0, 12.0);
-        let known = traffic(&[(2, way(there, there))]);
+    fn what_is_flown_of_a_way_is_in_nobody_s_way_any_more() {
+        let (from, to) = (at(60.0, -100.0, 12.0), at(60.0, 100.0, 12.0));
         let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
-        assert!(!known.is_free(seconds(30.0), leg) && known.is_free(seconds(30.1), leg));
-        // One that was on its way has arrived, where it can't be heard.
+        for (share, is_free) in [(0.5, false), (0.54, true), (1.0, true)] {
+            let mut known = traffic(&[]);
+            known.hears(
+                seconds(0.0),
+                NodeId(2),
+                Some(Intent::of(way(from, to), share, false)),
+            );
+            assert_eq!(known.is_free(seconds(1.0), leg), is_free, "{share}");
+        }
+        // Whose way is like the own one still is when half of it is flown.
+        let ahead = way(at(60.0, 0.0, 12.0), at(220.0, 0.0, 12.0));
+        let mut known = traffic(&[]);
+        known.hears(seconds(0.0), NodeId(2), Some(Intent::of(ahead, 0.5, false)));
+        assert!(known.is_free(seconds(1.0), leg));
+        let rest = way(at(80.0, 0.0, 12.0), leg.to);
+        assert!(!known.gives_way(seconds(1.0), rest, leg));
+    }
+
+    #[test]
+    fn to_one_that_can_t_give_way_all_do() {
+        let (low, high) = (at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
+        let mut known = traffic(&[]);
+        let lands = Intent::of(way(high, at(50.0, 0.0, 15.0)), 0.0, true);
+        known.hears(seconds(0.0), NodeId(9), Some(lands));
+        assert!(known.gives_way(seconds(0.1), way(low, high), way(low, high)));
+    }
+
+    #[test]
+    fn one_that_has_flown_out_of_reach_is_thought_to_be_there_for_a_while() {
+        let there = at(60.0, 0.0, 12.0);
         let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
+    }
+
+    #[test]
+    fn one_in_step_flies_among_those_that_follow_and_no_other_does() {
+        let (here, ahead) = (at(60.0, 0.0, 12.0), at(64.0, 0.0, 12.0));
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let mut known = traffic(&[]);
+        let follows = Intent::of(way(here, ahead), 0.0, true);
+        known.hears(seconds(0.0), NodeId(9), Some(follows));
+        assert!(!known.is_free(seconds(1.0), leg) && known.gives_way(seconds(1.0), leg, leg));
+        known.flies_in_step(true);
+        assert!(known.is_free(seconds(1.0), leg));
+        let lands = Intent::of(way(here, at(60.0, 0.0, 0.0)), 0.0, true);
+        known.hears(seconds(1.0), NodeId(9), Some(lands));
+        assert!(!known.is_free(seconds(1.0), leg));
+    }
+
+    #[test]
+    fn nobody_flies_below_one_that_has_fallen_silent_before_it_must_be_down() {
+        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let above = way(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
+        let crosses = way(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
+        let there = way(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
+        for said in [there, crosses] {
+            for (at_s, waits) in [(3.0, false), (3.1, true), (28.0, true), (28.1, false)] {
+                let now = seconds(at_s);
+                let mut known = traffic(&[(9, said)]);
+                assert!(
+                    known.is_free(now, leg),
+                    "nobody is heard: it is out of reach"
+                );
+                // One that is heard is farther away.
+                let far = at(-500.0, 0.0, 12.0);
+                known.hears(now, NodeId(8), Some(says(way(far, far))));
+                assert_eq!(known.is_free(now, leg), !waits, "{said:?} at {at_s}");
+                assert_eq!(known.gives_way(now, leg, leg), waits);
+                assert!(known.is_free(now, above));
+            }
+        }
+        // Where its way ends it may stay for a while, and where it came down for good.
+        let at_its_height = way(at(0.0, 0.0, 30.0), at(160.0, 0.0, 30.0));
+        let known = traffic(&[(9, there)]);
+        assert!(!known.is_free(seconds(30.0), at_its_height));
+        assert!(known.is_free(seconds(30.1), at_its_height));
+        let known = traffic(&[(9, way(there.from, at(60.0, 0.0, 0.0)))]);
+        assert!(!known.is_free(seconds(28.0), leg) && known.is_free(seconds(28.1), leg));
+        let onto_it = way(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
+        assert!(!known.is_free(seconds(900.0), onto_it));
+        let side = known.beside(seconds(900.0), onto_it).unwrap();
+        assert!(side.horizontal_distance_m(onto_it.to) > 10.0);
     }
 }

@@ -113,6 +113,7 @@ pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> 
     if let Some(intent) = header.intent {
         intent.from_dm.into_iter().for_each(|it| to.signed(it));
         intent.to_dm.into_iter().for_each(|it| to.signed(it));
+        to.byte((intent.flown << 1) | u8::from(intent.is_heedless));
     }
     to.0.extend_from_slice(payload);
     to.0
@@ -179,9 +180,13 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
 
 fn read_intent(from: &mut Reader<'_>) -> Option<Intent> {
     let mut place = || Some([from.signed()?, from.signed()?, from.signed()?]);
+    let (from_dm, to_dm) = (place()?, place()?);
+    let last = from.byte()?;
     Some(Intent {
-        from_dm: place()?,
-        to_dm: place()?,
+        from_dm,
+        to_dm,
+        flown: last >> 1,
+        is_heedless: last & 1 == 1,
     })
 }
 

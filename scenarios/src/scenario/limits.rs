@@ -23,6 +23,16 @@ pub(super) const DURATION_MAX: Duration = Duration::from_secs(604_800);
 /// How many legs the way from the ground to a slot has: up, across, and up or down again.
 const LEGS_PER_WAY: u32 = 3;
 
+fn seconds(value: Option<Seconds>, default_s: f64) -> Duration {
+    let seconds = value.map_or(default_s, |value| value.0);
+    Duration::from_secs_f64(seconds.min(DURATION_MAX.as_secs_f64()))
+}
+
+/// After how long without a word of its drone's a flight controller brings an aircraft down: as ArduPilot's FS_GCS_TIMEOUT.
+pub(super) fn controller(raw: &Raw) -> Duration {
+    seconds(raw.limits.controller_s, 5.0)
+}
+
 /// All that a swarm will fly, and how fast.
 pub(super) struct Course<'a> {
     pub(super) layout: &'a Layout,
@@ -189,10 +199,6 @@ pub(super) fn check_layers(
 }
 
 pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> Limits {
-    let seconds = |value: Option<Seconds>, default_s: f64| {
-        let seconds = value.map_or(default_s, |value| value.0);
-        Duration::from_secs_f64(seconds.min(DURATION_MAX.as_secs_f64()))
-    };
     let milliseconds = |value: Option<Milliseconds>, default: u64| {
         Duration::from_millis(value.map_or(default, |value| value.0))
     };
@@ -219,8 +225,7 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
         hang: milliseconds(raw.limits.hang_ms, 1_000),
         watchdog: milliseconds(raw.limits.watchdog_ms, 3_000),
-        // As ArduPilot's FS_GCS_TIMEOUT.
-        controller: seconds(raw.limits.controller_s, 5.0),
+        controller: controller(raw),
         restarts: RestartLimits {
             restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
             window: seconds(raw.limits.restart_window_s, 30.0),

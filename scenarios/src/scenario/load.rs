@@ -9,6 +9,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
+use muster_machines::traffic;
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::mission_file;
@@ -21,7 +22,7 @@ use super::faults::faults;
 use super::fence::Fenced;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
-use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
+use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
 use super::room::{Room, arrange};
 use super::{Chaos, Protocol, Scenario, Variation};
@@ -131,9 +132,11 @@ fn alone(
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
     let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
-    let avoid = raw.safety.avoid.then_some(separation);
     let fence = fenced.as_ref().map(Fenced::fence);
-    let vehicle = vehicle(raw, failsafe(source, raw, fence)?, avoid);
+    let protocol = protocol(source, raw)?;
+    let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
+    let landing = landing(raw, &vehicle);
+    vehicle.avoid = (raw.safety.avoid).then(|| avoid(raw, separation, landing, &protocol));
     let room = Room::new(raw, separation, &waypoints, ceiling_m);
     let (layout, changes) = arrange((source, raw), &waypoints, &room, &vehicle)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
@@ -142,7 +145,6 @@ fn alone(
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
     let follow = follow(source, raw, &vehicle, heights)?;
-    let landing = landing(raw, &vehicle);
     let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
     let course = Course {
         layout: &layout,
@@ -166,7 +168,6 @@ fn alone(
         None => Vec::new(),
     };
     let limits = limits(raw, separation, &course);
-    let protocol = protocol(source, raw)?;
     let relays = relays(source, raw)?;
     check_datagrams(source, raw, mission.holds())?;
     let faults = faults(source, raw, waypoints.len())?;
@@ -327,7 +328,7 @@ fn bursts(source: &Source, radio: &super::raw::Radio) -> Result<Option<Bursts>, 
 
 /// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
 /// WPNAV_SPEED_DN 1.5 m/s.
-fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigation::Config {
+fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
     let vehicle = &raw.vehicle;
     navigation::Config {
         speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
@@ -335,7 +336,24 @@ fn vehicle(raw: &Raw, failsafe: Failsafe, avoid: Option<Separation>) -> navigati
         descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
         acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
         failsafe,
-        avoid,
+        avoid: None,
+    }
+}
+
+/// How drones keep clear of each other.
+fn avoid(
+    raw: &Raw,
+    separation: Separation,
+    landing: Landing,
+    protocol: &Protocol,
+) -> traffic::Config {
+    let touch_down_s = landing.final_altitude_m / landing.final_mps;
+    traffic::Config {
+        separation,
+        time_to_live: protocol.time_to_live,
+        controller: controller(raw),
+        descent_mps: landing.descent_mps,
+        touch_down: Duration::from_secs_f64(touch_down_s),
     }
 }
 

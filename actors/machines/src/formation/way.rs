@@ -25,6 +25,17 @@ impl Way {
         Tube::from(self).comes_near(other.into(), separation)
     }
 
+    /// Likewise, where the other may come down from anywhere on its way, as far as the ground.
+    #[must_use]
+    pub fn comes_near_below(self, other: Self, separation: Separation) -> bool {
+        let ends = [self.from, self.to, other.from, other.to];
+        let lowest_m = ends
+            .map(Ned::altitude_m)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        Tube::from(self).comes_near(Tube::from(other).stretched_to(lowest_m), separation)
+    }
+
     /// Whether it leads straight up or down, or nowhere.
     #[must_use]
     pub fn is_upright(self) -> bool {
@@ -88,6 +99,26 @@ mod tests {
                 prop_assert_eq!(comes_near, [false; 2], "{} of 1", room);
             }
         }
+    }
+
+    #[test]
+    fn below_one_that_may_come_down_all_is_near() {
+        let level = |altitude_m: f64| Way {
+            from: Ned::new(-50.0, 0.0, -altitude_m),
+            to: Ned::new(50.0, 0.0, -altitude_m),
+        };
+        let across = Way {
+            from: Ned::new(0.0, -50.0, -20.0),
+            to: Ned::new(0.0, 50.0, -30.0),
+        };
+        let is_near = |altitude_m: f64| level(altitude_m).comes_near_below(across, SEPARATION);
+        // It is 25 m high where the two cross, and somewhat more 5 m farther on.
+        assert!(is_near(1.0) && is_near(27.9) && !is_near(28.6));
+        let aside = Way {
+            from: Ned::new(0.0, 5.0, -20.0),
+            to: Ned::new(0.0, 50.0, -20.0),
+        };
+        assert!(!level(1.0).comes_near_below(aside, SEPARATION));
     }
 
     #[test]

@@ -169,9 +169,9 @@ impl Mission {
             self.enter(State::WaypointReached { waypoint });
         }
         self.carried_out();
-        if self.durable.leaving == Some(LandingReason::MasterSilent) {
+        if let Some(reason) = self.lands_after_this() {
             // Nobody leads it through the steps that are left.
-            self.land(LandingReason::MasterSilent);
+            self.land(reason);
         }
     }
 }

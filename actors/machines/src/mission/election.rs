@@ -97,7 +97,7 @@ impl Mission {
 
     /// When another master is needed, unless the one that is missed returns.
     pub(super) fn succeeds_at(&self) -> Option<Timestamp> {
-        if self.durable.leaving == Some(LandingReason::MasterSilent) {
+        if self.lands_after_this().is_some() {
             return None;
         }
         let looks = match self.config.liveness {

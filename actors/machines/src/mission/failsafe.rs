@@ -118,6 +118,16 @@ impl Mission {
         }
     }
 
+    /// Why it lands at the end of the way that it is on, if it does: nobody leads it any farther.
+    pub(super) fn lands_after_this(&self) -> Option<LandingReason> {
+        self.durable.leaving.filter(|reason| {
+            matches!(
+                reason,
+                LandingReason::MasterSilent | LandingReason::MissionOver
+            )
+        })
+    }
+
     /// Goes to land as soon as it is in its slot, if it has a reason; whether it does.
     pub(super) fn leave_if_due(&mut self, now: Timestamp) -> bool {
         let is_alone = self.config.alone == Alone::Land && self.is_alone();
@@ -167,7 +177,7 @@ impl Mission {
         }
         // It has not carried out what it was told until nobody needs to wait for it any more.
         self.durable.pending = None;
-        let is_known = reason == LandingReason::MasterSilent;
+        let is_known = self.lands_after_this() == Some(reason);
         self.durable.leaving = Some(reason);
         self.durable.land_at = centre;
         self.durable.limit = Some(now + self.config.leg_limit);

@@ -175,6 +175,13 @@ impl Mission {
             self.outbox.event(Event::Refused);
             return;
         }
+        if self.is_on_a_way_of_its_own() {
+            // Others are still on theirs: it does not lead through these to a landing place.
+            if self.lands_after_this().is_none() {
+                self.land_after_this(LandingReason::MissionOver);
+            }
+            return;
+        }
         self.durable.changes = changes;
         self.durable.wave = Some(wave);
         if self.layout().landing_wave(self.config.id) > wave {
@@ -189,6 +196,16 @@ impl Mission {
         let wave = self.layout().landing_wave(self.config.id);
         let lands_in_wave = self.durable.leaving.is_none() && !self.durable.in_layer;
         lands_in_wave && wave + 1 < self.layout().landing_waves()
+    }
+
+    /// Whether it takes off, or takes a step of a change: each flies a way then that nobody else's leads through, and none
+    /// that leads to land.
+    const fn is_on_a_way_of_its_own(&self) -> bool {
+        let is_under_way = matches!(
+            self.durable.state,
+            State::TakingOff | State::ChangingFormation { .. }
+        );
+        is_under_way && self.durable.pending.is_some()
     }
 
     /// Makes for the landing place around `at`.

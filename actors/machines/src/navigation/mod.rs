@@ -1,6 +1,7 @@
 //! How a drone gets where its mission wants it: guidance in the open, by straight legs; and whether it can go on.
 
 mod fence;
+mod guard;
 mod watch;
 
 use std::collections::VecDeque;
@@ -9,25 +10,21 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::formation::{Separation, Way};
+use crate::formation::Way;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{Demand, Setpoint, Telemetry};
 use crate::time::Timestamp;
-use crate::traffic::{Intent, Traffic};
+use crate::traffic::{self, Intent};
 
 pub use self::fence::{Area, Fence, Polygon, PolygonError, Zone};
+use self::guard::Guard;
 use self::watch::Watch;
 pub use self::watch::{Failsafe, Failure};
 
 /// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
 const ARRIVAL_RADIUS_M: f64 = 1.0;
-/// How often a drone looks whether a way is free that it waits to fly, besides whenever another says that it goes.
-const TRY_AGAIN_AFTER: Duration = Duration::from_millis(500);
-/// How long it waits before it flies round whoever does not go: as long as a process that hangs is given.
-const ROUND_AFTER: Duration = Duration::from_secs(3);
-
 /// How fast the vehicle may fly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
@@ -41,8 +38,8 @@ pub struct Config {
     pub acceleration_mps2: f64,
     /// From when on the drone can't go on.
     pub failsafe: Failsafe,
-    /// How far it keeps from drones near it that say where they are and go, if it heeds them.
-    pub avoid: Option<Separation>,
+    /// How it keeps clear of drones near it that say where they are and go, if it heeds them.
+    pub avoid: Option<traffic::Config>,
 }
 
 /// Where a mission wants its drone.
@@ -106,6 +103,8 @@ pub enum Input {
     },
     /// By the link, restarted: tell me again what I should do.
     Resync,
+    /// By the radio, restarted: say again where the drone is and goes.
+    SayWay,
 }
 
 /// What a navigation sends.
@@ -115,8 +114,13 @@ pub enum Transmit {
     Demand(Demand),
     /// To the mission.
     Inform(Notice),
-    /// To the radio: where the drone is and goes, if that is a straight way.
-    Intend(Option<Intent>),
+    /// To the radio.
+    Intend {
+        /// Where the drone is and goes, if that is a straight way.
+        intent: Option<Intent>,
+        /// Whether others are to know at once.
+        at_once: bool,
+    },
 }
 
 /// What a navigation lets its mission know.
@@ -187,14 +191,8 @@ pub struct Navigation {
     /// At which height the vehicle was last told to hold for want of a position, in metres above home.
     held_at_m: Option<f64>,
     watch: Watch,
-    /// Who is near, where they are heeded.
-    traffic: Option<Traffic>,
-    /// The way that the drone flies or waits to fly, as the others were told last.
-    way: Option<Way>,
-    /// Since when it has waited for its way to be free.
-    waits_since: Option<Timestamp>,
-    /// When it next looks whether a way is free that it waits to fly.
-    next_try: Option<Timestamp>,
+    /// Where those near it are heeded.
+    guard: Option<Guard>,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -203,20 +201,20 @@ impl Navigation {
     #[must_use]
     pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
-            traffic: config.avoid.map(|it| Traffic::new(id, it)),
+            guard: config.avoid.map(|it| Guard::new(id, it)),
             config,
             durable: Checkpoint::default(),
             locating: false,
             held_at_m: None,
             watch: Watch::default(),
-            way: None,
-            waits_since: None,
-            next_try: None,
             outbox: Outbox::new(),
         };
         match checkpoint {
             Some(checkpoint) => {
                 navigation.durable = checkpoint;
+                if let Some(guard) = &mut navigation.guard {
+                    guard.starts_anew(matches!(navigation.durable.goal, Some(Goal::FlyTo { .. })));
+                }
                 navigation.inform(Notice::Resync);
                 navigation.demand(Demand::Report);
             }
@@ -251,7 +249,9 @@ impl Navigation {
         }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
-            self.waits_since = None;
+            if let Some(guard) = &mut self.guard {
+                guard.starts_anew(matches!(goal, Goal::FlyTo { .. }));
+            }
             self.progress(Progress::Planning);
         }
         if self.durable.progress == Progress::Done {
@@ -265,7 +265,10 @@ impl Navigation {
     fn track(&mut self, goal: Goal, to: Ned, velocity: Velocity, hold: Duration) {
         self.durable.goal = Some(goal);
         self.progress(Progress::Flying(VecDeque::new()));
-        self.intend_way(None);
+        if let Some(guard) = &mut self.guard {
+            let said = guard.follows(to, velocity, hold);
+            self.outbox.transmit(said);
+        }
         self.demand(Demand::Fly(Setpoint::Track {
             to,
             velocity,
@@ -319,12 +322,12 @@ impl Navigation {
             // A goal that it is told meanwhile may want it at another height.
             let altitude_m = self.refuge_altitude_m().or(self.held_at_m);
             if altitude_m.is_none() || altitude_m != self.held_at_m {
-                self.held_at_m = Some(self.hold(telemetry));
+                self.held_at_m = Some(self.hold(now, telemetry));
             }
         }
         for failure in verdict.failures {
             if failure == Failure::Geofence {
-                self.hold(telemetry);
+                self.hold(now, telemetry);
                 self.durable.goal = Some(Goal::Hold);
                 self.progress(Progress::Done);
             }
@@ -356,10 +359,14 @@ impl Navigation {
     }
 
     /// Stops wherever the vehicle is, at the height at which it is in nobody's way; which that is, in metres above home.
-    fn hold(&mut self, telemetry: &Telemetry) -> f64 {
+    fn hold(&mut self, now: Timestamp, telemetry: &Telemetry) -> f64 {
         let stop_m = telemetry.stop.altitude_m();
         let altitude_m = self.refuge_altitude_m().unwrap_or(stop_m);
-        self.intend(telemetry.stop, telemetry.stop.at_altitude(altitude_m));
+        let way = Way {
+            from: telemetry.stop,
+            to: telemetry.stop.at_altitude(altitude_m),
+        };
+        self.intend(now, Some(way), false);
         self.demand(Demand::Fly(Setpoint::Hold {
             altitude_m,
             vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
@@ -376,20 +383,23 @@ impl Navigation {
             let is_done = self.durable.progress == Progress::Done;
             let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. }) && !is_done;
             if telemetry.landing || !(telemetry.armed || may_arm) {
-                return self.find_out_of_the_air(telemetry);
+                return self.find_out_of_the_air(now, telemetry);
             }
         }
         match self.durable.progress.clone() {
             Progress::Done => {}
             Progress::Planning => self.plan(now, goal, telemetry),
-            Progress::Flying(_) if goal == Goal::Land => self.watch_landing(telemetry),
+            Progress::Flying(_) if goal == Goal::Land => self.watch_landing(now, telemetry),
             Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
             Progress::Flying(corners) => self.watch_legs(now, goal, corners, telemetry),
         }
     }
 
     /// The vehicle can't be flown anywhere any more: it is on the ground, or on its way there.
-    fn find_out_of_the_air(&mut self, telemetry: &Telemetry) {
+    fn find_out_of_the_air(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        if telemetry.armed {
+            self.sinks(now, telemetry);
+        }
         self.inform(if telemetry.armed {
             Notice::ComingDown
         } else {
@@ -425,8 +435,9 @@ impl Navigation {
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Hold => vec![start],
             Goal::Land => Vec::new(),
-            Goal::Track { .. } | Goal::Yield => {
-                self.intend_way(None);
+            Goal::Track { .. } => Vec::new(),
+            Goal::Yield => {
+                self.intend(now, None, false);
                 Vec::new()
             }
         };
@@ -434,13 +445,48 @@ impl Navigation {
         self.pursue(now, telemetry);
     }
 
-    fn watch_landing(&mut self, telemetry: &Telemetry) {
+    fn watch_landing(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        let column = Way {
+            from: telemetry.stop,
+            to: telemetry.stop.at_altitude(0.0),
+        };
         if !telemetry.armed {
             self.progress(Progress::Done);
             self.inform(Notice::Landed);
-        } else if !telemetry.landing {
-            self.intend(telemetry.position, telemetry.position.at_altitude(0.0));
+        } else if telemetry.landing {
+            self.sinks(now, telemetry);
+        } else if self.may_come_down(now, column, telemetry) {
+            self.intend(now, Some(column), true);
             self.demand(Demand::Land);
+        } else {
+            self.wait_to_come_down(now, column, telemetry);
+        }
+    }
+
+    /// Whether it comes down at once: nobody is below it, or it can't wait or has waited for long enough.
+    fn may_come_down(&mut self, now: Timestamp, column: Way, telemetry: &Telemetry) -> bool {
+        let is_urgent =
+            self.watch.is_lost() || telemetry.charge <= self.config.failsafe.battery_critical;
+        let mut guard = self.guard.iter_mut().filter(|_| !is_urgent);
+        guard.all(|it| it.lets_down(now, column))
+    }
+
+    /// Holds above others, or makes for where it comes down beside them.
+    fn wait_to_come_down(&mut self, now: Timestamp, column: Way, telemetry: &Telemetry) {
+        let Some(guard) = &mut self.guard else { return };
+        match guard.beside(now, column).filter(|_| telemetry.at_rest) {
+            Some(side) => {
+                guard.waits(now);
+                let way = Way {
+                    from: column.from,
+                    to: side,
+                };
+                self.intend(now, Some(way), false);
+                let leg = self.leg(way.from, side);
+                self.demand(Demand::Fly(leg));
+            }
+            None if !telemetry.at_rest && guard.goes_aside(telemetry.target) => guard.waits(now),
+            None => self.wait(now, None, telemetry),
         }
     }
 
@@ -460,7 +506,7 @@ impl Navigation {
         }
         match corners.front().copied() {
             None => {
-                self.intend(telemetry.position, telemetry.position);
+                self.stand(now, telemetry.position);
                 self.progress(Progress::Done);
                 self.inform_done(goal);
             }
@@ -479,32 +525,27 @@ impl Navigation {
             from: telemetry.stop,
             to: corner,
         };
-        self.next_try = None;
+        let guard = self.guard.as_mut();
         if telemetry.target != Some(corner) {
-            if self.traffic.as_ref().is_none_or(|it| it.is_free(now, way)) {
-                self.waits_since = None;
-                self.intend(way.from, way.to);
+            if guard.is_none_or(|it| it.lets_begin(now, way)) {
+                self.intend(now, Some(way), false);
                 let leg = self.leg(telemetry.stop, corner);
                 self.demand(Demand::Fly(leg));
             } else if let Some(side) = self.turn_aside(now, way) {
                 self.fly(now, side, telemetry);
             } else {
-                self.wait(now, corner, telemetry);
+                self.wait(now, Some(corner), telemetry);
             }
-        } else if self
-            .traffic
-            .as_ref()
-            .is_some_and(|it| it.gives_way(now, way))
-        {
-            self.wait(now, corner, telemetry);
+        } else if guard.is_some_and(|it| it.stops(now, telemetry.stop, corner)) {
+            self.wait(now, Some(corner), telemetry);
+        } else {
+            self.gets(now, telemetry);
         }
     }
 
-    /// Lays a way round whoever stays in the way for too long, if there is one; where it begins.
+    /// Lays a way round one that stays in the way for too long, if there is one; where it begins.
     fn turn_aside(&mut self, now: Timestamp, way: Way) -> Option<Ned> {
-        let has_waited = now.since(self.waits_since?) >= ROUND_AFTER;
-        let traffic = self.traffic.as_ref().filter(|_| has_waited)?;
-        let [side, level] = traffic.way_round(now, way)?;
+        let [side, level] = self.guard.as_ref()?.way_round(now, way)?;
         let Progress::Flying(mut corners) = self.durable.progress.clone() else {
             return None;
         };
@@ -514,12 +555,13 @@ impl Navigation {
         Some(side)
     }
 
-    /// Comes to rest, and tries again.
-    fn wait(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
-        self.next_try = Some(now + TRY_AGAIN_AFTER);
-        self.waits_since.get_or_insert(now);
-        self.intend(telemetry.stop, telemetry.stop);
-        if !telemetry.at_rest || telemetry.target == Some(corner) {
+    /// Comes to rest, if it is not, and tries again to fly to `corner`, or to come down.
+    fn wait(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
+        self.stand(now, telemetry.stop);
+        if let Some(guard) = &mut self.guard {
+            guard.waits(now);
+        }
+        if !telemetry.at_rest || corner.is_some() && telemetry.target == corner {
             self.demand(Demand::Fly(Setpoint::Hold {
                 altitude_m: telemetry.stop.altitude_m(),
                 vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
@@ -528,28 +570,50 @@ impl Navigation {
         }
     }
 
-    /// Lets the others know where the drone is and goes.
-    fn intend(&mut self, from: Ned, to: Ned) {
-        self.intend_way(Some(Way { from, to }));
+    /// Lets the others know that the drone stands still.
+    fn stand(&mut self, now: Timestamp, place: Ned) {
+        let way = Way {
+            from: place,
+            to: place,
+        };
+        self.intend(now, Some(way), false);
     }
 
-    fn intend_way(&mut self, way: Option<Way>) {
-        if self.traffic.is_some() && self.way != way {
-            self.way = way;
-            let intent = way.map(Intent::of);
-            self.outbox.transmit(Transmit::Intend(intent));
+    /// Lets the others know where the drone is and goes, if that can be said.
+    fn intend(&mut self, now: Timestamp, way: Option<Way>, is_heedless: bool) {
+        let guard = self.guard.as_mut();
+        if let Some(said) = guard.and_then(|it| it.intend(now, way, is_heedless)) {
+            self.outbox.transmit(said);
+        }
+    }
+
+    /// Lets the others know that the vehicle comes down, which nobody can call off.
+    fn sinks(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        let ground = telemetry.stop.at_altitude(0.0);
+        let is_said = |guard: &Guard| guard.leads_to(ground);
+        if self.guard.as_ref().is_some_and(is_said) {
+            self.gets(now, telemetry);
+        } else {
+            let way = Way {
+                from: telemetry.stop,
+                to: ground,
+            };
+            self.intend(now, Some(way), true);
+        }
+    }
+
+    /// Lets the others know how far it has got.
+    fn gets(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        let guard = self.guard.as_mut();
+        if let Some(said) = guard.and_then(|it| it.gets(now, telemetry.position)) {
+            self.outbox.transmit(said);
         }
     }
 
     /// Takes in where another is and goes, and looks what that means for the own way.
     fn hear_of(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
-        let Some(traffic) = &mut self.traffic else {
-            return;
-        };
-        let is_news = traffic.hears(now, sender, intent);
-        let is_in_the_way = self.way.is_some_and(|way| traffic.gives_way(now, way));
-        // One that was forgotten is in the way again though it says nothing new.
-        if is_in_the_way || is_news && self.next_try.is_some() {
+        let guard = self.guard.as_mut();
+        if guard.is_some_and(|it| it.hears(now, sender, intent)) {
             self.demand(Demand::Report);
         }
     }
@@ -595,23 +659,29 @@ impl Machine for Navigation {
             Input::Telemetry(telemetry) => self.hear(now, &telemetry),
             Input::Traffic { sender, intent } => self.hear_of(now, sender, intent),
             Input::Resync => self.demand(Demand::Report),
+            Input::SayWay => {
+                if let Some(guard) = &self.guard {
+                    self.outbox.transmit(guard.word(true));
+                }
+            }
         }
         Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        let is_due = |at: Option<Timestamp>| at.is_some_and(|at| at <= now);
-        if is_due(self.watch.next_look()) || is_due(self.next_try) {
-            if is_due(self.watch.next_look()) {
-                self.watch.looked();
-            }
-            self.next_try = self.next_try.filter(|at| *at > now);
+        let looks = self.watch.next_look().is_some_and(|at| at <= now);
+        let guards = self.guard.as_mut().is_some_and(|it| it.is_due(now));
+        if looks {
+            self.watch.looked();
+        }
+        if looks || guards {
             self.demand(Demand::Report);
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.watch.next_look(), self.next_try];
+        let guard = self.guard.as_ref().and_then(Guard::deadline);
+        let deadlines = [self.watch.next_look(), guard];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }

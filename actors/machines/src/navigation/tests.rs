@@ -1,4 +1,6 @@
+use super::guard::{LANDS_AFTER, ROUND_AFTER, SAYS_EVERY, TRY_AGAIN_AFTER};
 use super::*;
+use crate::formation::Separation;
 use crate::machine::{Said, Stimulus, step};
 
 const CONFIG: Config = Config {
@@ -390,9 +392,16 @@ fn a_navigation_that_fails_before_it_is_told_anything_asks_once_it_is_rebuilt() 
 
 /// Drone 4, which heeds those near it.
 fn avoids() -> Navigation {
-    let avoid = Separation {
+    let separation = Separation {
         horizontal_m: 5.0,
         vertical_m: 5.0,
+    };
+    let avoid = traffic::Config {
+        separation,
+        time_to_live: Duration::from_secs(2),
+        controller: Duration::from_secs(5),
+        descent_mps: 1.5,
+        touch_down: Duration::from_secs(10),
     };
     let config = Config {
         avoid: Some(avoid),
@@ -402,13 +411,20 @@ fn avoids() -> Navigation {
 }
 
 fn intends(from: Ned, to: Ned) -> Transmit {
-    Transmit::Intend(Some(Intent::of(Way { from, to })))
+    says(Intent::of(Way { from, to }, 0.0, false), true)
+}
+
+fn says(intent: Intent, at_once: bool) -> Transmit {
+    Transmit::Intend {
+        intent: Some(intent),
+        at_once,
+    }
 }
 
 fn hears_of(navigation: &mut Navigation, id: u32, from: Ned, to: Ned) -> Vec<Transmit> {
     let traffic = Input::Traffic {
         sender: NodeId(id),
-        intent: Some(Intent::of(Way { from, to })),
+        intent: Some(Intent::of(Way { from, to }, 0.0, false)),
     };
     told(navigation, traffic)
 }
@@ -503,7 +519,7 @@ fn in_mid_leg_it_stops_for_whoever_goes_first() {
         let holds = matches!(
             said[..],
             [
-                Transmit::Intend(_),
+                Transmit::Intend { .. },
                 Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))
             ]
         );
@@ -512,14 +528,141 @@ fn in_mid_leg_it_stops_for_whoever_goes_first() {
 }
 
 #[test]
-fn a_drone_that_follows_or_is_flown_by_hand_says_nothing_of_its_way() {
-    for goal in [MOVING, Goal::Yield] {
-        let mut navigation = avoids();
-        let place = Ned::new(0.0, 0.0, -25.0);
-        told(&mut navigation, Input::Goal(fly_to(place)));
-        told(&mut navigation, at_rest_at(place));
-        let mut said = told(&mut navigation, Input::Goal(goal));
-        said.extend(told(&mut navigation, at_rest_at(place)));
-        assert!(said.contains(&Transmit::Intend(None)), "{said:?}");
+fn a_drone_that_follows_says_where_it_will_be_until_it_is_told_more() {
+    let mut navigation = avoids();
+    let Goal::Track {
+        to, velocity, hold, ..
+    } = MOVING
+    else {
+        panic!("it moves");
+    };
+    let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
+    let intent = Intent::of(
+        Way {
+            from: to,
+            to: ahead,
+        },
+        0.0,
+        true,
+    );
+    for at_once in [true, false] {
+        let said = told(&mut navigation, Input::Goal(MOVING));
+        assert_eq!(said[0], says(intent, at_once));
     }
+    assert_eq!(
+        told(&mut navigation, Input::SayWay),
+        [says(intent, true)],
+        "to a radio that restarted"
+    );
+}
+
+#[test]
+fn a_drone_that_is_flown_by_hand_says_nothing_of_its_way() {
+    let mut navigation = avoids();
+    let place = Ned::new(0.0, 0.0, -25.0);
+    told(&mut navigation, Input::Goal(fly_to(place)));
+    told(&mut navigation, at_rest_at(place));
+    let mut said = told(&mut navigation, Input::Goal(Goal::Yield));
+    said.extend(told(&mut navigation, at_rest_at(place)));
+    let unsaid = Transmit::Intend {
+        intent: None,
+        at_once: true,
+    };
+    assert!(said.contains(&unsaid), "{said:?}");
+}
+
+fn told_at(navigation: &mut Navigation, now: Timestamp, input: Input) -> Vec<Transmit> {
+    let mut said = Vec::new();
+    let Ok(_) = step(navigation, now, Stimulus::Input(input), |it| {
+        if let Said::Transmit(transmit) = it {
+            said.push(transmit);
+        }
+    });
+    said
+}
+
+#[test]
+fn in_mid_leg_it_says_how_far_it_has_got_in_the_frames_that_it_sends_anyway() {
+    let mut navigation = avoids();
+    let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -25.0));
+    told(&mut navigation, Input::Goal(fly_to(to)));
+    told(&mut navigation, at_rest_at(start));
+    let later = Timestamp::ZERO + SAYS_EVERY;
+    let Output::Idle { deadline } = navigation.poll_output() else {
+        panic!("all has been said");
+    };
+    assert_eq!(deadline, Some(later));
+    let half_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        position: Ned::new(50.0, 0.0, -25.0),
+        stop: Ned::new(60.0, 0.0, -25.0),
+        target: Some(to),
+        ..ON_THE_GROUND
+    };
+    let way = Way { from: start, to };
+    let said = told_at(&mut navigation, later, Input::Telemetry(half_way));
+    assert_eq!(said, [says(Intent::of(way, 0.5, false), false)]);
+}
+
+#[test]
+fn it_holds_above_one_below_for_a_while_goes_aside_and_comes_down_at_the_latest_then() {
+    let (place, below) = (Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 1.0, -10.0));
+    let lands = |navigation: &mut Navigation, now: Timestamp, telemetry: Input| {
+        let said = told_at(navigation, now, telemetry);
+        (said.contains(&Transmit::Demand(Demand::Land)), said)
+    };
+    let waiting = || {
+        let mut navigation = avoids();
+        hears_of(&mut navigation, 2, below, below);
+        told(&mut navigation, Input::Goal(Goal::Land));
+        assert!(!lands(&mut navigation, Timestamp::ZERO, at_rest_at(place)).0);
+        navigation
+    };
+    let mut navigation = waiting();
+    hears_of(&mut navigation, 2, below, Ned::new(0.0, 90.0, -10.0));
+    let far = Ned::new(0.0, 90.0, -10.0);
+    hears_of(&mut navigation, 2, far, far);
+    assert!(
+        lands(&mut navigation, Timestamp::ZERO, at_rest_at(place)).0,
+        "it has gone"
+    );
+
+    let mut navigation = waiting();
+    let round = Timestamp::ZERO + ROUND_AFTER;
+    let traffic = Intent::of(
+        Way {
+            from: below,
+            to: below,
+        },
+        0.0,
+        false,
+    );
+    let stays = Input::Traffic {
+        sender: NodeId(2),
+        intent: Some(traffic),
+    };
+    told_at(&mut navigation, round, stays.clone());
+    let (_, said) = lands(&mut navigation, round, at_rest_at(place));
+    let side = leg(&said[1..]).0;
+    assert!(side.horizontal_distance_m(place) > 10.0);
+    assert!(lands(&mut navigation, round, at_rest_at(side)).0);
+
+    let mut navigation = waiting();
+    let at_last = Timestamp::ZERO + LANDS_AFTER;
+    told_at(&mut navigation, at_last, stays);
+    assert!(lands(&mut navigation, at_last, at_rest_at(place)).0);
+
+    let mut navigation = waiting();
+    let Input::Telemetry(fit) = at_rest_at(place) else {
+        panic!("it is telemetry");
+    };
+    let empty = Telemetry {
+        charge: 0.05,
+        ..fit
+    };
+    assert!(
+        lands(&mut navigation, Timestamp::ZERO, Input::Telemetry(empty)).0,
+        "it can't wait"
+    );
 }

@@ -40,7 +40,7 @@ const COUNTER_BLOCK: u64 = 1_024;
 const CHALLENGED_RUNS_MAX: usize = 64;
 
 /// The most bytes that a frame takes to say where its sender is and goes.
-const INTENT_MAX: usize = 6 * 5;
+const INTENT_MAX: usize = 6 * 5 + 1;
 /// How often it is passed on that a drone still is and goes where it said.
 const INTENT_REPEATED_AFTER: Duration = Duration::from_secs(1);
 
@@ -80,8 +80,13 @@ pub enum Input {
         /// Whether it is sent only because its time has come; for whoever counts frames.
         keep_alive: bool,
     },
-    /// By the navigation: this is where the drone is and goes, if that can be said; all frames are to say so.
-    Intend(Option<Intent>),
+    /// By the navigation: all frames are to say where the drone is and goes.
+    Intend {
+        /// Where, if that can be said.
+        intent: Option<Intent>,
+        /// Whether others are to know at once, in a frame of its own.
+        at_once: bool,
+    },
     /// By the transport: these bytes came in.
     Received {
         /// The bytes.
@@ -131,6 +136,8 @@ pub enum Transmit {
         /// Where; nothing if it does not say so any more.
         intent: Option<Intent>,
     },
+    /// To the navigation: this radio restarted, tell it again where the drone is and goes.
+    Resync,
     /// To the transport: a frame that was let in came from there, so its sender is to be found there.
     Locate {
         /// The frame's sender.
@@ -219,13 +226,17 @@ impl<A: Authenticator> Radio<A> {
             Lives::Counted => (boot, Asked::Nobody),
         };
         let list = authenticator.list_number();
+        let mut outbox = Outbox::new();
+        if has_lived {
+            outbox.transmit(Transmit::Resync);
+        }
         Self {
             admission: Admission::new(config.budget, config.members, asked),
             authenticator,
             life,
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
-            outbox: Outbox::new(),
+            outbox,
             written: Vec::new(),
             challenger: (asked != Asked::Nobody).then(|| Box::new(Challenger::new(nonce))),
             responder: None,
@@ -534,9 +545,10 @@ impl<A: Authenticator> Machine for Radio<A> {
                     });
                 }
             }
-            Input::Intend(intent) => {
-                if self.intent != intent {
-                    self.intent = intent;
+            Input::Intend { intent, at_once } => {
+                let is_news = self.intent != intent;
+                self.intent = intent;
+                if is_news && at_once {
                     self.say(&Packet::Intent);
                 }
             }

@@ -104,10 +104,11 @@ fn sent_by<A: Authenticator>(radio: &mut Radio<A>, payload: &[u8]) -> Bytes {
             keep_alive: false,
         },
     );
-    match transmits.into_iter().next() {
-        Some(Transmit::Send { frame, .. }) => frame,
-        other => panic!("a frame should have been sent, not {other:?}"),
-    }
+    let frame = transmits.into_iter().find_map(|it| match it {
+        Transmit::Send { frame, .. } => Some(frame),
+        _ => None,
+    });
+    frame.expect("a frame should have been sent")
 }
 
 /// One of a host's ports.
@@ -360,20 +361,30 @@ fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
     let way = |north_dm: i32| Intent {
         from_dm: [0, 0, -300],
         to_dm: [north_dm, 0, -300],
+        flown: 0,
+        is_heedless: false,
     };
+    let intend = |intent: Option<Intent>, at_once: bool| Input::Intend { intent, at_once };
     let (mut speaker, mut listener) = (radio(0), radio(1));
     let before = sent_by(&mut speaker, b"before");
-    let at_once = frames(told(&mut speaker, 0, Input::Intend(Some(way(600)))).0);
+    let at_once = frames(told(&mut speaker, 0, intend(Some(way(600)), true)).0);
     assert_eq!(at_once.len(), 1);
     assert_eq!(packet(&at_once[0]), Packet::Intent);
     assert!(
-        told(&mut speaker, 0, Input::Intend(Some(way(600))))
+        told(&mut speaker, 0, intend(Some(way(600)), true))
             .0
             .is_empty()
     );
     let after = sent_by(&mut speaker, b"after");
     let too_long = sent_by(&mut speaker, &[9; PAYLOAD_MAX]);
-    let gone = frames(told(&mut speaker, 0, Input::Intend(None)).0);
+    let farther = Intent {
+        flown: 64,
+        ..way(600)
+    };
+    let silently = told(&mut speaker, 0, intend(Some(farther), false)).0;
+    assert_eq!(silently, [], "the next frame says so");
+    let later = sent_by(&mut speaker, b"later");
+    let gone = frames(told(&mut speaker, 0, intend(None, true)).0);
     let mut hears = |now_ms: u64, frame: &Bytes| {
         let (transmits, _) = told(&mut listener, now_ms, received(frame, None));
         transmits.into_iter().find_map(|it| match it {
@@ -385,5 +396,16 @@ fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
     assert_eq!(hears(200, &at_once[0]), Some((NodeId(0), Some(way(600)))));
     assert_eq!(hears(400, &after), None, "that is known");
     assert_eq!(hears(600, &too_long), None, "no room is no news");
+    assert_eq!(hears(700, &later), Some((NodeId(0), Some(farther))));
     assert_eq!(hears(800, &gone[0]), Some((NodeId(0), None)));
+}
+
+#[test]
+fn a_radio_that_restarts_asks_where_its_drone_is_and_goes() {
+    let kept = Checkpoint { counter: 1_024 };
+    let mut restarted = Radio::new(config(0), IdealAuthenticator, 1, kept, 7);
+    let (asked, _) = told(&mut restarted, 0, received(&Bytes::new(), None));
+    assert!(asked.contains(&Transmit::Resync), "{asked:?}");
+    let (asked, _) = told(&mut radio(1), 0, received(&Bytes::new(), None));
+    assert_eq!(asked, [], "nothing was said before");
 }

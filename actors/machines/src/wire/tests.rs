@@ -227,6 +227,8 @@ fn a_frame_says_where_its_sender_is_and_goes_if_that_is_known() {
     let intent = Intent {
         from_dm: [-1, 64, -300],
         to_dm: [i32::MAX, 0, i32::MIN],
+        flown: 127,
+        is_heedless: true,
     };
     let header = Header {
         intent: Some(intent),
@@ -242,7 +244,7 @@ fn a_frame_says_where_its_sender_is_and_goes_if_that_is_known() {
     assert_eq!((read.header, read.payload), (header, &b"payload"[..]));
     assert_eq!(sender(&with), Some(header.sender));
     // As postcard writes them.
-    let numbers = postcard::to_allocvec(&(intent.from_dm, intent.to_dm)).unwrap();
+    let numbers = postcard::to_allocvec(&(intent.from_dm, intent.to_dm, 255_u8)).unwrap();
     assert_eq!(with.len(), without.len() + numbers.len());
     let begin = with.len() - AUTHENTICATOR_LEN - b"payload".len() - numbers.len();
     assert_eq!(with[begin..][..numbers.len()], numbers);

@@ -255,3 +255,14 @@ fn a_slave_in_its_own_layer_that_missed_a_step_catches_up() {
     assert!(goal(&said).is_some());
     assert!(arrives(&mut slave, 40.0).contains(&acknowledges(4)));
 }
+
+#[test]
+fn told_to_land_amid_a_step_a_member_takes_it_and_comes_down_there() {
+    let mut slave = slave_in_its_slot();
+    ordered(&mut slave, 4, &step_of_change(Step::Climb));
+    let said = ordered(&mut slave, 5, &land_at(waypoints()[0]));
+    assert_eq!(goal(&said), None, "the step is flown on");
+    let there = arrives(&mut slave, 30.0);
+    assert_eq!(slave.durable.state, State::Landing);
+    assert_eq!(goal(&there), Some(Goal::Land));
+}

@@ -345,3 +345,22 @@ fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
     let said = told(&mut flies_apart(), 40.0, Input::Navigation(battery_low));
     assert!((5.0..=10.0).contains(&aside_m(&said)), "{said:?}");
 }
+
+#[test]
+fn told_to_land_on_its_way_up_a_member_flies_that_to_its_end_and_lands_below_its_slot() {
+    let config = config(1, Liveness::Pulse);
+    let mut slave = Mission::new(config, None);
+    ordered(&mut slave, 1, &whole_plan());
+    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
+    let said = ordered(&mut slave, 3, &land_at(waypoints()[0]));
+    assert_eq!((slave.durable.state, goal(&said)), (State::TakingOff, None));
+    assert_eq!(slave.durable.leaving, Some(LandingReason::MissionOver));
+    hears(&mut slave, 15.0, RoutingNotice::MasterSilent);
+    let there = arrives(&mut slave, 20.0);
+    assert_eq!(slave.durable.state, State::MovingToLand);
+    let Some(Goal::TransitTo { to }) = goal(&there) else {
+        panic!("{there:?}");
+    };
+    let slot = slave.layout().slot(NodeId(1), waypoints()[0]);
+    assert!(to.horizontal_distance_m(slot) < 1e-9 && to.altitude_m() < slot.altitude_m());
+}
