@@ -39,7 +39,7 @@ impl Stack {
         stack
     }
 
-    /// The same with layers up to `layers_max`, in as few waves as that takes. Each wave is a run of `order`, which names
+    /// The same with layers up to `layers_max` and nobody exposed, in as few waves as that takes. Each wave is a run of `order`, which names
     /// each drone once; a later wave flies over drones that rest as `rest` says. The first of `order` flies in the first
     /// wave. A wave that can't do with so many layers has more.
     pub(super) fn in_waves(
@@ -94,9 +94,8 @@ impl Stack {
             };
             let fits = |end: usize| {
                 let next = with_wave(end);
-                order[begin..end]
-                    .iter()
-                    .all(|it| next.layers[*it] <= layers_max)
+                let mut members = order[begin..end].iter();
+                next.exposed == flown.exposed && members.all(|it| next.layers[*it] <= layers_max)
             };
             let awaited = first.map_or(begin, |it| position[it]);
             let end = largest(begin.max(awaited) + 1, drones, fits);

@@ -628,6 +628,10 @@ impl Mission {
             _ => self.come_down(LandingReason::Controller),
         }
         self.enter(State::Finished);
+        if self.is_awaited_on_ground() {
+            // From now on its silence means nothing.
+            self.outbox.transmit(Transmit::Land);
+        }
         self.carried_out();
         self.outbox.transmit(Transmit::Stop);
     }

@@ -165,7 +165,8 @@ fn a_drone_lands_in_its_wave_and_acknowledges_on_the_ground() {
     assert!(!said.contains(&Transmit::Land), "it is waited for");
     arrives(&mut slave, 30.0);
     let landed = Input::Navigation(NavigationNotice::Landed);
-    assert!(told(&mut slave, 60.0, landed).contains(&acknowledges(3)));
+    let said = told(&mut slave, 60.0, landed);
+    assert!(said.contains(&acknowledges(3)) && said.contains(&Transmit::Land));
 }
 
 #[test]
