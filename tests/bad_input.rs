@@ -899,7 +899,7 @@ fn what_a_plan_is_exposed_to_is_refused_unless_it_is_accepted_or_the_drones_give
         &said,
         &[
             "a drone that is late",
-            "`safety.avoid = true`",
+            "by which they give way to each other",
             "scenario.toml",
         ],
     );
