@@ -222,7 +222,7 @@ impl Scenario {
                 cells: [
                     in_lockstep(&exposed),
                     self.layers_of(&exposed.phase),
-                    reach.map_or_else(|| "not known".to_owned(), |it| count(it)),
+                    reach.map_or_else(|| "not known".to_owned(), count),
                     if is_small {
                         exposed_to(&of)
                     } else {
@@ -239,7 +239,7 @@ impl Scenario {
                     .filter_map(|(exposure, total)| self.total_in_words(*exposure, total)),
             );
         }
-        lines.extend(table(rows));
+        lines.extend(table(&rows));
         lines
     }
 
@@ -343,7 +343,7 @@ fn exposed_to(of: &[(Exposure, Nearness)]) -> String {
 const LISTED_PHASES_MAX: usize = 30;
 
 /// A line a phase; legs in a row that are alike share one.
-fn table(rows: Vec<Row>) -> Vec<String> {
+fn table(rows: &[Row]) -> Vec<String> {
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
     table.set_header([

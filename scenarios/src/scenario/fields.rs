@@ -322,12 +322,12 @@ pub(super) const FIELDS: &[(&str, &str)] = &[
         "seconds, a number from 0.001 to 604800",
     ),
     (
-        "limits.accept",
-        "a list of \"late\", \"apart\", \"descends\" and \"killed\", or of some of them",
-    ),
-    (
         "limits.restart_window_s",
         "seconds, a number from 0.001 to 604800",
+    ),
+    (
+        "limits.accept",
+        "a list of \"late\", \"apart\", \"descends\" and \"killed\", or of some of them",
     ),
     (
         "faults",

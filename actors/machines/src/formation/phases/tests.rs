@@ -78,12 +78,10 @@ fn one_that_is_out_of_lockstep_flies_above_all_waypoints_and_lands_below_its_slo
                 .map(|(_, tube)| -tube.bounds().low.z)
                 .fold(0.0, f64::max);
             let waypoint = flown.waypoints[phase.waypoint];
-            assert_eq!(
-                highest_m,
-                flown.altitude_alone_m(NodeId(3), phase.changes, waypoint)
-            );
+            let alone_m = flown.altitude_alone_m(NodeId(3), phase.changes, waypoint);
+            assert!((highest_m - alone_m).abs() < 1e-9, "{:?}", phase.act);
             assert!(highest_m > 35.0);
-            let lands = own.iter().any(|(_, tube)| tube.bounds().high.z == 0.0);
+            let lands = own.iter().any(|(_, tube)| tube.bounds().high.z > -1e-9);
             assert_eq!(lands, matches!(phase.act, Act::Lands { .. }));
         }
     });

@@ -22,6 +22,9 @@ const LONGEST_S: f64 = 240.0;
 /// What rounding may take off a promise.
 const ROUNDING: f64 = 1e-6;
 
+/// What one phase exposes drones to.
+type Exposures = Vec<(Exposure, Nearness)>;
+
 /// What came of comparisons.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
@@ -81,7 +84,7 @@ pub(crate) fn compare(seed: u64) -> Tally {
         },
     };
     let phases: Vec<Exposed> = flown.in_lockstep().collect();
-    let exposures: Vec<Vec<(Exposure, Nearness)>> = flown.exposures().collect();
+    let exposures: Vec<Exposures> = flown.exposures().collect();
     for (index, exposed) in phases.iter().enumerate() {
         compared.tally.phases += 1;
         compared.in_lockstep(&mut rng, exposed);
@@ -141,7 +144,7 @@ impl Comparison {
         &mut self,
         rng: &mut ChaCha8Rng,
         flown: Flown<'_>,
-        (phases, exposures, index): (&[Exposed], &[Vec<(Exposure, Nearness)>], usize),
+        (phases, exposures, index): (&[Exposed], &[Exposures], usize),
         id: NodeId,
         exposure: Exposure,
     ) {
@@ -240,10 +243,12 @@ fn others_motions(rng: &mut ChaCha8Rng, phase: &Phase) -> Vec<Motion> {
     let corners = phase.ways.iter().map(|ways| motion::corners(ways));
     if matches!(phase.act, Act::Flies { .. }) {
         let alike = motion::Pace::draw(rng);
-        return corners.map(|corners| Motion::new(corners, alike)).collect();
+        return corners
+            .map(|corners| Motion::new(&corners, alike))
+            .collect();
     }
     corners
-        .map(|corners| Motion::new(corners, motion::Pace::draw(rng)))
+        .map(|corners| Motion::new(&corners, motion::Pace::draw(rng)))
         .collect()
 }
 

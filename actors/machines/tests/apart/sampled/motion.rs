@@ -35,7 +35,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    pub(super) fn new(corners: Vec<Ned>, pace: Pace) -> Self {
+    pub(super) fn new(corners: &[Ned], pace: Pace) -> Self {
         let mut stations = vec![(0.0, corners[0])];
         let mut motion = Self {
             stations: Vec::new(),
@@ -117,7 +117,7 @@ pub(super) fn out_of_lockstep(
     exposure: Exposure,
 ) -> Motion {
     let ways = &phase.ways[id.0 as usize];
-    let own = Motion::new(corners(ways), Pace::draw(rng));
+    let own = Motion::new(&corners(ways), Pace::draw(rng));
     let when_s = rng.random_range(0.0..=own.ends_s());
     let speed_mps = rng.random_range(0.5..3.0);
     let here = own.at(when_s);
@@ -131,7 +131,7 @@ pub(super) fn out_of_lockstep(
                 Act::Lands { .. } => ways[0].from,
                 _ => phase.end(id),
             };
-            Motion::new(alone(flown, slot, phase, id), Pace::draw(rng))
+            Motion::new(&alone(flown, slot, phase, id), Pace::draw(rng))
         }
         Exposure::Apart => {
             let corners = alone(flown, here, phase, id);
@@ -159,7 +159,7 @@ pub(super) fn all_alone(
     let drones = (0..flown.layout.formation().drones()).map(NodeId);
     let motions = drones.map(|id| {
         let corners = alone(flown, before.end(id), phase, id);
-        Motion::new(corners, Pace::draw(rng))
+        Motion::new(&corners, Pace::draw(rng))
     });
     motions.collect()
 }
