@@ -122,7 +122,7 @@ fn defect_8_slots_are_shared_missing_or_too_far_out() {
 #[test]
 fn defect_9_slots_go_by_number() {
     let test = shipped::forty_drones_have_forty_places;
-    let says = ["big-matrix", "over the limit of 120 m"];
+    let says = ["big-matrix: waves to take off"];
     assert_found(Flaw::TakesSlotsByNumber, test, &says);
 }
 

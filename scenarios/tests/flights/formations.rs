@@ -71,7 +71,12 @@ fn a_mesh_without_room_for_its_layers_flies_in_waves_on_both_engines() {
 /// A swarm in waves, and what goes wrong for it.
 fn fly_in_waves(seed: u64, fault: &str) -> Report {
     let (seed, fault) = (format!("seed={seed}"), format!("faults=[{fault}]"));
-    let overrides = [&*seed, &*fault, "protocol.parameters=fast", "safety.avoid=true"];
+    let overrides = [
+        &*seed,
+        &*fault,
+        "protocol.parameters=fast",
+        "safety.avoid=true",
+    ];
     fly(&scenario("mesh-in-waves.toml", &overrides), Engine::Events)
 }
 
@@ -81,13 +86,21 @@ fn a_master_lost_between_waves_leaves_those_on_the_ground_there_and_the_others_f
     assert_eq!(report.violations, []);
     let (flew, stayed): (Vec<_>, Vec<_>) =
         (report.drones.iter()).partition(|drone| drone.flight_time_s.is_some());
-    assert!(!flew.is_empty() && !stayed.is_empty(), "{} flew", flew.len());
+    assert!(
+        !flew.is_empty() && !stayed.is_empty(),
+        "{} flew",
+        flew.len()
+    );
 }
 
 #[test]
 fn a_drone_that_hangs_or_restarts_in_any_wave_breaks_no_rule() {
     for (seed, at_s) in (0..).zip([8, 20, 35, 50, 70, 100, 130, 150, 180]) {
-        for what in ["hang = 20, for_s = 4", "restart = 30, for_s = 1", "kill = 40"] {
+        for what in [
+            "hang = 20, for_s = 4",
+            "restart = 30, for_s = 1",
+            "kill = 40",
+        ] {
             let report = fly_in_waves(seed, &format!("{{ at_s = {at_s}, {what} }}"));
             assert_eq!(report.violations, [], "{what} at {at_s} s");
         }

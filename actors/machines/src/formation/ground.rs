@@ -2,7 +2,7 @@ use std::f64::consts::PI;
 use std::num::NonZeroU32;
 
 use super::assignment::Assignment;
-use super::crossings::{crossings, ways};
+use super::crossings::{Crossing, crossings, ways};
 use super::layers::{Rest, Stack};
 use super::{Formation, Kind};
 use crate::geometry::Ned;
@@ -30,6 +30,7 @@ const TURNS_RAD: [f64; 5] = [PI / 2.0, 0.0, PI / 4.0, -PI / 4.0, PI / 8.0];
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) places: Vec<Ned>,
+    pub(super) crossings: Vec<Crossing>,
     pub(super) stack: Stack,
 }
 
@@ -67,7 +68,11 @@ impl Places {
                 .as_ref()
                 .is_none_or(|best| cost(&stack) < cost(&best.stack))
             {
-                best = Some(Self { places, stack });
+                best = Some(Self {
+                    places,
+                    crossings,
+                    stack,
+                });
             }
             if best.as_ref().is_some_and(|it| cost(&it.stack) == (0, 1, 0)) {
                 break;

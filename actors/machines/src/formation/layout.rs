@@ -265,7 +265,8 @@ impl Layout {
 
     /// Each drone's altitude layer for a mission: how many metres above the mission's altitude it flies whenever it
     /// is not in lockstep with its swarm. If layers are shared, it differs for drones of which one, flying a leg alone,
-    /// passes the slot of the other; 0 for those in nobody's way. In such a layer drones land below their slots.
+    /// passes the slot of the other, and, unless they land apart, for those whose ways to the landing places cross; 0 for
+    /// those in nobody's way.
     #[must_use]
     pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
         self.layers.of(waypoints, || {
@@ -280,10 +281,20 @@ impl Layout {
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).0.xy())
                 .collect();
-            let crossings = passings(slots, &legs, self.separation().near_m());
+            let mut crossings = passings(slots, &legs, self.separation().near_m());
+            if !self.lands_apart() {
+                crossings.extend_from_slice(&self.landing.arranged.crossings);
+            }
             let stack = Stack::of(slots.len(), &crossings, 1);
             self.separation().heights_m(&stack).collect()
         })
+    }
+
+    /// Whether drones that are out of lockstep land below their slots, for their layers do not keep apart the ways to the
+    /// landing places.
+    #[must_use]
+    pub fn lands_apart(&self) -> bool {
+        self.layering == Layering::Each || self.room.layers_max.is_some()
     }
 
     /// The layer of a drone where each has its own, counted from 1: by number, but for the first master.

@@ -242,10 +242,15 @@ impl<'a> Flown<'a> {
                 .map(|id| stretched(id, phase.ways[id.0 as usize][0]))
                 .collect(),
             Act::Lands { .. } => {
-                let clearings = self.clearings(phase.changes, centre);
+                let clearings = layout
+                    .lands_apart()
+                    .then(|| self.clearings(phase.changes, centre));
                 let land = |id: NodeId| {
                     let from = phase.ways[id.0 as usize][0].from;
-                    let place = layout.slot(id, clearings[id.0 as usize]);
+                    let place = match &clearings {
+                        Some(centres) => layout.slot(id, centres[id.0 as usize]),
+                        None => layout.place(id, centre),
+                    };
                     let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
                     let [above, over] = [from, place].map(|it| it.at_altitude(altitude_m));
                     let level = Way {

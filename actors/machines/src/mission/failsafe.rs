@@ -143,10 +143,15 @@ impl Mission {
         true
     }
 
+    /// Whether it lands below its slot, out of lockstep with the others.
+    pub(super) fn lands_apart(&self) -> bool {
+        self.durable.in_layer && self.layout().lands_apart()
+    }
+
     /// Around which centre it comes down that would come down around this one: in a layer of its own, where nobody's way
     /// leads, for it does not know where the others are.
     pub(super) fn clearing(&self, centre: Ned) -> Ned {
-        if !self.durable.in_layer {
+        if !self.lands_apart() {
             return centre;
         }
         self.flown()

@@ -194,7 +194,7 @@ impl Mission {
     /// Whether the next wave lands only once this drone is on the ground; it does not count as landing until then.
     pub(super) fn is_awaited_on_ground(&self) -> bool {
         let wave = self.layout().landing_wave(self.config.id);
-        let lands_in_wave = self.durable.leaving.is_none() && !self.durable.in_layer;
+        let lands_in_wave = self.durable.leaving.is_none() && !self.lands_apart();
         lands_in_wave && wave + 1 < self.layout().landing_waves()
     }
 
@@ -212,7 +212,7 @@ impl Mission {
     pub(super) fn begin_to_land(&mut self, now: Timestamp, at: Ned) {
         self.durable.leaving = None;
         self.durable.land_at = at;
-        if self.durable.in_layer {
+        if self.lands_apart() {
             // Below its slot where it is, or is bound for: others may be coming down, or fly on, it does not know where.
             let waypoint = self.bound_for().map(usize::from);
             let bound_for = waypoint.and_then(|waypoint| self.durable.plan.get(waypoint));

@@ -384,7 +384,7 @@ impl Mission {
                 let altitude_m = self.landing_altitude_m();
                 let place = if flaw::has(Flaw::LandsOnOnePoint) {
                     at
-                } else if self.durable.in_layer {
+                } else if self.lands_apart() {
                     layout.slot(id, at)
                 } else {
                     layout.place(id, at)

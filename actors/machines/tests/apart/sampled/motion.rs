@@ -173,7 +173,11 @@ fn alone(flown: Flown<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
         return vec![from, up, phase.end(id).at_altitude(altitude_m)];
     }
     let layout = flown.layout_after(phase.changes);
-    let place = layout.slot(id, flown.clearing(id, phase.changes, centre));
+    let place = if layout.lands_apart() {
+        layout.slot(id, flown.clearing(id, phase.changes, centre))
+    } else {
+        layout.place(id, centre)
+    };
     vec![
         from,
         up,
