@@ -82,19 +82,25 @@ pub(super) fn arrange(
     if room.takes(&shared.0, &shared.1, waypoints) {
         return Ok(shared);
     }
-    let mut soonest: Option<(f64, (Layout, Vec<Change>))> = None;
+    let mut tried = Vec::new();
     for layers_max in room.layers(shared.0.pitch_m()) {
-        let in_waves = layout(Layering::Shared)?.in_waves(layers_max);
-        let in_waves = with_changes(in_waves)?;
-        let takes_s = Pace { vehicle, waypoints }.takes_s(&in_waves.0, &in_waves.1);
-        let is_soonest = soonest
-            .as_ref()
-            .is_none_or(|(least_s, _)| takes_s < *least_s);
-        if room.takes(&in_waves.0, &in_waves.1, waypoints) && is_soonest {
-            soonest = Some((takes_s, in_waves));
-        }
+        tried.push(with_changes(
+            layout(Layering::Shared)?.in_waves(layers_max),
+        )?);
     }
-    Ok(soonest.map_or(shared, |(_, it)| it))
+    let height_m =
+        |(layout, changes): &(Layout, Vec<Change>)| highest_layer_m(layout, changes, waypoints);
+    let pace = Pace { vehicle, waypoints };
+    // What has no room is refused; by how much is told of the lowest.
+    let rate = |it: &(Layout, Vec<Change>)| {
+        let above_m = (height_m(it) - room.height_m).max(0.0);
+        (above_m, pace.takes_s(&it.0, &it.1))
+    };
+    let by_rate = |a: &_, b: &_| {
+        let ((a_m, a_s), (b_m, b_s)) = (rate(a), rate(b));
+        a_m.total_cmp(&b_m).then(a_s.total_cmp(&b_s))
+    };
+    Ok(tried.into_iter().min_by(by_rate).unwrap_or(shared))
 }
 
 /// How fast waves follow each other.

@@ -186,16 +186,32 @@ fn an_outlook_tells_where_flooding_does_not_carry_far_enough() {
 }
 
 #[test]
-fn check_tells_whom_layers_lead_out_of_reach() {
+fn where_layers_would_lead_out_of_reach_drones_fly_in_waves() {
     let outlook = |overrides: &[&str]| {
         let fields = ["formation.drones=37", "formation.spacing_m=40"];
-        let fields = [&fields[..], overrides].concat();
+        let high = ["radio.range_m=60", "limits.altitude_max_m=400"];
+        let fields = [&fields[..], &high, overrides].concat();
         scenario("barrier-mesh.toml", &fields).outlook().join("\n")
     };
-    let on_the_way_up = "out of the master's reach in their layers on the way up: drones 33–36";
-    let high = ["radio.range_m=60", "limits.altitude_max_m=400"];
-    let told = outlook(&high);
+    let unreached = "out of the master's reach";
+    let told = outlook(&[]);
+    assert!(told.contains("waves: 2 to take off"), "{told}");
+    assert!(!told.contains(unreached), "{told}");
+}
+
+#[test]
+fn check_tells_whom_layers_lead_out_of_reach() {
+    let scattered = [
+        "formation.kind=random",
+        "formation.seed=26",
+        "formation.drones=46",
+        "formation.spacing_m=50",
+        "radio.range_m=70",
+        "limits.altitude_max_m=500",
+    ];
+    let told = scenario("barrier-mesh.toml", &scattered)
+        .outlook()
+        .join("\n");
+    let on_the_way_up = "out of the master's reach in their layers on the way up: drone 39";
     assert!(told.contains(on_the_way_up), "{told}");
-    let told = outlook(&[&high[..], &["limits.separation_vertical_m=1"]].concat());
-    assert!(!told.contains("out of the master's reach"), "{told}");
 }

@@ -252,11 +252,12 @@ impl Mission {
         let Some(last) = self.durable.plan.last().copied() else {
             return;
         };
-        let wave = if self.is_apart() {
-            self.layout().landing_waves() - 1
-        } else {
-            wave
-        };
+        let last_wave = self.layout().landing_waves() - 1;
+        if last_wave > 0 && self.is_elected_epoch() {
+            // It may be in an earlier wave itself, and leads nobody once it lands.
+            self.keep_apart();
+        }
+        let wave = if self.is_apart() { last_wave } else { wave };
         self.order_landing(last, wave);
         if self.layout().landing_wave(self.config.id) <= wave {
             self.begin_to_land(now, last);

@@ -269,6 +269,7 @@ impl Mission {
             State::SetUp => self.stay_down(LandingReason::Restarted),
             // The others are in their sectors, or on the same leg behind it and before: it goes on in their midst.
             State::ChangingFormation { .. } | State::MovingToWaypoint { .. } => {}
+            State::TakingOff if self.is_below_waves() => {}
             state if state.is_following() => self.keep_apart(),
             _ => {}
         }
@@ -465,13 +466,20 @@ impl Mission {
         self.outbox.transmit(Transmit::Scatter);
     }
 
+    /// Whether others may fly over its slot: a climb from there would lead through their ways.
+    fn is_below_waves(&self) -> bool {
+        self.durable.state == State::TakingOff && self.layout().take_off_waves() > 1
+    }
+
     /// Waits in its layer, out of the way of parts of the swarm that go on sooner.
     pub(super) fn wait_in_layer(&mut self) {
         let waits = match self.durable.state {
             State::WaypointReached { .. }
             | State::TakingOff
             | State::NeighbourDiscovery
-            | State::HopUpdate => self.is_elected_epoch() && !self.is_taking_off(),
+            | State::HopUpdate => {
+                self.is_elected_epoch() && !self.is_taking_off() && !self.is_below_waves()
+            }
             // The others may be about to cross over it.
             State::ChangingFormation {
                 step: Step::Climb, ..
