@@ -111,7 +111,7 @@ fn defect_8_slots_are_shared_missing_or_too_far_out() {
     let says = [
         "big-matrix",
         "in lockstep",
-        "while all take off: 0 m over ground",
+        "take off: 0 m over ground",
     ];
     assert_found(Flaw::RepeatsPlaces, matrix, &says);
     assert_found(Flaw::DropsRemainder, clusters, &["a slot for each drone"]);
