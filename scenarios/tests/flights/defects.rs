@@ -108,11 +108,7 @@ fn defect_8_slots_are_shared_missing_or_too_far_out() {
     let matrix = shipped::forty_drones_have_forty_places;
     let clusters = shipped::clusters_without_their_master_are_swarms_of_their_own;
     // It is found before anybody flies.
-    let says = [
-        "big-matrix",
-        "in lockstep",
-        "take off: 0 m over ground",
-    ];
+    let says = ["big-matrix", "in lockstep", "take off: 0 m over ground"];
     assert_found(Flaw::RepeatsPlaces, matrix, &says);
     assert_found(Flaw::DropsRemainder, clusters, &["a slot for each drone"]);
     let says = ["split-up-5: how many swarms"];

@@ -212,6 +212,7 @@ fn check_tells_whom_layers_lead_out_of_reach() {
     let told = scenario("barrier-mesh.toml", &scattered)
         .outlook()
         .join("\n");
-    let on_the_way_up = "out of the master's reach in their layers on the way up: drones 24, 29, 38, 43";
+    let on_the_way_up =
+        "out of the master's reach in their layers on the way up: drones 24, 29, 38, 43";
     assert!(told.contains(on_the_way_up), "{told}");
 }

@@ -48,7 +48,7 @@ fn assert_apart(ways: &[[Way; 3]], wave_of: impl Fn(NodeId) -> u16, exposed: usi
                 Ordering::Equal => near_in_wave += usize::from(near(one, other)),
                 Ordering::Less => assert!(!near(&[standing(one[2].to)], other), "{b} passes {a}"),
                 Ordering::Greater => {
-                    assert!(!near(&[standing(other[2].to)], one), "{a} passes {b}")
+                    assert!(!near(&[standing(other[2].to)], one), "{a} passes {b}");
                 }
             }
         }
