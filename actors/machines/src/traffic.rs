@@ -83,7 +83,7 @@ pub struct Intent {
     pub to_dm: [i32; 3],
     /// How much of the way is behind it at the least, in 128ths of it: 0 to 127.
     pub flown: u8,
-    /// Whether it flies this way whoever is there: it lands, or follows a master.
+    /// Whether it gives way to nobody: it lands, or follows a master.
     pub is_heedless: bool,
 }
 
@@ -255,7 +255,7 @@ impl Traffic {
                 from: *side,
                 to: side.at_altitude(0.0),
             };
-            // Whoever is near already is not in the way of the way there, but of a descent.
+            // A drone that is near already is not in the way there, but below a descent.
             self.is_free(now, across)
                 && (self.rooms(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
         })

@@ -1,4 +1,4 @@
-//! The swarm waits at its waypoints for as long as its mission says, whoever leads it.
+//! The swarm waits at its waypoints for as long as its mission says, under any master.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;

@@ -124,7 +124,7 @@ impl Flown<'_> {
                 all.extend(entries(Side::Other, others));
                 search(all, separation).0
             };
-            // Whoever comes down may have begun before this phase; steps of a change take less time than that.
+            // A drone that comes down may have begun before this phase; steps of a change take less time than that.
             let fallen = std::mem::take(&mut falling);
             let both: Vec<_> = fallen.iter().chain(&down).copied().collect();
             let found = Exposure::ALL.map(|exposure| {

@@ -118,7 +118,7 @@ impl Mission {
             waypoint,
             until: Some(until),
         });
-        // Whoever comes back amid the hold is waited for after it.
+        // A drone that comes back amid the hold is waited for after it.
         self.durable.limit = Some(until + self.config.leg_limit);
         false
     }

@@ -199,6 +199,32 @@ fn orders_have_these_bytes() {
         assert_eq!(hex(&encode_order(&reform)), bytes);
         assert_eq!(decode_order(&encode_order(&reform)), Ok(reform));
     }
+    let (at, apart, wave) = (Ned::new(0.001, 0.0, 0.0), true, 2);
+    let changes = 1;
+    for (order, bytes) in [
+        (Order::TakeOff { wave }, "0702"),
+        (
+            Order::Land {
+                at,
+                changes,
+                wave,
+                apart,
+            },
+            "08020000010102",
+        ),
+        (
+            Order::Reform {
+                change: 1,
+                step: Step::Cross,
+                wave,
+                apart,
+            },
+            "09010102",
+        ),
+    ] {
+        assert_eq!(hex(&encode_order(&order)), bytes);
+        assert_eq!(decode_order(&encode_order(&order)), Ok(order));
+    }
     let at = Ned::new(1.0, -1.0, -25.0);
     let follow = Order::Follow {
         at,

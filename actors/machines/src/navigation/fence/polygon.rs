@@ -76,7 +76,7 @@ impl Polygon {
         let mut is_within = false;
         let mut nearest_m = f64::INFINITY;
         for (from, to) in self.sides() {
-            // Whoever goes north from the place crosses as many sides as make it inside.
+            // A line north from the place crosses an odd number of sides if it is inside.
             if (from.y > place.y) != (to.y > place.y) {
                 let share = (place.y - from.y) / (to.y - from.y);
                 is_within ^= from.x + share * (to.x - from.x) > place.x;
