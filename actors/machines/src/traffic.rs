@@ -71,6 +71,9 @@ impl Config {
     }
 }
 
+/// How much nearer than what it says of its way a drone may be, in metres, for that is rounded to decimetres on each axis.
+const ROUNDED_M: f64 = 0.1;
+
 /// Into how many parts a way is divided to say how much of it is flown.
 const PARTS: f64 = 128.0;
 
@@ -310,7 +313,15 @@ impl Traffic {
     }
 
     fn is_near(&self, room: &Room, way: Way) -> bool {
-        room.is_near(way, self.config.separation)
+        let Separation {
+            horizontal_m,
+            vertical_m,
+        } = self.config.separation;
+        let separation = Separation {
+            horizontal_m: horizontal_m + ROUNDED_M,
+            vertical_m: vertical_m + ROUNDED_M,
+        };
+        room.is_near(way, separation)
     }
 
     /// Where the others may be, as seen from `here`.
@@ -431,6 +442,16 @@ mod tests {
         known.hears(seconds(3.0), NodeId(2), Some(says(way(there, there))));
         assert!(!known.is_free(seconds(3.0), leg));
         assert!(known.hears(seconds(4.0), NodeId(2), None) && known.is_free(seconds(4.0), leg));
+    }
+
+    #[test]
+    fn what_is_rounded_of_a_way_brings_nobody_too_near() {
+        // 4.96 m away, and said to be 5 m away.
+        let there = at(50.0, 4.96, 12.0);
+        let leg = way(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+        assert!(!traffic(&[(2, way(there, there))]).is_free(seconds(1.0), leg));
+        let apart = at(50.0, 5.2, 12.0);
+        assert!(traffic(&[(2, way(apart, apart))]).is_free(seconds(1.0), leg));
     }
 
     #[test]
