@@ -162,7 +162,8 @@ impl Scenario {
             .fold(0.0, |length_m, leg_m| length_m + leg_m);
         let layer_m = limits::highest_layer_m(&self.layout, &self.changes, &self.waypoints);
         let layers = if layer_m > 0.0 {
-            format!("layers up to {layer_m} m above it")
+            let rounded_m = (layer_m * 100.0).round() / 100.0;
+            format!("layers up to {rounded_m} m above it")
         } else {
             "no two drones cross, so no altitude layers".to_owned()
         };
