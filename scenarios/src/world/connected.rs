@@ -121,10 +121,14 @@ impl World {
             && self.swarm(id).recorder.state(id) != State::Finished
     }
 
-    /// Whether a drone is in the air, flies the mission, and can be led; one without a master may be on its last way.
+    /// Whether a drone is in the air, flies the mission, and can be led. One without a master, or that has been told to land,
+    /// may be on its last way.
     fn flies(&self, id: NodeId) -> bool {
         let recorder = &self.swarm(id).recorder;
-        let is_last_way = recorder.of(id).reason == Some(LandingReason::MasterSilent);
+        let is_last_way = matches!(
+            recorder.of(id).reason,
+            Some(LandingReason::MasterSilent | LandingReason::MissionOver)
+        );
         recorder.state(id).is_following() && !is_last_way && self.drones[id.0 as usize].is_sound()
     }
 
