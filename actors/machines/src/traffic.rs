@@ -294,7 +294,8 @@ impl Traffic {
     }
 
     /// Who is too near the rest of a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it
-    /// stays as far; and nobody who is too near where the way begins, for to wait there would not help.
+    /// stays as far; and nobody who is too near where the way begins, for to wait there would not help: but for one that
+    /// flies by, who may only seem to be, as what it says is rounded.
     fn near(&self, now: Timestamp, rest: Way, whole: Way) -> impl Iterator<Item = (NodeId, Room)> {
         let here = Way {
             from: rest.from,
@@ -308,20 +309,28 @@ impl Traffic {
                 differ_m < ALIKE_M && Manner::of(other) == Manner::FliesOn
             };
             let follows_alike = self.in_step && self.others[id].0.follows();
-            !flies_alike && !follows_alike && self.is_near(room, rest) && !self.is_near(room, here)
+            let is_near_here = match room.manner {
+                Manner::FliesOn => room.is_near(here, self.farther_by(-ROUNDED_M)),
+                _ => self.is_near(room, here),
+            };
+            !flies_alike && !follows_alike && self.is_near(room, rest) && !is_near_here
         })
     }
 
     fn is_near(&self, room: &Room, way: Way) -> bool {
+        room.is_near(way, self.farther_by(ROUNDED_M))
+    }
+
+    /// How far others are to be, and that many metres more.
+    fn farther_by(&self, metres: f64) -> Separation {
         let Separation {
             horizontal_m,
             vertical_m,
         } = self.config.separation;
-        let separation = Separation {
-            horizontal_m: horizontal_m + ROUNDED_M,
-            vertical_m: vertical_m + ROUNDED_M,
-        };
-        room.is_near(way, separation)
+        Separation {
+            horizontal_m: horizontal_m + metres,
+            vertical_m: vertical_m + metres,
+        }
     }
 
     /// Where the others may be, as seen from `here`.
@@ -452,6 +461,15 @@ mod tests {
         assert!(!traffic(&[(2, way(there, there))]).is_free(seconds(1.0), leg));
         let apart = at(50.0, 5.2, 12.0);
         assert!(traffic(&[(2, way(apart, apart))]).is_free(seconds(1.0), leg));
+    }
+
+    #[test]
+    fn one_that_flies_by_and_only_seems_too_near_is_waited_for() {
+        // It passes at 5.06 m as it says, for 5 m: on the way, it would be beside a drone that begins its own.
+        let by = traffic(&[(1, way(at(-60.0, 7.56, 30.0), at(60.0, 2.56, 30.0)))]);
+        assert!(!by.is_free(seconds(0.1), way(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
+        let too_near = traffic(&[(1, way(at(-60.0, 6.5, 30.0), at(60.0, 1.5, 30.0)))]);
+        assert!(too_near.is_free(seconds(0.1), way(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
     }
 
     #[test]

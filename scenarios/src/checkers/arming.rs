@@ -36,7 +36,7 @@ enum Phase {
     Leads,
     /// It takes off or has done so.
     Up,
-    /// Likewise, but its process has started anew since.
+    /// Likewise, but its process has started anew since, or its flight controller brings it down.
     UpAgain,
     /// It lands or has landed, or never will take off.
     Down,
@@ -133,9 +133,11 @@ impl ArmingChecker {
         let phase = &mut self.drones[drone.0 as usize];
         match (demand, *phase) {
             (Demand::Land, _) => {
-                // Whatever runs on it from now on, it has not been told anything, and does not fly a second time.
+                // A mission that lands has said so before; one that has not, for it does not run, may take a while to
+                // find out that its aircraft came down, but does not fly a second time.
                 *phase = match phase {
-                    Phase::Up | Phase::UpAgain | Phase::Down => Phase::Down,
+                    Phase::Up | Phase::UpAgain => Phase::UpAgain,
+                    Phase::Down => Phase::Down,
                     Phase::Grounded | Phase::Told | Phase::Leads => Phase::Grounded,
                 };
                 None
@@ -295,8 +297,26 @@ mod tests {
         let flight = [IsToldToTakeOff(1), TAKES_OFF, ARMS, Commands(Demand::Land)];
         let again = [&flight[..], &[ARMS]].concat();
         assert_eq!(found(&again), Some(4));
-        let again = [&flight[..], &[IsToldToTakeOff(1), TAKES_OFF]].concat();
-        assert_eq!(found(&again), Some(5));
+    }
+
+    #[test]
+    fn a_drone_that_said_that_it_lands_and_flies_on_is_found() {
+        let lands = [Enters(State::Landing, 1), Commands(Demand::Land), TAKES_OFF];
+        let flight = [&[IsToldToTakeOff(1), TAKES_OFF, ARMS][..], &lands].concat();
+        assert_eq!(found(&flight), Some(5));
+    }
+
+    #[test]
+    fn a_drone_whose_aircraft_came_down_while_its_process_was_away_may_take_a_while_to_find_out() {
+        let away = [Commands(Demand::Land), Boots, Enters(State::HopUpdate, 1)];
+        let finds_out = [Enters(State::Landing, 1), Enters(State::Finished, 1)];
+        let flight = [
+            &[IsToldToTakeOff(1), TAKES_OFF, ARMS][..],
+            &away,
+            &finds_out,
+        ];
+        assert_eq!(found(&flight.concat()), None);
+        assert_eq!(found(&[&flight.concat()[..], &[ARMS]].concat()), Some(8));
     }
 
     #[test]

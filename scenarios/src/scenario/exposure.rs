@@ -3,13 +3,17 @@
 use std::collections::BTreeSet;
 
 use comfy_table::Table;
-use muster_machines::formation::{Act, Approach, Exposed, Exposure, Flown, Nearness, Phase};
+use muster_machines::formation::{
+    Act, Approach, Exposed, Exposure, Flown, Layering, Nearness, Phase,
+};
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Succession;
 use muster_runtime::diagnostic::BadInput;
+use toml::Spanned;
 
 use super::Scenario;
 use super::file::Source;
-use super::raw::Raw;
+use super::raw::{ExposureName, ProtocolKind, Raw};
 use crate::report::figures::{NOTHING, drones, plural, rounded_down};
 use crate::report::table::STYLE;
 
@@ -36,10 +40,11 @@ pub(super) fn check_apart(source: &Source, raw: &Raw, flown: Flown<'_>) -> Resul
     let Some(accepted) = &raw.limits.accept else {
         return Ok(());
     };
+    let they_follow = raw.protocol.kind == ProtocolKind::Follow;
     let is_accepted = |exposure: Exposure| {
         let mut accepted = accepted.get_ref().iter();
         accepted.any(|name| Exposure::from(*name) == exposure)
-            || raw.safety.avoid && exposure.is_mended_by_giving_way()
+            || raw.safety.avoid && exposure.is_mended_by_giving_way(they_follow)
     };
     let found = flown
         .phases()
@@ -55,7 +60,7 @@ pub(super) fn check_apart(source: &Source, raw: &Raw, flown: Flown<'_>) -> Resul
     let Some((act, exposure, closest)) = found else {
         return Ok(());
     };
-    let avoid = if exposure.is_mended_by_giving_way() {
+    let avoid = if exposure.is_mended_by_giving_way(they_follow) {
         ", or `safety.avoid = true`, by which they give way to each other"
     } else {
         ""
@@ -70,6 +75,38 @@ pub(super) fn check_apart(source: &Source, raw: &Raw, flown: Flown<'_>) -> Resul
         exposure.name(),
     );
     Err(source.error(accepted.span(), &message))
+}
+
+/// Refuses a plan in which drones out of the master's reach follow another one, without a layer for each: those that follow
+/// give way to nobody.
+pub(super) fn check_followers(
+    source: &Source,
+    raw: &Raw,
+    scenario: &Scenario,
+) -> Result<(), BadInput> {
+    let is_accepted = raw.limits.accept.as_ref().is_some_and(|accepted| {
+        let mut accepted = accepted.get_ref().iter();
+        accepted.any(|name| matches!(name, ExposureName::Apart))
+    });
+    let elects = scenario.protocol.succession == Succession::Elect;
+    let may_meet = scenario.follow.is_some()
+        && elects
+        && scenario.layout.layering() == Layering::Shared
+        && !is_accepted;
+    let Some(apart) = may_meet.then(|| scenario.unreached()).flatten() else {
+        return Ok(());
+    };
+    let message = format!(
+        "{} {} out of the master's reach, over others too, and follow a master of their own; without room for a layer for \
+         each drone they may come too near the others, who give way to nobody either; this takes a higher \
+         `limits.altitude_max_m`, a larger `radio.range_m`, `protocol.succession = \"land\"`, or \"apart\" in \
+         `limits.accept`",
+        drones(&apart),
+        if apart.len() == 1 { "is" } else { "are" },
+    );
+    let place = raw.limits.altitude_max_m.as_ref();
+    let span = place.map_or_else(|| raw.formation.spacing_m.span(), Spanned::span);
+    Err(source.error(span, &message))
 }
 
 /// What a drone does, as after "a drone that".
@@ -266,7 +303,8 @@ impl Scenario {
 
     fn total_in_words(&self, exposure: Exposure, total: &Total) -> Option<String> {
         let (act, nearest) = total.nearest?;
-        let is_mended = self.vehicle.avoid.is_some() && exposure.is_mended_by_giving_way();
+        let is_mended =
+            self.vehicle.avoid.is_some() && exposure.is_mended_by_giving_way(self.follow.is_some());
         let [affected, other] = nearest.drones;
         Some(format!(
             "exposed to `{}`, one that {}: {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",

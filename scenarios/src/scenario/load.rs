@@ -16,7 +16,7 @@ use muster_runtime::mission_file;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 use toml::Spanned;
 
-use super::exposure::check_apart;
+use super::exposure::{check_apart, check_followers};
 use super::failsafe::failsafe;
 use super::faults::faults;
 use super::fence::Fenced;
@@ -180,7 +180,7 @@ fn alone(
             layout.exposed()
         ));
     }
-    Ok(Scenario {
+    let scenario = Scenario {
         name: path.display().to_string(),
         overrides: overrides
             .iter()
@@ -211,7 +211,9 @@ fn alone(
         chaos: chaos(source, raw)?,
         unchecked: false,
         others: Vec::new(),
-    })
+    };
+    check_followers(source, raw, &scenario)?;
+    Ok(scenario)
 }
 
 /// The most faults of a plan that is drawn: enough for three that only together break something, and one beside.

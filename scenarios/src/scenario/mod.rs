@@ -311,7 +311,7 @@ impl Scenario {
                 alone: self.alone,
                 spreading_patience: match protocol.succession {
                     Succession::Elect => protocol.time_to_live * 3,
-                    Succession::Land => Duration::ZERO,
+                    Succession::Land => protocol.time_to_live,
                 },
                 deference: match (protocol.succession, protocol.liveness) {
                     // As long as news takes to a neighbour.

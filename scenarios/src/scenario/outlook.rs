@@ -177,7 +177,13 @@ impl Scenario {
         lines.collect()
     }
 
-    /// Who is in a slot that no links that are up connect with the master's, if anybody is.
+    /// Who is in a slot that no links that are up connect with the master's, lowest first; nothing if nobody is, or the swarm
+    /// is too large to know.
+    pub(super) fn unreached(&self) -> Option<Vec<u32>> {
+        let apart = self.out_of_reach(&self.connected()?)?;
+        (!apart.is_empty()).then_some(apart)
+    }
+
     fn unreached_in_words(&self, parts: &Parts) -> Option<String> {
         let apart = self.out_of_reach(parts)?;
         let led = match self.protocol.succession {

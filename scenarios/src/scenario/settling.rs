@@ -63,7 +63,7 @@ impl Settling {
             .and_then(|turns| losses.hops_max(turns, turn, mission.layout.formation().drones()));
         Self {
             detection: routing.detection() + on_a_leg + mission.deference_max(),
-            spreading: mission.spreading_patience,
+            spreading: mission.spreading(),
             hop: routing.hop() + travel,
             back_off: turn * 2 * losses.tries(turn),
             hops_max,

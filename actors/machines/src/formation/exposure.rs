@@ -36,10 +36,15 @@ impl Exposure {
         }
     }
 
-    /// Whether the drone that it happens to, and those near it, can still give way to each other.
+    /// Whether the drone that it happens to, and those near it, can still give way to each other. Drones that follow a
+    /// master give way to nobody, so they do not where one flies apart.
     #[must_use]
-    pub const fn is_mended_by_giving_way(self) -> bool {
-        matches!(self, Self::Late | Self::Apart)
+    pub const fn is_mended_by_giving_way(self, they_follow: bool) -> bool {
+        match self {
+            Self::Late => true,
+            Self::Apart => !they_follow,
+            Self::Descends | Self::Killed => false,
+        }
     }
 }
 

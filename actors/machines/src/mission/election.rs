@@ -25,6 +25,15 @@ impl Config {
     pub fn deference_max(&self) -> Duration {
         self.deference * DEFERENCES_MAX
     }
+
+    /// How much longer a drone bears a silent master while the swarm spreads out: not at all if it lands without one.
+    #[must_use]
+    pub const fn spreading(&self) -> Duration {
+        match self.succession {
+            Succession::Elect => self.spreading_patience,
+            Succession::Land => Duration::ZERO,
+        }
+    }
 }
 
 impl Mission {
@@ -112,7 +121,7 @@ impl Mission {
             .filter(|_| looks && self.durable.lead.is_none())?;
         let since = since + self.deference();
         Some(if self.durable.state.is_spreading() && !self.master_lands {
-            since + self.config.spreading_patience
+            since + self.config.spreading()
         } else {
             since
         })

@@ -56,8 +56,8 @@ pub struct Config {
     pub succession: Succession,
     /// What a drone in the air does that hears of nobody else.
     pub alone: Alone,
-    /// How much longer it bears a silent master while the swarm spreads out, when ways are lost and found again; and a
-    /// master silent members while it takes off.
+    /// How much longer a drone that would elect another bears a silent master while the swarm spreads out, when ways are
+    /// lost and found again; and any master silent members while it takes off.
     pub spreading_patience: Duration,
     /// How long it leaves it to each drone that would lead rather, but for the one that is missed, to say that it does.
     pub deference: Duration,

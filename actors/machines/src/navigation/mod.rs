@@ -25,6 +25,9 @@ pub use self::watch::{Failsafe, Failure};
 
 /// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
 const ARRIVAL_RADIUS_M: f64 = 1.0;
+/// How many times as long as it may be thought to move on a drone waits for news of a place that it tracks.
+const HOLDS_BORNE: u32 = 2;
+
 /// How fast the vehicle may fly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
@@ -74,7 +77,8 @@ pub enum Goal {
         refuge_altitude_m: f64,
         /// How it moves.
         velocity: Velocity,
-        /// For how long it may be thought to move so; the drone comes to rest then unless it is told more.
+        /// For how long it may be thought to move so; the drone comes to rest then unless it is told more, and after as
+        /// long again goes out of the way of those that move on.
         hold: Duration,
     },
     /// Come to rest.
@@ -190,6 +194,8 @@ pub struct Navigation {
     locating: bool,
     /// At which height the vehicle was last told to hold for want of a position, in metres above home.
     held_at_m: Option<f64>,
+    /// Until when a place that it tracks counts as known.
+    tracks_until: Option<Timestamp>,
     watch: Watch,
     /// Where those near it are heeded.
     guard: Option<Guard>,
@@ -206,6 +212,7 @@ impl Navigation {
             durable: Checkpoint::default(),
             locating: false,
             held_at_m: None,
+            tracks_until: None,
             watch: Watch::default(),
             outbox: Outbox::new(),
         };
@@ -238,14 +245,15 @@ impl Navigation {
         self.outbox.event(Event::Checkpoint(checkpoint));
     }
 
-    fn take_goal(&mut self, goal: Goal) {
+    fn take_goal(&mut self, now: Timestamp, goal: Goal) {
         self.watch.tell_again();
+        self.tracks_until = None;
         if let Goal::Track {
             to, velocity, hold, ..
         } = goal
             && !self.watch.is_lost()
         {
-            return self.track(goal, to, velocity, hold);
+            return self.track(now, goal, (to, velocity, hold));
         }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
@@ -262,8 +270,14 @@ impl Navigation {
     }
 
     /// A moving place needs no legs: the vehicle is told at once.
-    fn track(&mut self, goal: Goal, to: Ned, velocity: Velocity, hold: Duration) {
+    fn track(
+        &mut self,
+        now: Timestamp,
+        goal: Goal,
+        (to, velocity, hold): (Ned, Velocity, Duration),
+    ) {
         self.durable.goal = Some(goal);
+        self.tracks_until = Some(now + hold * HOLDS_BORNE);
         self.progress(Progress::Flying(VecDeque::new()));
         if let Some(guard) = &mut self.guard {
             let said = guard.follows(to, velocity, hold);
@@ -363,7 +377,7 @@ impl Navigation {
         let stop_m = telemetry.stop.altitude_m();
         let altitude_m = self.refuge_altitude_m().unwrap_or(stop_m);
         let way = Way {
-            from: telemetry.stop,
+            from: telemetry.position,
             to: telemetry.stop.at_altitude(altitude_m),
         };
         self.intend(now, Some(way), false);
@@ -435,7 +449,10 @@ impl Navigation {
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Hold => vec![start],
             Goal::Land => Vec::new(),
-            Goal::Track { .. } => Vec::new(),
+            Goal::Track { .. } => {
+                self.hold(now, telemetry);
+                Vec::new()
+            }
             Goal::Yield => {
                 self.intend(now, None, false);
                 Vec::new()
@@ -527,11 +544,15 @@ impl Navigation {
         };
         let guard = self.guard.as_mut();
         if telemetry.target != Some(corner) {
-            if guard.is_none_or(|it| it.lets_begin(now, way)) {
+            // What others are told of it is one straight way: to brake and to fly on may be two.
+            let can_tell = |guard: &mut Guard| telemetry.at_rest && guard.lets_begin(now, way);
+            if guard.is_none_or(can_tell) {
                 self.intend(now, Some(way), false);
                 let leg = self.leg(telemetry.stop, corner);
                 self.demand(Demand::Fly(leg));
-            } else if let Some(side) = self.turn_aside(now, way) {
+            } else if telemetry.at_rest
+                && let Some(side) = self.turn_aside(now, way)
+            {
                 self.fly(now, side, telemetry);
             } else {
                 self.wait(now, Some(corner), telemetry);
@@ -557,7 +578,11 @@ impl Navigation {
 
     /// Comes to rest, if it is not, and tries again to fly to `corner`, or to come down.
     fn wait(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
-        self.stand(now, telemetry.stop);
+        let way = Way {
+            from: telemetry.position,
+            to: telemetry.stop,
+        };
+        self.intend(now, Some(way), false);
         if let Some(guard) = &mut self.guard {
             guard.waits(now);
         }
@@ -651,7 +676,7 @@ impl Machine for Navigation {
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
-            Input::Goal(goal) => self.take_goal(goal),
+            Input::Goal(goal) => self.take_goal(now, goal),
             Input::Locate => {
                 self.locating = true;
                 self.demand(Demand::Report);
@@ -669,19 +694,23 @@ impl Machine for Navigation {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        let is_lost = self.tracks_until.take_if(|at| *at <= now).is_some();
+        if is_lost {
+            self.progress(Progress::Planning);
+        }
         let looks = self.watch.next_look().is_some_and(|at| at <= now);
         let guards = self.guard.as_mut().is_some_and(|it| it.is_due(now));
         if looks {
             self.watch.looked();
         }
-        if looks || guards {
+        if is_lost || looks || guards {
             self.demand(Demand::Report);
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
         let guard = self.guard.as_ref().and_then(Guard::deadline);
-        let deadlines = [self.watch.next_look(), guard];
+        let deadlines = [self.watch.next_look(), guard, self.tracks_until];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }

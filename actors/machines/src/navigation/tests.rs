@@ -40,17 +40,20 @@ fn fly_to(to: Ned) -> Goal {
 }
 
 fn told(navigation: &mut Navigation, input: Input) -> Vec<Transmit> {
+    stepped(navigation, Timestamp::ZERO, Stimulus::Input(input))
+}
+
+fn stepped(
+    navigation: &mut Navigation,
+    now: Timestamp,
+    stimulus: Stimulus<Input>,
+) -> Vec<Transmit> {
     let mut transmits = Vec::new();
-    let Ok(_) = step(
-        navigation,
-        Timestamp::ZERO,
-        Stimulus::Input(input),
-        |said| {
-            if let Said::Transmit(transmit) = said {
-                transmits.push(transmit);
-            }
-        },
-    );
+    let Ok(_) = step(navigation, now, stimulus, |said| {
+        if let Said::Transmit(transmit) = said {
+            transmits.push(transmit);
+        }
+    });
     transmits
 }
 
@@ -208,6 +211,27 @@ fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
         );
     }
     assert_eq!(told(&mut navigation, at_rest_at(Ned::HOME)), []);
+}
+
+#[test]
+fn a_drone_that_hears_no_more_of_a_place_that_moves_goes_out_of_the_way_until_it_does() {
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    told(&mut navigation, Input::Goal(MOVING));
+    let at = |seconds| Timestamp::ZERO + Duration::from_secs_f64(seconds);
+    let waits = stepped(&mut navigation, at(1.9), Stimulus::Timeout);
+    assert_eq!(waits, []);
+    let asks = stepped(&mut navigation, at(2.0), Stimulus::Timeout);
+    assert_eq!(asks, [Transmit::Demand(Demand::Report)]);
+    let holds = told(&mut navigation, at_rest_at(Ned::new(20.0, 0.0, 0.0)));
+    let [Transmit::Demand(Demand::Fly(Setpoint::Hold { altitude_m, .. }))] = holds[..] else {
+        panic!("{holds:?}");
+    };
+    assert_eq!(altitude_m, 10.0);
+    let tracks = told(&mut navigation, Input::Goal(MOVING));
+    assert!(matches!(
+        tracks[..],
+        [Transmit::Demand(Demand::Fly(Setpoint::Track { .. }))]
+    ));
 }
 
 #[test]
@@ -528,6 +552,38 @@ fn in_mid_leg_it_stops_for_whoever_goes_first() {
 }
 
 #[test]
+fn a_drone_that_turns_back_brakes_first_and_says_where_to() {
+    let mut navigation = avoids();
+    let (position, stop) = (Ned::new(20.0, 0.0, -25.0), Ned::new(30.0, 0.0, -25.0));
+    let back = Ned::new(-50.0, 0.0, -25.0);
+    told(&mut navigation, Input::Goal(fly_to(back)));
+    let on_its_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        position,
+        stop,
+        target: Some(Ned::new(100.0, 0.0, -25.0)),
+        ..ON_THE_GROUND
+    };
+    let said = told(&mut navigation, Input::Telemetry(on_its_way));
+    let braking = Intent::of(
+        Way {
+            from: position,
+            to: stop,
+        },
+        0.0,
+        false,
+    );
+    assert_eq!(said[0], says(braking, true));
+    assert!(matches!(
+        said[1..],
+        [Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))]
+    ));
+    let said = told(&mut navigation, at_rest_at(stop));
+    assert_eq!(leg(&said[1..]).0, back);
+}
+
+#[test]
 fn a_drone_that_follows_says_where_it_will_be_until_it_is_told_more() {
     let mut navigation = avoids();
     let Goal::Track {
@@ -572,13 +628,7 @@ fn a_drone_that_is_flown_by_hand_says_nothing_of_its_way() {
 }
 
 fn told_at(navigation: &mut Navigation, now: Timestamp, input: Input) -> Vec<Transmit> {
-    let mut said = Vec::new();
-    let Ok(_) = step(navigation, now, Stimulus::Input(input), |it| {
-        if let Said::Transmit(transmit) = it {
-            said.push(transmit);
-        }
-    });
-    said
+    stepped(navigation, now, Stimulus::Input(input))
 }
 
 #[test]
