@@ -40,6 +40,12 @@ pub enum Flaw {
     LosesCheckpoints,
     /// Nobody takes to a layer of its own.
     ForgetsLayers,
+    /// A drone takes off at the height of its slot, not in its layer.
+    TakesOffInOneLayer,
+    /// A drone goes to land at the height of the last waypoint, not in its layer.
+    GoesToLandInOneLayer,
+    /// A drone crosses to its new slot at the height of the waypoint, not in its sector.
+    CrossesInOneSector,
     /// A neighbour that does not hear a drone leads it all the same.
     ObeysOneWayNeighbours,
     /// Frames of a sender's earlier lives are let in.

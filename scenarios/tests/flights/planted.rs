@@ -13,6 +13,8 @@ use crate::support::{fly, scenario as shipped};
 
 /// In how many plans each is to be found, and how many faults may be left of the plan that finds it.
 const PLANS: u64 = 2_000;
+/// Likewise, of what keeps ways apart.
+const APART_PLANS: u64 = 500;
 const FAULTS_MAX: usize = 3;
 
 const PLANTED: [Flaw; 14] = [
@@ -42,13 +44,42 @@ const HIDDEN: [Flaw; 4] = [
 
 #[test]
 fn the_search_finds_every_planted_fault_and_makes_its_plan_small() {
-    assert_found(&PLANTED);
+    assert_found("tests/data/planted.toml", &[], PLANS, &PLANTED);
+}
+
+/// What keeps ways apart by heights, without giving way to each other.
+#[test]
+#[ignore = "takes a minute: cargo test --release -p muster-scenarios --test flights each_way -- --ignored"]
+fn the_search_finds_each_way_to_come_too_near() {
+    let heights = [
+        Flaw::TakesOffInOneLayer,
+        Flaw::GoesToLandInOneLayer,
+        Flaw::ForgetsLayers,
+    ];
+    // Over links that hear each other well: elsewhere some plans need that drones give way.
+    let alone = [
+        "safety.avoid=false",
+        "protocol.kind=muscop",
+        "formation.spacing_m=60",
+        "radio.model=range",
+        "radio.loss=0",
+        "radio.burst_loss=0",
+    ];
+    assert_found("chaos.toml", &alone, APART_PLANS, &heights);
+    let changes = "changes=[{ waypoint = 1, kind = \"compact-matrix\" }, { waypoint = 3, kind = \"linear\" }]";
+    let crosses = [&alone[..], &[changes]].concat();
+    assert_found(
+        "chaos.toml",
+        &crosses,
+        APART_PLANS,
+        &[Flaw::CrossesInOneSector],
+    );
 }
 
 #[test]
 #[ignore = "takes minutes: cargo test --release -p muster-scenarios --test flights hidden -- --ignored"]
 fn the_search_finds_hidden_faults_too() {
-    assert_found(&HIDDEN);
+    assert_found("tests/data/planted.toml", &[], PLANS, &HIDDEN);
 }
 
 /// The search does not find this flaw: links that fade are grey, and no rule says how long a waypoint may take. It takes many
@@ -79,15 +110,15 @@ fn fading_flights() -> (f64, usize) {
     (waits_ms[waits_ms.len() / 2], elections)
 }
 
-fn assert_found(planted: &[Flaw]) {
-    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/planted.toml");
+fn assert_found(scenario: &str, set: &[&str], plans: u64, planted: &[Flaw]) {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join(scenario);
     let jobs = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     for flaw in planted.iter().copied() {
         let folder = tempfile::tempdir().unwrap();
         let search = Search::load(&Request {
             scenario: scenario.clone(),
-            set: Vec::new(),
-            seeds: format!("0..{PLANS}").parse().unwrap(),
+            set: set.iter().map(|it| it.parse().unwrap()).collect(),
+            seeds: format!("0..{plans}").parse().unwrap(),
             goes_on: false,
         });
         let around = |fly: &mut dyn FnMut()| {
@@ -101,7 +132,7 @@ fn assert_found(planted: &[Flaw]) {
         let searched =
             chaos::run(&search.unwrap(), folder.path(), effort, &around, |_| ()).unwrap();
         let Some(finding) = searched.finding else {
-            panic!("{flaw:?} is not found in {PLANS} plans");
+            panic!("{flaw:?} is not found in {plans} plans");
         };
         let left = finding.faults.1;
         assert!(left <= FAULTS_MAX, "{flaw:?}: {left} faults are left");

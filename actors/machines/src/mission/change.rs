@@ -1,6 +1,7 @@
 //! A change of formation at a waypoint, step by step: what the master orders and what the others do.
 
 use super::{Event, LandingReason, Mission, Order, State, Step, Transmit};
+use crate::flaw::{self, Flaw};
 use crate::formation::Layering;
 use crate::geometry::Ned;
 use crate::time::Timestamp;
@@ -22,7 +23,14 @@ impl Mission {
         let change = self.config.changes.get(usize::from(change))?;
         let wave = change.wave(self.config.id);
         let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
-        let [above_old, above_new, new] = change.way(self.config.id, *waypoint);
+        let [mut above_old, mut above_new, new] = change.way(self.config.id, *waypoint);
+        if flaw::has(Flaw::CrossesInOneSector) {
+            let altitude_m = waypoint.altitude_m();
+            (above_old, above_new) = (
+                above_old.at_altitude(altitude_m),
+                above_new.at_altitude(altitude_m),
+            );
+        }
         Some(match (self.flies_in_own_layer(), step) {
             (false, Step::Climb) => above_old,
             (false, Step::Cross) if self.durable.wave < Some(wave) => above_old,

@@ -335,7 +335,11 @@ impl Mission {
                 let to = layout.slot(id, *self.durable.plan.first()?);
                 Some(Goal::TakeOff {
                     to,
-                    transit_altitude_m: to.altitude_m() + layout.take_off_layers_m()[id.0 as usize],
+                    transit_altitude_m: if flaw::has(Flaw::TakesOffInOneLayer) {
+                        to.altitude_m()
+                    } else {
+                        to.altitude_m() + layout.take_off_layers_m()[id.0 as usize]
+                    },
                     arm: !self.durable.restarted,
                 })
             }
@@ -415,7 +419,9 @@ impl Mission {
         let at = self.durable.land_at;
         let is_where_all_are =
             self.durable.plan.last() == Some(&at) || self.durable.assembled_at == Some(at);
-        if is_where_all_are && !self.durable.in_layer {
+        if flaw::has(Flaw::GoesToLandInOneLayer) {
+            at.altitude_m()
+        } else if is_where_all_are && !self.durable.in_layer {
             at.altitude_m() + self.layout().landing_layers_m()[self.config.id.0 as usize]
         } else {
             self.altitude_alone_m(at)
