@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
-use muster_scenarios::VehicleState;
+use muster_runtime::vehicle::VehicleState;
 use serde::{Deserialize, Serialize};
 
 /// What a starter lets a process know, a line each.

@@ -6,3 +6,5 @@ pub mod geodetic;
 pub mod identity;
 pub mod journal;
 pub mod mission_file;
+pub mod vehicle;
+pub mod words;

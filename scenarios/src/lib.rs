@@ -8,13 +8,9 @@ pub mod engine;
 mod parts;
 pub mod report;
 pub mod scenario;
-mod simulated_link;
 pub mod thesis;
 pub mod twin;
-mod vehicle;
 mod world;
-
-pub use vehicle::{Craft, VehicleState};
 
 /// The examples of the page for contributors.
 #[cfg(doctest)]

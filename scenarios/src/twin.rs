@@ -16,9 +16,9 @@ use crate::engine::Progress;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
 use crate::scenario::{Fault, FaultKind, Mishap};
-use crate::vehicle::VehicleState;
 pub use crate::world::Standing;
 use crate::world::World;
+use muster_runtime::vehicle::VehicleState;
 
 /// The twin of a swarm.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
-use muster_scenarios::Craft;
+use muster_runtime::vehicle::Craft;
 use tokio::sync::Notify;
 
 use super::lists::Keeper;

@@ -16,7 +16,7 @@ use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Folder, Journal};
-use muster_scenarios::{Craft, VehicleState};
+use muster_runtime::vehicle::{Craft, VehicleState};
 use muster_transport::quic::Stream;
 use muster_transport::{Destination, Event};
 use rand::{RngExt, SeedableRng};

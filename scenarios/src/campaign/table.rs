@@ -6,8 +6,8 @@ use super::publish::{Published, SUMMARY_CSV};
 use super::statistics::Estimate;
 use super::summary::{FIGURES, Figure, Summary};
 use crate::report::Colour;
-use crate::report::figures::{NOTHING, figure, plural};
 use crate::report::table::{GREEN, RED, STYLE, painted};
+use muster_runtime::words::{NOTHING, figure, plural};
 
 /// The most combinations that are listed.
 const LISTED_MAX: usize = 50;

@@ -6,8 +6,9 @@ use super::coverage::Row;
 use super::run::{Finding, Searched};
 use super::state::Broken;
 use crate::report::Colour;
-use crate::report::figures::{count, drones, figure, plural};
+use crate::report::figures::count;
 use crate::report::table::{GREEN, RED, STYLE, painted};
+use muster_runtime::words::{drones, figure, plural};
 
 /// What a search came to, as text; it ends with a line feed.
 #[must_use]

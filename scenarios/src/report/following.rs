@@ -10,8 +10,8 @@ use muster_machines::time::Timestamp;
 use super::FormationError;
 use super::figures::count;
 use crate::scenario::Scenario;
-use crate::vehicle::Vehicle;
 use crate::world::{Flown, Record};
+use muster_runtime::vehicle::Vehicle;
 
 /// How often a drone's place is compared with its slot.
 const SAMPLE_EVERY: Duration = Duration::from_millis(100);

@@ -26,7 +26,7 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use figures::{command, rounded_down, rounded_up};
+pub(crate) use figures::command;
 pub(crate) use summary::{is_completed, summary};
 pub(crate) use write::{Complete, Draft, json, make_folder};
 

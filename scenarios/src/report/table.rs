@@ -5,8 +5,9 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
-use super::figures::{NOTHING, count, drones, figure, figure_or_nothing, pace, plural, ranges};
+use super::figures::{count, pace};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
+use muster_runtime::words::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
 
 /// Whether text is coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

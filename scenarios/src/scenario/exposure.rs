@@ -14,8 +14,8 @@ use toml::Spanned;
 use super::Scenario;
 use super::file::Source;
 use super::raw::{ExposureName, ProtocolKind, Raw};
-use crate::report::figures::{NOTHING, drones, plural, rounded_down};
 use crate::report::table::STYLE;
+use muster_runtime::words::{NOTHING, drones, plural, rounded_down};
 
 /// For swarms of at most so many it is found what single faults expose drones to.
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;

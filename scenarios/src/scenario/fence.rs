@@ -12,8 +12,8 @@ use toml::Spanned;
 
 use super::file::Source;
 use super::raw::Raw;
-use crate::report::figures::figure;
-use crate::report::rounded_down;
+use muster_runtime::words::figure;
+use muster_runtime::words::rounded_down;
 
 /// The nearest that anybody's way comes to the boundary of an area over ground.
 struct Nearest {

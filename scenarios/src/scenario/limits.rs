@@ -13,7 +13,7 @@ use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
 use super::raw::{Milliseconds, Raw, Seconds};
-use crate::vehicle::Landing;
+use muster_runtime::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
 const ALTITUDE_MAX_M: f64 = 120.0;

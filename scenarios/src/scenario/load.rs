@@ -26,7 +26,7 @@ use super::limits::{Course, altitude_max_m, check_layers, controller, highest_la
 use super::raw::{MediumName, ModelName, ParametersName, PolicyName, ProtocolKind, Raw};
 use super::room::{Room, arrange};
 use super::{Chaos, Protocol, Scenario, Variation};
-use crate::vehicle::Landing;
+use muster_runtime::vehicle::Landing;
 
 /// Reads a scenario and the mission that it names; `overrides` replace what the file says.
 ///

@@ -32,9 +32,9 @@ use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
 use muster_transport::sim;
 
-use crate::report::figures::plural;
-use crate::simulated_link::SimulatedLink;
-use crate::vehicle::{Craft, Landing, Vehicle};
+use muster_runtime::vehicle::SimulatedLink;
+use muster_runtime::vehicle::{Craft, Landing, Vehicle};
+use muster_runtime::words::plural;
 
 pub use self::fence::fence_in_words;
 pub use self::outlook::holds_in_words;

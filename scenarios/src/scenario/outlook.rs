@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use super::Scenario;
 use super::room::Pace;
 use crate::parts::{Link, Part, Parts};
-use crate::report::figures::{drones, figure, plural};
+use muster_runtime::words::{drones, figure, plural};
 
 /// For swarms of at most so many it is found who is connected; the diameter of larger ones is taken for the most that it
 /// can be.

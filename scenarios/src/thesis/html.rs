@@ -5,10 +5,11 @@ use maud::{Markup, html};
 use super::compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait};
 use super::table::{DIGITS, off};
 use super::write::THESIS_JSON;
-use crate::report::figures::{count, figure, figure_or_nothing, plural};
+use crate::report::figures::count;
 use crate::report::html::bars::{Bars, Chart, Level, chart};
 use crate::report::html::map::kinds;
 use crate::report::html::{card, document};
+use muster_runtime::words::{figure, figure_or_nothing, plural};
 
 const STYLE: &str = include_str!("thesis.css");
 

@@ -4,8 +4,8 @@ use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
 use super::compare::{Comparison, Delays, Experiment, Quantity, Wait};
 use crate::report::Colour;
-use crate::report::figures::{NOTHING, figure, figure_or_nothing};
 use crate::report::table::{GREEN, RED, STYLE, painted};
+use muster_runtime::words::{NOTHING, figure, figure_or_nothing};
 
 /// The columns, named in two lines.
 const COLUMNS: [&str; 6] = [

@@ -12,7 +12,7 @@ use muster_machines::time::Timestamp;
 use super::{Envelope, Planned, World};
 use crate::checkers::Violation;
 use crate::scenario::{Mishap, Scenario};
-use crate::vehicle::VehicleState;
+use muster_runtime::vehicle::VehicleState;
 
 /// How a drone's process is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -58,7 +58,7 @@ use crate::checkers::{
 };
 use crate::engine::RunLimit;
 use crate::scenario::{Mishap, Occasion, Scenario};
-use crate::vehicle::Vehicle;
+use muster_runtime::vehicle::Vehicle;
 
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
 const MEDIUM_STREAM: u64 = 0;

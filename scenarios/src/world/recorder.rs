@@ -10,7 +10,7 @@ use muster_machines::time::Timestamp;
 
 use super::Strike;
 use crate::checkers::Violation;
-use crate::vehicle::Vehicle;
+use muster_runtime::vehicle::Vehicle;
 
 /// What is written down of a swarm's flight, drone by drone.
 #[derive(Debug)]

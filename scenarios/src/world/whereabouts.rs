@@ -2,7 +2,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
-use crate::vehicle::{Piece, Vehicle};
+use muster_runtime::vehicle::{Piece, Vehicle};
 
 /// Where vehicles in the air are: what is needed of their motions to tell that often, kept together, so that a look at all
 /// of them costs little.

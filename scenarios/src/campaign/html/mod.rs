@@ -11,8 +11,9 @@ use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
 use super::summary::{Broken, FIGURES, Summary};
 use super::table::{interval, p99};
-use crate::report::figures::{NOTHING, count, figure, plural};
+use crate::report::figures::count;
 use crate::report::html::document;
+use muster_runtime::words::{NOTHING, figure, plural};
 
 const STYLE: &str = include_str!("campaign.css");
 

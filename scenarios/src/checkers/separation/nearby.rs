@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use muster_machines::time::Timestamp;
 use nalgebra::{Vector2, Vector3};
 
-use crate::vehicle::Motion;
+use muster_runtime::vehicle::Motion;
 
 /// How wide a cell is, in metres: a few times what drones of a swarm are apart.
 const CELL_M: f64 = 256.0;

@@ -3,7 +3,7 @@ use muster_machines::msp::{Demand, Setpoint};
 use proptest::prelude::*;
 
 use super::*;
-use crate::vehicle::Landing;
+use muster_runtime::vehicle::Landing;
 
 const SEPARATION: Separation = Separation {
     horizontal_m: 5.0,

@@ -12,10 +12,11 @@ mod timeline;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::figures::{figure, figure_or_nothing, pace, plural};
+use super::figures::pace;
 use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
 use super::{Flight, Report};
+use muster_runtime::words::{figure, figure_or_nothing, plural};
 
 /// What the page's parts look like.
 const STYLE: &str = include_str!("page.css");

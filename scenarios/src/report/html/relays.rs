@@ -2,8 +2,9 @@
 
 use maud::{Markup, html};
 
-use crate::report::figures::{NOTHING, count, figure};
+use crate::report::figures::count;
 use crate::report::{RelayReport, Report};
+use muster_runtime::words::{NOTHING, figure};
 
 /// Where relays were and what they passed on; nothing without any.
 pub(super) fn relays(report: &Report) -> Markup {

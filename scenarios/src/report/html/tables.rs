@@ -3,8 +3,9 @@
 use maud::{Markup, html};
 
 use super::map::swatch;
-use crate::report::figures::{NOTHING, count, drones, figure, figure_or_nothing, plural, ranges};
+use crate::report::figures::count;
 use crate::report::{DroneReport, FormationError, Kind, Report};
+use muster_runtime::words::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
 
 /// Above this many drones, their table is folded.
 const OPEN_MAX: usize = 40;

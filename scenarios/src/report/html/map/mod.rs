@@ -12,8 +12,8 @@ use maud::{Markup, html};
 use muster_machines::geometry::Ned;
 
 use super::axis::px;
-use crate::report::figures::figure;
 use crate::report::{Flight, Kind, Report};
+use muster_runtime::words::figure;
 
 /// The proportions, width to height, that a map may have.
 const PROPORTIONS: (f64, f64) = (0.62, 3.0);

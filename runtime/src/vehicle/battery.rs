@@ -10,7 +10,7 @@ const ROUNDING: Duration = Duration::from_micros(1);
 
 /// A battery in closed form: it drains evenly from when it is first drawn from.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Battery {
+pub struct Battery {
     /// How long a full one lasts; it does not drain by itself without.
     endurance: Option<Duration>,
     /// What was in it, as a share of a full one …
@@ -38,7 +38,7 @@ impl Battery {
     }
 
     /// What is left in it, as a share of a full one.
-    pub(crate) fn charge(&self, now: Timestamp) -> f64 {
+    pub fn charge(&self, now: Timestamp) -> f64 {
         let drawn = match self.endurance.filter(|_| self.is_drawn) {
             Some(endurance) => now.since(self.since).as_secs_f64() / endurance.as_secs_f64(),
             None => 0.0,
@@ -53,7 +53,7 @@ impl Battery {
     }
 
     /// All but so much is gone at once.
-    pub(crate) fn drain(&mut self, now: Timestamp, to: f64) {
+    pub fn drain(&mut self, now: Timestamp, to: f64) {
         self.set(now, self.charge(now).min(to));
     }
 
@@ -63,7 +63,7 @@ impl Battery {
     }
 
     /// When another hundredth will be gone.
-    pub(crate) fn next_step(&mut self, now: Timestamp) -> Option<Timestamp> {
+    pub fn next_step(&mut self, now: Timestamp) -> Option<Timestamp> {
         let (left, endurance) = (self.charge(now), self.endurance.filter(|_| self.is_drawn));
         let below = ((left * STEPS).ceil() - 1.0) / STEPS;
         self.due = endurance
@@ -73,7 +73,7 @@ impl Battery {
     }
 
     /// Whether that is now.
-    pub(crate) fn is_due(&self, now: Timestamp) -> bool {
+    pub fn is_due(&self, now: Timestamp) -> bool {
         self.due == Some(now)
     }
 }

@@ -12,7 +12,7 @@ use super::Vehicle;
 
 /// What a vehicle in closed form is doing, for whoever goes on with it: times count from the start of the flight.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct VehicleState(pub(crate) Vehicle);
+pub struct VehicleState(pub Vehicle);
 
 /// One vehicle in closed form, with what it does by itself: it comes to rest, and its battery drains. It owns no clock:
 /// whoever runs it says what time it is, and wakes it when it asks for that.
@@ -33,7 +33,7 @@ pub struct Craft {
 impl Craft {
     /// A vehicle that stands where it takes off, and settles within so long at the end of a leg; how long is drawn from
     /// `seed`.
-    pub(crate) fn new(vehicle: Vehicle, settle: Duration, seed: u64) -> Self {
+    pub fn new(vehicle: Vehicle, settle: Duration, seed: u64) -> Self {
         Self {
             vehicle,
             epoch: Timestamp::ZERO,

@@ -24,11 +24,11 @@ mod vector {
 
 /// A motion under constant acceleration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Piece {
+pub struct Piece {
     /// When it begins.
-    pub(crate) start: Timestamp,
+    pub start: Timestamp,
     /// When it ends.
-    pub(crate) end: Timestamp,
+    pub end: Timestamp,
     #[serde(with = "vector")]
     from: Vector3<f64>,
     /// At the start, in m/s.
@@ -45,32 +45,34 @@ impl Piece {
     }
 
     /// Where it is, in metres, at `at` within the piece.
-    pub(crate) fn position(&self, at: Timestamp) -> Vector3<f64> {
+    /// Where it is then.
+    #[must_use]
+    pub fn position(&self, at: Timestamp) -> Vector3<f64> {
         let t = self.seconds(at);
         self.from + self.velocity * t + self.acceleration * (t * t / 2.0)
     }
 
     /// Three places, in metres, between which it stays: as a parabola does between the control points of its curve.
-    pub(crate) fn corners(&self) -> [Vector3<f64>; 3] {
+    pub fn corners(&self) -> [Vector3<f64>; 3] {
         let t = self.seconds(self.end);
         let middle = self.from + self.velocity * (t / 2.0);
         [self.from, middle, self.position(self.end)]
     }
 
     /// In m/s, at `at` within the piece.
-    pub(crate) fn velocity(&self, at: Timestamp) -> Vector3<f64> {
+    pub fn velocity(&self, at: Timestamp) -> Vector3<f64> {
         self.velocity + self.acceleration * self.seconds(at)
     }
 
     /// In m/s².
-    pub(crate) const fn acceleration(&self) -> Vector3<f64> {
+    pub const fn acceleration(&self) -> Vector3<f64> {
         self.acceleration
     }
 }
 
 /// Where a vehicle was and will be: pieces one after the other, at rest before, between and after.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Motion {
+pub struct Motion {
     #[serde(with = "vector")]
     start: Vector3<f64>,
     /// The acceleration of the leg that is flown, in m/s², with which it can brake.
@@ -79,7 +81,9 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    pub(crate) const fn at_rest(place: Ned) -> Self {
+    /// Standing still at a place.
+    #[must_use]
+    pub const fn at_rest(place: Ned) -> Self {
         Self {
             start: place.0,
             braking_mps2: 1.0,
@@ -88,16 +92,13 @@ impl Motion {
     }
 
     /// All pieces, the first one first.
-    pub(crate) fn pieces(&self) -> &[Piece] {
+    pub fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 
     /// The pieces, and the rests between and after them, within a span of time: when each begins and ends, where it
     /// begins, how fast, how accelerated.
-    pub(crate) fn within(
-        &self,
-        span: std::ops::Range<Timestamp>,
-    ) -> impl Iterator<Item = Piece> + '_ {
+    pub fn within(&self, span: std::ops::Range<Timestamp>) -> impl Iterator<Item = Piece> + '_ {
         let first = self.pieces.partition_point(|piece| piece.end <= span.start);
         let mut next = first;
         let mut now = span.start;
@@ -132,13 +133,15 @@ impl Motion {
 
     /// The piece that it is in at `at`, or that it came to rest with, and when the next one begins; nothing before the
     /// first.
-    pub(crate) fn piece(&self, at: Timestamp) -> Option<(&Piece, Option<Timestamp>)> {
+    pub fn piece(&self, at: Timestamp) -> Option<(&Piece, Option<Timestamp>)> {
         let begun = self.pieces.partition_point(|piece| piece.start <= at);
         let piece = &self.pieces[begun.checked_sub(1)?];
         Some((piece, self.pieces.get(begun).map(|next| next.start)))
     }
 
-    pub(crate) fn position(&self, at: Timestamp) -> Ned {
+    /// Where it is then.
+    #[must_use]
+    pub fn position(&self, at: Timestamp) -> Ned {
         Ned(match self.piece(at) {
             Some((piece, _)) => piece.position(at),
             None => self.start,
@@ -146,22 +149,24 @@ impl Motion {
     }
 
     /// Where it is once all its pieces are flown.
-    pub(crate) fn end(&self) -> Ned {
+    pub fn end(&self) -> Ned {
         let end = self.pieces.last().map(|piece| piece.position(piece.end));
         Ned(end.unwrap_or(self.start))
     }
 
     /// When all its pieces are flown.
-    pub(crate) fn end_time(&self) -> Option<Timestamp> {
+    pub fn end_time(&self) -> Option<Timestamp> {
         self.pieces.last().map(|piece| piece.end)
     }
 
-    pub(crate) fn is_at_rest(&self, at: Timestamp) -> bool {
+    /// Whether it stands still then.
+    #[must_use]
+    pub fn is_at_rest(&self, at: Timestamp) -> bool {
         self.end_time().is_none_or(|end| end <= at)
     }
 
     /// Where it would come to rest if it braked at `at`.
-    pub(crate) fn stop(&self, at: Timestamp) -> Ned {
+    pub fn stop(&self, at: Timestamp) -> Ned {
         let position = self.position(at);
         match self.velocity(at) {
             Some(velocity) => {
@@ -173,7 +178,7 @@ impl Motion {
     }
 
     /// In m/s; nothing at rest.
-    pub(crate) fn velocity(&self, at: Timestamp) -> Option<Vector3<f64>> {
+    pub fn velocity(&self, at: Timestamp) -> Option<Vector3<f64>> {
         let piece = self
             .pieces
             .iter()
@@ -191,7 +196,7 @@ impl Motion {
     }
 
     /// Drops all that is planned after `at` and comes to rest as fast as the leg allows.
-    pub(crate) fn brake(&mut self, at: Timestamp) {
+    pub fn brake(&mut self, at: Timestamp) {
         let velocity = self.velocity(at);
         let position = self.position(at).0;
         self.cut(at);
@@ -214,7 +219,7 @@ impl Motion {
 
     /// Flies straight on from the end of what is planned: speeds up, holds, slows down; a triangle where the leg is
     /// too short for the full speed.
-    pub(crate) fn fly(&mut self, to: Ned, speed_mps: f64, acceleration_mps2: f64) {
+    pub fn fly(&mut self, to: Ned, speed_mps: f64, acceleration_mps2: f64) {
         let from = self.end().0;
         let way = to.0 - from;
         let length_m = way.norm();

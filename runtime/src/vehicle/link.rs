@@ -8,13 +8,15 @@ use std::collections::VecDeque;
 /// Stands in the place of a link to a flight controller, for vehicles in closed form. Nothing outside the scenario
 /// runner can make one.
 #[derive(Debug)]
-pub(crate) struct SimulatedLink {
+pub struct SimulatedLink {
     durable: Checkpoint,
     outbox: VecDeque<Output<Transmit, Event>>,
 }
 
 impl SimulatedLink {
-    pub(crate) fn new(checkpoint: Option<Checkpoint>) -> Self {
+    /// A link as `checkpoint` left it; one without is new.
+    #[must_use]
+    pub fn new(checkpoint: Option<Checkpoint>) -> Self {
         let mut link = Self {
             durable: checkpoint.unwrap_or_default(),
             outbox: VecDeque::new(),

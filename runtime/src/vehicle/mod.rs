@@ -2,6 +2,7 @@
 
 mod battery;
 mod craft;
+mod link;
 mod motion;
 mod tracking;
 
@@ -14,7 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use self::battery::Battery;
 pub use craft::{Craft, VehicleState};
-pub(crate) use motion::{Motion, Piece};
+pub use link::SimulatedLink;
+pub use motion::{Motion, Piece};
 
 /// How a vehicle comes down by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -34,7 +36,7 @@ const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 
 /// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(crate) struct Vehicle {
+pub struct Vehicle {
     /// From where its drone reckons.
     home: Ned,
     landing: Landing,
@@ -52,7 +54,9 @@ pub(crate) struct Vehicle {
 }
 
 impl Vehicle {
-    pub(crate) fn new(landing: Landing, place: Ned) -> Self {
+    /// A vehicle that stands at a place, disarmed, with a full battery.
+    #[must_use]
+    pub fn new(landing: Landing, place: Ned) -> Self {
         Self {
             home: Ned::HOME,
             landing,
@@ -69,42 +73,49 @@ impl Vehicle {
     }
 
     /// The same, with a battery that lasts so long with its motors armed.
-    pub(crate) fn lasting(mut self, endurance: Option<Duration>) -> Self {
+    pub fn lasting(mut self, endurance: Option<Duration>) -> Self {
         self.battery.lasts(endurance);
         self
     }
 
     /// The same, of a swarm whose home is there and not where the world's is.
-    pub(crate) fn with_home(mut self, home: Ned) -> Self {
+    pub fn with_home(mut self, home: Ned) -> Self {
         self.motion = Motion::at_rest(self.motion.end() + home);
         self.home = home;
         self
     }
 
-    pub(crate) const fn battery(&mut self) -> &mut Battery {
+    /// Its battery.
+    pub const fn battery(&mut self) -> &mut Battery {
         &mut self.battery
     }
 
     /// It does not know where it is over ground, until then at least.
-    pub(crate) fn lose_position(&mut self, now: Timestamp, until: Timestamp) {
+    pub fn lose_position(&mut self, now: Timestamp, until: Timestamp) {
         let lost = self.lost.get_or_insert((now, until));
         lost.1 = lost.1.max(until);
     }
 
     /// It knows again, unless it has lost it for longer.
-    pub(crate) fn find_position(&mut self, now: Timestamp) {
+    pub fn find_position(&mut self, now: Timestamp) {
         self.lost = self.lost.filter(|(_, until)| now < *until);
     }
 
-    pub(crate) const fn motion(&self) -> &Motion {
+    /// How it moves.
+    #[must_use]
+    pub const fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    pub(crate) const fn is_armed(&self) -> bool {
+    /// Whether its motors are armed.
+    #[must_use]
+    pub const fn is_armed(&self) -> bool {
         self.armed
     }
 
-    pub(crate) fn telemetry(&self, now: Timestamp) -> Telemetry {
+    /// What its flight controller would say of it.
+    #[must_use]
+    pub fn telemetry(&self, now: Timestamp) -> Telemetry {
         let known = |place: Ned| {
             let place = match self.lost {
                 Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
@@ -126,7 +137,7 @@ impl Vehicle {
     }
 
     /// Obeys a demand; whether its motion changed.
-    pub(crate) fn obey(&mut self, now: Timestamp, demand: Demand) -> bool {
+    pub fn obey(&mut self, now: Timestamp, demand: Demand) -> bool {
         match demand {
             Demand::Report => false,
             Demand::Arm => {
@@ -204,18 +215,13 @@ impl Vehicle {
     }
 
     /// Hovers for a while longer at the end of the leg that it has been told to fly, before it is at rest there.
-    pub(crate) fn settle(&mut self, time: Duration) {
+    pub fn settle(&mut self, time: Duration) {
         self.motion.hover(time);
     }
 
     /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed. They
     /// are ignored while a failsafe holds it.
-    pub(crate) fn steer(
-        &mut self,
-        now: Timestamp,
-        velocity: Velocity,
-        acceleration_mps2: f64,
-    ) -> bool {
+    pub fn steer(&mut self, now: Timestamp, velocity: Velocity, acceleration_mps2: f64) -> bool {
         let obeys = self.armed && !self.is_landing && !self.is_held;
         if obeys {
             self.target = None;
@@ -226,12 +232,12 @@ impl Vehicle {
     }
 
     /// Whether it fell: nobody can be kept apart from it any more.
-    pub(crate) const fn is_wreck(&self) -> bool {
+    pub const fn is_wreck(&self) -> bool {
         self.is_wreck
     }
 
     /// Falls to the ground as fast as it does by its own weight, on from how it moves, its motors off for good.
-    pub(crate) fn fall(&mut self, now: Timestamp) {
+    pub fn fall(&mut self, now: Timestamp) {
         self.armed = false;
         self.has_flown = true;
         self.is_landing = false;
@@ -241,7 +247,7 @@ impl Vehicle {
     }
 
     /// Its motion has come to its end: a landing ends disarmed. Whether it was one.
-    pub(crate) fn come_to_rest(&mut self) -> bool {
+    pub fn come_to_rest(&mut self) -> bool {
         let lands = std::mem::take(&mut self.is_landing);
         self.armed &= !lands;
         lands

@@ -1,0 +1,127 @@
+//! How figures and lists are written for a person.
+
+/// What stands where there is no figure.
+pub const NOTHING: &str = "–";
+
+/// `value` with `decimals` digits after the point, thousands apart, and a minus sign that is one.
+#[must_use]
+pub fn figure(value: f64, decimals: usize) -> String {
+    let digits = format!("{:.decimals$}", value.abs());
+    let (whole, fraction) = digits.split_at(digits.find('.').unwrap_or(digits.len()));
+    let mut text = String::new();
+    if value < 0.0 && digits.contains(|c: char| c.is_ascii_digit() && c != '0') {
+        text.push('−');
+    }
+    for (at, digit) in whole.chars().enumerate() {
+        if at > 0 && (whole.len() - at).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text + fraction
+}
+
+/// `value` with `decimals` digits after the point, and never more than it is: for what falls short of a limit.
+#[must_use]
+pub fn rounded_down(value: f64, decimals: usize) -> String {
+    let nearest = format!("{value:.decimals$}");
+    if nearest.parse().is_ok_and(|nearest: f64| nearest <= value) {
+        return nearest;
+    }
+    let digit = 10_f64.powi(-i32::try_from(decimals).unwrap_or(i32::MAX));
+    format!("{:.decimals$}", value - digit)
+}
+
+/// Likewise, and never less than it is: for what exceeds a limit.
+#[must_use]
+pub fn rounded_up(value: f64, decimals: usize) -> String {
+    let down = rounded_down(-value, decimals);
+    down.strip_prefix('-')
+        .map_or_else(|| format!("-{down}"), str::to_owned)
+}
+
+/// Likewise, or [`NOTHING`].
+#[must_use]
+pub fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), |value| figure(value, decimals))
+}
+
+/// `number` of `thing`, which takes an s for other than one.
+#[must_use]
+pub fn plural(number: usize, thing: &str) -> String {
+    let ending = if number == 1 { "" } else { "s" };
+    format!("{number} {thing}{ending}")
+}
+
+/// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5, 9".
+#[must_use]
+pub fn drones(ids: &[u32]) -> String {
+    match ids {
+        [] => "no drone".to_owned(),
+        [only] => format!("drone {only}"),
+        [one, other] => format!("drones {one} and {other}"),
+        several => format!("drones {}", ranges(several)),
+    }
+}
+
+/// Ids in rising order, three and more in a row as a range: "0–6, 9".
+#[must_use]
+pub fn ranges(ids: &[u32]) -> String {
+    let mut ids = ids.to_vec();
+    ids.sort_unstable();
+    ids.dedup();
+    let runs: Vec<String> = ids
+        .chunk_by(|a, b| a.checked_add(1) == Some(*b))
+        .flat_map(|run| match run {
+            [first, _, .., last] => vec![format!("{first}–{last}")],
+            few => few.iter().map(u32::to_string).collect(),
+        })
+        .collect();
+    if runs.is_empty() {
+        NOTHING.to_owned()
+    } else {
+        runs.join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_their_thousands_apart() {
+        assert_eq!(figure(1_234_567.25, 1), "1,234,567.2");
+        assert_eq!(figure(999.0, 0), "999");
+        assert_eq!(figure(-1000.0, 0), "−1,000");
+        assert_eq!(figure(-0.01, 1), "0.0");
+        assert_eq!(figure(f64::NAN, 1), "NaN");
+    }
+
+    #[test]
+    fn what_breaks_a_limit_is_not_rounded_to_it() {
+        for (value, down, up) in [
+            (1.997, "1.99", "2.00"),
+            (2.0, "2.00", "2.00"),
+            (2.001, "2.00", "2.01"),
+            (-0.004, "-0.01", "-0.00"),
+        ] {
+            assert_eq!(
+                (&*rounded_down(value, 2), &*rounded_up(value, 2)),
+                (down, up)
+            );
+        }
+    }
+
+    #[test]
+    fn drones_are_named_in_words() {
+        assert_eq!(drones(&[3]), "drone 3");
+        assert_eq!(drones(&[3, 4]), "drones 3 and 4");
+        assert_eq!(drones(&[3, 4, 5]), "drones 3–5");
+    }
+
+    #[test]
+    fn ids_in_a_row_are_a_range() {
+        assert_eq!(ranges(&[0, 1, 2, 3, 6, 9, 8]), "0–3, 6, 8, 9");
+        assert_eq!(ranges(&[]), "–");
+    }
+}
