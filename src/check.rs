@@ -41,10 +41,10 @@ fn describe(file: &Path) -> Result<String, BadInput> {
         .is_some_and(|extension| extension == "toml")
     {
         let scenario = scenario::load(file, &[])?;
-        let mut notes = scenario.notes.clone();
+        let mut notes = scenario.plan.notes.clone();
         for (swarm, _) in &scenario.others {
             let of_swarm = |note: &String| format!("{}: {note}", swarm.name);
-            notes.extend(swarm.notes.iter().map(of_swarm));
+            notes.extend(swarm.plan.notes.iter().map(of_swarm));
         }
         let mut description = scenario.description();
         for line in scenario.outlook() {

@@ -72,7 +72,7 @@ impl From<SwarmError> for Failure {
 pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let scenario = scenario::load(&arguments.scenario, &[])?;
     let hosts = arguments.hosts.as_deref();
-    let hosts = hosts.map(|path| Hosts::load(path, scenario.nodes()));
+    let hosts = hosts.map(|path| Hosts::load(path, scenario.plan.nodes()));
     let hosts = hosts.transpose()?;
     let out = arguments
         .out

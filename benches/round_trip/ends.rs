@@ -83,7 +83,7 @@ impl End {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let path = root.join("scenarios/hardware/swarm-short.toml");
         let scenario = scenario::load(&path, &[])?;
-        let blueprint = scenario.blueprint(SwarmId(1), id);
+        let blueprint = scenario.plan.blueprint(SwarmId(1), id);
         let config = sockets::Config {
             id,
             bind: own,
@@ -122,7 +122,7 @@ impl End {
                 },
                 ..blueprint
             },
-            restarts: scenario.limits.restarts,
+            restarts: scenario.plan.limits.restarts,
             waiting_max: 1_000,
         };
         let environment = Arc::clone(&world) as _;

@@ -134,7 +134,7 @@ fn measure(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     let set: Vec<Override> = set.iter().map(|it| it.parse()).collect::<Result<_, _>>()?;
     let mut scenario = scenario::load(Path::new(file), &set)?;
     scenario.unchecked = mode != CHECKED;
-    let drones = scenario.layout.formation().drones();
+    let drones = scenario.plan.layout.formation().drones();
     let engine = match mode.as_str() {
         ACTORS => Engine::Actors,
         _ => Engine::Events,

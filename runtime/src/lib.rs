@@ -6,5 +6,6 @@ pub mod geodetic;
 pub mod identity;
 pub mod journal;
 pub mod mission_file;
+pub mod plan;
 pub mod vehicle;
 pub mod words;

@@ -58,7 +58,7 @@ impl Twin {
     pub fn new(scenario: &Scenario, behind: Duration) -> Self {
         Self {
             world: World::mirroring(scenario, behind),
-            nodes: scenario.nodes(),
+            nodes: scenario.plan.nodes(),
             steps: scenario.steps(),
         }
     }

@@ -9,7 +9,7 @@ use std::{fs, io};
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::file::replace;
 use muster_runtime::journal;
-use muster_scenarios::scenario::{self, Scenario};
+use muster_runtime::plan::{self, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::Read;
@@ -40,9 +40,9 @@ pub(crate) enum Origin {
 
 impl Files {
     /// Reads a scenario by `read`, and keeps in mind what was read.
-    pub(super) fn record(path: &Path, read: Read<'_>) -> Result<(Scenario, Self), BadInput> {
+    pub(super) fn record(path: &Path, read: Read<'_>) -> Result<(Plan, Self), BadInput> {
         let texts = RefCell::new(BTreeMap::new());
-        let scenario = scenario::load_from(path, &[], &|path| {
+        let scenario = plan::load_from(path, &|path| {
             let text = read(path)?;
             texts.borrow_mut().insert(name(path), text.clone());
             Ok(text)
@@ -55,8 +55,8 @@ impl Files {
     }
 
     /// The scenario that they are of.
-    fn scenario(&self) -> Result<Scenario, BadInput> {
-        scenario::load_from(Path::new(&self.scenario), &[], &|path| {
+    fn scenario(&self) -> Result<Plan, BadInput> {
+        plan::load_from(Path::new(&self.scenario), &|path| {
             let kept = self.texts.get(&name(path)).cloned();
             kept.ok_or_else(|| {
                 let message = "was not kept when the flight began";
@@ -77,7 +77,7 @@ pub(super) fn scenario(
     journal: &Path,
     named: &Path,
     read: Read<'_>,
-) -> Result<(Scenario, Origin), BadInput> {
+) -> Result<(Plan, Origin), BadInput> {
     let of_named = || Files::record(named, read);
     // A journal that can't be read is refused when it is opened.
     let checkpoints = journal::peek(journal).ok().flatten();

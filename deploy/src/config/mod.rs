@@ -14,7 +14,7 @@ use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, Form, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
-use muster_scenarios::scenario::Scenario;
+use muster_runtime::plan::Plan;
 use muster_transport::sockets::{self, Reach};
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
@@ -58,7 +58,7 @@ pub struct DroneConfig {
     pub(crate) path: PathBuf,
     /// The scenario's file that it names.
     pub(crate) scenario_path: PathBuf,
-    pub(crate) scenario: Scenario,
+    pub(crate) plan: Plan,
     /// Where that comes from.
     pub(crate) origin: Origin,
     pub(crate) id: NodeId,
@@ -107,8 +107,8 @@ impl DroneConfig {
         file.check_vehicle()?;
         let scenario_path = file.0.beside(raw.scenario.get_ref());
         let journal = file.0.beside(&raw.journal);
-        let (scenario, origin) = flight::scenario(&journal, &scenario_path, read)?;
-        file.check_scenario(&scenario)?;
+        let (plan, origin) = flight::scenario(&journal, &scenario_path, read)?;
+        file.check_plan(&plan)?;
         let id = NodeId(*raw.id.get_ref());
         Ok(Self {
             path: path.to_owned(),
@@ -126,7 +126,7 @@ impl DroneConfig {
             },
             level: raw.log_level.into(),
             observed_at: file.observed_at()?,
-            scenario,
+            plan,
             origin,
         })
     }
@@ -160,12 +160,12 @@ impl DroneConfig {
     /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
     #[must_use]
     pub fn leads(&self) -> bool {
-        self.id == self.scenario.centre()
+        self.id == self.plan.centre()
     }
 
     /// Whether it flies no mission and only passes on.
     pub(crate) fn is_relay(&self) -> bool {
-        self.id.0 >= self.scenario.layout.formation().drones()
+        self.id.0 >= self.plan.layout.formation().drones()
     }
 
     /// What it is, in a few words.
@@ -176,7 +176,11 @@ impl DroneConfig {
             () if self.is_relay() => ", a relay",
             () => "",
         };
-        format!("number {}{part}: {}", self.id, self.scenario.description())
+        format!(
+            "number {}{part}: {}",
+            self.id,
+            self.plan.description(self.plan.limits.duration)
+        )
     }
 }
 
@@ -240,8 +244,8 @@ impl File {
         }
     }
 
-    fn check_scenario(&self, scenario: &Scenario) -> Result<(), BadInput> {
-        let nodes = scenario.nodes();
+    fn check_plan(&self, plan: &Plan) -> Result<(), BadInput> {
+        let nodes = plan.nodes();
         if *self.0.raw.id.get_ref() >= nodes {
             let message = format!(
                 "the scenario's drones and relays have numbers up to {}",
@@ -249,7 +253,7 @@ impl File {
             );
             return Err(self.0.error(self.0.raw.id.span(), &message));
         }
-        if scenario.is_steered() {
+        if plan.is_steered() {
             let message = "in this scenario a simulated pilot or operator ends or steers the flight, who is not here";
             return Err(self.0.error(self.0.raw.scenario.span(), message));
         }
@@ -269,7 +273,7 @@ impl File {
 
     fn swarm(&self) -> Result<SwarmId, BadInput> {
         match &self.0.raw.swarm {
-            None => Ok(Scenario::FIRST_SWARM),
+            None => Ok(Plan::FIRST_SWARM),
             Some(number) if *number.get_ref() == 0 => {
                 Err(self.0.error(number.span(), "swarms are numbered from 1"))
             }

@@ -139,7 +139,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     // Not the journal's number: that would begin anew with another journal, under the same key.
     let drawn = getrandom::u32().map_err(DaemonError::Random)?;
-    let mut craft = (config.scenario.craft(config.id, clock.now().as_nanos()))
+    let mut craft = (config.plan.craft(config.id, clock.now().as_nanos()))
         .expect("the configuration has a number of the scenario's");
     let mut tether = start.tied.then(tasks::tether);
     if let Some(tether) = tether.as_mut().filter(|_| start.resume) {
@@ -293,8 +293,8 @@ async fn start_actors(
     life: u32,
     process: &Arc<Process>,
 ) -> Result<Drone, DaemonError> {
-    let scenario = &config.scenario;
-    let simulated = scenario.blueprint(config.swarm, config.id);
+    let plan = &config.plan;
+    let simulated = plan.blueprint(config.swarm, config.id);
     let actors = ActorsConfig {
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
@@ -304,8 +304,8 @@ async fn start_actors(
             },
             ..simulated
         },
-        restarts: scenario.limits.restarts,
-        waiting_max: scenario.limits.waiting_max,
+        restarts: plan.limits.restarts,
+        waiting_max: plan.limits.waiting_max,
     };
     let environment = Arc::clone(process) as _;
     let started = Drone::start(actors, environment).await;

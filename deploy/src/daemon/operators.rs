@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use muster_runtime::diagnostic::{BadInput, read_text, text_of};
 use muster_runtime::file::replace;
-use muster_scenarios::scenario;
+use muster_runtime::plan;
 use muster_transport::quic::Stream;
 use tokio::sync::Semaphore;
 use tokio::sync::mpsc::Receiver;
@@ -135,7 +135,7 @@ impl Desk {
             Upload::Scenario => self.scenario.clone(),
             Upload::Mission => {
                 let text = read_text(&self.scenario)?;
-                folder.join(scenario::mission_file((&self.scenario, &text), &[])?)
+                folder.join(plan::mission_file((&self.scenario, &text), &[])?)
             }
         };
         let text = text_of(&place, bytes)?;

@@ -138,7 +138,7 @@ impl<'a> Swarm<'a> {
             losses_as_of: None,
             twin_is_at: Timestamp::ZERO,
         };
-        let leader = request.scenario.centre();
+        let leader = request.scenario.plan.centre();
         for folder in drones.iter().filter(|it| it.id != leader) {
             swarm.add(folder, Begin::Waiting);
         }

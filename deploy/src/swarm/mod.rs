@@ -156,7 +156,7 @@ pub fn fly(
     let hosts = match request.hosts {
         Some(hosts) => hosts,
         None => {
-            here = Hosts::here(request.scenario.nodes(), request.musterd)
+            here = Hosts::here(request.scenario.plan.nodes(), request.musterd)
                 .map_err(SwarmError::Ports)?;
             &here
         }
@@ -179,7 +179,7 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
     if scenario.has_other_swarms() {
         return refuse("processes fly one swarm, and the scenario has several".to_owned());
     }
-    if scenario.is_steered() {
+    if scenario.plan.is_steered() {
         return refuse(
             "in this scenario a simulated pilot or operator ends or steers the flight".to_owned(),
         );

@@ -115,7 +115,7 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 /// Draws from one to `most` faults for a scenario. Times are whole milliseconds, so that a file says them exactly.
 pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<Fault> {
     let mut drawing = Drawing {
-        nodes: scenario.nodes(),
+        nodes: scenario.plan.nodes(),
         scenario,
         rng,
     };
@@ -165,7 +165,7 @@ impl<R: Rng> Drawing<'_, R> {
     }
 
     fn when(&mut self) -> When {
-        let waypoints = u16::try_from(self.scenario.waypoints.len()).unwrap_or(u16::MAX);
+        let waypoints = u16::try_from(self.scenario.plan.waypoints.len()).unwrap_or(u16::MAX);
         let occasion = match self.rng.random_range(0..10) {
             0 => Occasion::TakingOff,
             1 => Occasion::Elected,
@@ -173,7 +173,7 @@ impl<R: Rng> Drawing<'_, R> {
             3 => Occasion::Landing,
             4 | 5 => Occasion::Waypoint(self.rng.random_range(0..waypoints.max(1))),
             _ => {
-                let flight = self.scenario.limits.flight.as_millis();
+                let flight = self.scenario.plan.limits.flight.as_millis();
                 let at = self.milliseconds(0..=u64::try_from(flight).unwrap_or(u64::MAX));
                 return When::At(Timestamp::ZERO + at);
             }
@@ -223,10 +223,16 @@ impl<R: Rng> Drawing<'_, R> {
 
     /// A disc around a drone's slot at a waypoint.
     fn disc(&mut self) -> FaultKind {
-        let waypoint = *(self.scenario.waypoints.choose(self.rng)).expect("a mission has some");
-        let drones = self.scenario.layout.formation().drones();
+        let waypoint =
+            *(self.scenario.plan.waypoints.choose(self.rng)).expect("a mission has some");
+        let drones = self.scenario.plan.layout.formation().drones();
         let id = NodeId(self.rng.random_range(0..drones));
-        let mut centre = self.scenario.layout.slot(id, waypoint).at_altitude(0.0);
+        let mut centre = self
+            .scenario
+            .plan
+            .layout
+            .slot(id, waypoint)
+            .at_altitude(0.0);
         centre.0 = centre.0.map(f64::round);
         let range_m = self.scenario.radio.propagation.range_m();
         FaultKind::Jam {
@@ -276,7 +282,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for (name, kind) in kinds() {
             let mut drawing = Drawing {
-                nodes: scenario.nodes(),
+                nodes: scenario.plan.nodes(),
                 scenario: &scenario,
                 rng: &mut rng,
             };

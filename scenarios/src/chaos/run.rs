@@ -265,7 +265,7 @@ fn fly_chunk(
         tally.plans += 1;
         tally.redrawn += redrawn;
         tally.simulated_s += simulated_s;
-        tally.drone_s += simulated_s * f64::from(scenario.nodes());
+        tally.drone_s += simulated_s * f64::from(scenario.plan.nodes());
         tally.completed += u64::from(is_completed(&scenario, &outcome.swarms[0].recorder));
         tally
             .coverage

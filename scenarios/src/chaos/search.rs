@@ -277,7 +277,7 @@ mod tests {
         let (search, all) = (search(&set), search(&[]));
         assert_eq!(search.combinations() * 2 * 3, all.combinations());
         for seed in 0..20 {
-            assert!(search.draw(seed).unwrap().scenario.follow.is_some());
+            assert!(search.draw(seed).unwrap().scenario.plan.follow.is_some());
         }
     }
 

@@ -39,7 +39,7 @@ pub(super) fn shrink(
             let Ok(scenario) = search.scenario(&candidate) else {
                 continue;
             };
-            if names_strangers(&candidate, scenario.nodes()) {
+            if names_strangers(&candidate, scenario.plan.nodes()) {
                 continue;
             }
             if breaks(&scenario)? {

@@ -47,8 +47,8 @@ async fn fly(scenario: &Scenario, driver: &Arc<Driver>) -> Result<(), ractor::Sp
     for (id, blueprint) in (0..).map(NodeId).zip(blueprints(scenario)) {
         let config = DroneConfig {
             blueprint,
-            restarts: scenario.limits.restarts,
-            waiting_max: scenario.limits.waiting_max,
+            restarts: scenario.plan.limits.restarts,
+            waiting_max: scenario.plan.limits.waiting_max,
         };
         let environment = Arc::new(SimulatedEnvironment {
             world: Arc::clone(&driver.world),

@@ -26,7 +26,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         .map(|blueprint| Drone {
             blueprint: Box::new(blueprint),
             cells: [const { None }; 5],
-            supervision: Supervision::new(scenario.limits.restarts),
+            supervision: Supervision::new(scenario.plan.limits.restarts),
         })
         .collect();
     for (id, drone) in (0..).map(NodeId).zip(&mut drones) {
@@ -48,7 +48,7 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
                 continue;
             }
             What::Boot => {
-                drone.supervision = Supervision::new(scenario.limits.restarts);
+                drone.supervision = Supervision::new(scenario.plan.limits.restarts);
                 drone.build_all(&mut world, id, &mut reaction);
                 continue;
             }

@@ -19,9 +19,10 @@ const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 /// Each drone's distances from its slot while it followed, in metres; none for the master and for whoever never did.
 pub(super) fn distances_m(scenario: &Scenario, flown: &Flown, ended: Timestamp) -> Vec<Vec<f64>> {
     let layout = scenario
+        .plan
         .changes
         .last()
-        .map_or(&*scenario.layout, |change| change.layout());
+        .map_or(&*scenario.plan.layout, |change| change.layout());
     let drones = || {
         let records = flown.recorder.drones().map(|(_, record)| record);
         (0..).map(NodeId).zip(records.zip(&flown.vehicles))

@@ -65,7 +65,12 @@ pub(crate) fn summary(
         };
         let drawn = flown.recorder.drones().zip(&flown.vehicles);
         let flight = Flight {
-            waypoints: swarm.waypoints.iter().map(|it| *it + joins.home).collect(),
+            waypoints: swarm
+                .plan
+                .waypoints
+                .iter()
+                .map(|it| *it + joins.home)
+                .collect(),
             range_m: scenario.radio.propagation.range_m(),
             drones: drawn
                 .map(|((_, record), vehicle)| FlightOfDrone {
@@ -118,7 +123,7 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
 }
 
 fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> {
-    let relays = flown.recorder.relays().zip(scenario.relays.iter());
+    let relays = flown.recorder.relays().zip(scenario.plan.relays.iter());
     relays
         .map(|((id, record), place)| {
             let traffic = flown.recorder.traffic(id);
@@ -254,7 +259,7 @@ fn medium(scenario: &Scenario, outcome: &Outcome) -> Option<MediumCounters> {
 fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
     let made = recorder.changes().iter();
     made.map(|(index, made)| {
-        let change = &scenario.changes[usize::from(*index)];
+        let change = &scenario.plan.changes[usize::from(*index)];
         FormationChange {
             waypoint: change.waypoint(),
             to: change.layout().formation().kind().name(),
@@ -270,13 +275,13 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
 /// Whether a swarm, or what was left of it, reached the last waypoint and left it to land, or assembled around the master
 /// that it followed.
 pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
-    if scenario.follow.is_some() {
+    if scenario.plan.follow.is_some() {
         let master = recorder.of(recorder.centre());
         let assembled = |state: &State| *state == State::Assembling;
         return master.states.iter().any(|(_, state)| assembled(state))
             && master.reason == Some(LandingReason::MissionOver);
     }
-    let last = u16::try_from(scenario.waypoints.len() - 1).ok();
+    let last = u16::try_from(scenario.plan.waypoints.len() - 1).ok();
     let crossing = last.and_then(|last| recorder.barriers().get(&last));
     crossing.is_some_and(|crossing| crossing.moving.is_some())
 }

@@ -12,70 +12,14 @@ use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::Scenario;
-use super::file::Source;
-use super::raw::{ExposureName, ProtocolKind, Raw};
 use crate::report::table::STYLE;
-use muster_runtime::words::{NOTHING, drones, plural, rounded_down};
+use muster_runtime::plan::apart::{distances, in_words, metres, when};
+use muster_runtime::plan::file::Source;
+use muster_runtime::plan::raw::{ExposureName, Raw};
+use muster_runtime::words::{NOTHING, drones, plural};
 
 /// For swarms of at most so many it is found what single faults expose drones to.
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;
-
-/// Refuses a plan in which drones in lockstep come too near each other and, where `limits.accept` says what may, one in
-/// which a single fault can bring them too near that it does not name.
-pub(super) fn check_apart(source: &Source, raw: &Raw, flown: Flown<'_>) -> Result<(), BadInput> {
-    let too_near = flown.in_lockstep().find_map(|exposed| {
-        let is_too_near = !exposed.lockstep.too_near.is_empty();
-        is_too_near.then_some((exposed.phase.act, exposed.lockstep.closest?))
-    });
-    if let Some((act, closest)) = too_near {
-        let message = format!(
-            "in lockstep {} may come too near each other {}: {}; farther apart takes a larger `formation.spacing_m`, or \
-             `formation.gap_m` on the ground",
-            drones(&closest.drones.map(|id| id.0)),
-            when(act),
-            distances(&closest)
-        );
-        return Err(source.error(raw.formation.spacing_m.span(), &message));
-    }
-    let Some(accepted) = &raw.limits.accept else {
-        return Ok(());
-    };
-    let they_follow = raw.protocol.kind == ProtocolKind::Follow;
-    let is_accepted = |exposure: Exposure| {
-        let mut accepted = accepted.get_ref().iter();
-        accepted.any(|name| Exposure::from(*name) == exposure)
-            || raw.safety.avoid && exposure.is_mended_by_giving_way(they_follow)
-    };
-    let found = flown
-        .phases()
-        .zip(flown.exposures())
-        .find_map(|(phase, of)| {
-            let of = of
-                .into_iter()
-                .filter(|(exposure, _)| !is_accepted(*exposure));
-            let mut of = of.filter(|(_, nearness)| !nearness.too_near.is_empty());
-            let (exposure, nearness) = of.next()?;
-            Some((phase.act, exposure, nearness.closest?))
-        });
-    let Some((act, exposure, closest)) = found else {
-        return Ok(());
-    };
-    let avoid = if exposure.is_mended_by_giving_way(they_follow) {
-        ", or `safety.avoid = true`, by which they give way to each other"
-    } else {
-        ""
-    };
-    let [affected, other] = closest.drones;
-    let message = format!(
-        "a drone that {} may come too near another: drone {affected} comes within {} of drone {other} {}; this takes \
-         \"{}\" in `limits.accept`{avoid}",
-        in_words(exposure),
-        distances(&closest),
-        when(act),
-        exposure.name(),
-    );
-    Err(source.error(accepted.span(), &message))
-}
 
 /// Refuses a plan in which drones out of the master's reach follow another one, without a layer for each: those that follow
 /// give way to nobody.
@@ -88,10 +32,10 @@ pub(super) fn check_followers(
         let mut accepted = accepted.get_ref().iter();
         accepted.any(|name| matches!(name, ExposureName::Apart))
     });
-    let elects = scenario.protocol.succession == Succession::Elect;
-    let may_meet = scenario.follow.is_some()
+    let elects = scenario.plan.protocol.succession == Succession::Elect;
+    let may_meet = scenario.plan.follow.is_some()
         && elects
-        && scenario.layout.layering() == Layering::Shared
+        && scenario.plan.layout.layering() == Layering::Shared
         && !is_accepted;
     let Some(apart) = may_meet.then(|| scenario.unreached()).flatten() else {
         return Ok(());
@@ -107,39 +51,6 @@ pub(super) fn check_followers(
     let place = raw.limits.altitude_max_m.as_ref();
     let span = place.map_or_else(|| raw.formation.spacing_m.span(), Spanned::span);
     Err(source.error(span, &message))
-}
-
-/// What a drone does, as after "a drone that".
-fn in_words(exposure: Exposure) -> &'static str {
-    match exposure {
-        Exposure::Late => "is late",
-        Exposure::Apart => "flies apart from the others, in its layer",
-        Exposure::Descends => "comes down on the spot",
-        Exposure::Killed => "is brought down by its flight controller",
-    }
-}
-
-/// When something happens, as after a comma.
-fn when(act: Act) -> String {
-    match act {
-        Act::TakesOff { wave } => format!("while {} off", wave_in_words(wave, "take")),
-        Act::Flies { to } => format!("on the leg to waypoint {to}"),
-        Act::Climbs { change } => format!("while all climb for change {change} of formation"),
-        Act::Crosses { change, wave } => {
-            let crosses = wave_in_words(wave, "cross");
-            format!("while {crosses} for change {change} of formation")
-        }
-        Act::Descends { change } => format!("while all descend in change {change} of formation"),
-        Act::Lands { wave } => format!("while {} to land", wave_in_words(wave, "go")),
-    }
-}
-
-/// Who does it: all, or one of the later waves.
-fn wave_in_words(wave: u16, does: &str) -> String {
-    match wave {
-        0 => format!("all {does}"),
-        _ => format!("those of wave {} {does}", wave + 1),
-    }
 }
 
 /// The name of a row for one wave of several, the first being 0.
@@ -160,21 +71,6 @@ fn name(act: Act) -> String {
         Act::Descends { change } => format!("change {change}: descending"),
         Act::Lands { wave } => in_wave("going to land", wave),
     }
-}
-
-/// To a decimetre, never more than it is; a micrometre is what the search for it leaves open.
-fn metres(metres: f64) -> String {
-    let rounded = rounded_down(metres + 1e-6, 1);
-    rounded.trim_end_matches(".0").to_owned()
-}
-
-fn distances(approach: &Approach) -> String {
-    let clearance = approach.clearance;
-    format!(
-        "{} m over ground and {} m in height",
-        metres(clearance.horizontal_m),
-        metres(clearance.vertical_m)
-    )
 }
 
 /// A phase as it is told.
@@ -219,9 +115,9 @@ fn affected(nearness: &Nearness) -> usize {
 impl Scenario {
     pub(super) fn flown(&self) -> Flown<'_> {
         Flown {
-            layout: &self.layout,
-            changes: &self.changes,
-            waypoints: &self.waypoints,
+            layout: &self.plan.layout,
+            changes: &self.plan.changes,
+            waypoints: &self.plan.waypoints,
         }
     }
 
@@ -231,7 +127,7 @@ impl Scenario {
         &self,
         mut out_of_reach: impl FnMut(&Phase) -> Option<usize>,
     ) -> Vec<String> {
-        let is_small = self.layout.formation().drones() <= EXPOSED_DRONES_MAX;
+        let is_small = self.plan.layout.formation().drones() <= EXPOSED_DRONES_MAX;
         let mut exposures = is_small.then(|| self.flown().exposures());
         let (mut rows, mut closest) = (Vec::<Row>::new(), None::<Approach>);
         let mut totals = Exposure::ALL.map(|exposure| (exposure, Total::default()));
@@ -281,7 +177,7 @@ impl Scenario {
     }
 
     fn verdict(&self, closest: Option<Approach>, together: usize) -> String {
-        let separation = self.limits.separation;
+        let separation = self.plan.limits.separation;
         let Some(closest) = closest else {
             return "kept apart in lockstep: there is one drone".to_owned();
         };
@@ -303,15 +199,15 @@ impl Scenario {
 
     fn total_in_words(&self, exposure: Exposure, total: &Total) -> Option<String> {
         let (act, nearest) = total.nearest?;
-        let is_mended =
-            self.vehicle.avoid.is_some() && exposure.is_mended_by_giving_way(self.follow.is_some());
+        let is_mended = self.plan.vehicle.avoid.is_some()
+            && exposure.is_mended_by_giving_way(self.plan.follow.is_some());
         let [affected, other] = nearest.drones;
         Some(format!(
             "exposed to `{}`, one that {}: {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",
             exposure.name(),
             in_words(exposure),
             total.affected,
-            plural(self.layout.formation().drones() as usize, "drone"),
+            plural(self.plan.layout.formation().drones() as usize, "drone"),
             plural(total.phases, "phase"),
             distances(&nearest),
             when(act),
@@ -330,7 +226,7 @@ impl Scenario {
             Act::TakesOff { .. } => layout.take_off_layers_m(),
             Act::Lands { .. } => layout.landing_layers_m(),
             Act::Climbs { change } | Act::Crosses { change, .. } | Act::Descends { change } => {
-                self.changes[usize::from(change)].sectors_m()
+                self.plan.changes[usize::from(change)].sectors_m()
             }
             Act::Flies { .. } => &[],
         };

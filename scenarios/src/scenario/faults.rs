@@ -8,9 +8,9 @@ use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
-use super::file::Source;
-use super::raw::{self, Office, Pair, ProtocolKind, Raw, Sender, Victim, Whole};
 use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
+use muster_runtime::plan::file::Source;
+use muster_runtime::plan::raw::{self, Office, Pair, ProtocolKind, Raw, Sender, Victim, Whole};
 
 /// What goes wrong, and when.
 pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec<Fault>, BadInput> {

@@ -13,8 +13,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::Scenario;
-use super::room::Pace;
 use crate::parts::{Link, Part, Parts};
+use muster_runtime::plan::room::Pace;
 use muster_runtime::words::{drones, figure, plural};
 
 /// For swarms of at most so many it is found who is connected; the diameter of larger ones is taken for the most that it
@@ -32,17 +32,17 @@ impl Scenario {
             self.settling_in_words(connected.as_ref()),
             self.bound_in_words(),
         ]);
-        lines.extend(holds_in_words(&self.holds));
+        lines.extend(holds_in_words(&self.plan.holds));
         lines.extend(self.layers_in_words());
         lines.extend(self.waves_in_words());
-        lines.extend(self.fence.iter().cloned());
+        lines.extend(self.plan.fence.iter().cloned());
         if let Some(in_slots) = &connected {
             lines.extend(self.unreached_in_words(in_slots));
             lines.extend(self.apart_by_height_in_words(in_slots));
         }
-        let mut first = self.nodes();
+        let mut first = self.plan.nodes();
         for (swarm, joins) in &self.others {
-            let last = first + swarm.layout.formation().drones() - 1;
+            let last = first + swarm.plan.layout.formation().drones() - 1;
             lines.push(format!(
                 "{} of {}: home {} m north and {} m east of here, told to fly after {} s",
                 drones(&(first..=last).collect::<Vec<_>>()),
@@ -51,7 +51,7 @@ impl Scenario {
                 joins.home.east_m(),
                 joins.after.as_secs_f64(),
             ));
-            first += swarm.nodes();
+            first += swarm.plan.nodes();
         }
         lines
     }
@@ -60,7 +60,7 @@ impl Scenario {
         let settling = self.settling();
         let known =
             connected.map(|parts| self.masters_part(parts).map_or(0, |it| parts.diameter(it)));
-        let (diameter, is_at_most) = (known.unwrap_or(self.nodes() - 1), known.is_none());
+        let (diameter, is_at_most) = (known.unwrap_or(self.plan.nodes() - 1), known.is_none());
         let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
         if let Some(hops_max) = settling.hops_max.filter(|hops| diameter > *hops) {
             return format!(
@@ -91,14 +91,15 @@ impl Scenario {
 
     /// Who is connected with whom, as all are in their slots; nothing for a swarm that is too large.
     fn connected(&self) -> Option<Parts> {
-        let nodes = self.nodes();
-        (nodes <= DIAMETER_NODES_MAX).then(|| self.connected_at(|_| self.waypoints[0].altitude_m()))
+        let nodes = self.plan.nodes();
+        (nodes <= DIAMETER_NODES_MAX)
+            .then(|| self.connected_at(|_| self.plan.waypoints[0].altitude_m()))
     }
 
     /// How many are out of the master's reach in a phase, where they are the farthest apart in it; `None` for a swarm that is
     /// too large. Relays are left out: they stay where the mission began.
     fn counted_out_of_reach(&self) -> impl FnMut(&Phase) -> Option<usize> {
-        let is_small = self.nodes() <= DIAMETER_NODES_MAX;
+        let is_small = self.plan.nodes() <= DIAMETER_NODES_MAX;
         // On each leg of one formation it is the same.
         let mut on_legs: BTreeMap<u16, Option<usize>> = BTreeMap::new();
         move |phase| {
@@ -120,12 +121,12 @@ impl Scenario {
 
     /// Who is connected with whom, as each is above its first slot, at a height of its own in metres above home.
     fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Parts {
-        let drones = (0..self.layout.formation().drones()).map(NodeId);
+        let drones = (0..self.plan.layout.formation().drones()).map(NodeId);
         let above = drones.map(|id| {
-            let slot = self.layout.slot(id, self.waypoints[0]);
+            let slot = self.plan.layout.slot(id, self.plan.waypoints[0]);
             slot.at_altitude(altitude_m(id))
         });
-        let places: Vec<_> = above.chain(self.relays.iter().copied()).collect();
+        let places: Vec<_> = above.chain(self.plan.relays.iter().copied()).collect();
         self.connected_among(&places)
     }
 
@@ -139,14 +140,14 @@ impl Scenario {
     }
 
     fn masters_part<'a>(&self, parts: &'a Parts) -> Option<&'a Part> {
-        let master = self.layout.formation().centre();
+        let master = self.plan.layout.formation().centre();
         parts.iter().find(|part| part.members.contains(&master))
     }
 
     /// Who is where no links that are up connect it with the master, lowest first.
     fn out_of_reach(&self, parts: &Parts) -> Option<Vec<u32>> {
         let with_master = self.masters_part(parts)?;
-        let all = (0..self.layout.formation().drones()).map(NodeId);
+        let all = (0..self.plan.layout.formation().drones()).map(NodeId);
         let apart = all.filter(|id| !with_master.members.contains(id));
         Some(apart.map(|id| id.0).collect())
     }
@@ -155,9 +156,10 @@ impl Scenario {
     fn apart_by_height_in_words(&self, in_slots: &Parts) -> Vec<String> {
         let apart = self.out_of_reach(in_slots).unwrap_or_default();
         let flown = self.flown();
-        let begin = self.waypoints[0];
-        let on_the_way_up = self
-            .connected_at(|id| begin.altitude_m() + self.layout.take_off_layers_m()[id.0 as usize]);
+        let begin = self.plan.waypoints[0];
+        let on_the_way_up = self.connected_at(|id| {
+            begin.altitude_m() + self.plan.layout.take_off_layers_m()[id.0 as usize]
+        });
         let alone = self.connected_at(|id| flown.altitude_alone_m(id, 0, begin));
         let lines = [
             ("in their layers on the way up", on_the_way_up),
@@ -186,7 +188,7 @@ impl Scenario {
 
     fn unreached_in_words(&self, parts: &Parts) -> Option<String> {
         let apart = self.out_of_reach(parts)?;
-        let led = match self.protocol.succession {
+        let led = match self.plan.protocol.succession {
             Succession::Elect => "elect masters of their own",
             Succession::Land => "land",
         };
@@ -197,7 +199,7 @@ impl Scenario {
     }
 
     fn bound_in_words(&self) -> String {
-        let limits = &self.limits;
+        let limits = &self.plan.limits;
         let seconds = |time: Duration| figure(time.as_secs_f64(), 0);
         let formula = format!(
             "set-up {} s + flight time {} s + two legs of {} s + landing {} s",
@@ -224,18 +226,23 @@ impl Scenario {
     }
 
     fn layers_in_words(&self) -> Vec<String> {
-        let first = &self.layout;
-        let last = self.changes.last().map_or(&**first, Change::layout);
+        let first = &self.plan.layout;
+        let last = self.plan.changes.last().map_or(&**first, Change::layout);
         let mut lines = vec![
             in_words("taking off", first.take_off_layers_m()),
-            in_words("out of lockstep", &first.layers_m(&self.waypoints)),
+            in_words("out of lockstep", &first.layers_m(&self.plan.waypoints)),
             in_words("going to land", last.landing_layers_m()),
         ];
-        let sectors_m = self.changes.iter().flat_map(Change::sectors_m).copied();
+        let sectors_m = self
+            .plan
+            .changes
+            .iter()
+            .flat_map(Change::sectors_m)
+            .copied();
         if let Some(highest_m) = sectors_m.reduce(f64::max) {
             lines.push(format!(
                 "sectors of {} of formation: up to {} m",
-                plural(self.changes.len(), "change"),
+                plural(self.plan.changes.len(), "change"),
                 to_millimetres(highest_m)
             ));
         }
@@ -246,14 +253,24 @@ impl Scenario {
 impl Scenario {
     /// In how many waves drones fly where there is no room for all at once, and how much longer that takes.
     fn waves_in_words(&self) -> Option<String> {
-        let last = self.changes.last().map_or(&*self.layout, Change::layout);
-        let crossing = self.changes.iter().map(Change::waves).max().unwrap_or(1);
-        let (up, down) = (self.layout.take_off_waves(), last.landing_waves());
+        let last = self
+            .plan
+            .changes
+            .last()
+            .map_or(&*self.plan.layout, Change::layout);
+        let crossing = self
+            .plan
+            .changes
+            .iter()
+            .map(Change::waves)
+            .max()
+            .unwrap_or(1);
+        let (up, down) = (self.plan.layout.take_off_waves(), last.landing_waves());
         let pace = Pace {
-            vehicle: &self.vehicle,
-            waypoints: &self.waypoints,
+            vehicle: &self.plan.vehicle,
+            waypoints: &self.plan.waypoints,
         };
-        let extra_s = pace.extra_s(&self.layout, &self.changes);
+        let extra_s = pace.extra_s(&self.plan.layout, &self.plan.changes);
         (up.max(down).max(crossing) > 1).then(|| {
             format!(
                 "waves: {up} to take off, {crossing} to change formation, {down} to land, one after the other, about {} s \

@@ -9,9 +9,9 @@ use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value, value};
 
-use super::file::{Override, Source};
-use super::load::mission_file;
 use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
+use muster_runtime::plan::file::{Override, Source};
+use muster_runtime::plan::mission_file;
 
 /// A scenario file's text with fields set, faults added to its own, another name for its mission's file, and without
 /// what a search may choose.

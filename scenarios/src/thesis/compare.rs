@@ -85,7 +85,7 @@ impl Experiment {
                 Some(report.means.messages_received),
             ),
         ];
-        let slots = scenario.layout.formation().slots();
+        let slots = scenario.plan.layout.formation().slots();
         let law_s = report.drones.iter().zip(slots).map(|(drone, slot)| {
             if drone.role == Role::Master {
                 published.master_s

@@ -118,7 +118,7 @@ impl Flights {
             shipped(name, SCENARIOS[WITH_WAITS], &overrides)
         };
         let barrier = "protocol.barrier=neighbours";
-        let settle = format!("vehicle.settle_ms={}", ancestor.settle.as_millis());
+        let settle = format!("vehicle.settle_ms={}", ancestor.plan.settle.as_millis());
         Ok(Self {
             neighbours: with_waits(&[barrier])?,
             settling: with_waits(&[barrier, &settle])?,

@@ -32,7 +32,7 @@ impl World {
     pub(crate) fn mirroring(scenario: &Scenario, behind: Duration) -> Self {
         let mut world = Self::new(scenario);
         world.behind = Some(behind);
-        for drone in (0..scenario.nodes()).map(NodeId) {
+        for drone in (0..scenario.plan.nodes()).map(NodeId) {
             for address in Address::ALL {
                 world.starting(drone, address);
             }

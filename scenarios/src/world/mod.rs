@@ -264,14 +264,14 @@ impl World {
                 Timestamp::ZERO + joins.after,
                 Planned::Fly(began.recorder.centre()),
             );
-            places.extend(swarm.stands().map(|place| place + joins.home));
-            vehicles.extend((swarm.stands()).map(|place| {
-                Vehicle::new(swarm.landing, place)
-                    .lasting(swarm.endurance)
+            places.extend(swarm.plan.stands().map(|place| place + joins.home));
+            vehicles.extend((swarm.plan.stands()).map(|place| {
+                Vehicle::new(swarm.plan.landing, place)
+                    .lasting(swarm.plan.endurance)
                     .with_home(joins.home)
             }));
             swarms.push(began);
-            nodes += swarm.nodes();
+            nodes += swarm.plan.nodes();
         }
         let generator = |stream: u64| {
             let mut rng = ChaCha8Rng::seed_from_u64(scenario.seed);
@@ -290,7 +290,7 @@ impl World {
             heap,
             tampering: Tampering::new(
                 generator(FAULTS_STREAM),
-                plan.listened_to(scenario.nodes()).into_iter(),
+                plan.listened_to(scenario.plan.nodes()).into_iter(),
             ),
             plan,
             inbox: VecDeque::new(),
@@ -299,13 +299,13 @@ impl World {
             drones: (0..u64::from(nodes))
                 .map(|id| Drone::new(generator(FIRST_DRONE_STREAM + id), has_journals))
                 .collect(),
-            separation: SeparationChecker::new(scenario.limits.separation, &vehicles),
+            separation: SeparationChecker::new(scenario.plan.limits.separation, &vehicles),
             whereabouts: Whereabouts::of(vehicles.len()),
             vehicles,
             swarms,
-            hang_max: scenario.limits.hang,
-            watchdog: scenario.limits.watchdog,
-            controller_max: scenario.limits.controller,
+            hang_max: scenario.plan.limits.hang,
+            watchdog: scenario.plan.limits.watchdog,
+            controller_max: scenario.plan.limits.controller,
             airborne: 0,
             trace: Trace::new(),
             next_look: Timestamp::ZERO,
@@ -321,9 +321,9 @@ impl World {
             obedience: ObedienceChecker::default(),
             arming: ArmingChecker::new(nodes as usize),
             bounds: BoundsChecker {
-                waiting_max: scenario.limits.waiting_max,
+                waiting_max: scenario.plan.limits.waiting_max,
             },
-            progress: ProgressChecker::new(nodes, scenario.limits.waiting_max),
+            progress: ProgressChecker::new(nodes, scenario.plan.limits.waiting_max),
             told_of: None,
             violation: None,
             crashing: None,
@@ -814,11 +814,11 @@ impl World {
 
 /// What each drone of a scenario is built with, in the order of their numbers; each knows itself by its swarm's.
 pub(crate) fn blueprints(scenario: &Scenario) -> Vec<Blueprint> {
-    let swarms = (Scenario::FIRST_SWARM.0..).map(SwarmId);
+    let swarms = (muster_runtime::plan::Plan::FIRST_SWARM.0..).map(SwarmId);
     swarms
         .zip(scenario.swarms())
         .flat_map(|(id, (swarm, _))| {
-            (0..swarm.nodes()).map(move |member| swarm.blueprint(id, NodeId(member)))
+            (0..swarm.plan.nodes()).map(move |member| swarm.plan.blueprint(id, NodeId(member)))
         })
         .collect()
 }

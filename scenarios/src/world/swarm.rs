@@ -6,11 +6,12 @@ use std::time::Duration;
 use muster_machines::cell::Observation;
 use muster_machines::identity::NodeId;
 use muster_machines::{mission, routing, wire};
+use muster_runtime::plan::{Follow, Plan};
 
 use super::{Recorder, World};
 use crate::checkers::{BarrierChecker, SettledChecker};
 use crate::parts::Parts;
-use crate::scenario::{Follow, Scenario};
+use crate::scenario::Scenario;
 
 /// A swarm in the middle of a run.
 #[derive(Debug)]
@@ -34,18 +35,18 @@ pub(crate) struct Swarm {
 impl Swarm {
     /// A swarm before anything has happened, whose drone 0 is number `first` of its world.
     pub(super) fn new(scenario: &Scenario, first: u32) -> Self {
-        let formation = scenario.layout.formation();
-        let nodes = scenario.nodes();
+        let formation = scenario.plan.layout.formation();
+        let nodes = scenario.plan.nodes();
         let centre = NodeId(first + formation.centre().0);
         Self {
             first,
             nodes,
-            settle: scenario.settle,
-            follow: scenario.follow.clone(),
+            settle: scenario.plan.settle,
+            follow: scenario.plan.follow.clone(),
             recorder: Recorder::new(NodeId(first), (formation.drones(), nodes), centre),
             parts: Parts::default(),
             settled: SettledChecker::new(scenario.settling()),
-            barrier: BarrierChecker::new(scenario.protocol.barrier, (first + nodes) as usize),
+            barrier: BarrierChecker::new(scenario.plan.protocol.barrier, (first + nodes) as usize),
             at_odds: None,
         }
     }
@@ -137,7 +138,7 @@ impl World {
     /// Whose frame this is, by what it says of itself.
     pub(super) fn sender(&self, datagram: &[u8]) -> Option<NodeId> {
         let header = wire::decode_frame(datagram).ok()?.header;
-        let index = header.swarm.0.checked_sub(Scenario::FIRST_SWARM.0)? as usize;
+        let index = header.swarm.0.checked_sub(Plan::FIRST_SWARM.0)? as usize;
         let swarm = self.swarms.get(index)?;
         Some(swarm.number(header.sender))
     }

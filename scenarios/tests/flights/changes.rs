@@ -18,8 +18,8 @@ fn assert_changed(report: &Report, what: &str) {
 #[test]
 fn nine_drones_change_from_each_formation_to_each_other_one_and_back() {
     let scenario = scenario("shake-up.toml", &[]);
-    let formations = std::iter::once(&*scenario.layout)
-        .chain(scenario.changes.iter().map(|change| change.layout()))
+    let formations = std::iter::once(&*scenario.plan.layout)
+        .chain(scenario.plan.changes.iter().map(|change| change.layout()))
         .map(|layout| layout.formation().kind().name());
     let formations: Vec<_> = formations.collect();
     let mut pairs: Vec<_> = formations

@@ -102,7 +102,7 @@ fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
     // it is told to fly nothing has been drawn at all.
     let nothing_drawn = |seed: &str| {
         let mut scenario = scenario("thesis-1.toml", &[seed, "formation.drones=1"]);
-        scenario.limits.duration = Duration::from_nanos(1);
+        scenario.plan.limits.duration = Duration::from_nanos(1);
         fly(&scenario, Engine::Events).trace
     };
     assert_eq!(nothing_drawn("seed=1"), nothing_drawn("seed=2"));

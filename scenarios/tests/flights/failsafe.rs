@@ -92,7 +92,7 @@ fn nobody_leaves_the_fence_whatever_the_pilot_does() {
 
 /// The least that any drone was within its fence, on all straight ways between the places of its track, in metres.
 fn least_room_m(scenario: &Scenario, flight: &Flight) -> f64 {
-    let fence = scenario.vehicle.failsafe.fence.as_deref().unwrap();
+    let fence = scenario.plan.vehicle.failsafe.fence.as_deref().unwrap();
     let tracks = flight.drones.iter().map(|drone| &drone.track);
     let legs = tracks.flat_map(|track| track.windows(2));
     legs.flat_map(|leg| {
@@ -156,7 +156,15 @@ fn the_fences_of_a_plan_and_of_its_scenario_are_both_in_force() {
     assert_eq!(report.violations, []);
     let least_m = least_room_m(&both, &flight);
     assert!(least_m > 0.0, "{least_m} m");
-    let zones = both.vehicle.failsafe.fence.as_ref().unwrap().zones().len();
+    let zones = both
+        .plan
+        .vehicle
+        .failsafe
+        .fence
+        .as_ref()
+        .unwrap()
+        .zones()
+        .len();
     assert_eq!(zones, 3);
     assert!(reasons(&report).contains(&FENCE));
 }

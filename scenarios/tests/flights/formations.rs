@@ -58,8 +58,8 @@ fn forty_drones_fly_in_the_densest_formations() {
 #[test]
 fn a_mesh_without_room_for_its_layers_flies_in_waves_on_both_engines() {
     let mesh = scenario("mesh-in-waves.toml", &[]);
-    assert!(mesh.layout.take_off_waves() > 1);
-    assert!(mesh.changes[0].layout().landing_waves() > 1);
+    assert!(mesh.plan.layout.take_off_waves() > 1);
+    assert!(mesh.plan.changes[0].layout().landing_waves() > 1);
     let reports = [Engine::Events, Engine::Actors].map(|engine| fly(&mesh, engine));
     for report in &reports {
         assert_flown(report, "mesh-in-waves");

@@ -123,8 +123,10 @@ fn a_master_that_is_followed_holds_at_its_waypoints() {
 
 #[test]
 fn what_a_mission_may_take_counts_its_holds_in() {
-    let with_holds = held("tree", &[]).limits;
-    let without = held("tree", &["mission.file=missions/field.waypoints"]).limits;
+    let with_holds = held("tree", &[]).plan.limits;
+    let without = held("tree", &["mission.file=missions/field.waypoints"])
+        .plan
+        .limits;
     let holds_s: f64 = HOLDS_S.iter().sum();
     let longer_s = |longer: std::time::Duration, than: std::time::Duration| {
         (longer.as_secs_f64() - than.as_secs_f64() - holds_s).abs()

@@ -75,8 +75,8 @@ fn the_limits_leave_room_for_the_longest_settling() {
     let settle = Duration::from_secs(60);
     // All in range of each other, however late a drone is.
     let near = "formation.spacing_m=50";
-    let at_once = settling(0, &[near]).limits;
-    let longer = settling(60_000, &[near]).limits;
+    let at_once = settling(0, &[near]).plan.limits;
+    let longer = settling(60_000, &[near]).plan.limits;
     // Twice a leg; twice the three legs of a take-off; twice these and the seven of the mission, and two limits of a leg,
     // which the three to a slot may count as.
     assert_eq!(longer.leg, at_once.leg + 6 * settle);

@@ -152,7 +152,7 @@ pub(crate) fn a_swarm_takes_off_without_whoever_is_dead() {
 
 #[test]
 pub(crate) fn forty_drones_have_forty_places() {
-    let layout = scenario("big-matrix.toml", &[]).layout;
+    let layout = scenario("big-matrix.toml", &[]).plan.layout;
     assert_eq!(layout.take_off_waves(), 1, "big-matrix: waves to take off");
     let report = flown("big-matrix");
     assert_flown("big-matrix", &report, &[]);

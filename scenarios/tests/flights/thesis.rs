@@ -131,7 +131,7 @@ fn a_master_that_waits_for_its_neighbours_only_waits_two_periods_at_most() {
 fn vehicles_that_settle_as_the_ancestors_give_its_wait_in_one_hop_and_the_thesiss_over_many() {
     let one_hop_s = mean_wait_s("ancestor.toml", &[]);
     assert_within(0.05, one_hop_s, 0.504, "the ancestor");
-    let settle_ms = scenario("ancestor.toml", &[]).settle.as_millis();
+    let settle_ms = scenario("ancestor.toml", &[]).plan.settle.as_millis();
     let fields = [
         "protocol.barrier=neighbours",
         &*format!("vehicle.settle_ms={settle_ms}"),

@@ -1,81 +1,79 @@
-//! A scenario file's fields as they are written; numbers are checked for themselves here, how they fit each other
-//! when they are put together.
+//! A scenario file's fields as they are written, those of its world, too; numbers are checked for themselves here, how they
+//! fit each other when they are put together.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use muster_machines::cell::Address;
 use muster_machines::formation::Exposure;
-use muster_machines::geometry::Ned;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Joins, Occasion, Policy};
+use super::Policy;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Raw {
-    pub(super) seed: Spanned<Whole<0, { i64::MAX as u64 }>>,
-    pub(super) formation: Formation,
+pub struct Raw {
+    pub seed: Spanned<Whole<0, { i64::MAX as u64 }>>,
+    pub formation: Formation,
     #[serde(default)]
-    pub(super) changes: Vec<Change>,
-    pub(super) mission: Mission,
+    pub changes: Vec<Change>,
+    pub mission: Mission,
     #[serde(default)]
-    pub(super) relays: Vec<Spanned<Relay>>,
+    pub relays: Vec<Spanned<Relay>>,
     #[serde(default)]
-    pub(super) swarms: Vec<Swarm>,
-    pub(super) radio: Radio,
-    pub(super) protocol: Protocol,
-    pub(super) follow: Option<Spanned<Follow>>,
+    pub swarms: Vec<Swarm>,
+    pub radio: Radio,
+    pub protocol: Protocol,
+    pub follow: Option<Spanned<Follow>>,
     #[serde(default)]
-    pub(super) vehicle: Vehicle,
+    pub vehicle: Vehicle,
     #[serde(default)]
-    pub(super) failsafe: Failsafe,
+    pub failsafe: Failsafe,
     #[serde(default)]
-    pub(super) safety: Safety,
-    pub(super) geofence: Option<Spanned<Geofence>>,
+    pub safety: Safety,
+    pub geofence: Option<Spanned<Geofence>>,
     #[serde(default)]
-    pub(super) limits: Limits,
+    pub limits: Limits,
     #[serde(default)]
-    pub(super) faults: Vec<Spanned<Fault>>,
+    pub faults: Vec<Spanned<Fault>>,
     #[serde(default)]
-    pub(super) chaos: Chaos,
+    pub chaos: Chaos,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[formation]`")]
-pub(super) struct Formation {
-    pub(super) kind: FormationKind,
-    pub(super) drones: Spanned<Whole<1, 100_000>>,
-    pub(super) spacing_m: Spanned<Length>,
+pub struct Formation {
+    pub kind: FormationKind,
+    pub drones: Spanned<Whole<1, 100_000>>,
+    pub spacing_m: Spanned<Length>,
     #[serde(default)]
-    pub(super) heading_deg: Heading,
-    pub(super) gap_m: Option<Spanned<Length>>,
+    pub heading_deg: Heading,
+    pub gap_m: Option<Spanned<Length>>,
     #[serde(default)]
-    pub(super) ground: GroundName,
-    pub(super) assignment: Option<Spanned<AssignmentName>>,
-    pub(super) clusters: Option<Spanned<Whole<2, 5>>>,
-    pub(super) cluster_distance_m: Option<Spanned<Length>>,
-    pub(super) seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
+    pub ground: GroundName,
+    pub assignment: Option<Spanned<AssignmentName>>,
+    pub clusters: Option<Spanned<Whole<2, 5>>>,
+    pub cluster_distance_m: Option<Spanned<Length>>,
+    pub seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[changes]]`")]
-pub(super) struct Change {
-    pub(super) waypoint: Spanned<Whole<0, 65_534>>,
-    pub(super) kind: FormationKind,
-    pub(super) spacing_m: Option<Spanned<Length>>,
-    pub(super) heading_deg: Option<Heading>,
-    pub(super) clusters: Option<Spanned<Whole<2, 5>>>,
-    pub(super) cluster_distance_m: Option<Spanned<Length>>,
-    pub(super) seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
+pub struct Change {
+    pub waypoint: Spanned<Whole<0, 65_534>>,
+    pub kind: FormationKind,
+    pub spacing_m: Option<Spanned<Length>>,
+    pub heading_deg: Option<Heading>,
+    pub clusters: Option<Spanned<Whole<2, 5>>>,
+    pub cluster_distance_m: Option<Spanned<Length>>,
+    pub seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum FormationKind {
+pub enum FormationKind {
     Linear,
     Circular,
     Random,
@@ -87,7 +85,7 @@ pub(super) enum FormationKind {
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum GroundName {
+pub enum GroundName {
     #[default]
     Gathered,
     Line,
@@ -96,66 +94,56 @@ pub(super) enum GroundName {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum AssignmentName {
+pub enum AssignmentName {
     Optimal,
     Greedy,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[mission]`")]
-pub(super) struct Mission {
-    pub(super) file: Spanned<PathBuf>,
+pub struct Mission {
+    pub file: Spanned<PathBuf>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[relays]]`")]
-pub(super) struct Relay {
-    pub(super) north_m: Offset,
-    pub(super) east_m: Offset,
-    pub(super) altitude_m: Height,
+pub struct Relay {
+    pub north_m: Offset,
+    pub east_m: Offset,
+    pub altitude_m: Height,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[swarms]]`")]
-pub(super) struct Swarm {
-    pub(super) scenario: Spanned<PathBuf>,
-    pub(super) north_m: Offset,
-    pub(super) east_m: Offset,
-    pub(super) after_s: Option<Spanned<Instant>>,
-}
-
-impl From<&Swarm> for Joins {
-    fn from(swarm: &Swarm) -> Self {
-        Self {
-            home: Ned::new(swarm.north_m.0, swarm.east_m.0, 0.0),
-            after: (swarm.after_s.as_ref())
-                .map_or(Duration::ZERO, |it| Duration::from_secs_f64(it.get_ref().0)),
-        }
-    }
+pub struct Swarm {
+    pub scenario: Spanned<PathBuf>,
+    pub north_m: Offset,
+    pub east_m: Offset,
+    pub after_s: Option<Spanned<Instant>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[radio]`")]
-pub(super) struct Radio {
-    pub(super) range_m: Length,
+pub struct Radio {
+    pub range_m: Length,
     #[serde(default)]
-    pub(super) model: ModelName,
-    pub(super) nakagami_m: Option<Spanned<Shape>>,
+    pub model: ModelName,
+    pub nakagami_m: Option<Spanned<Shape>>,
     #[serde(default)]
-    pub(super) loss: Share,
-    pub(super) burst_every_ms: Option<Spanned<Milliseconds>>,
-    pub(super) burst_ms: Option<Spanned<Milliseconds>>,
-    pub(super) burst_loss: Option<Spanned<Share>>,
+    pub loss: Share,
+    pub burst_every_ms: Option<Spanned<Milliseconds>>,
+    pub burst_ms: Option<Spanned<Milliseconds>>,
+    pub burst_loss: Option<Spanned<Share>>,
     #[serde(default)]
-    pub(super) medium: MediumName,
-    pub(super) latency_us: Option<Spanned<Whole<0, 60_000_000>>>,
-    pub(super) jitter_us: Option<Whole<0, 60_000_000>>,
-    pub(super) queue_max: Option<Spanned<Whole<1, 1_000_000>>>,
+    pub medium: MediumName,
+    pub latency_us: Option<Spanned<Whole<0, 60_000_000>>>,
+    pub jitter_us: Option<Whole<0, 60_000_000>>,
+    pub queue_max: Option<Spanned<Whole<1, 1_000_000>>>,
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ModelName {
+pub enum ModelName {
     #[default]
     Range,
     #[serde(rename = "80211a")]
@@ -165,7 +153,7 @@ pub(super) enum ModelName {
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum MediumName {
+pub enum MediumName {
     #[default]
     Ideal,
     Csma,
@@ -173,31 +161,31 @@ pub(super) enum MediumName {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[protocol]`")]
-pub(super) struct Protocol {
+pub struct Protocol {
     #[serde(default)]
-    pub(super) kind: ProtocolKind,
-    pub(super) policy: Spanned<PolicyName>,
-    pub(super) barrier: Option<Spanned<BarrierName>>,
+    pub kind: ProtocolKind,
+    pub policy: Spanned<PolicyName>,
+    pub barrier: Option<Spanned<BarrierName>>,
     #[serde(default)]
-    pub(super) liveness: LivenessName,
+    pub liveness: LivenessName,
     #[serde(default)]
-    pub(super) succession: SuccessionName,
+    pub succession: SuccessionName,
     #[serde(default)]
-    pub(super) parameters: ParametersName,
-    pub(super) period_ms: Option<Milliseconds>,
-    pub(super) keep_alive_ms: Option<Milliseconds>,
-    pub(super) hello_period_ms: Option<Milliseconds>,
-    pub(super) hello_gap_ms: Option<Spanned<Milliseconds>>,
-    pub(super) discovery_ms: Option<Milliseconds>,
-    pub(super) stable_after: Option<Whole<1, 1_000>>,
-    pub(super) time_to_live_ms: Option<Spanned<Milliseconds>>,
-    pub(super) beacon_ms: Option<Milliseconds>,
-    pub(super) repair_ms: Option<Milliseconds>,
+    pub parameters: ParametersName,
+    pub period_ms: Option<Milliseconds>,
+    pub keep_alive_ms: Option<Milliseconds>,
+    pub hello_period_ms: Option<Milliseconds>,
+    pub hello_gap_ms: Option<Spanned<Milliseconds>>,
+    pub discovery_ms: Option<Milliseconds>,
+    pub stable_after: Option<Whole<1, 1_000>>,
+    pub time_to_live_ms: Option<Spanned<Milliseconds>>,
+    pub beacon_ms: Option<Milliseconds>,
+    pub repair_ms: Option<Milliseconds>,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ProtocolKind {
+pub enum ProtocolKind {
     #[default]
     Muscop,
     Follow,
@@ -205,31 +193,31 @@ pub(super) enum ProtocolKind {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[follow]`")]
-pub(super) struct Follow {
-    pub(super) period_ms: Option<Spanned<Whole<1, 1_000>>>,
-    pub(super) hold_ms: Option<Spanned<Whole<1, 5_000>>>,
-    pub(super) speed_mps: Option<Spanned<Rate>>,
-    pub(super) acceleration_mps2: Option<Spanned<Rate>>,
+pub struct Follow {
+    pub period_ms: Option<Spanned<Whole<1, 1_000>>>,
+    pub hold_ms: Option<Spanned<Whole<1, 5_000>>>,
+    pub speed_mps: Option<Spanned<Rate>>,
+    pub acceleration_mps2: Option<Spanned<Rate>>,
     #[serde(default)]
-    pub(super) pilot: Vec<Sticks>,
-    pub(super) land_after_s: Option<Spanned<Instant>>,
+    pub pilot: Vec<Sticks>,
+    pub land_after_s: Option<Spanned<Instant>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[follow.pilot]]`")]
-pub(super) struct Sticks {
-    pub(super) after_s: Spanned<Instant>,
+pub struct Sticks {
+    pub after_s: Spanned<Instant>,
     #[serde(default)]
-    pub(super) north_mps: Deflection,
+    pub north_mps: Deflection,
     #[serde(default)]
-    pub(super) east_mps: Deflection,
+    pub east_mps: Deflection,
     #[serde(default)]
-    pub(super) climb_mps: Deflection,
+    pub climb_mps: Deflection,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum PolicyName {
+pub enum PolicyName {
     Flood,
     Tree,
 }
@@ -245,7 +233,7 @@ impl From<PolicyName> for Policy {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum BarrierName {
+pub enum BarrierName {
     Strict,
     Neighbours,
 }
@@ -261,7 +249,7 @@ impl From<BarrierName> for Barrier {
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum SuccessionName {
+pub enum SuccessionName {
     #[default]
     Elect,
     Land,
@@ -278,7 +266,7 @@ impl From<SuccessionName> for Succession {
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum LivenessName {
+pub enum LivenessName {
     #[default]
     Pulse,
     Thesis,
@@ -295,7 +283,7 @@ impl From<LivenessName> for Liveness {
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ParametersName {
+pub enum ParametersName {
     #[default]
     Quiet,
     Fast,
@@ -304,37 +292,37 @@ pub(super) enum ParametersName {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[vehicle]`")]
-pub(super) struct Vehicle {
-    pub(super) speed_mps: Option<Rate>,
-    pub(super) acceleration_mps2: Option<Rate>,
-    pub(super) climb_mps: Option<Rate>,
-    pub(super) descent_mps: Option<Rate>,
-    pub(super) landing_mps: Option<Rate>,
-    pub(super) landing_altitude_m: Option<Height>,
-    pub(super) settle_ms: Option<Whole<0, 60_000>>,
-    pub(super) endurance_s: Option<Seconds>,
+pub struct Vehicle {
+    pub speed_mps: Option<Rate>,
+    pub acceleration_mps2: Option<Rate>,
+    pub climb_mps: Option<Rate>,
+    pub descent_mps: Option<Rate>,
+    pub landing_mps: Option<Rate>,
+    pub landing_altitude_m: Option<Height>,
+    pub settle_ms: Option<Whole<0, 60_000>>,
+    pub endurance_s: Option<Seconds>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[failsafe]`")]
-pub(super) struct Failsafe {
+pub struct Failsafe {
     #[serde(default)]
-    pub(super) alone: AloneName,
-    pub(super) position_hold_s: Option<Instant>,
-    pub(super) battery_low: Option<Spanned<Share>>,
-    pub(super) battery_critical: Option<Spanned<Share>>,
+    pub alone: AloneName,
+    pub position_hold_s: Option<Instant>,
+    pub battery_low: Option<Spanned<Share>>,
+    pub battery_critical: Option<Spanned<Share>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[safety]`")]
-pub(super) struct Safety {
+pub struct Safety {
     #[serde(default)]
-    pub(super) avoid: bool,
+    pub avoid: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum AloneName {
+pub enum AloneName {
     #[default]
     CarryOn,
     Land,
@@ -351,35 +339,35 @@ impl From<AloneName> for Alone {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[geofence]`")]
-pub(super) struct Geofence {
-    pub(super) radius_m: Length,
-    pub(super) altitude_max_m: Option<Length>,
+pub struct Geofence {
+    pub radius_m: Length,
+    pub altitude_max_m: Option<Length>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[limits]`")]
-pub(super) struct Limits {
-    pub(super) separation_horizontal_m: Option<Length>,
-    pub(super) separation_vertical_m: Option<Length>,
-    pub(super) altitude_max_m: Option<Spanned<Length>>,
-    pub(super) duration_s: Option<Seconds>,
-    pub(super) set_up_s: Option<Seconds>,
-    pub(super) take_off_s: Option<Seconds>,
-    pub(super) leg_s: Option<Seconds>,
-    pub(super) flight_time_s: Option<Seconds>,
-    pub(super) waiting_max: Option<Whole<8, 1_000_000>>,
-    pub(super) restarts_max: Option<Whole<0, 1_000_000>>,
-    pub(super) hang_ms: Option<Milliseconds>,
-    pub(super) watchdog_ms: Option<Milliseconds>,
-    pub(super) controller_s: Option<Seconds>,
-    pub(super) restart_window_s: Option<Seconds>,
-    pub(super) accept: Option<Spanned<Vec<ExposureName>>>,
+pub struct Limits {
+    pub separation_horizontal_m: Option<Length>,
+    pub separation_vertical_m: Option<Length>,
+    pub altitude_max_m: Option<Spanned<Length>>,
+    pub duration_s: Option<Seconds>,
+    pub set_up_s: Option<Seconds>,
+    pub take_off_s: Option<Seconds>,
+    pub leg_s: Option<Seconds>,
+    pub flight_time_s: Option<Seconds>,
+    pub waiting_max: Option<Whole<8, 1_000_000>>,
+    pub restarts_max: Option<Whole<0, 1_000_000>>,
+    pub hang_ms: Option<Milliseconds>,
+    pub watchdog_ms: Option<Milliseconds>,
+    pub controller_s: Option<Seconds>,
+    pub restart_window_s: Option<Seconds>,
+    pub accept: Option<Spanned<Vec<ExposureName>>>,
 }
 
 /// What a single fault may expose drones to.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ExposureName {
+pub enum ExposureName {
     Late,
     Apart,
     Descends,
@@ -399,67 +387,56 @@ impl From<ExposureName> for Exposure {
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
-pub(super) struct Fault {
-    pub(super) at_s: Option<Instant>,
-    pub(super) at_waypoint: Option<Spanned<Whole<0, 65_534>>>,
-    pub(super) when: Option<OccasionName>,
-    pub(super) after_s: Option<Spanned<Instant>>,
-    pub(super) for_s: Option<Spanned<Seconds>>,
-    pub(super) times: Option<Spanned<Whole<1, 100_000>>>,
-    pub(super) every_s: Option<Spanned<Seconds>>,
-    pub(super) crash: Option<Spanned<Victim>>,
-    pub(super) actor: Option<Spanned<ActorName>>,
-    pub(super) hang: Option<Spanned<Victim>>,
-    pub(super) restart: Option<Spanned<Victim>>,
-    pub(super) kill: Option<Spanned<Victim>>,
-    pub(super) crash_aircraft: Option<Spanned<Victim>>,
-    pub(super) lose_gps: Option<Spanned<Victim>>,
-    pub(super) drain: Option<Spanned<Victim>>,
-    pub(super) to: Option<Spanned<Share>>,
-    pub(super) cut: Option<Spanned<Pair>>,
-    pub(super) one_way: Option<Spanned<Pair>>,
-    pub(super) degrade: Option<Spanned<Pair>>,
-    pub(super) loss: Option<Spanned<Share>>,
-    pub(super) heal: Option<Spanned<Pair>>,
-    pub(super) jam: Option<Disc>,
-    pub(super) corrupt: Option<Spanned<Sender>>,
-    pub(super) duplicate: Option<Spanned<Sender>>,
-    pub(super) delay: Option<Spanned<Sender>>,
-    pub(super) reorder: Option<Spanned<Sender>>,
-    pub(super) share: Option<Spanned<Share>>,
-    pub(super) by_ms: Option<Spanned<Milliseconds>>,
-    pub(super) replay: Option<Spanned<Victim>>,
-    pub(super) forge: Option<Spanned<Victim>>,
-    pub(super) skew: Option<Spanned<Victim>>,
-    pub(super) ppm: Option<Spanned<Rating>>,
+pub struct Fault {
+    pub at_s: Option<Instant>,
+    pub at_waypoint: Option<Spanned<Whole<0, 65_534>>>,
+    pub when: Option<OccasionName>,
+    pub after_s: Option<Spanned<Instant>>,
+    pub for_s: Option<Spanned<Seconds>>,
+    pub times: Option<Spanned<Whole<1, 100_000>>>,
+    pub every_s: Option<Spanned<Seconds>>,
+    pub crash: Option<Spanned<Victim>>,
+    pub actor: Option<Spanned<ActorName>>,
+    pub hang: Option<Spanned<Victim>>,
+    pub restart: Option<Spanned<Victim>>,
+    pub kill: Option<Spanned<Victim>>,
+    pub crash_aircraft: Option<Spanned<Victim>>,
+    pub lose_gps: Option<Spanned<Victim>>,
+    pub drain: Option<Spanned<Victim>>,
+    pub to: Option<Spanned<Share>>,
+    pub cut: Option<Spanned<Pair>>,
+    pub one_way: Option<Spanned<Pair>>,
+    pub degrade: Option<Spanned<Pair>>,
+    pub loss: Option<Spanned<Share>>,
+    pub heal: Option<Spanned<Pair>>,
+    pub jam: Option<Disc>,
+    pub corrupt: Option<Spanned<Sender>>,
+    pub duplicate: Option<Spanned<Sender>>,
+    pub delay: Option<Spanned<Sender>>,
+    pub reorder: Option<Spanned<Sender>>,
+    pub share: Option<Spanned<Share>>,
+    pub by_ms: Option<Spanned<Milliseconds>>,
+    pub replay: Option<Spanned<Victim>>,
+    pub forge: Option<Spanned<Victim>>,
+    pub skew: Option<Spanned<Victim>>,
+    pub ppm: Option<Spanned<Rating>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table, `[chaos]`")]
-pub(super) struct Chaos {
-    pub(super) faults_max: Option<Whole<1, 100>>,
+pub struct Chaos {
+    pub faults_max: Option<Whole<1, 100>>,
     #[serde(default)]
-    pub(super) vary: BTreeMap<String, Spanned<Vec<toml::Value>>>,
+    pub vary: BTreeMap<String, Spanned<Vec<toml::Value>>>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum OccasionName {
+pub enum OccasionName {
     TakingOff,
     Elected,
     Settled,
     Landing,
-}
-
-impl From<OccasionName> for Occasion {
-    fn from(name: OccasionName) -> Self {
-        match name {
-            OccasionName::TakingOff => Self::TakingOff,
-            OccasionName::Elected => Self::Elected,
-            OccasionName::Settled => Self::Settled,
-            OccasionName::Landing => Self::Landing,
-        }
-    }
 }
 
 /// Two drones, or two groups of them.
@@ -468,37 +445,37 @@ impl From<OccasionName> for Occasion {
     untagged,
     expecting = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`"
 )]
-pub(super) enum Pair {
+pub enum Pair {
     Drones([Whole<0, 99_999>; 2]),
     Groups([Vec<Whole<0, 99_999>>; 2]),
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Disc {
-    pub(super) north_m: Offset,
-    pub(super) east_m: Offset,
-    pub(super) radius_m: Length,
+pub struct Disc {
+    pub north_m: Offset,
+    pub east_m: Offset,
+    pub radius_m: Length,
 }
 
 /// Whose frames: those of a drone, or all.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(untagged, expecting = "\"all\" or the number of a drone")]
-pub(super) enum Sender {
+pub enum Sender {
     All(All),
     Drone(Whole<0, 99_999>),
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum All {
+pub enum All {
     All,
 }
 
 /// How much a clock gains.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "i64")]
-pub(super) struct Rating(pub(super) i32);
+pub struct Rating(pub i32);
 
 impl TryFrom<i64> for Rating {
     type Error = String;
@@ -516,20 +493,20 @@ impl TryFrom<i64> for Rating {
 /// A drone by its number or by its office.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(untagged, expecting = "\"master\" or the number of a drone")]
-pub(super) enum Victim {
+pub enum Victim {
     Office(Office),
     Drone(Whole<0, 99_999>),
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Office {
+pub enum Office {
     Master,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ActorName {
+pub enum ActorName {
     Radio,
     Routing,
     Mission,
@@ -538,7 +515,7 @@ pub(super) enum ActorName {
 }
 
 impl ActorName {
-    pub(super) const fn address(self) -> Address {
+    pub const fn address(self) -> Address {
         match self {
             Self::Radio => Address::Radio,
             Self::Routing => Address::Routing,
@@ -558,7 +535,7 @@ macro_rules! number {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, Default, Deserialize)]
         #[serde(try_from = "f64")]
-        pub(super) struct $name(pub(super) f64);
+        pub struct $name(pub f64);
 
         impl TryFrom<f64> for $name {
             type Error = String;
@@ -629,12 +606,12 @@ number!(
 );
 
 /// Milliseconds: at least one, at most an hour.
-pub(super) type Milliseconds = Whole<1, 3_600_000>;
+pub type Milliseconds = Whole<1, 3_600_000>;
 
 /// A whole number within bounds.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "i64")]
-pub(super) struct Whole<const MIN: u64, const MAX: u64>(pub(super) u64);
+pub struct Whole<const MIN: u64, const MAX: u64>(pub u64);
 
 impl<const MIN: u64, const MAX: u64> TryFrom<i64> for Whole<MIN, MAX> {
     type Error = String;

@@ -1,19 +1,19 @@
 use std::time::Duration;
 
+use crate::diagnostic::BadInput;
+use crate::mission_file;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Holds;
 use muster_machines::navigation;
 use muster_machines::supervision::RestartLimits;
-use muster_runtime::diagnostic::BadInput;
-use muster_runtime::mission_file;
 
 use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
 use super::raw::{Milliseconds, Raw, Seconds};
-use muster_runtime::vehicle::Landing;
+use crate::vehicle::Landing;
 
 /// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
 const ALTITUDE_MAX_M: f64 = 120.0;

@@ -1,15 +1,15 @@
 use std::time::Duration;
 
+use crate::diagnostic::BadInput;
 use muster_machines::geometry::Velocity;
 use muster_machines::mission::Following;
 use muster_machines::navigation;
-use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;
 use super::raw::{self, ProtocolKind, Raw};
 use super::{Follow, Sticks};
-use muster_runtime::words::{rounded_down, rounded_up};
+use crate::words::{rounded_down, rounded_up};
 
 /// How often a master tells where it is: 5 Hz.
 const PERIOD_MS: u64 = 200;

@@ -7,7 +7,7 @@ const TWO_GROUPS: &str = "two drones or groups of drones, as in `[2, 3]` or `[[0
 const SENDER: &str = "\"all\", or the number of a drone or of a relay";
 
 /// Every field of a scenario file, with what it accepts; the page on scenarios describes each.
-pub(super) const FIELDS: &[(&str, &str)] = &[
+pub const FIELDS: &[(&str, &str)] = &[
     ("seed", "a whole number from 0 to 9223372036854775807"),
     ("formation", "a table with `kind`, `drones` and `spacing_m`"),
     (

@@ -1,10 +1,10 @@
 use std::num::NonZeroU32;
 use std::ops::Range;
 
+use crate::diagnostic::BadInput;
 use muster_machines::formation::{
     Assignment, Change, Formation, Ground, Kind, Layout, OPTIMAL_MAX, Separation,
 };
-use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;

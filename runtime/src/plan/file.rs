@@ -1,8 +1,10 @@
+//! A scenario's file: its text, fields set in the place of what it says, and errors that show where.
+
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use muster_runtime::diagnostic::{BadInput, accepted};
+use crate::diagnostic::{BadInput, accepted};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::fields::FIELDS;
@@ -37,7 +39,9 @@ impl Override {
         &self.value
     }
 
-    pub(crate) fn is_seed(&self) -> bool {
+    /// Whether it is the seed.
+    #[must_use]
+    pub fn is_seed(&self) -> bool {
         self.key == "seed"
     }
 }
@@ -85,14 +89,19 @@ fn meant(key: &str) -> String {
 }
 
 /// A scenario file's text, with the overrides written into it.
-pub(super) struct Source {
+pub struct Source {
     /// The file, as shown in errors.
-    pub(super) shown: PathBuf,
-    pub(super) text: String,
+    pub shown: PathBuf,
+    /// What it says.
+    pub text: String,
 }
 
 impl Source {
-    pub(super) fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
+    /// The text of a file with fields set in the place of what it says.
+    ///
+    /// # Errors
+    /// When something is to be set and the text is not TOML.
+    pub fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
         if overrides.is_empty() {
             let shown = path.to_owned();
             return Ok(Self { shown, text });
@@ -112,7 +121,11 @@ impl Source {
         })
     }
 
-    pub(super) fn parse(&self) -> Result<Raw, BadInput> {
+    /// Its fields.
+    ///
+    /// # Errors
+    /// When one is missing, unknown or of the wrong form.
+    pub fn parse(&self) -> Result<Raw, BadInput> {
         toml::from_str(&self.text).map_err(|error| {
             let span = error.span().unwrap_or_default();
             let message = error.message().trim().replace('\n', ", ");
@@ -121,7 +134,7 @@ impl Source {
     }
 
     /// An error at a place of the file; what would be accepted follows from the field that is there.
-    pub(super) fn error(&self, span: Range<usize>, message: &str) -> BadInput {
+    pub fn error(&self, span: Range<usize>, message: &str) -> BadInput {
         let accepted = accepted(FIELDS, &self.text, &span, message);
         let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
         BadInput::new(&self.shown, &self.text, span, message, help)

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::diagnostic::BadInput;
 use muster_machines::navigation::{Failsafe, Fence};
-use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
 use super::file::Source;

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use crate::diagnostic::BadInput;
 use muster_machines::formation::{Change, Layering, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation;
-use muster_runtime::diagnostic::BadInput;
 
 use super::file::Source;
 use super::formation;
@@ -104,9 +104,11 @@ pub(super) fn arrange(
 }
 
 /// How fast waves follow each other.
-pub(super) struct Pace<'a> {
-    pub(super) vehicle: &'a navigation::Config,
-    pub(super) waypoints: &'a [Ned],
+pub struct Pace<'a> {
+    /// How drones fly.
+    pub vehicle: &'a navigation::Config,
+    /// Where they fly.
+    pub waypoints: &'a [Ned],
 }
 
 impl Pace<'_> {
@@ -118,7 +120,8 @@ impl Pace<'_> {
     }
 
     /// How much longer they take than all drones at once would in the same layers, in seconds.
-    pub(super) fn extra_s(&self, layout: &Layout, changes: &[Change]) -> f64 {
+    #[must_use]
+    pub fn extra_s(&self, layout: &Layout, changes: &[Change]) -> f64 {
         let times_s = self.times_s(layout, changes);
         times_s
             .map(|waves_s| {

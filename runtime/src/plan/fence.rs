@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
+use crate::diagnostic::BadInput;
+use crate::mission_file::FenceZone;
 use muster_machines::formation::{Flown, Layout};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation::{Area, Fence, Zone};
-use muster_runtime::diagnostic::BadInput;
-use muster_runtime::mission_file::FenceZone;
 use toml::Spanned;
 
 use super::file::Source;
 use super::raw::Raw;
-use muster_runtime::words::figure;
-use muster_runtime::words::rounded_down;
+use crate::words::figure;
+use crate::words::rounded_down;
 
 /// The nearest that anybody's way comes to the boundary of an area over ground.
 struct Nearest {
