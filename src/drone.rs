@@ -3,7 +3,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use muster_deploy::operator::{self, OperatorError};
+use muster_daemon::operator::{self, OperatorError};
 
 use crate::{Ended, Failure, terminal};
 

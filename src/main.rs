@@ -5,7 +5,6 @@ mod chaos;
 mod check;
 mod completions;
 mod drone;
-mod failure;
 mod folder;
 mod keys;
 mod sim;
@@ -19,7 +18,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use muster_deploy::operator::OperatorError;
+use muster_daemon::operator::OperatorError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
@@ -27,7 +26,7 @@ use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
 
-use self::failure::{complain, refuse};
+use muster_runtime::failure::{complain, refuse};
 
 /// Flies swarms of drones: in simulation today, the very same drones on aircraft.
 ///

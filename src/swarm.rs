@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use muster_deploy::config::TransportName;
+use muster_daemon::config::TransportName;
 use muster_deploy::swarm::{self, Hosts, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};

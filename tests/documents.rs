@@ -198,7 +198,7 @@ fn the_page_on_scenarios_describes_every_field_and_no_other() {
 
 #[test]
 fn the_page_on_drones_describes_every_field_and_no_other() {
-    let of_drones = muster_deploy::config::fields();
+    let of_drones = muster_daemon::config::fields();
     let all: Vec<_> = of_drones.chain(muster_deploy::swarm::fields()).collect();
     assert_describes("deploy/README.md", &all);
 }

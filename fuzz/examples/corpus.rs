@@ -44,8 +44,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Flies a scenario's drones, all of whom hear each other; pieces of what befell one of them, and frames of all sizes.
 fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     let scenario = &scenarios()[which];
-    let leader = scenario.centre();
-    let ids: Vec<_> = (0..scenario.nodes().min(8)).map(NodeId).collect();
+    let leader = scenario.plan.centre();
+    let ids: Vec<_> = (0..scenario.plan.nodes().min(8)).map(NodeId).collect();
     let watched = ids.iter().position(|id| *id != leader).unwrap_or(0);
     let mut drones: Vec<_> = ids
         .iter()

@@ -12,7 +12,8 @@ use muster_machines::radio::{Authenticator, IdealAuthenticator, Lives};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
 use muster_machines::{mission, msp, radio};
-use muster_scenarios::Craft;
+use muster_runtime::plan::Plan;
+use muster_runtime::vehicle::Craft;
 use muster_scenarios::scenario::{self, Override, Scenario};
 
 use crate::SCENARIOS;
@@ -142,7 +143,7 @@ pub struct Drone {
 impl Drone {
     /// One drone of a scenario, on the ground; whether it believes nobody who has not signed its nonce.
     pub fn new(scenario: &Scenario, id: NodeId, asks: bool) -> Self {
-        let mut blueprint: Blueprint = scenario.blueprint(Scenario::FIRST_SWARM, id);
+        let mut blueprint: Blueprint = scenario.plan.blueprint(Plan::FIRST_SWARM, id);
         if asks {
             blueprint.radio.lives = Lives::Drawn(1);
         }
@@ -153,7 +154,7 @@ impl Drone {
             id,
             cells: Address::ALL.map(build).into(),
             deadlines: [None; 5],
-            craft: scenario.craft(id, 1),
+            craft: scenario.plan.craft(id, 1),
             checkpoints,
             reaction: Reaction::default(),
             now,

@@ -10,7 +10,7 @@ pub(crate) fn run(bytes: &[u8]) {
     };
     let all = scenarios();
     let scenario = &all[usize::from(*which) % all.len()];
-    let id = u32::from(*id) % scenario.nodes();
+    let id = u32::from(*id) % scenario.plan.nodes();
     let mut drone = Drone::new(scenario, NodeId(id), *which >= 128);
     ops(bytes).for_each(|op| drone.happen(op));
 }

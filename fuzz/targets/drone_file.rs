@@ -1,6 +1,6 @@
 //! Drones' files: whatever one says, it is a drone that can be flown or refused with its place.
 
-use muster_deploy::config::DroneConfig;
+use muster_daemon::config::DroneConfig;
 use muster_fuzz::with_file;
 
 pub(crate) fn run(bytes: &[u8]) {

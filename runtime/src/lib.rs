@@ -1,6 +1,7 @@
 //! A drone on a machine: its configuration and the files it is given.
 
 pub mod diagnostic;
+pub mod failure;
 pub mod file;
 pub mod geodetic;
 pub mod identity;

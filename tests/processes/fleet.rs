@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::LazyLock;
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,13 @@ use super::network::{GROUP, Network};
 
 /// How long a test waits for what must happen: several times what it takes; only a failing one does.
 pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// The daemon's program, which `cargo test --workspace` builds beside the other one.
+pub(crate) static MUSTERD: LazyLock<String> = LazyLock::new(|| {
+    let program = Path::new(env!("CARGO_BIN_EXE_muster")).with_file_name("musterd");
+    assert!(program.is_file(), "is built by: cargo build --workspace");
+    program.to_str().unwrap().to_owned()
+});
 
 pub(crate) const SCENARIO: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -105,7 +113,7 @@ impl Fleet {
     }
 
     pub(crate) fn command(&self, id: u32) -> Command {
-        self.told(Command::new(env!("CARGO_BIN_EXE_musterd")), id)
+        self.told(Command::new(&*MUSTERD), id)
     }
 
     fn told(&self, mut command: Command, id: u32) -> Command {
@@ -121,7 +129,7 @@ impl Fleet {
 
     /// Starts a drone on the host of its number.
     pub(crate) fn start_on(&self, network: &Network, id: u32, arguments: &[&str]) -> Process {
-        let command = network.command(id, env!("CARGO_BIN_EXE_musterd"));
+        let command = network.command(id, &MUSTERD);
         let mut command = self.told(command, id);
         command.args(arguments);
         Process::start(id, command)
@@ -131,7 +139,7 @@ impl Fleet {
     pub(crate) fn start_with_little_disk(&self, id: u32) -> Process {
         let script = r#"trap "" XFSZ; ulimit -f 4; exec "$0" --config "$1""#;
         let mut command = Command::new("sh");
-        command.args(["-c", script, env!("CARGO_BIN_EXE_musterd")]);
+        command.args(["-c", script, &*MUSTERD]);
         command.arg(self.file(id));
         Process::start(id, command)
     }

@@ -13,7 +13,7 @@ use super::fleet::{Process, SCENARIO, address, assert_refused, free_port, said_b
 use super::network::{Network, skip};
 use super::swarm::{hanging, processes_of, stopped, swarm, wait_until, with_faults};
 
-const MUSTERD: &str = env!("CARGO_BIN_EXE_musterd");
+use super::fleet::MUSTERD;
 
 /// Who flies on which of the three hosts.
 const PLACES: [&str; 3] = ["[0, 1]", "[2]", "[3, 4]"];
@@ -131,7 +131,8 @@ impl Fleet {
 
 fn host_table(run: &[String], drones: &str) -> String {
     format!(
-        "[[hosts]]\nrun = {run:?}\ndrones = {drones}\nmusterd = \"{MUSTERD}\"\ninterface = \"eth0\"\n"
+        "[[hosts]]\nrun = {run:?}\ndrones = {drones}\nmusterd = \"{}\"\ninterface = \"eth0\"\n",
+        *MUSTERD
     )
 }
 
@@ -248,7 +249,7 @@ fn two_hosts(folder: &Path, runs: [&[&str]; 2]) -> (PathBuf, UdpSocket) {
     let tables = runs.iter().zip([("[0, 1]", 0), ("[2, 3, 4]", 2)]);
     let tables = tables.map(|(run, (drones, first))| {
         let address = address(number, first);
-        format!("[[hosts]]\nrun = {run:?}\ndrones = {drones}\nmusterd = \"{MUSTERD}\"\naddress = \"{address}\"\n")
+        format!("[[hosts]]\nrun = {run:?}\ndrones = {drones}\nmusterd = \"{}\"\naddress = \"{address}\"\n", *MUSTERD)
     });
     let file = folder.join("hosts.toml");
     fs::write(&file, tables.collect::<String>()).unwrap();
@@ -312,7 +313,7 @@ fn a_host_that_starts_no_drones_is_told_with_what_it_said() {
     let refused = |run: &str, says: &str| {
         let here = "[[hosts]]\ndrones = [0, 1]\naddress = \"127.0.0.1:4700\"\n";
         let there = "[[hosts]]\ndrones = [2, 3, 4]\naddress = \"127.0.0.2:4700\"\n";
-        let musterd = format!("musterd = \"{MUSTERD}\"\n");
+        let musterd = format!("musterd = \"{}\"\n", *MUSTERD);
         fs::write(&file, format!("{here}{musterd}{there}run = {run}\n")).unwrap();
         let mut run = swarm("hardware/swarm-short.toml", &folder.path().join("out"));
         let (code, said) = said_by(run.arg("--hosts").arg(&file));

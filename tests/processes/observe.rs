@@ -129,7 +129,7 @@ fn a_drone_whose_log_nobody_reads_goes_on_and_counts_what_is_lost() {
         "log = \"json\"",
         "log = \"json\"\nlog_level = \"debug\"",
     );
-    let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
+    let mut command = Command::new(&*super::fleet::MUSTERD);
     command.arg("--config").arg(fleet.file(1));
     let mut drone = command.stderr(Stdio::piped()).spawn().unwrap();
     let began = Instant::now();
@@ -219,7 +219,7 @@ fn whom_nobody_can_ask_is_refused_by_name() {
 
     // Two drones can't be asked at one address.
     let taken = TcpListener::bind(fleet.address(2)).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
+    let mut command = Command::new(&*super::fleet::MUSTERD);
     command.arg("--config").arg(fleet.file(2));
     let run = command.output().unwrap();
     let said = String::from_utf8(run.stderr).unwrap();

@@ -14,7 +14,7 @@ fn the_service_manager_is_told_that_a_drone_runs_what_it_does_and_that_it_is_ali
     manager
         .set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_musterd"));
+    let mut command = Command::new(&*super::fleet::MUSTERD);
     command.arg("--config").arg(fleet.file(1));
     command
         .env("NOTIFY_SOCKET", &path)
@@ -47,7 +47,7 @@ fn a_journal_is_for_one_process() {
     let fleet = Fleet::new();
     let mut first = fleet.start(3, &[]);
     first.wait_for("that it starts", |line| line["message"] == "starts");
-    let mut second = Command::new(env!("CARGO_BIN_EXE_musterd"));
+    let mut second = Command::new(&*super::fleet::MUSTERD);
     let second = second.arg("--config").arg(fleet.file(3)).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
     let said = String::from_utf8(second.stderr).unwrap();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use muster_runtime::journal::{Folder, Storage, frame};
+use muster_runtime::journal::{Folder, MAGIC, Storage, frame};
 use serde_json::Value;
 
 use super::fleet::{SCENARIO, assert_refused, replace};
@@ -39,7 +39,7 @@ pub(crate) fn processes_of(folder: &Path) -> Vec<u32> {
         // It may have ended meanwhile.
         let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
         let mut variables = environment.split(|byte| *byte == 0);
-        program.is_ok_and(|it| it == Path::new(env!("CARGO_BIN_EXE_musterd")))
+        program.is_ok_and(|it| it == Path::new(&*super::fleet::MUSTERD))
             && variables.any(|it| it == mark.as_bytes())
     };
     numbers.filter(is_of_it).collect()
@@ -214,8 +214,9 @@ fn a_drone_in_flight_whose_journal_or_scenario_can_not_be_understood_comes_down(
     journal(0).append(&unknown).unwrap();
     let mut last = journal(4);
     let mut bytes = last.read().unwrap();
-    let len = u32::from_le_bytes(bytes[..4].try_into().unwrap());
-    bytes.truncate(8 + len as usize);
+    let first = &bytes[MAGIC.len()..];
+    let len = u32::from_le_bytes(first[..4].try_into().unwrap());
+    bytes.truncate(MAGIC.len() + 8 + len as usize);
     last.replace(&[bytes, unknown].concat()).unwrap();
     drop(last);
     let held = journal(1);
@@ -239,7 +240,7 @@ fn a_drone_in_flight_whose_journal_or_scenario_can_not_be_understood_comes_down(
     }
     // On the ground, where nobody is in danger, such a drone does not start.
     for id in [0, 4] {
-        let mut again = Command::new(env!("CARGO_BIN_EXE_musterd"));
+        let mut again = Command::new(&*super::fleet::MUSTERD);
         again.arg("--config").arg(of_drone(&out, id, "drone.toml"));
         let run = again.output().unwrap();
         let said = String::from_utf8(run.stderr).unwrap();

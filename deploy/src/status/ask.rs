@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use muster_daemon::config;
+use muster_daemon::status::Status;
 use muster_runtime::diagnostic::BadInput;
 use thiserror::Error;
 use ureq::Agent;
 
-use super::{Answer, Status};
-use crate::config;
+use super::Answer;
 
 /// How long a drone may take to answer.
 const PATIENCE: Duration = Duration::from_secs(2);

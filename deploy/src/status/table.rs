@@ -1,9 +1,10 @@
 //! What drones tell of themselves, as a table for people.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
+use muster_daemon::status::{LeaderEpoch, Role, Status};
 use muster_scenarios::report::{Colour, TABLE_STYLE};
 
-use super::{AskError, Role, Status, Target};
+use super::{AskError, Target};
 
 /// What came of asking a drone.
 #[derive(Debug)]
@@ -82,7 +83,7 @@ fn row(status: &Status) -> Vec<String> {
         ""
     };
     let vehicle = &status.vehicle;
-    let of_ballot = |it: fn(&super::LeaderEpoch) -> u32| or_nothing(status.ballot.as_ref().map(it));
+    let of_ballot = |it: fn(&LeaderEpoch) -> u32| or_nothing(status.ballot.as_ref().map(it));
     vec![
         format!("{leads}{}", status.drone),
         status.state.words.clone(),

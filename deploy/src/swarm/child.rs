@@ -8,8 +8,8 @@ use super::Request;
 use super::folder::DroneFolder;
 use super::host::Agent;
 use super::said::Spoken;
-use crate::agent::words::{Order, Sent};
-use crate::tether::Word;
+use muster_daemon::agent::words::{Order, Sent};
+use muster_daemon::tether::Word;
 
 /// What comes of a drone's process.
 #[derive(Debug)]

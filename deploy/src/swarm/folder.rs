@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
-use crate::config::TransportName;
+use muster_daemon::config::TransportName;
 
 /// The file that tells the folder of a flight from any other; locked while the flight is under way.
 const MARK: &str = "flight.lock";

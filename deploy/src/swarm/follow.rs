@@ -17,8 +17,8 @@ use super::host::{Agent, end_agents, start_agents};
 use super::hosts::Hosts;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
-use crate::clock::Clock;
-use crate::tether::{Losses, Word};
+use muster_daemon::clock::Clock;
+use muster_daemon::tether::{Losses, Word};
 
 /// How far the twin is behind the clock, beside what it takes to hear of other hosts and is not known of their clocks.
 const BEHIND: Duration = Duration::from_millis(50);

@@ -1,4 +1,4 @@
-//! A host on which drones fly, and the agent there that does what is to be done (see [`crate::agent`]).
+//! A host on which drones fly, and the agent there that does what is to be done (see [`muster_daemon::agent`]).
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -18,7 +18,7 @@ use super::hosts::Host;
 use super::link::Link;
 use super::offset::ahead;
 use super::{Request, SwarmError};
-use crate::agent::words::Order;
+use muster_daemon::agent::words::Order;
 
 /// How many orders may wait for a connection that does not take them. More are not given.
 const WAITING_MAX: usize = 4_096;

@@ -22,9 +22,9 @@ use super::hosts::Host;
 use super::offset::Offset;
 use super::said::{Spoken, read};
 use super::{START_MAX, SwarmError};
-use crate::agent::SILENCE_MAX;
-use crate::agent::words::{Order, Reply, VERSION, line};
-use crate::clock::Clock;
+use muster_daemon::agent::SILENCE_MAX;
+use muster_daemon::agent::words::{Order, Reply, VERSION, line};
+use muster_daemon::clock::Clock;
 
 /// How often a host is asked what time it is.
 const PING_EVERY: Duration = Duration::from_secs(1);

@@ -26,11 +26,10 @@ use muster_scenarios::scenario::Scenario;
 use muster_scenarios::twin;
 use thiserror::Error;
 
-use crate::agent::words::VERSION;
-use crate::config::TransportName;
+use muster_daemon::agent::words::VERSION;
+use muster_daemon::config::TransportName;
 
 pub use self::hosts::{Hosts, fields};
-pub(crate) use self::said::{READY, STARTS};
 
 /// What is to be flown, and with what.
 #[derive(Debug)]

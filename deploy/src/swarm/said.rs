@@ -1,5 +1,6 @@
 //! What a drone's process says on its standard error, line by line.
 
+use muster_daemon::tether::{READY, STARTS};
 use muster_machines::cell::Observation;
 use muster_machines::msp::Demand;
 use muster_machines::time::Timestamp;
@@ -28,12 +29,6 @@ pub(super) enum Spoken {
     /// Something for people.
     Words(String),
 }
-
-/// The message with which a process says that its drone is there.
-pub(crate) const READY: &str = "ready";
-
-/// The message with which it says that its actors are about to be built.
-pub(crate) const STARTS: &str = "starts";
 
 /// What a line says; a line that is none of a drone's log is for people.
 pub(super) fn read(line: &str) -> Spoken {

@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -11,6 +12,8 @@ use crate::file::{replace, sync_folder_of};
 
 /// The file with the records, in a journal's folder.
 pub(super) const FILE: &str = "journal";
+/// The file with the number of the record up to which all last, and its checksum.
+const LASTING: &str = "lasting";
 
 /// The folder of a drone's journal, which no other process can have meanwhile.
 ///
@@ -21,6 +24,7 @@ pub struct Folder {
     path: PathBuf,
     file: File,
     len: u64,
+    lasting: File,
     /// Held as long as this process lives, however it ends.
     _lock: File,
 }
@@ -62,10 +66,14 @@ impl Folder {
         let file = open(&path).map_err(unusable)?;
         sync_folder_of(&path).map_err(unusable)?;
         let len = file.metadata().map_err(unusable)?.len();
+        let mut options = OpenOptions::new();
+        let options = options.create(true).truncate(false).read(true).write(true);
+        let lasting = options.open(folder.join(LASTING)).map_err(unusable)?;
         Ok(Self {
             path,
             file,
             len,
+            lasting,
             _lock: lock,
         })
     }
@@ -99,6 +107,37 @@ impl Storage for Folder {
         self.len = bytes.len() as u64;
         Ok(())
     }
+
+    fn lasting(&mut self) -> io::Result<u64> {
+        let mut note = [0; NOTE_LEN];
+        match self.lasting.read_exact_at(&mut note, 0) {
+            Ok(()) => Ok(read_note(note)),
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(0),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
+        self.lasting.write_all_at(&note(number), 0)
+    }
+}
+
+/// The number, lowest byte first, and its checksum.
+const NOTE_LEN: usize = 12;
+
+fn note(number: u64) -> [u8; NOTE_LEN] {
+    let mut note = [0; NOTE_LEN];
+    let (written, checksum) = note.split_at_mut(8);
+    written.copy_from_slice(&number.to_le_bytes());
+    checksum.copy_from_slice(&crc32fast::hash(written).to_le_bytes());
+    note
+}
+
+/// The number of a note that is whole; 0 of any other.
+fn read_note(bytes: [u8; NOTE_LEN]) -> u64 {
+    let [a, b, c, d, e, f, g, h, ..] = bytes;
+    let number = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
+    if note(number) == bytes { number } else { 0 }
 }
 
 #[cfg(test)]
@@ -125,7 +164,8 @@ mod tests {
             }
             let checkpoint = counter(life.into());
             all.keep(checkpoint.clone());
-            journal.keep(&checkpoint, &all, true).unwrap();
+            journal.add(&checkpoint, &all).unwrap();
+            journal.sync().unwrap();
         }
     }
 

@@ -10,6 +10,8 @@ pub(super) struct Disk {
     bytes: Vec<u8>,
     /// How many of them are there for good.
     synced: usize,
+    /// Up to which record all were noted to last.
+    lasting: u64,
 }
 
 impl Disk {
@@ -39,6 +41,15 @@ impl Storage for Disk {
     fn replace(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.bytes = bytes.to_vec();
         self.sync()
+    }
+
+    fn lasting(&mut self) -> io::Result<u64> {
+        Ok(self.lasting)
+    }
+
+    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
+        self.lasting = number;
+        Ok(())
     }
 }
 

@@ -116,8 +116,11 @@ impl Drone {
         };
         let must_last = self.checkpoints.keep(checkpoint.clone());
         journal
-            .keep(&checkpoint, &self.checkpoints, must_last)
+            .add(&checkpoint, &self.checkpoints)
             .expect(NEVER_FAILS);
+        if must_last {
+            journal.sync().expect(NEVER_FAILS);
+        }
     }
 
     /// Its process ends, and the power with it: nothing of it is left but what its journal holds.

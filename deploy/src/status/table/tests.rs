@@ -1,5 +1,7 @@
 use super::*;
-use crate::status::{ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, VehicleStatus};
+use muster_daemon::status::{
+    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, VehicleStatus,
+};
 
 fn status(drone: u32) -> Status {
     let actor = ActorStatus {

@@ -67,8 +67,30 @@ impl Files {
 
     /// Keeps them in a journal's folder, to last.
     pub(crate) fn keep(&self, journal: &Path) -> io::Result<()> {
-        replace(&journal.join(KEPT), &serde_json::to_vec(self)?)
+        let files = serde_json::to_string(self)?;
+        let kept = Kept {
+            crc32: crc32fast::hash(files.as_bytes()),
+            files,
+        };
+        replace(&journal.join(KEPT), &serde_json::to_vec(&kept)?)
     }
+
+    /// Those that are kept in a journal's folder, if they are there and as they were.
+    fn kept(journal: &Path) -> Option<Self> {
+        let bytes = fs::read(journal.join(KEPT)).ok()?;
+        let kept: Kept = serde_json::from_slice(&bytes).ok()?;
+        let is_sound = crc32fast::hash(kept.files.as_bytes()) == kept.crc32;
+        is_sound.then(|| serde_json::from_str(&kept.files).ok())?
+    }
+}
+
+/// The files as they are kept.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    /// Of `files`.
+    crc32: u32,
+    /// As JSON.
+    files: String,
 }
 
 /// Reads the scenario that a drone with this journal flies, or is to fly: that of the flight that it takes part in, or else
@@ -84,9 +106,7 @@ pub(super) fn scenario(
     if !checkpoints.is_some_and(|it| it.are_of_a_flight()) {
         return of_named().map(|(scenario, files)| (scenario, Origin::Named(files)));
     }
-    let kept = fs::read(journal.join(KEPT)).ok();
-    let kept = kept.and_then(|bytes| serde_json::from_slice::<Files>(&bytes).ok());
-    match kept.and_then(|files| files.scenario().ok()) {
+    match Files::kept(journal).and_then(|files| files.scenario().ok()) {
         Some(scenario) => Ok((scenario, Origin::Kept)),
         None => of_named().map(|(scenario, _)| (scenario, Origin::Lost)),
     }

@@ -11,6 +11,7 @@ mod network;
 mod operators;
 mod process;
 mod reporter;
+mod resting;
 mod service;
 mod state;
 mod tasks;
@@ -25,9 +26,10 @@ use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::cell::{Blueprint, Checkpoints, Envelope};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::radio::{self, Lives};
-use muster_runtime::journal::{Folder, FolderError, Journal};
+use muster_runtime::journal::{Folder, FolderError, Journal, Writer};
 use muster_transport::sockets::OpenError;
 use thiserror::Error;
+use tokio::sync::mpsc::unbounded_channel;
 use tokio::task::{JoinError, JoinSet};
 
 use self::endpoint::Endpoint;
@@ -39,8 +41,7 @@ use self::tasks::Rereading;
 use crate::clock::Clock;
 use crate::config::DroneConfig;
 use crate::log::{self, Format};
-use crate::swarm::{READY, STARTS};
-use crate::tether::Word;
+use crate::tether::{READY, STARTS, Word};
 
 /// How long a drone that is done goes on listening and repeating its last words.
 const LAST_WORDS: Duration = Duration::from_millis(500);
@@ -152,8 +153,14 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let (keeper, kept) = Keeper::start(config.kept_list());
     let in_air = craft.is_armed();
     let (journal, checkpoints) = open_journal(folder, &config, in_air)?;
-    let is_lost = in_air && !(journal.is_understood() && config.knows_its_flight());
     let life = checkpoints.boot();
+    let is_known = journal.is_understood() && config.knows_its_flight() && life > 1;
+    let is_lost = in_air && !is_known;
+    let (tell, written) = unbounded_channel();
+    let all = checkpoints.clone();
+    // It ends with the process, which tells nobody any more.
+    let journal = Writer::start(journal, all, move |it| drop(tell.send(it)));
+    let journal = journal.map_err(DaemonError::Runtime)?;
     let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
     let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
     tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
@@ -184,6 +191,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let mut vital = JoinSet::new();
     vital.spawn(tasks::keep_time(Arc::clone(&process)));
     vital.spawn(tasks::listen(Arc::clone(&process), waiting));
+    vital.spawn(tasks::heed_journal(written, Arc::clone(&process)));
     tokio::spawn(tasks::end_on(terminate, Arc::clone(&process)));
     tokio::spawn(tasks::end_on(interrupt, Arc::clone(&process)));
     let rereading = Rereading {
@@ -223,7 +231,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     tokio::time::sleep(LAST_WORDS).await;
     service::stopping();
     drone.stop().await;
-    let (farewell, ended) = {
+    let (farewell, journal, ended) = {
         let mut state = process.state();
         state.say_talk(clock.now());
         state.report();
@@ -232,9 +240,11 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
             false => ended(state.landing()),
         };
         state.take_no_more_lists();
-        (state.farewell(), ended)
+        (state.farewell(), state.take_journal(), ended)
     };
     farewell.await;
+    let written = tokio::task::spawn_blocking(move || drop(journal));
+    written.await.map_err(DaemonError::Task)?;
     // It has failed only where it could not keep a list, and has said so.
     let _ = kept.await;
     Ok(ended)

@@ -3,14 +3,14 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use muster_actors::{Drone, Environment};
-use muster_machines::cell::{Address, Checkpoints, Effect, Envelope, Reaction, last_resort};
+use muster_machines::cell::{Address, Checkpoints, Envelope, Reaction, last_resort};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
 use muster_machines::msp;
 use muster_machines::supervision::Verdict;
 use muster_machines::time::Timestamp;
 use muster_runtime::identity::Ed25519Authenticator;
-use muster_runtime::journal::{Folder, Journal};
+use muster_runtime::journal::{Writer, Written};
 use muster_runtime::vehicle::Craft;
 use tokio::sync::Notify;
 
@@ -41,7 +41,7 @@ pub(super) struct Parts {
     pub(super) is_relay: bool,
     pub(super) clock: Clock,
     pub(super) checkpoints: Checkpoints,
-    pub(super) journal: Journal<Folder>,
+    pub(super) journal: Writer,
     pub(super) network: Network,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
     pub(super) keeper: Keeper,
@@ -90,6 +90,12 @@ impl Process {
         self.come_down(reason);
     }
 
+    /// Something has become of what was kept in the journal.
+    pub(super) fn written(&self, written: &Written) {
+        self.state().written(self.clock.now(), written);
+        self.look_round();
+    }
+
     /// Whoever waits for the drone to be done, or for a time, looks again.
     pub(super) fn look_round(&self) {
         let mut state = self.state();
@@ -120,12 +126,8 @@ impl Environment for Process {
         let now = self.clock.now();
         let mut state = self.state();
         state.answered(from);
-        let unwritten = state.unwritten();
         for effect in reaction.effects.drain(..) {
-            // Nothing is said on account of what could not be written down.
-            if !matches!(effect, Effect::Send { .. }) || state.unwritten() == unwritten {
-                state.effect(now, effect);
-            }
+            state.effect(now, effect);
         }
         state.set_timer(now, from, reaction);
         drop(state);

@@ -4,7 +4,8 @@
 //! It decides nothing. Its standard input and output are the starter's, over whatever command runs it there.
 
 mod drones;
-pub(crate) mod words;
+#[doc(hidden)]
+pub mod words;
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
@@ -24,7 +25,7 @@ use crate::clock::Clock;
 
 /// How long a starter and an agent may not hear of each other before each takes the other for gone. A starter sends a ping
 /// each second.
-pub(crate) const SILENCE_MAX: Duration = Duration::from_secs(10);
+pub const SILENCE_MAX: Duration = Duration::from_secs(10);
 
 /// How many lines may wait to be read by the starter before drones that say more wait, too.
 const UNREAD_MAX: usize = 1_024;

@@ -6,14 +6,14 @@ use muster_machines::time::Timestamp;
 /// a clock that nobody sets. So times in a journal mean the same to a later life, and logs of drones can be merged as far
 /// as the clocks of their machines agree.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Clock {
+pub struct Clock {
     started: Instant,
     then: Timestamp,
 }
 
 impl Clock {
     /// A clock that starts now.
-    pub(crate) fn start() -> Self {
+    pub fn start() -> Self {
         let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         Self {
             started: Instant::now(),
@@ -22,16 +22,16 @@ impl Clock {
     }
 
     /// When it started.
-    pub(crate) const fn started(&self) -> Timestamp {
+    pub const fn started(&self) -> Timestamp {
         self.then
     }
 
-    pub(crate) fn now(&self) -> Timestamp {
+    pub fn now(&self) -> Timestamp {
         self.then + self.started.elapsed()
     }
 
     /// The same instant for those who wait by the runtime's timers.
-    pub(crate) fn instant(&self, at: Timestamp) -> tokio::time::Instant {
+    pub fn instant(&self, at: Timestamp) -> tokio::time::Instant {
         (self.started + at.since(self.then)).into()
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytes::Bytes;
 use muster_actors::{Drone, Message};
 use muster_machines::cell::{
     Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, Reaction,
@@ -15,7 +16,7 @@ use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
 use muster_runtime::identity::Ed25519Authenticator;
-use muster_runtime::journal::{Folder, Journal};
+use muster_runtime::journal::{Writer, Written};
 use muster_runtime::vehicle::{Craft, VehicleState};
 use muster_transport::quic::Stream;
 use muster_transport::{Destination, Event};
@@ -28,6 +29,7 @@ use super::lists::Keeper;
 use super::network::Network;
 use super::process::Parts;
 use super::reporter::Reporter;
+use super::resting::Resting;
 use super::service;
 use crate::log::Lost;
 use crate::tether::Losses;
@@ -43,13 +45,18 @@ const DRAIN_MAX: usize = 64;
 /// has a defect; without the pause it would take a core for itself. The timers of tokio are no finer than this.
 const OVERDUE_PAUSE: Duration = Duration::from_millis(1);
 
+/// A frame to be sent: to whom, if not to all, and whether it is no more than a sign of life.
+type Frame = (Option<NodeId>, Bytes, bool);
+
 pub(super) struct State {
     id: NodeId,
     swarm: SwarmId,
     is_relay: bool,
     started: Timestamp,
     checkpoints: Checkpoints,
-    journal: Journal<Folder>,
+    /// Until the process ends.
+    journal: Option<Writer>,
+    resting: Resting<Frame>,
     network: Network,
     authenticator: Arc<Ed25519Authenticator>,
     /// Keeps lists of the expelled for the next life, up to the end of this one.
@@ -129,7 +136,8 @@ impl State {
             is_relay: parts.is_relay,
             started: parts.clock.started(),
             checkpoints: parts.checkpoints,
-            journal: parts.journal,
+            journal: Some(parts.journal),
+            resting: Resting::default(),
             network: parts.network,
             authenticator: parts.authenticator,
             keeper: Some(parts.keeper),
@@ -175,11 +183,6 @@ impl State {
         self.is_abandoned = true;
     }
 
-    /// How many records could not be written.
-    pub(super) const fn unwritten(&self) -> u64 {
-        self.counts.unwritten
-    }
-
     pub(super) const fn is_abandoned(&self) -> bool {
         self.is_abandoned
     }
@@ -208,12 +211,9 @@ impl State {
                 frame,
                 keep_alive,
             } => {
-                self.counts.sent(&frame, keep_alive);
-                let to = to.map_or(Destination::Broadcast, Destination::To);
-                self.network
-                    .transport()
-                    .send(now, self.id, to, &frame)
-                    .expect("a radio sends no more than a datagram, and in its own name");
+                if let Some(frame) = self.resting.take((to, frame, keep_alive)) {
+                    self.send(now, &frame);
+                }
             }
             Effect::Locate { sender, source } => {
                 self.counts.admitted += 1;
@@ -223,6 +223,15 @@ impl State {
             Effect::Keep(checkpoint) => self.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
         }
+    }
+
+    fn send(&mut self, now: Timestamp, (to, frame, keep_alive): &Frame) {
+        self.counts.sent(frame, *keep_alive);
+        let to = to.map_or(Destination::Broadcast, Destination::To);
+        self.network
+            .transport()
+            .send(now, self.id, to, frame)
+            .expect("a radio sends no more than a datagram, and in its own name");
     }
 
     pub(super) fn post(&mut self, envelope: Envelope) {
@@ -264,14 +273,27 @@ impl State {
         }
     }
 
-    /// Keeps what a machine is built anew from, in the journal too. A drone whose journal can't be written comes down:
-    /// should its process start anew, it would not know what it has said.
+    /// Keeps what a machine is built anew from, in the journal too: what is said from now on rests on it, if it must last.
     fn keep(&mut self, checkpoint: &Checkpoint) {
         if self.checkpoints.holds(checkpoint) {
             return;
         }
         let must_last = self.checkpoints.keep(checkpoint.clone());
-        let Err(error) = self.journal.keep(checkpoint, &self.checkpoints, must_last) else {
+        if let Some(journal) = &mut self.journal {
+            let number = journal.keep(checkpoint.clone(), must_last);
+            if must_last {
+                self.resting.rests_on(number);
+            }
+        }
+    }
+
+    /// Something has become of what was kept. A drone whose journal can't be written comes down: should its process start anew,
+    /// it would not know what it has said.
+    pub(super) fn written(&mut self, now: Timestamp, written: &Written) {
+        for frame in self.resting.written(written) {
+            self.send(now, &frame);
+        }
+        let Written::Failed { error, .. } = written else {
             return;
         };
         self.counts.unwritten += 1;
@@ -279,6 +301,11 @@ impl State {
             tracing::error!(%error, "the journal can't be written: the drone comes down");
             self.come_down(LandingReason::JournalLost);
         }
+    }
+
+    /// The process ends: what was kept is to be written, by whoever lets go of what is returned.
+    pub(super) fn take_journal(&mut self) -> Option<Writer> {
+        self.journal.take()
     }
 
     /// The drone is to come down: its mission is told or, while that is built anew, will be.

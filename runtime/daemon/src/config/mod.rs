@@ -200,7 +200,7 @@ pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> 
 ///
 /// # Errors
 /// As [`DroneConfig::load`], and when the drone tells nobody.
-pub(crate) fn observed(path: &Path) -> Result<(NodeId, SocketAddr), BadInput> {
+pub fn observed(path: &Path) -> Result<(NodeId, SocketAddr), BadInput> {
     let file = File::read(path)?;
     let id = NodeId(*file.0.raw.id.get_ref());
     file.observed_at()?

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a starter asks of an agent.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Order {
+pub enum Order {
     /// Say what time it is.
     Ping(u64),
     /// Add to the end of a file at a path within the agent's own folder; of one that is not there yet, this is the
@@ -26,7 +26,7 @@ pub(crate) enum Order {
 
 /// A signal that a process may be sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Sent {
+pub enum Sent {
     /// SIGSTOP.
     Stop,
     /// SIGCONT.
@@ -37,7 +37,7 @@ pub(crate) enum Sent {
 
 /// What an agent tells its starter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) enum Reply {
+pub enum Reply {
     /// It is there, and of this version.
     Here { version: String },
     /// What time it was on its host when it read this ping, in nanoseconds since the Unix epoch.
@@ -53,7 +53,7 @@ const PIECE_MAX: usize = 16 * 1_024;
 
 impl Order {
     /// What carries a file, piece by piece.
-    pub(crate) fn to_write<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Self> + 'a {
+    pub fn to_write<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Self> + 'a {
         let mut rest = Some(text);
         std::iter::from_fn(move || {
             let text = rest?;
@@ -69,10 +69,10 @@ impl Order {
 }
 
 /// The version that both must be of: what they say to each other is no format to be kept.
-pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Something said, as a line; it ends with a line feed.
-pub(crate) fn line(said: &impl Serialize) -> String {
+pub fn line(said: &impl Serialize) -> String {
     let mut line = serde_json::to_string(said).expect("what is said has a form in JSON");
     line.push('\n');
     line

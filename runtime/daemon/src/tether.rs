@@ -9,10 +9,16 @@ use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::VehicleState;
 use serde::{Deserialize, Serialize};
 
+/// The message with which a process says that its drone is there.
+pub const READY: &str = "ready";
+
+/// The message with which it says that its actors are about to be built.
+pub const STARTS: &str = "starts";
+
 /// What a starter lets a process know, a line each.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum Word {
+pub enum Word {
     /// Whom it does not hear from now on.
     Losses(Losses),
     /// What its vehicle is doing, whatever the process has told it; times count from `epoch`, by the process's clock.
@@ -26,14 +32,14 @@ pub(crate) enum Word {
 
 impl Word {
     /// As a line for a process.
-    pub(crate) fn line(&self) -> String {
+    pub fn line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("numbers have a form in JSON");
         line.push('\n');
         line
     }
 
     /// As it is read there; nothing for a line that is none.
-    pub(crate) fn read(line: &str) -> Option<Self> {
+    pub fn read(line: &str) -> Option<Self> {
         serde_json::from_str(line).ok()
     }
 }
@@ -41,22 +47,22 @@ impl Word {
 /// The chance that a frame of each other drone's is not let in, 0 to 1; of those that are not there, none is lost.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
-pub(crate) struct Losses(BTreeMap<u32, f64>);
+pub struct Losses(BTreeMap<u32, f64>);
 
 impl Losses {
     /// Of these.
-    pub(crate) fn of(losses: impl Iterator<Item = (NodeId, f64)>) -> Self {
+    pub fn of(losses: impl Iterator<Item = (NodeId, f64)>) -> Self {
         let losses = losses.filter(|(_, loss)| *loss > 0.0);
         Self(losses.map(|(id, loss)| (id.0, loss)).collect())
     }
 
     /// The chance for a frame of this drone's.
-    pub(crate) fn from(&self, id: NodeId) -> f64 {
+    pub fn from(&self, id: NodeId) -> f64 {
         self.0.get(&id.0).copied().unwrap_or_default()
     }
 
     /// Whether some chance differs by more than `step`, or is none or certain in one of the two only.
-    pub(crate) fn differs(&self, other: &Self, step: f64) -> bool {
+    pub fn differs(&self, other: &Self, step: f64) -> bool {
         let mut ids = self.0.keys().chain(other.0.keys());
         ids.any(|id| {
             let (a, b) = (self.from(NodeId(*id)), other.from(NodeId(*id)));

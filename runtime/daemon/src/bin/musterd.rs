@@ -1,18 +1,14 @@
 //! The daemon: one drone as a process. Arguments and exit codes, nothing else.
 
-#[path = "../failure.rs"]
-mod failure;
-
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use muster_deploy::agent;
-use muster_deploy::config::DroneConfig;
-use muster_deploy::daemon::{self, Ended, Start};
+use muster_daemon::agent;
+use muster_daemon::config::DroneConfig;
+use muster_daemon::daemon::{self, Ended, Start};
 use muster_runtime::diagnostic::BadInput;
-
-use self::failure::{complain, refuse};
+use muster_runtime::failure::{complain, refuse};
 
 /// Flies one drone as a process, until it is on the ground for good.
 ///
@@ -20,6 +16,7 @@ use self::failure::{complain, refuse};
 /// log_level again, and nothing else.
 #[derive(Debug, Parser)]
 #[command(
+    name = "musterd",
     version,
     after_help = "Exit codes: 0 the mission was flown, or the drone was called down and has landed; 1 something failed \
                   on this machine; 2 a file or an argument can't be used; 4 the drone came down by itself before the end \

@@ -3,11 +3,12 @@
 use std::error::Error;
 use std::process::ExitCode;
 
-use muster_runtime::diagnostic::BadInput;
+use crate::diagnostic::BadInput;
 
 /// Shows what is wrong with files: where, and what would be accepted.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-pub(crate) fn refuse(inputs: &[BadInput]) -> ExitCode {
+#[must_use]
+pub fn refuse(inputs: &[BadInput]) -> ExitCode {
     inputs
         .iter()
         .for_each(|input| eprint!("{}", input.rendered()));
@@ -16,7 +17,8 @@ pub(crate) fn refuse(inputs: &[BadInput]) -> ExitCode {
 
 /// Shows what went wrong, with what brought it about.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
-pub(crate) fn complain(error: &dyn Error, code: u8) -> ExitCode {
+#[must_use]
+pub fn complain(error: &dyn Error, code: u8) -> ExitCode {
     eprint!("Error: {error}");
     let mut cause = error.source();
     while let Some(error) = cause {

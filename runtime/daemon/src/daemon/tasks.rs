@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use muster_machines::mission::LandingReason;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
+use muster_runtime::journal::Written;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 
@@ -36,6 +37,16 @@ pub(super) async fn keep_time(process: Arc<Process>) {
             }
             None => process.sooner.notified().await,
         }
+    }
+}
+
+/// Lets go what rests on the journal.
+pub(super) async fn heed_journal(
+    mut written: mpsc::UnboundedReceiver<Written>,
+    process: Arc<Process>,
+) {
+    while let Some(written) = written.recv().await {
+        process.written(&written);
     }
 }
 

@@ -1,0 +1,14 @@
+//! The daemon that flies one drone as a process: its file, the process with its services, what it tells, and the agent that
+//! starts drones on a host for whoever flies a whole swarm.
+
+pub mod agent;
+#[doc(hidden)]
+pub mod clock;
+pub mod config;
+pub mod daemon;
+mod identities;
+pub mod log;
+pub mod operator;
+pub mod status;
+#[doc(hidden)]
+pub mod tether;

@@ -1,0 +1,109 @@
+//! Writes a journal on a thread of its own: a disk may take long to say that something lasts, and the drone flies meanwhile.
+
+use std::io;
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread::{self, JoinHandle};
+
+use muster_machines::cell::{Checkpoint, Checkpoints};
+
+use super::{Journal, Storage};
+
+/// What has become of checkpoints, by the numbers that they were taken with.
+#[derive(Debug)]
+pub enum Written {
+    /// All up to this one last.
+    UpTo(u64),
+    /// This one could not be written.
+    Failed {
+        /// Its number.
+        number: u64,
+        /// What the system says.
+        error: io::Error,
+    },
+}
+
+/// Takes checkpoints to be written, in their order.
+#[derive(Debug)]
+pub struct Writer {
+    taken: u64,
+    orders: Option<Sender<Order>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A checkpoint to be written; whether anything rests on it.
+type Order = (u64, Checkpoint, bool);
+
+impl Writer {
+    /// Writes to a journal, whose newest checkpoints are `all`, and tells from its own thread what has become of it. Those
+    /// that wait when the disk is done with others are written together.
+    ///
+    /// # Errors
+    /// When the system has no thread.
+    pub fn start<S: Storage + Send + 'static>(
+        journal: Journal<S>,
+        all: Checkpoints,
+        tell: impl FnMut(Written) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (orders, waiting) = mpsc::channel();
+        let thread = thread::Builder::new().name("journal".to_owned());
+        let thread = thread.spawn(move || write_all(journal, all, &waiting, tell))?;
+        Ok(Self {
+            taken: 0,
+            orders: Some(orders),
+            thread: Some(thread),
+        })
+    }
+
+    /// Takes a checkpoint; its number, from 1. If it `must_last`, what rests on it must wait until it does.
+    pub fn keep(&mut self, checkpoint: Checkpoint, must_last: bool) -> u64 {
+        self.taken += 1;
+        if let Some(orders) = &self.orders {
+            // It ends with this alone.
+            let _ = orders.send((self.taken, checkpoint, must_last));
+        }
+        self.taken
+    }
+}
+
+/// Returns once all that was taken is written.
+impl Drop for Writer {
+    fn drop(&mut self) {
+        self.orders = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn write_all<S: Storage>(
+    mut journal: Journal<S>,
+    mut all: Checkpoints,
+    waiting: &Receiver<Order>,
+    mut tell: impl FnMut(Written),
+) {
+    while let Ok(first) = waiting.recv() {
+        let mut added = Vec::new();
+        for (number, checkpoint, must_last) in std::iter::once(first).chain(waiting.try_iter()) {
+            all.keep(checkpoint.clone());
+            match journal.add(&checkpoint, &all) {
+                Ok(()) => added.push((number, must_last)),
+                Err(error) => tell(Written::Failed { number, error }),
+            }
+        }
+        let Some(&(last, _)) = added.last() else {
+            continue;
+        };
+        if !added.iter().any(|(_, must_last)| *must_last) {
+            continue;
+        }
+        match journal.sync() {
+            Ok(()) => tell(Written::UpTo(last)),
+            Err(error) => {
+                for (number, _) in added.into_iter().filter(|(_, must_last)| *must_last) {
+                    let error = io::Error::new(error.kind(), error.to_string());
+                    tell(Written::Failed { number, error });
+                }
+            }
+        }
+    }
+}
