@@ -7,6 +7,7 @@ mod completions;
 mod drone;
 mod folder;
 mod keys;
+mod schema;
 mod sim;
 mod status;
 mod swarm;
@@ -21,12 +22,11 @@ use clap::{Parser, Subcommand};
 use muster_daemon::operator::OperatorError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
+use muster_runtime::failure::{complain, refuse};
 use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
-
-use muster_runtime::failure::{complain, refuse};
 
 /// Flies swarms of drones: in simulation today, the very same drones on aircraft.
 ///
@@ -57,6 +57,7 @@ enum Command {
     Check(check::Arguments),
     Keys(keys::Arguments),
     Drone(drone::Arguments),
+    Schema(schema::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -138,6 +139,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),
+        Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
     match ended {

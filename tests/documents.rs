@@ -196,6 +196,34 @@ fn the_page_on_scenarios_describes_every_field_and_no_other() {
     assert_describes("scenarios/README.md", &all);
 }
 
+/// `.ci/schemas` holds them against shipped files.
+#[test]
+fn the_schemas_are_those_that_muster_prints_and_shipped_files_name_theirs() {
+    for files in ["scenario", "drone", "hosts"] {
+        let printed = Command::cargo_bin("muster")
+            .unwrap()
+            .args(["schema", files])
+            .output()
+            .unwrap();
+        let printed = String::from_utf8(printed.stdout).unwrap();
+        let kept = text(&format!("docs/schemas/{files}.schema.json"));
+        assert_eq!(printed, kept, "muster schema {files} > docs/schemas/{files}.schema.json");
+    }
+    for folder in ["scenarios", "scenarios/found", "scenarios/hardware", "scenarios/scale"] {
+        let up = "../".repeat(folder.split('/').count());
+        let names = format!("#:schema {up}docs/schemas/scenario.schema.json\n");
+        for file in fs::read_dir(Path::new(ROOT).join(folder)).unwrap() {
+            let path = file.unwrap().path();
+            let is_scenario = path.extension().is_some_and(|it| it == "toml")
+                && path.file_name().is_some_and(|it| it != "Cargo.toml");
+            if is_scenario {
+                let text = fs::read_to_string(&path).unwrap();
+                assert!(text.starts_with(&names), "{}", path.display());
+            }
+        }
+    }
+}
+
 #[test]
 fn the_page_on_drones_describes_every_field_and_no_other() {
     let of_drones = muster_daemon::config::fields();

@@ -8,5 +8,6 @@ pub mod identity;
 pub mod journal;
 pub mod mission_file;
 pub mod plan;
+pub mod schema;
 pub mod vehicle;
 pub mod words;

@@ -29,7 +29,7 @@ use thiserror::Error;
 use muster_daemon::agent::words::VERSION;
 use muster_daemon::config::TransportName;
 
-pub use self::hosts::{Hosts, fields};
+pub use self::hosts::{Hosts, fields, schema};
 
 /// What is to be flown, and with what.
 #[derive(Debug)]

@@ -27,11 +27,20 @@ use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
 
+use serde_json::Value;
+
+use crate::schema;
 use crate::vehicle::{Craft, Landing, SimulatedLink, Vehicle};
 use crate::words::plural;
 
 pub use self::fence::fence_in_words;
 pub use self::load::{load_from, mission_file, put_together, to_usize};
+
+/// What a scenario file may say, its world's fields, too, as a JSON Schema.
+#[must_use]
+pub fn schema() -> Value {
+    schema::of::<raw::Raw>("A scenario of muster's", fields::FIELDS)
+}
 
 /// What a swarm flies, and how; its fields fit each other.
 #[derive(Debug, Clone)]

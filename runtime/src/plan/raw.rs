@@ -1,31 +1,36 @@
 //! A scenario file's fields as they are written, those of its world, too; numbers are checked for themselves here, how they
 //! fit each other when they are put together.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use muster_machines::cell::Address;
 use muster_machines::formation::Exposure;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::Policy;
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Raw {
+    #[schemars(with = "Whole<0, { i64::MAX as u64 }>")]
     pub seed: Spanned<Whole<0, { i64::MAX as u64 }>>,
     pub formation: Formation,
     #[serde(default)]
     pub changes: Vec<Change>,
     pub mission: Mission,
     #[serde(default)]
+    #[schemars(with = "Vec<Relay>")]
     pub relays: Vec<Spanned<Relay>>,
     #[serde(default)]
     pub swarms: Vec<Swarm>,
     pub radio: Radio,
     pub protocol: Protocol,
+    #[schemars(with = "Option<Follow>")]
     pub follow: Option<Spanned<Follow>>,
     #[serde(default)]
     pub vehicle: Vehicle,
@@ -33,45 +38,59 @@ pub struct Raw {
     pub failsafe: Failsafe,
     #[serde(default)]
     pub safety: Safety,
+    #[schemars(with = "Option<Geofence>")]
     pub geofence: Option<Spanned<Geofence>>,
     #[serde(default)]
     pub limits: Limits,
     #[serde(default)]
+    #[schemars(with = "Vec<Fault>")]
     pub faults: Vec<Spanned<Fault>>,
     #[serde(default)]
     pub chaos: Chaos,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[formation]`")]
 pub struct Formation {
     pub kind: FormationKind,
+    #[schemars(with = "Whole<1, 100_000>")]
     pub drones: Spanned<Whole<1, 100_000>>,
+    #[schemars(with = "Length")]
     pub spacing_m: Spanned<Length>,
     #[serde(default)]
     pub heading_deg: Heading,
+    #[schemars(with = "Option<Length>")]
     pub gap_m: Option<Spanned<Length>>,
     #[serde(default)]
     pub ground: GroundName,
+    #[schemars(with = "Option<AssignmentName>")]
     pub assignment: Option<Spanned<AssignmentName>>,
+    #[schemars(with = "Option<Whole<2, 5>>")]
     pub clusters: Option<Spanned<Whole<2, 5>>>,
+    #[schemars(with = "Option<Length>")]
     pub cluster_distance_m: Option<Spanned<Length>>,
+    #[schemars(with = "Option<Whole<0, { i64::MAX as u64 }>>")]
     pub seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[changes]]`")]
 pub struct Change {
+    #[schemars(with = "Whole<0, 65_534>")]
     pub waypoint: Spanned<Whole<0, 65_534>>,
     pub kind: FormationKind,
+    #[schemars(with = "Option<Length>")]
     pub spacing_m: Option<Spanned<Length>>,
     pub heading_deg: Option<Heading>,
+    #[schemars(with = "Option<Whole<2, 5>>")]
     pub clusters: Option<Spanned<Whole<2, 5>>>,
+    #[schemars(with = "Option<Length>")]
     pub cluster_distance_m: Option<Spanned<Length>>,
+    #[schemars(with = "Option<Whole<0, { i64::MAX as u64 }>>")]
     pub seed: Option<Spanned<Whole<0, { i64::MAX as u64 }>>>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FormationKind {
     Linear,
@@ -83,7 +102,7 @@ pub enum FormationKind {
     CompactMatrix,
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum GroundName {
     #[default]
@@ -92,20 +111,21 @@ pub enum GroundName {
     Grid,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum AssignmentName {
     Optimal,
     Greedy,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[mission]`")]
 pub struct Mission {
+    #[schemars(with = "PathBuf")]
     pub file: Spanned<PathBuf>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[relays]]`")]
 pub struct Relay {
     pub north_m: Offset,
@@ -113,35 +133,43 @@ pub struct Relay {
     pub altitude_m: Height,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[swarms]]`")]
 pub struct Swarm {
+    #[schemars(with = "PathBuf")]
     pub scenario: Spanned<PathBuf>,
     pub north_m: Offset,
     pub east_m: Offset,
+    #[schemars(with = "Option<Instant>")]
     pub after_s: Option<Spanned<Instant>>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[radio]`")]
 pub struct Radio {
     pub range_m: Length,
     #[serde(default)]
     pub model: ModelName,
+    #[schemars(with = "Option<Shape>")]
     pub nakagami_m: Option<Spanned<Shape>>,
     #[serde(default)]
     pub loss: Share,
+    #[schemars(with = "Option<Milliseconds>")]
     pub burst_every_ms: Option<Spanned<Milliseconds>>,
+    #[schemars(with = "Option<Milliseconds>")]
     pub burst_ms: Option<Spanned<Milliseconds>>,
+    #[schemars(with = "Option<Share>")]
     pub burst_loss: Option<Spanned<Share>>,
     #[serde(default)]
     pub medium: MediumName,
+    #[schemars(with = "Option<Whole<0, 60_000_000>>")]
     pub latency_us: Option<Spanned<Whole<0, 60_000_000>>>,
     pub jitter_us: Option<Whole<0, 60_000_000>>,
+    #[schemars(with = "Option<Whole<1, 1_000_000>>")]
     pub queue_max: Option<Spanned<Whole<1, 1_000_000>>>,
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ModelName {
     #[default]
@@ -151,7 +179,7 @@ pub enum ModelName {
     Nakagami,
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MediumName {
     #[default]
@@ -159,12 +187,14 @@ pub enum MediumName {
     Csma,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[protocol]`")]
 pub struct Protocol {
     #[serde(default)]
     pub kind: ProtocolKind,
+    #[schemars(with = "PolicyName")]
     pub policy: Spanned<PolicyName>,
+    #[schemars(with = "Option<BarrierName>")]
     pub barrier: Option<Spanned<BarrierName>>,
     #[serde(default)]
     pub liveness: LivenessName,
@@ -175,15 +205,17 @@ pub struct Protocol {
     pub period_ms: Option<Milliseconds>,
     pub keep_alive_ms: Option<Milliseconds>,
     pub hello_period_ms: Option<Milliseconds>,
+    #[schemars(with = "Option<Milliseconds>")]
     pub hello_gap_ms: Option<Spanned<Milliseconds>>,
     pub discovery_ms: Option<Milliseconds>,
     pub stable_after: Option<Whole<1, 1_000>>,
+    #[schemars(with = "Option<Milliseconds>")]
     pub time_to_live_ms: Option<Spanned<Milliseconds>>,
     pub beacon_ms: Option<Milliseconds>,
     pub repair_ms: Option<Milliseconds>,
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ProtocolKind {
     #[default]
@@ -191,21 +223,27 @@ pub enum ProtocolKind {
     Follow,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[follow]`")]
 pub struct Follow {
+    #[schemars(with = "Option<Whole<1, 1_000>>")]
     pub period_ms: Option<Spanned<Whole<1, 1_000>>>,
+    #[schemars(with = "Option<Whole<1, 5_000>>")]
     pub hold_ms: Option<Spanned<Whole<1, 5_000>>>,
+    #[schemars(with = "Option<Rate>")]
     pub speed_mps: Option<Spanned<Rate>>,
+    #[schemars(with = "Option<Rate>")]
     pub acceleration_mps2: Option<Spanned<Rate>>,
     #[serde(default)]
     pub pilot: Vec<Sticks>,
+    #[schemars(with = "Option<Instant>")]
     pub land_after_s: Option<Spanned<Instant>>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[follow.pilot]]`")]
 pub struct Sticks {
+    #[schemars(with = "Instant")]
     pub after_s: Spanned<Instant>,
     #[serde(default)]
     pub north_mps: Deflection,
@@ -215,7 +253,7 @@ pub struct Sticks {
     pub climb_mps: Deflection,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PolicyName {
     Flood,
@@ -231,7 +269,7 @@ impl From<PolicyName> for Policy {
     }
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BarrierName {
     Strict,
@@ -247,7 +285,7 @@ impl From<BarrierName> for Barrier {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SuccessionName {
     #[default]
@@ -264,7 +302,7 @@ impl From<SuccessionName> for Succession {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LivenessName {
     #[default]
@@ -281,7 +319,7 @@ impl From<LivenessName> for Liveness {
     }
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ParametersName {
     #[default]
@@ -290,7 +328,7 @@ pub enum ParametersName {
     Lan,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[vehicle]`")]
 pub struct Vehicle {
     pub speed_mps: Option<Rate>,
@@ -303,24 +341,26 @@ pub struct Vehicle {
     pub endurance_s: Option<Seconds>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[failsafe]`")]
 pub struct Failsafe {
     #[serde(default)]
     pub alone: AloneName,
     pub position_hold_s: Option<Instant>,
+    #[schemars(with = "Option<Share>")]
     pub battery_low: Option<Spanned<Share>>,
+    #[schemars(with = "Option<Share>")]
     pub battery_critical: Option<Spanned<Share>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[safety]`")]
 pub struct Safety {
     #[serde(default)]
     pub avoid: bool,
 }
 
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum AloneName {
     #[default]
@@ -337,18 +377,19 @@ impl From<AloneName> for Alone {
     }
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[geofence]`")]
 pub struct Geofence {
     pub radius_m: Length,
     pub altitude_max_m: Option<Length>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[limits]`")]
 pub struct Limits {
     pub separation_horizontal_m: Option<Length>,
     pub separation_vertical_m: Option<Length>,
+    #[schemars(with = "Option<Length>")]
     pub altitude_max_m: Option<Spanned<Length>>,
     pub duration_s: Option<Seconds>,
     pub set_up_s: Option<Seconds>,
@@ -361,11 +402,12 @@ pub struct Limits {
     pub watchdog_ms: Option<Milliseconds>,
     pub controller_s: Option<Seconds>,
     pub restart_window_s: Option<Seconds>,
+    #[schemars(with = "Option<Vec<ExposureName>>")]
     pub accept: Option<Spanned<Vec<ExposureName>>>,
 }
 
 /// What a single fault may expose drones to.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureName {
     Late,
@@ -385,52 +427,82 @@ impl From<ExposureName> for Exposure {
     }
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[faults]]`")]
 pub struct Fault {
     pub at_s: Option<Instant>,
+    #[schemars(with = "Option<Whole<0, 65_534>>")]
     pub at_waypoint: Option<Spanned<Whole<0, 65_534>>>,
     pub when: Option<OccasionName>,
+    #[schemars(with = "Option<Instant>")]
     pub after_s: Option<Spanned<Instant>>,
+    #[schemars(with = "Option<Seconds>")]
     pub for_s: Option<Spanned<Seconds>>,
+    #[schemars(with = "Option<Whole<1, 100_000>>")]
     pub times: Option<Spanned<Whole<1, 100_000>>>,
+    #[schemars(with = "Option<Seconds>")]
     pub every_s: Option<Spanned<Seconds>>,
+    #[schemars(with = "Option<Victim>")]
     pub crash: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<ActorName>")]
     pub actor: Option<Spanned<ActorName>>,
+    #[schemars(with = "Option<Victim>")]
     pub hang: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub restart: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub kill: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub crash_aircraft: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub lose_gps: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub drain: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Share>")]
     pub to: Option<Spanned<Share>>,
+    #[schemars(with = "Option<Pair>")]
     pub cut: Option<Spanned<Pair>>,
+    #[schemars(with = "Option<Pair>")]
     pub one_way: Option<Spanned<Pair>>,
+    #[schemars(with = "Option<Pair>")]
     pub degrade: Option<Spanned<Pair>>,
+    #[schemars(with = "Option<Share>")]
     pub loss: Option<Spanned<Share>>,
+    #[schemars(with = "Option<Pair>")]
     pub heal: Option<Spanned<Pair>>,
     pub jam: Option<Disc>,
+    #[schemars(with = "Option<Sender>")]
     pub corrupt: Option<Spanned<Sender>>,
+    #[schemars(with = "Option<Sender>")]
     pub duplicate: Option<Spanned<Sender>>,
+    #[schemars(with = "Option<Sender>")]
     pub delay: Option<Spanned<Sender>>,
+    #[schemars(with = "Option<Sender>")]
     pub reorder: Option<Spanned<Sender>>,
+    #[schemars(with = "Option<Share>")]
     pub share: Option<Spanned<Share>>,
+    #[schemars(with = "Option<Milliseconds>")]
     pub by_ms: Option<Spanned<Milliseconds>>,
+    #[schemars(with = "Option<Victim>")]
     pub replay: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub forge: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Victim>")]
     pub skew: Option<Spanned<Victim>>,
+    #[schemars(with = "Option<Rating>")]
     pub ppm: Option<Spanned<Rating>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[chaos]`")]
 pub struct Chaos {
     pub faults_max: Option<Whole<1, 100>>,
     #[serde(default)]
+    #[schemars(with = "BTreeMap<String, Vec<serde_json::Value>>")]
     pub vary: BTreeMap<String, Spanned<Vec<toml::Value>>>,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OccasionName {
     TakingOff,
@@ -440,7 +512,7 @@ pub enum OccasionName {
 }
 
 /// Two drones, or two groups of them.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "two drones or groups of drones, as in `[2, 3]` or `[[0, 1, 2], [3, 4]]`"
@@ -450,7 +522,7 @@ pub enum Pair {
     Groups([Vec<Whole<0, 99_999>>; 2]),
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Disc {
     pub north_m: Offset,
@@ -459,14 +531,14 @@ pub struct Disc {
 }
 
 /// Whose frames: those of a drone, or all.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "\"all\" or the number of a drone")]
 pub enum Sender {
     All(All),
     Drone(Whole<0, 99_999>),
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum All {
     All,
@@ -476,6 +548,20 @@ pub enum All {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(try_from = "i64")]
 pub struct Rating(pub i32);
+
+impl JsonSchema for Rating {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Rating".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "integer", "minimum": -500_000, "maximum": 500_000 })
+    }
+}
 
 impl TryFrom<i64> for Rating {
     type Error = String;
@@ -491,20 +577,20 @@ impl TryFrom<i64> for Rating {
 }
 
 /// A drone by its number or by its office.
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "\"master\" or the number of a drone")]
 pub enum Victim {
     Office(Office),
     Drone(Whole<0, 99_999>),
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Office {
     Master,
 }
 
-#[derive(Debug, Clone, Copy, Deserialize)]
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActorName {
     Radio,
@@ -531,8 +617,7 @@ const DIGITS_MAX: usize = 20;
 
 /// A number with bounds in its type; refused, with the bounds, where it is read.
 macro_rules! number {
-    ($(#[$doc:meta])* $name:ident, $is:expr, $accepted:literal) => {
-        $(#[$doc])*
+    ($name:ident, $what:literal, $min:literal, $max:literal $(, $after:literal)?) => {
         #[derive(Debug, Clone, Copy, Default, Deserialize)]
         #[serde(try_from = "f64")]
         pub struct $name(pub f64);
@@ -541,69 +626,46 @@ macro_rules! number {
             type Error = String;
 
             fn try_from(value: f64) -> Result<Self, String> {
-                let is_accepted: fn(f64) -> bool = $is;
-                if is_accepted(value) {
-                    Ok(Self(value))
-                } else {
-                    let digits = value.to_string();
-                    let shown = if digits.len() > DIGITS_MAX {
-                        format!("{value:e}")
-                    } else {
-                        digits
-                    };
-                    Err(format!("{shown} is not {}", $accepted))
+                if ($min..=$max).contains(&value) {
+                    return Ok(Self(value));
                 }
+                let digits = value.to_string();
+                let shown = if digits.len() > DIGITS_MAX {
+                    format!("{value:e}")
+                } else {
+                    digits
+                };
+                let (min, max): (f64, f64) = ($min, $max);
+                Err(format!(concat!("{} is not ", $what, " from {} to {}" $(, $after)?), shown, min, max))
+            }
+        }
+
+        impl JsonSchema for $name {
+            fn inline_schema() -> bool {
+                true
+            }
+
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({ "type": "number", "minimum": $min, "maximum": $max })
             }
         }
     };
 }
 
-number!(
-    Length,
-    |v| (0.01..=100_000.0).contains(&v),
-    "a length from 0.01 to 100000"
-);
-number!(
-    Offset,
-    |v| (-100_000.0..=100_000.0).contains(&v),
-    "an offset from -100000 to 100000"
-);
-number!(
-    Height,
-    |v| (0.0..=100_000.0).contains(&v),
-    "a height from 0 to 100000"
-);
-number!(
-    Rate,
-    |v| (0.01..=100.0).contains(&v),
-    "a rate from 0.01 to 100"
-);
-number!(
-    Seconds,
-    |v| (0.001..=604_800.0).contains(&v),
-    "a time from 0.001 to 604800 (a week)"
-);
-number!(
-    Instant,
-    |v| (0.0..=604_800.0).contains(&v),
-    "a time from 0 to 604800 (a week)"
-);
-number!(
-    Shape,
-    |v| (0.5..=100.0).contains(&v),
-    "a shape from 0.5 to 100"
-);
-number!(
-    Deflection,
-    |v| (-100.0..=100.0).contains(&v),
-    "a speed from -100 to 100"
-);
-number!(Share, |v| (0.0..=1.0).contains(&v), "a share from 0 to 1");
-number!(
-    Heading,
-    |v| (-360.0..=360.0).contains(&v),
-    "an angle from -360 to 360"
-);
+number!(Length, "a length", 0.01, 100_000.0);
+number!(Offset, "an offset", -100_000.0, 100_000.0);
+number!(Height, "a height", 0.0, 100_000.0);
+number!(Rate, "a rate", 0.01, 100.0);
+number!(Seconds, "a time", 0.001, 604_800.0, " (a week)");
+number!(Instant, "a time", 0.0, 604_800.0, " (a week)");
+number!(Shape, "a shape", 0.5, 100.0);
+number!(Deflection, "a speed", -100.0, 100.0);
+number!(Share, "a share", 0.0, 1.0);
+number!(Heading, "an angle", -360.0, 360.0);
 
 /// Milliseconds: at least one, at most an hour.
 pub type Milliseconds = Whole<1, 3_600_000>;
@@ -621,5 +683,19 @@ impl<const MIN: u64, const MAX: u64> TryFrom<i64> for Whole<MIN, MAX> {
             Ok(whole) if (MIN..=MAX).contains(&whole) => Ok(Self(whole)),
             _ => Err(format!("{value} is not a whole number from {MIN} to {MAX}")),
         }
+    }
+}
+
+impl<const MIN: u64, const MAX: u64> JsonSchema for Whole<MIN, MAX> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("whole number from {MIN} to {MAX}").into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "integer", "minimum": MIN, "maximum": MAX })
     }
 }

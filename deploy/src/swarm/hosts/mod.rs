@@ -8,7 +8,10 @@ use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, Form, TomlFile};
+use muster_runtime::schema;
+use schemars::JsonSchema;
 use serde::Deserialize;
+use serde_json::Value;
 use toml::Spanned;
 
 use self::fields::FIELDS;
@@ -16,6 +19,12 @@ use self::fields::FIELDS;
 /// Every field of a hosts file, tables included, as in `hosts.run`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
     FIELDS.iter().map(|(field, _)| *field)
+}
+
+/// What a hosts file may say, as a JSON Schema.
+#[must_use]
+pub fn schema() -> Value {
+    schema::of::<Raw>("The hosts of a swarm of muster's", FIELDS)
 }
 
 /// Where the drones of a swarm run: each of them at one host.
@@ -63,22 +72,29 @@ impl Host {
     }
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Raw {
+    #[schemars(with = "Option<String>")]
     group: Option<Spanned<SocketAddrV4>>,
+    #[schemars(with = "Option<String>")]
     broadcast: Option<Spanned<SocketAddrV4>>,
     #[serde(default)]
+    #[schemars(with = "Vec<RawHost>")]
     hosts: Vec<Spanned<RawHost>>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[hosts]]`")]
 struct RawHost {
+    #[schemars(with = "Vec<u32>")]
     drones: Spanned<Vec<Spanned<u32>>>,
+    #[schemars(with = "Option<Vec<String>>")]
     run: Option<Spanned<Vec<String>>>,
+    #[schemars(with = "Option<String>")]
     musterd: Option<Spanned<String>>,
     interface: Option<String>,
+    #[schemars(with = "Option<String>")]
     address: Option<Spanned<SocketAddr>>,
 }
 

@@ -15,8 +15,11 @@ use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, Form, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
 use muster_runtime::plan::Plan;
+use muster_runtime::schema;
 use muster_transport::sockets::{self, Reach};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use toml::Spanned;
 
 use self::fields::FIELDS;
@@ -41,8 +44,14 @@ pub fn fields() -> impl Iterator<Item = &'static str> {
     FIELDS.iter().map(|(field, _)| *field)
 }
 
+/// What a drone's file may say, as a JSON Schema.
+#[must_use]
+pub fn schema() -> Value {
+    schema::of::<Raw>("A drone of muster's", FIELDS)
+}
+
 /// How drones' frames move.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TransportName {
     /// As datagrams to all of a network or to a list of addresses.
