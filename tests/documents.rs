@@ -207,9 +207,17 @@ fn the_schemas_are_those_that_muster_prints_and_shipped_files_name_theirs() {
             .unwrap();
         let printed = String::from_utf8(printed.stdout).unwrap();
         let kept = text(&format!("docs/schemas/{files}.schema.json"));
-        assert_eq!(printed, kept, "muster schema {files} > docs/schemas/{files}.schema.json");
+        assert_eq!(
+            printed, kept,
+            "muster schema {files} > docs/schemas/{files}.schema.json"
+        );
     }
-    for folder in ["scenarios", "scenarios/found", "scenarios/hardware", "scenarios/scale"] {
+    for folder in [
+        "scenarios",
+        "scenarios/found",
+        "scenarios/hardware",
+        "scenarios/scale",
+    ] {
         let up = "../".repeat(folder.split('/').count());
         let names = format!("#:schema {up}docs/schemas/scenario.schema.json\n");
         for file in fs::read_dir(Path::new(ROOT).join(folder)).unwrap() {
