@@ -102,6 +102,11 @@ impl AddressBook {
         })
     }
 
+    /// Strikes out whoever is at an address; who it was.
+    pub(crate) fn strike(&self, address: Address) -> Option<ActorRef<Message>> {
+        Some(self.entry(address).take()?.actor)
+    }
+
     fn entry(&self, address: Address) -> std::sync::MutexGuard<'_, Option<Entry>> {
         self.entries[address as usize]
             .lock()

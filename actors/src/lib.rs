@@ -11,5 +11,5 @@ mod supervisor;
 
 pub use address_book::{AddressBook, Refused};
 pub use environment::Environment;
-pub use seat::{InjectedCrash, Message};
+pub use seat::{InjectedCrash, Message, Stall};
 pub use supervisor::{Drone, DroneConfig, SupervisorMessage};

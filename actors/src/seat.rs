@@ -1,3 +1,5 @@
+use std::fmt;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -14,6 +16,17 @@ pub enum Message {
     Step(Stimulus<Envelope>),
     /// A fault plan's: panic now.
     Crash,
+    /// A fault plan's: do nothing until this is over.
+    Stall(Stall),
+}
+
+/// For how long an actor does nothing.
+pub struct Stall(pub Pin<Box<dyn Future<Output = ()> + Send>>);
+
+impl fmt::Debug for Stall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Stall")
+    }
 }
 
 /// What a fault plan makes an actor panic with; no panic hook is called for it.
@@ -84,6 +97,7 @@ impl Actor for Seat {
         match message {
             Message::Step(stimulus) => occupied.step(stimulus),
             Message::Crash => std::panic::resume_unwind(Box::new(InjectedCrash)),
+            Message::Stall(stall) => stall.0.await,
         }
         Ok(())
     }

@@ -31,6 +31,8 @@ pub struct DroneConfig {
 pub enum SupervisorMessage {
     /// By the environment: the time of a restart has come.
     Restart(Address),
+    /// By the environment: an actor does nothing any more.
+    Hangs(Address),
     /// By the environment: the drone's process has started anew, as far as the world outside can see.
     Boot,
 }
@@ -66,6 +68,12 @@ impl Drone {
     pub fn restart(&self, address: Address) {
         // A supervisor that is gone has nothing left to restart.
         let _ = self.supervisor.cast(SupervisorMessage::Restart(address));
+    }
+
+    /// Tells its supervisor that an actor does nothing any more: it is killed, and counts as failed.
+    pub fn hangs(&self, address: Address) {
+        // A supervisor that is gone has nothing left to mend.
+        let _ = self.supervisor.cast(SupervisorMessage::Hangs(address));
     }
 
     /// Stops the five, forgets how often they have failed, and starts them again, as a new process would.
@@ -112,7 +120,7 @@ impl Tree {
     }
 
     fn failed(&mut self, address: Address) {
-        let verdict = self.supervision.failed(self.environment.now());
+        let verdict = self.supervision.failed(self.environment.now(), address);
         self.environment.failed(address, verdict);
     }
 }
@@ -141,6 +149,13 @@ impl Actor for Supervisor {
     ) -> Result<(), ActorProcessingErr> {
         let addresses = match message {
             SupervisorMessage::Restart(address) => vec![address],
+            SupervisorMessage::Hangs(address) => {
+                if let Some(actor) = tree.book.strike(address) {
+                    actor.kill();
+                    tree.failed(address);
+                }
+                Vec::new()
+            }
             SupervisorMessage::Boot => {
                 myself.stop_children_and_wait(None, None).await;
                 tree.supervision = Supervision::new(tree.restarts);

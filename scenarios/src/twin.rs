@@ -108,6 +108,11 @@ impl Twin {
         self.world.vehicle(drone)
     }
 
+    /// What has befallen actors of processes since this was last asked, and for how long it lasts.
+    pub fn take_upsets(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+        self.world.take_upsets()
+    }
+
     /// The chance that a frame from one drone would not reach another where they are, 0 to 1.
     #[must_use]
     pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
@@ -153,9 +158,7 @@ pub fn refuses(fault: &Fault) -> Option<&'static str> {
         };
     };
     match mishap {
-        Mishap::Kill | Mishap::Restart | Mishap::Hang(None) => None,
-        Mishap::CrashActor(_) => Some("no actor of a process can be made to fail"),
-        Mishap::Hang(Some(_)) => Some("no actor of a process can be made to hang"),
+        Mishap::Kill | Mishap::Restart | Mishap::Hang(_) | Mishap::CrashActor(_) => None,
         Mishap::CrashAircraft | Mishap::Drain(_) | Mishap::LoseGps => {
             Some("a vehicle that is simulated in a process does not fail")
         }

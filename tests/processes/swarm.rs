@@ -188,6 +188,32 @@ fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on_what_they_
     }
 }
 
+/// Each drone has another actor fail, and then another one hang for good.
+#[test]
+fn actors_of_processes_that_fail_or_hang_in_flight_are_mended_and_the_mission_is_flown() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("flight");
+    let actors = ["radio", "routing", "mission", "navigation", "msp"];
+    let faults = (0..actors.len()).map(|id| {
+        let (crashes, hangs) = (actors[id], actors[(id + 1) % actors.len()]);
+        format!(
+            "\n[[faults]]\nat_waypoint = 0\nafter_s = 1\ncrash = {id}\nactor = \"{crashes}\"\n\
+             \n[[faults]]\nat_waypoint = 1\nafter_s = 1\nhang = {id}\nactor = \"{hangs}\"\n"
+        )
+    });
+    let scenario = with_faults(folder.path(), &faults.collect::<String>());
+    let mut command = swarm(scenario.to_str().unwrap(), &out);
+    let run = command.arg("--json").output().unwrap();
+    let report = flown(&run, &out);
+    for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
+        assert_eq!(drone["waypoints"], 3, "drone {id}");
+        let said = log(&out, id);
+        assert_eq!(said.matches("an actor failed").count(), 2, "{said}");
+        assert_eq!(said.matches("an actor hangs").count(), 1, "{said}");
+        assert_eq!(said.matches("\"starts\"").count(), 1, "{said}");
+    }
+}
+
 #[test]
 fn a_drone_in_flight_whose_journal_or_scenario_can_not_be_understood_comes_down() {
     let folder = tempfile::tempdir().unwrap();
@@ -324,7 +350,6 @@ fn what_processes_can_not_do_is_refused_by_name() {
     };
     refused("two-swarms.toml", "processes fly one swarm");
     refused("follow-by-hand.toml", "a simulated pilot or operator");
-    refused("hung-mission.toml", "no actor of a process can be made to");
     refused(
         "failsafe-gps.toml",
         "a vehicle that is simulated in a process",

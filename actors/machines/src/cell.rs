@@ -13,7 +13,7 @@ use crate::time::Timestamp;
 use crate::{mission, msp, navigation, radio, routing};
 
 /// One of a drone's five actors, in the order of the data's way through it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Address {
     /// Admits and sends frames.
     Radio,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::report::{Flight, Report};
+use muster_scenarios::scenario::Mishap;
 use muster_scenarios::twin::{Said, Standing, Twin};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
@@ -18,7 +19,7 @@ use super::hosts::Hosts;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use muster_daemon::clock::Clock;
-use muster_daemon::tether::{Losses, Word};
+use muster_daemon::tether::{Losses, Upset, Word};
 
 /// How far the twin is behind the clock, beside what it takes to hear of other hosts and is not known of their clocks.
 const BEHIND: Duration = Duration::from_millis(50);
@@ -255,6 +256,7 @@ impl<'a> Swarm<'a> {
             self.twin.advance(now);
             self.twin_is_at = now;
             self.let_processes_be();
+            self.upset_actors();
         }
         if self.request.emulates_radio {
             self.tell_losses();
@@ -273,6 +275,22 @@ impl<'a> Swarm<'a> {
                 self.processes[&id].tell(&vehicle);
             } else if standing == Standing::Runs && process.can_start_again() {
                 self.add(folder, Begin::Again(self.vehicle(id)));
+            }
+        }
+    }
+
+    /// What befalls actors befalls them in their processes.
+    fn upset_actors(&mut self) {
+        for (drone, mishap, lasts) in self.twin.take_upsets() {
+            let (actor, upset) = match mishap {
+                Mishap::CrashActor(actor) => (actor, Upset::Crashes),
+                Mishap::Hang(Some(actor)) => {
+                    (actor, Upset::Hangs(lasts.map(|it| it.as_secs_f64())))
+                }
+                _ => continue,
+            };
+            if let Some(process) = self.processes.get(&drone) {
+                process.tell(&Word::Upset { actor, upset });
             }
         }
     }

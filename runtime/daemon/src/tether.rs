@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::VehicleState;
@@ -28,6 +29,23 @@ pub enum Word {
         /// What it is doing.
         state: Box<VehicleState>,
     },
+    /// Something befalls one of its actors, by a fault plan.
+    Upset {
+        /// Which.
+        actor: Address,
+        /// What.
+        upset: Upset,
+    },
+}
+
+/// What befalls an actor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Upset {
+    /// It panics.
+    Crashes,
+    /// It does nothing for so many seconds, or until it is killed.
+    Hangs(Option<f64>),
 }
 
 impl Word {

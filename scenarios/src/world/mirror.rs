@@ -14,6 +14,9 @@ use crate::checkers::Violation;
 use crate::scenario::{Mishap, Scenario};
 use muster_runtime::vehicle::VehicleState;
 
+/// How much longer than it may an actor of a process hangs at the most, until it is found and built anew.
+const FOUND_AFTER: Duration = Duration::from_millis(200);
+
 /// How a drone's process is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
@@ -132,11 +135,23 @@ impl World {
         mishap: Mishap,
         lasts: Option<Duration>,
     ) {
-        let standing = match mishap {
-            Mishap::Hang(_) => Standing::Hangs,
-            _ => Standing::Ended,
+        let mended = self.hang_max + FOUND_AFTER;
+        let lasts = match mishap {
+            // The process mends that by itself, at once or when it has found it.
+            Mishap::CrashActor(_) => return self.upsets.push((drone, mishap, lasts)),
+            Mishap::Hang(Some(_)) => {
+                self.upsets.push((drone, mishap, lasts));
+                Some(lasts.map_or(mended, |it| it.min(mended)))
+            }
+            Mishap::Hang(None) => {
+                self.foreseen.insert(drone, Standing::Hangs);
+                lasts
+            }
+            _ => {
+                self.foreseen.insert(drone, Standing::Ended);
+                lasts
+            }
         };
-        self.foreseen.insert(drone, standing);
         let befalls = Planned::Befalls {
             drone,
             mishap,
@@ -159,7 +174,7 @@ impl World {
         let state = &self.drones[drone.0 as usize];
         match () {
             () if !state.runs && !self.booting.contains(&drone) => Standing::Ended,
-            () if state.is_hung(Address::Radio) => Standing::Hangs,
+            () if Address::ALL.iter().all(|it| state.is_hung(*it)) => Standing::Hangs,
             () => Standing::Runs,
         }
     }
@@ -182,6 +197,11 @@ impl World {
     /// A number that rises whenever those chances may be others than before.
     pub(crate) const fn loss_changes(&self) -> u64 {
         self.medium.changes()
+    }
+
+    /// What has befallen actors of processes since this was last asked, and for how long it lasts.
+    pub(crate) fn take_upsets(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+        std::mem::take(&mut self.upsets)
     }
 
     /// Whether nobody is in the air any more, or the time is up.

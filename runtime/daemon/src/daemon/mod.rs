@@ -109,7 +109,7 @@ pub struct Start {
     /// Tells the drone that leads to begin, in the first life of its journal only: nothing takes off because a process
     /// started again.
     pub fly: bool,
-    /// Whether the process ends when its standard input does, and reads there, as [`crate::swarm`] writes it, whom it does
+    /// Whether the process ends when its standard input does, and reads there, as `muster swarm` writes it, whom it does
     /// not hear. Only a drone whose vehicle is simulated can be tied.
     pub tied: bool,
     /// Whether a tied process goes on with a vehicle that has flown on without it, which it is told first.
@@ -146,7 +146,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     if let Some(tether) = tether.as_mut().filter(|_| start.resume) {
         match tether.recv().await {
             Some(Word::Vehicle { epoch, state }) => craft.resume(*state, epoch, clock.now()),
-            Some(Word::Losses(_)) => return Err(DaemonError::NoVehicle),
+            Some(Word::Losses(_) | Word::Upset { .. }) => return Err(DaemonError::NoVehicle),
             None => return Ok(Ended::Abandoned),
         }
     }
@@ -169,6 +169,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         swarm: config.swarm,
         is_relay: config.is_relay(),
         clock,
+        hang_max: config.plan.limits.hang,
         checkpoints,
         journal,
         network,
@@ -191,6 +192,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let mut vital = JoinSet::new();
     vital.spawn(tasks::keep_time(Arc::clone(&process)));
     vital.spawn(tasks::listen(Arc::clone(&process), waiting));
+    vital.spawn(tasks::look_after(Arc::clone(&process)));
     vital.spawn(tasks::heed_journal(written, Arc::clone(&process)));
     tokio::spawn(tasks::end_on(terminate, Arc::clone(&process)));
     tokio::spawn(tasks::end_on(interrupt, Arc::clone(&process)));

@@ -1,6 +1,7 @@
 //! A drone's process as its actors see it: their environment in real time.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use muster_actors::{Drone, Environment};
 use muster_machines::cell::{Address, Checkpoints, Envelope, Reaction, last_resort};
@@ -40,6 +41,8 @@ pub(super) struct Parts {
     /// Whether it flies no mission and only passes on.
     pub(super) is_relay: bool,
     pub(super) clock: Clock,
+    /// How long an actor may do nothing while something waits for it.
+    pub(super) hang_max: Duration,
     pub(super) checkpoints: Checkpoints,
     pub(super) journal: Writer,
     pub(super) network: Network,
@@ -125,7 +128,7 @@ impl Environment for Process {
     fn carry_out(&self, from: Address, reaction: &mut Reaction) {
         let now = self.clock.now();
         let mut state = self.state();
-        state.answered(from);
+        state.answered(now, from);
         for effect in reaction.effects.drain(..) {
             state.effect(now, effect);
         }

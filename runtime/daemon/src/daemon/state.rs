@@ -31,6 +31,7 @@ use super::process::Parts;
 use super::reporter::Reporter;
 use super::resting::Resting;
 use super::service;
+use crate::clock::Clock;
 use crate::log::Lost;
 use crate::tether::Losses;
 
@@ -53,6 +54,9 @@ pub(super) struct State {
     swarm: SwarmId,
     is_relay: bool,
     started: Timestamp,
+    clock: Clock,
+    /// How long an actor may do nothing while something waits for it.
+    hang_max: Duration,
     checkpoints: Checkpoints,
     /// Until the process ends.
     journal: Option<Writer>,
@@ -106,6 +110,8 @@ struct Seat {
     failures: u64,
     /// How often it was overdue.
     overdue: u64,
+    /// Since when something waits for it, and it has done nothing.
+    idle_since: Option<Timestamp>,
 }
 
 impl Seat {
@@ -135,6 +141,8 @@ impl State {
             swarm: parts.swarm,
             is_relay: parts.is_relay,
             started: parts.clock.started(),
+            clock: parts.clock,
+            hang_max: parts.hang_max,
             checkpoints: parts.checkpoints,
             journal: Some(parts.journal),
             resting: Resting::default(),
@@ -251,6 +259,10 @@ impl State {
             Stimulus::Input(Envelope::Radio(radio::Input::Received { .. }))
         );
         let cast = drone.book().cast(address, Message::Step(stimulus));
+        if cast.is_ok() {
+            let now = self.clock.now();
+            self.seats[address as usize].idle_since.get_or_insert(now);
+        }
         if let Err(refused) = &cast {
             // Frames at line rate may be among them.
             self.counts.no_room += u64::from(is_frame);
@@ -444,8 +456,10 @@ impl State {
     pub(super) fn wake(&mut self, now: Timestamp) -> Option<Timestamp> {
         for address in Address::ALL {
             let deadline = &mut self.seats[address as usize].deadline;
-            if deadline.take_if(|deadline| *deadline <= now).is_some() {
-                self.cast(address, Stimulus::Timeout);
+            let is_due = deadline.take_if(|deadline| *deadline <= now).is_some();
+            if is_due && !self.cast(address, Stimulus::Timeout) && self.is_up(address) {
+                // It had no room.
+                self.seats[address as usize].deadline = Some(now + OVERDUE_PAUSE);
             }
         }
         self.tell_to_come_down();
@@ -508,6 +522,7 @@ impl State {
         seat.is_up = false;
         seat.deadline = None;
         seat.has_answered = false;
+        seat.idle_since = None;
         seat.failures += 1;
     }
 
@@ -516,8 +531,42 @@ impl State {
         self.landing.get_or_insert(LandingReason::ActorGivenUp);
     }
 
-    pub(super) const fn answered(&mut self, address: Address) {
-        self.seats[address as usize].has_answered = true;
+    pub(super) fn answered(&mut self, now: Timestamp, address: Address) {
+        let book = self.drone.as_ref().map(Drone::book);
+        let waiting = book.and_then(|it| it.waiting(address));
+        let seat = &mut self.seats[address as usize];
+        seat.has_answered = true;
+        seat.idle_since = waiting.filter(|it| *it > 0).map(|_| now);
+    }
+
+    /// Tells the supervisor of actors that have done nothing for too long, though something waits for them.
+    pub(super) fn mend_what_hangs(&mut self, now: Timestamp) {
+        for address in Address::ALL {
+            let seat = &mut self.seats[address as usize];
+            let hangs = |since: &mut Timestamp| now.since(*since) >= self.hang_max;
+            if seat.is_up
+                && seat.idle_since.take_if(hangs).is_some()
+                && let Some(drone) = &self.drone
+            {
+                tracing::error!(actor = %address, "an actor hangs");
+                drone.hangs(address);
+            }
+        }
+    }
+
+    /// The process stood still: that an actor did nothing meanwhile is no sign that it hangs.
+    pub(super) fn stood_still(&mut self, now: Timestamp) {
+        for seat in &mut self.seats {
+            seat.idle_since = seat.idle_since.map(|_| now);
+        }
+    }
+
+    /// Something befalls an actor, by a fault plan.
+    pub(super) fn upset(&self, address: Address, message: Message) {
+        if let Some(drone) = &self.drone {
+            // One that is not there can't be harmed.
+            let _ = drone.book().cast(address, message);
+        }
     }
 
     /// Whether all actors that run have done something since this was last asked; then they are asked again. What is due

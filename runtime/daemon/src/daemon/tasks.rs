@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use muster_actors::{Message, Stall};
+use muster_machines::cell::Address;
 use muster_machines::mission::LandingReason;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
 use muster_runtime::journal::Written;
@@ -16,7 +18,7 @@ use super::process::Process;
 use super::service;
 use crate::config::reread;
 use crate::log::Volume;
-use crate::tether::Word;
+use crate::tether::{Upset, Word};
 
 /// Wakes whoever waits for a time.
 pub(super) async fn keep_time(process: Arc<Process>) {
@@ -37,6 +39,27 @@ pub(super) async fn keep_time(process: Arc<Process>) {
             }
             None => process.sooner.notified().await,
         }
+    }
+}
+
+/// How often it is looked whether an actor hangs.
+const LOOKS_EVERY: Duration = Duration::from_millis(50);
+/// How late such a look is at the most in a process that has not stood still.
+const STALL: Duration = Duration::from_millis(150);
+
+/// Has actors mended that hang.
+pub(super) async fn look_after(process: Arc<Process>) {
+    let mut last = process.clock.now();
+    loop {
+        tokio::time::sleep(LOOKS_EVERY).await;
+        let now = process.clock.now();
+        let has_stood_still = now.since(last) > LOOKS_EVERY + STALL;
+        last = now;
+        let mut state = process.state();
+        if has_stood_still {
+            state.stood_still(now);
+        }
+        state.mend_what_hangs(now);
     }
 }
 
@@ -101,6 +124,7 @@ pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc
         match word {
             Word::Losses(losses) => process.state().lose(losses),
             Word::Vehicle { epoch, state } => process.state().overrule(now, *state, epoch),
+            Word::Upset { actor, upset } => upset_actor(&process, actor, upset),
         }
         process.look_round();
     }
@@ -109,6 +133,19 @@ pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc
     );
     process.state().abandon();
     process.look_round();
+}
+
+/// Something befalls an actor, by a fault plan.
+fn upset_actor(process: &Process, actor: Address, upset: Upset) {
+    let message = match upset {
+        Upset::Crashes => Message::Crash,
+        Upset::Hangs(Some(seconds)) => {
+            let lasts = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+            Message::Stall(Stall(Box::pin(tokio::time::sleep(lasts))))
+        }
+        Upset::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
+    };
+    process.state().upset(actor, message);
 }
 
 /// What is read again on HUP, and who is told.
