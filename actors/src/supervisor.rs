@@ -120,7 +120,7 @@ impl Tree {
     }
 
     fn failed(&mut self, address: Address) {
-        let verdict = self.supervision.failed(self.environment.now(), address);
+        let verdict = self.supervision.failed(self.environment.now());
         self.environment.failed(address, verdict);
     }
 }

@@ -3,14 +3,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::cell::Address;
 use crate::flaw::{self, Flaw};
 use crate::time::Timestamp;
 
 /// When failed actors are restarted and when that is given up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RestartLimits {
-    /// The most restarts of any of a drone's actors within the window.
+    /// The most restarts of a drone's actors within the window.
     pub restarts_max: u32,
     /// How long a restart counts.
     pub window: Duration,
@@ -36,8 +35,7 @@ pub enum Verdict {
 #[derive(Debug, Clone)]
 pub struct Supervision {
     limits: RestartLimits,
-    /// Of each actor.
-    recent: [VecDeque<Timestamp>; 5],
+    recent: VecDeque<Timestamp>,
     given_up: bool,
 }
 
@@ -47,25 +45,27 @@ impl Supervision {
     pub const fn new(limits: RestartLimits) -> Self {
         Self {
             limits,
-            recent: [const { VecDeque::new() }; 5],
+            recent: VecDeque::new(),
             given_up: false,
         }
     }
 
     /// Decides about an actor that failed at `now`.
     ///
-    /// Its first failure in a window is mended at once, whatever became of the others. Once one can't be kept alive, none is
-    /// ever restarted again.
-    pub fn failed(&mut self, now: Timestamp, actor: Address) -> Verdict {
-        let recent = &mut self.recent[actor as usize];
-        while (recent.front()).is_some_and(|restart| now.since(*restart) > self.limits.window) {
-            recent.pop_front();
+    /// The first failure in a window is mended at once. Once it has given up it never restarts anything again.
+    pub fn failed(&mut self, now: Timestamp) -> Verdict {
+        while self
+            .recent
+            .front()
+            .is_some_and(|restart| now.since(*restart) > self.limits.window)
+        {
+            self.recent.pop_front();
         }
-        if self.given_up || recent.len() >= self.limits.restarts_max as usize {
+        if self.given_up || self.recent.len() >= self.limits.restarts_max as usize {
             self.given_up = true;
             return Verdict::GiveUp;
         }
-        let pause = match recent.len() {
+        let pause = match self.recent.len() {
             _ if flaw::has(Flaw::LeavesWhatFails) => Duration::MAX,
             0 => Duration::ZERO,
             before => {
@@ -73,7 +73,7 @@ impl Supervision {
                 (self.limits.back_off * 2_u32.pow(doublings)).min(self.limits.back_off_max)
             }
         };
-        recent.push_back(now);
+        self.recent.push_back(now);
         Verdict::Restart { at: now + pause }
     }
 }
@@ -97,7 +97,7 @@ mod tests {
     fn the_first_failure_is_mended_at_once_and_later_ones_wait_longer() {
         let mut supervision = Supervision::new(LIMITS);
         let pauses: Vec<_> = [1.0, 2.0, 3.0]
-            .map(|now| match supervision.failed(at(now), Address::Radio) {
+            .map(|now| match supervision.failed(at(now)) {
                 Verdict::Restart { at: then } => then - at(now),
                 Verdict::GiveUp => panic!("within the limit"),
             })
@@ -109,34 +109,19 @@ mod tests {
     fn too_many_failures_in_a_window_are_given_up_for_good() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now), Address::Radio), Verdict::GiveUp);
+            assert_ne!(supervision.failed(at(now)), Verdict::GiveUp);
         }
-        assert_eq!(supervision.failed(at(4.0), Address::Radio), Verdict::GiveUp);
-        assert_eq!(
-            supervision.failed(at(400.0), Address::Radio),
-            Verdict::GiveUp
-        );
-    }
-
-    #[test]
-    fn each_actors_restarts_count_for_themselves() {
-        let mut supervision = Supervision::new(LIMITS);
-        for actor in Address::ALL {
-            for now in [1.0, 2.0, 3.0] {
-                assert_ne!(supervision.failed(at(now), actor), Verdict::GiveUp);
-            }
-        }
-        let [.., last] = Address::ALL;
-        assert_eq!(supervision.failed(at(4.0), last), Verdict::GiveUp);
+        assert_eq!(supervision.failed(at(4.0)), Verdict::GiveUp);
+        assert_eq!(supervision.failed(at(400.0)), Verdict::GiveUp);
     }
 
     #[test]
     fn restarts_older_than_the_window_do_not_count() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now), Address::Radio), Verdict::GiveUp);
+            assert_ne!(supervision.failed(at(now)), Verdict::GiveUp);
         }
-        let verdict = supervision.failed(at(14.0), Address::Radio);
+        let verdict = supervision.failed(at(14.0));
         assert_eq!(verdict, Verdict::Restart { at: at(14.0) });
     }
 }

@@ -112,7 +112,7 @@ impl Drone {
 
     fn fail(&mut self, world: &mut World, id: NodeId, address: Address) {
         self.cells[address as usize] = None;
-        let verdict = self.supervision.failed(world.now_of(id), address);
+        let verdict = self.supervision.failed(world.now_of(id));
         world.failed(id, address, verdict);
     }
 }
