@@ -395,3 +395,60 @@ fn a_disk_that_is_slow_holds_up_nobody_and_is_not_believed_too_soon() {
     // What waited was written together.
     assert!(told.len() < 4, "{}", told.len());
 }
+
+/// A disk that takes no bytes once, when it is full for a moment.
+#[derive(Debug, Default)]
+struct FullOnce(Memory, usize);
+
+impl Storage for FullOnce {
+    fn read(&mut self) -> io::Result<Vec<u8>> {
+        self.0.read()
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.1 += 1;
+        match self.1 {
+            3 => Err(io::Error::other("the disk is full")),
+            _ => self.0.append(bytes),
+        }
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        std::thread::sleep(Duration::from_millis(50));
+        self.0.sync()
+    }
+
+    fn replace(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.replace(bytes)
+    }
+
+    fn lasting(&mut self) -> io::Result<u64> {
+        self.0.lasting()
+    }
+
+    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
+        self.0.note_lasting(number)
+    }
+}
+
+#[test]
+fn what_becomes_of_checkpoints_is_told_in_their_order_whichever_fails() {
+    let (journal, all) = Journal::open(FullOnce::default()).unwrap();
+    let (tell, told) = mpsc::channel();
+    let mut writer = Writer::start(journal, all, move |it| drop(tell.send(it))).unwrap();
+    for opened in 1..=4 {
+        writer.keep(mission(opened), opened != 3);
+    }
+    drop(writer);
+    let told: Vec<_> = told
+        .iter()
+        .map(|it| match it {
+            Written::UpTo(number) => (number, true),
+            Written::Failed { number, .. } => (number, false),
+        })
+        .collect();
+    let failure = told.iter().position(|it| *it == (3, false)).unwrap();
+    let (before, after) = told.split_at(failure);
+    assert_eq!(before.last(), Some(&(2, true)), "{told:?}");
+    assert_eq!(after, [(3, false), (4, true)]);
+}

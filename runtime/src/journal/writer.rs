@@ -82,28 +82,37 @@ fn write_all<S: Storage>(
     mut tell: impl FnMut(Written),
 ) {
     while let Ok(first) = waiting.recv() {
-        let mut added = Vec::new();
+        let (mut results, mut must_sync) = (Vec::new(), false);
         for (number, checkpoint, must_last) in std::iter::once(first).chain(waiting.try_iter()) {
             all.keep(checkpoint.clone());
-            match journal.add(&checkpoint, &all) {
-                Ok(()) => added.push((number, must_last)),
-                Err(error) => tell(Written::Failed { number, error }),
-            }
+            let added = journal.add(&checkpoint, &all);
+            must_sync |= must_last && added.is_ok();
+            results.push((number, must_last, added));
         }
-        let Some(&(last, _)) = added.last() else {
-            continue;
-        };
-        if !added.iter().any(|(_, must_last)| *must_last) {
-            continue;
-        }
-        match journal.sync() {
-            Ok(()) => tell(Written::UpTo(last)),
-            Err(error) => {
-                for (number, _) in added.into_iter().filter(|(_, must_last)| *must_last) {
-                    let error = io::Error::new(error.kind(), error.to_string());
-                    tell(Written::Failed { number, error });
+        let synced = if must_sync { journal.sync() } else { Ok(()) };
+        // In their order, so that nothing is taken to last before what was taken earlier.
+        let mut lasting = None;
+        for (number, must_last, added) in results {
+            let failure = match (added, &synced) {
+                (Err(error), _) => error,
+                (Ok(()), Err(error)) if must_last => {
+                    io::Error::new(error.kind(), error.to_string())
                 }
-            }
+                (Ok(()), _) => {
+                    lasting = if must_last { Some(number) } else { lasting };
+                    continue;
+                }
+            };
+            lasting
+                .take()
+                .map(Written::UpTo)
+                .into_iter()
+                .for_each(&mut tell);
+            tell(Written::Failed {
+                number,
+                error: failure,
+            });
         }
+        lasting.map(Written::UpTo).into_iter().for_each(&mut tell);
     }
 }

@@ -29,8 +29,7 @@ pub(super) fn check_apart(source: &Source, raw: &Raw, flown: Flown<'_>) -> Resul
     };
     let they_follow = raw.protocol.kind == ProtocolKind::Follow;
     let is_accepted = |exposure: Exposure| {
-        let mut accepted = accepted.get_ref().iter();
-        accepted.any(|name| Exposure::from(*name) == exposure)
+        raw.limits.accepts(exposure)
             || raw.safety.avoid && exposure.is_mended_by_giving_way(they_follow)
     };
     let found = flown

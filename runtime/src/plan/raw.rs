@@ -406,6 +406,16 @@ pub struct Limits {
     pub accept: Option<Spanned<Vec<ExposureName>>>,
 }
 
+impl Limits {
+    /// Whether it is accepted that a single fault exposes drones to this; where nothing is listed, nothing is.
+    pub fn accepts(&self, exposure: Exposure) -> bool {
+        let accepted = self.accept.iter().flat_map(Spanned::get_ref);
+        accepted
+            .into_iter()
+            .any(|name| Exposure::from(*name) == exposure)
+    }
+}
+
 /// What a single fault may expose drones to.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

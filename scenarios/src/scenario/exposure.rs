@@ -15,7 +15,7 @@ use super::Scenario;
 use crate::report::table::STYLE;
 use muster_runtime::plan::apart::{distances, in_words, metres, when};
 use muster_runtime::plan::file::Source;
-use muster_runtime::plan::raw::{ExposureName, Raw};
+use muster_runtime::plan::raw::Raw;
 use muster_runtime::words::{NOTHING, drones, plural};
 
 /// For swarms of at most so many it is found what single faults expose drones to.
@@ -28,15 +28,11 @@ pub(super) fn check_followers(
     raw: &Raw,
     scenario: &Scenario,
 ) -> Result<(), BadInput> {
-    let is_accepted = raw.limits.accept.as_ref().is_some_and(|accepted| {
-        let mut accepted = accepted.get_ref().iter();
-        accepted.any(|name| matches!(name, ExposureName::Apart))
-    });
     let elects = scenario.plan.protocol.succession == Succession::Elect;
     let may_meet = scenario.plan.follow.is_some()
         && elects
         && scenario.plan.layout.layering() == Layering::Shared
-        && !is_accepted;
+        && !raw.limits.accepts(Exposure::Apart);
     let Some(apart) = may_meet.then(|| scenario.unreached()).flatten() else {
         return Ok(());
     };

@@ -53,7 +53,6 @@ pub(super) struct State {
     id: NodeId,
     swarm: SwarmId,
     is_relay: bool,
-    started: Timestamp,
     clock: Clock,
     /// How long an actor may do nothing while something waits for it.
     hang_max: Duration,
@@ -140,7 +139,6 @@ impl State {
             id: parts.id,
             swarm: parts.swarm,
             is_relay: parts.is_relay,
-            started: parts.clock.started(),
             clock: parts.clock,
             hang_max: parts.hang_max,
             checkpoints: parts.checkpoints,

@@ -48,7 +48,7 @@ impl State {
             swarm: self.swarm.0,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             life: self.checkpoints.boot(),
-            up_s: now.since(self.started).as_secs_f64(),
+            up_s: now.since(self.clock.started()).as_secs_f64(),
             faults: self.faults(now),
             state: doing(self.checkpoints.state()),
             role,
