@@ -102,8 +102,8 @@ impl AddressBook {
         })
     }
 
-    /// Strikes out whoever is at an address; who it was.
-    pub(crate) fn strike(&self, address: Address) -> Option<ActorRef<Message>> {
+    /// Removes the actor at an address, and returns it.
+    pub(crate) fn remove(&self, address: Address) -> Option<ActorRef<Message>> {
         Some(self.entry(address).take()?.actor)
     }
 

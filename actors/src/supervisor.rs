@@ -150,7 +150,7 @@ impl Actor for Supervisor {
         let addresses = match message {
             SupervisorMessage::Restart(address) => vec![address],
             SupervisorMessage::Hangs(address) => {
-                if let Some(actor) = tree.book.strike(address) {
+                if let Some(actor) = tree.book.remove(address) {
                     actor.kill();
                     tree.failed(address);
                 }

@@ -108,9 +108,9 @@ impl Twin {
         self.world.vehicle(drone)
     }
 
-    /// What has befallen actors of processes since this was last asked, and for how long it lasts.
-    pub fn take_upsets(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
-        self.world.take_upsets()
+    /// The faults to inject into actors of processes since the last call, and how long each lasts.
+    pub fn take_actor_faults(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+        self.world.take_actor_faults()
     }
 
     /// The chance that a frame from one drone would not reach another where they are, 0 to 1.

@@ -19,7 +19,7 @@ use super::hosts::Hosts;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use muster_daemon::clock::Clock;
-use muster_daemon::tether::{Losses, Upset, Word};
+use muster_daemon::tether::{ActorFault, Losses, Word};
 
 /// How far the twin is behind the clock, beside what it takes to hear of other hosts and is not known of their clocks.
 const BEHIND: Duration = Duration::from_millis(50);
@@ -256,7 +256,7 @@ impl<'a> Swarm<'a> {
             self.twin.advance(now);
             self.twin_is_at = now;
             self.let_processes_be();
-            self.upset_actors();
+            self.inject_actor_faults();
         }
         if self.request.emulates_radio {
             self.tell_losses();
@@ -279,18 +279,18 @@ impl<'a> Swarm<'a> {
         }
     }
 
-    /// What befalls actors befalls them in their processes.
-    fn upset_actors(&mut self) {
-        for (drone, mishap, lasts) in self.twin.take_upsets() {
-            let (actor, upset) = match mishap {
-                Mishap::CrashActor(actor) => (actor, Upset::Crashes),
+    /// Injects faults of actors into their processes.
+    fn inject_actor_faults(&mut self) {
+        for (drone, mishap, lasts) in self.twin.take_actor_faults() {
+            let (actor, fault) = match mishap {
+                Mishap::CrashActor(actor) => (actor, ActorFault::Crashes),
                 Mishap::Hang(Some(actor)) => {
-                    (actor, Upset::Hangs(lasts.map(|it| it.as_secs_f64())))
+                    (actor, ActorFault::Hangs(lasts.map(|it| it.as_secs_f64())))
                 }
                 _ => continue,
             };
             if let Some(process) = self.processes.get(&drone) {
-                process.tell(&Word::Upset { actor, upset });
+                process.tell(&Word::Inject { actor, fault });
             }
         }
     }

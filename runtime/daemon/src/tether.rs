@@ -29,19 +29,19 @@ pub enum Word {
         /// What it is doing.
         state: Box<VehicleState>,
     },
-    /// Something befalls one of its actors, by a fault plan.
-    Upset {
+    /// A fault is injected into one of its actors.
+    Inject {
         /// Which.
         actor: Address,
         /// What.
-        upset: Upset,
+        fault: ActorFault,
     },
 }
 
-/// What befalls an actor.
+/// A fault of an actor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Upset {
+pub enum ActorFault {
     /// It panics.
     Crashes,
     /// It does nothing for so many seconds, or until it is killed.

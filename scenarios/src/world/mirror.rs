@@ -138,9 +138,9 @@ impl World {
         let mended = self.hang_max + FOUND_AFTER;
         let lasts = match mishap {
             // The process mends that by itself, at once or when it has found it.
-            Mishap::CrashActor(_) => return self.upsets.push((drone, mishap, lasts)),
+            Mishap::CrashActor(_) => return self.actor_faults.push((drone, mishap, lasts)),
             Mishap::Hang(Some(_)) => {
-                self.upsets.push((drone, mishap, lasts));
+                self.actor_faults.push((drone, mishap, lasts));
                 Some(lasts.map_or(mended, |it| it.min(mended)))
             }
             Mishap::Hang(None) => {
@@ -199,9 +199,9 @@ impl World {
         self.medium.changes()
     }
 
-    /// What has befallen actors of processes since this was last asked, and for how long it lasts.
-    pub(crate) fn take_upsets(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
-        std::mem::take(&mut self.upsets)
+    /// The faults to inject into actors of processes since the last call, and how long each lasts.
+    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+        std::mem::take(&mut self.actor_faults)
     }
 
     /// Whether nobody is in the air any more, or the time is up.

@@ -227,8 +227,8 @@ pub(crate) struct World {
     checks: bool,
     /// How far it is behind the drones' clocks, if they run elsewhere.
     behind: Option<Duration>,
-    /// What is to befall actors of processes elsewhere, until they are told.
-    upsets: Vec<(NodeId, Mishap, Option<Duration>)>,
+    /// Faults to inject into actors of processes elsewhere, until the processes are told.
+    actor_faults: Vec<(NodeId, Mishap, Option<Duration>)>,
     /// How processes elsewhere are about to be.
     foreseen: BTreeMap<NodeId, Standing>,
     /// Whose processes elsewhere are being started again.
@@ -315,7 +315,7 @@ impl World {
             looked_at: None,
             checks: !scenario.unchecked,
             behind: None,
-            upsets: Vec::new(),
+            actor_faults: Vec::new(),
             foreseen: BTreeMap::new(),
             booting: BTreeSet::new(),
             overruled: BTreeSet::new(),

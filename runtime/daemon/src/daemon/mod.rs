@@ -146,7 +146,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     if let Some(tether) = tether.as_mut().filter(|_| start.resume) {
         match tether.recv().await {
             Some(Word::Vehicle { epoch, state }) => craft.resume(*state, epoch, clock.now()),
-            Some(Word::Losses(_) | Word::Upset { .. }) => return Err(DaemonError::NoVehicle),
+            Some(Word::Losses(_) | Word::Inject { .. }) => return Err(DaemonError::NoVehicle),
             None => return Ok(Ended::Abandoned),
         }
     }

@@ -559,8 +559,8 @@ impl State {
         }
     }
 
-    /// Something befalls an actor, by a fault plan.
-    pub(super) fn upset(&self, address: Address, message: Message) {
+    /// Injects a fault into an actor.
+    pub(super) fn inject(&self, address: Address, message: Message) {
         if let Some(drone) = &self.drone {
             // One that is not there can't be harmed.
             let _ = drone.book().cast(address, message);

@@ -18,7 +18,7 @@ use super::process::Process;
 use super::service;
 use crate::config::reread;
 use crate::log::Volume;
-use crate::tether::{Upset, Word};
+use crate::tether::{ActorFault, Word};
 
 /// Wakes whoever waits for a time.
 pub(super) async fn keep_time(process: Arc<Process>) {
@@ -124,7 +124,7 @@ pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc
         match word {
             Word::Losses(losses) => process.state().lose(losses),
             Word::Vehicle { epoch, state } => process.state().overrule(now, *state, epoch),
-            Word::Upset { actor, upset } => upset_actor(&process, actor, upset),
+            Word::Inject { actor, fault } => inject(&process, actor, fault),
         }
         process.look_round();
     }
@@ -135,17 +135,17 @@ pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc
     process.look_round();
 }
 
-/// Something befalls an actor, by a fault plan.
-fn upset_actor(process: &Process, actor: Address, upset: Upset) {
-    let message = match upset {
-        Upset::Crashes => Message::Crash,
-        Upset::Hangs(Some(seconds)) => {
+/// Injects a fault into an actor.
+fn inject(process: &Process, actor: Address, fault: ActorFault) {
+    let message = match fault {
+        ActorFault::Crashes => Message::Crash,
+        ActorFault::Hangs(Some(seconds)) => {
             let lasts = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
             Message::Stall(Stall(Box::pin(tokio::time::sleep(lasts))))
         }
-        Upset::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
+        ActorFault::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
     };
-    process.state().upset(actor, message);
+    process.state().inject(actor, message);
 }
 
 /// What is read again on HUP, and who is told.
