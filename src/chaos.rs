@@ -21,7 +21,7 @@ use crate::{Ended, Failure, folder, terminal};
 #[command(after_help = "Examples:
   muster chaos scenarios/chaos.toml --seeds 0..1000
   muster chaos scenarios/chaos.toml --seeds 0..1000 --set protocol.policy=tree --out runs/tree
-  muster chaos scenarios/chaos.toml --seeds 0..1000 --go-on
+  muster chaos scenarios/chaos.toml --seeds 0..1000 --keep-going
 
 Exit code 3 if a rule was broken. A folder of fewer plans from the same seed on is gone on with.")]
 pub(crate) struct Arguments {
@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
     run_limit: u64,
     /// Go on past plans that break a rule, and list them
     #[arg(long)]
-    go_on: bool,
+    keep_going: bool,
     /// The folder to write to, and to go on in [default: runs/SCENARIO-chaos-A]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -52,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         scenario: arguments.scenario.clone(),
         set: arguments.overrides.clone(),
         seeds: arguments.seeds,
-        goes_on: arguments.go_on,
+        keeps_going: arguments.keep_going,
     })?;
     let out = arguments.out.clone().unwrap_or_else(|| {
         let what = format!("chaos-{}", arguments.seeds.at(0));

@@ -47,7 +47,7 @@ fn describe(file: &Path) -> Result<String, BadInput> {
             notes.extend(swarm.plan.notes.iter().map(of_swarm));
         }
         let mut description = scenario.description();
-        for line in scenario.outlook() {
+        for line in scenario.preview() {
             description.push_str("\n  ");
             description.push_str(&line);
         }

@@ -14,7 +14,7 @@ use crate::{Ended, Failure, terminal};
 #[command(after_help = "Examples:
   muster keys fleet my-fleet
   muster keys drone my-fleet 0 1 2 3 4
-  muster keys expel my-fleet 3")]
+  muster keys revoke my-fleet 3")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     what: What,
@@ -31,7 +31,7 @@ enum What {
     Drone(Drones),
     /// Put drones on the signed list of those that are not believed any more; drones read it at their start and on HUP,
     /// and pass it on.
-    Expel(Drones),
+    Revoke(Drones),
 }
 
 #[derive(Debug, Args)]
@@ -68,13 +68,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
                 terminal::print(&format!("made {}, for drone {id} alone\n", path.display()))?;
             }
         }
-        What::Expel(drones) => {
+        What::Revoke(drones) => {
             let ids: Vec<_> = drones.ids.iter().copied().map(NodeId).collect();
-            let expelled = Fleet::open(&drones.folder)?.expel(&ids)?;
-            let all: Vec<_> = expelled.drones().map(|id| id.to_string()).collect();
+            let revoked = Fleet::open(&drones.folder)?.revoke(&ids)?;
+            let all: Vec<_> = revoked.drones().map(|id| id.to_string()).collect();
             terminal::print(&format!(
-                "list {} of the expelled: {}; give it to a drone, and those that hear it get it too\n",
-                expelled.number(),
+                "list {} of the revoked: {}; give it to a drone, and those that hear it get it too\n",
+                revoked.number(),
                 all.join(", ")
             ))?;
         }

@@ -1073,7 +1073,7 @@ fn keys_are_not_written_over_and_strangers_not_expelled() {
     for (arguments, says) in [
         (&["fleet", "ours"][..], "not written over"),
         (&["drone", "ours", "1"], "not written over"),
-        (&["expel", "ours", "7"], "drone 7 is not in the roster"),
+        (&["revoke", "ours", "7"], "drone 7 is not in the roster"),
         (&["drone", "nowhere", "1"], "there is no such file"),
     ] {
         let (code, said) = keys(arguments);

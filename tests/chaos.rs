@@ -74,7 +74,7 @@ fn a_search_that_goes_on_lists_what_it_found() {
         "limits.duration_s=30",
         "--seeds",
         "0..4",
-        "--go-on",
+        "--keep-going",
     ];
     let (code, said) = searched(folder.path(), &[&short[..], &["--out", "out"]].concat());
     assert_eq!(code, Some(3), "{said}");

@@ -3,7 +3,7 @@ use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use muster_machines::cell::Address;
+use muster_machines::node::Address;
 use ractor::{ActorId, ActorRef};
 use thiserror::Error;
 

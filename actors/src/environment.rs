@@ -1,5 +1,5 @@
-use muster_machines::cell::{Address, Checkpoints, Reaction};
-use muster_machines::supervision::Verdict;
+use muster_machines::node::{Address, Checkpoints, StepOutput};
+use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 
 /// All that a drone's actors have of the world: its clock, its random source, its journal, its timers, the way to
@@ -17,13 +17,13 @@ pub trait Environment: Send + Sync + 'static {
     fn checkpoints(&self) -> Checkpoints;
 
     /// Does what a step asks for, in order, and sets the machine's one timer; the reaction's memory is used again.
-    fn carry_out(&self, from: Address, reaction: &mut Reaction);
+    fn carry_out(&self, from: Address, output: &mut StepOutput);
 
     /// An actor failed: what it was told and is still waiting is dropped, its timer too; then the verdict is carried
     /// out. A restart is asked for, when its time has come, by [`SupervisorMessage::Restart`].
     ///
     /// [`SupervisorMessage::Restart`]: crate::SupervisorMessage::Restart
-    fn failed(&self, address: Address, verdict: Verdict);
+    fn failed(&self, address: Address, decision: RestartDecision);
 
     /// An actor is about to be built anew, or for the first time.
     fn starting(&self, address: Address);

@@ -3,8 +3,8 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use muster_machines::cell::{Address, Blueprint, Cell, Envelope, Reaction};
 use muster_machines::machine::Stimulus;
+use muster_machines::node::{Address, Blueprint, Envelope, NodeMachine, StepOutput};
 use ractor::{Actor, ActorProcessingErr, ActorRef};
 
 use crate::environment::Environment;
@@ -47,16 +47,16 @@ pub(crate) struct SeatConfig {
 /// What an actor has.
 pub(crate) struct Occupied {
     config: SeatConfig,
-    cell: Cell,
-    reaction: Reaction,
+    machine: NodeMachine,
+    output: StepOutput,
 }
 
 impl Occupied {
     fn step(&mut self, stimulus: Stimulus<Envelope>) {
         let environment = &self.config.environment;
-        self.cell
-            .react(environment.now(), stimulus, &mut self.reaction);
-        environment.carry_out(self.config.address, &mut self.reaction);
+        self.machine
+            .step(environment.now(), stimulus, &mut self.output);
+        environment.carry_out(self.config.address, &mut self.output);
     }
 }
 
@@ -72,7 +72,7 @@ impl Actor for Seat {
     ) -> Result<Occupied, ActorProcessingErr> {
         let environment = &config.environment;
         environment.starting(config.address);
-        let cell = config.blueprint.build(
+        let machine = config.blueprint.build(
             config.address,
             environment.seed(),
             environment.now(),
@@ -80,8 +80,8 @@ impl Actor for Seat {
         );
         let mut occupied = Occupied {
             config,
-            cell,
-            reaction: Reaction::default(),
+            machine,
+            output: StepOutput::default(),
         };
         occupied.step(Stimulus::Timeout);
         Ok(occupied)

@@ -1,7 +1,7 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 
-use muster_machines::cell::{Address, Blueprint};
+use muster_machines::node::{Address, Blueprint};
 use muster_machines::supervision::{RestartLimits, Supervision};
 use ractor::{Actor, ActorProcessingErr, ActorRef, SpawnErr, SupervisionEvent};
 
@@ -120,8 +120,8 @@ impl Tree {
     }
 
     fn failed(&mut self, address: Address) {
-        let verdict = self.supervision.failed(self.environment.now());
-        self.environment.failed(address, verdict);
+        let decision = self.supervision.failed(self.environment.now());
+        self.environment.failed(address, decision);
     }
 }
 

@@ -62,13 +62,13 @@ fn main() -> ExitCode {
     println!("\n delivery of what the others say: {calm:.1} % before, {fire:.1} % under fire");
     let [before, after] = outcome.memory_kib;
     println!(" memory: {before} KiB before, at most {after} KiB until after it");
-    let is_first_epoch = |obeyed: &Vec<_>| obeyed.len() == 1;
+    let is_first_epoch = |leader: &Vec<_>| leader.len() == 1;
     let checks = [
         ("what was sent is what was counted", outcome.is_balanced()),
         ("nothing hostile was let in", outcome.let_in <= *most),
         (
-            "nothing hostile was obeyed",
-            outcome.obeyed.iter().all(is_first_epoch) && outcome.orders_refused == 0,
+            "nothing hostile was leader",
+            outcome.leader.iter().all(is_first_epoch) && outcome.orders_refused == 0,
         ),
         ("the others were heard", outcome.delivery[1] >= DELIVERY_MIN),
         ("memory stayed flat", after < before + MEMORY_MAX_KIB),

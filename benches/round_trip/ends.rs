@@ -8,15 +8,17 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use muster_actors::{Drone, DroneConfig, Environment, Message};
-use muster_machines::cell::{Address, Blueprint, Checkpoints, Effect, Envelope, Reaction};
 use muster_machines::identity::{Ballot, NodeId, NodeSet, SwarmId};
 use muster_machines::machine::Stimulus;
+use muster_machines::node::{Address, Blueprint, Checkpoints, Effect, Envelope, StepOutput};
 use muster_machines::radio::{self, Budget};
 use muster_machines::routing::{Packet, Tree};
-use muster_machines::supervision::Verdict;
+use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_machines::{routing, wire};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, Fleet, FleetKey, Roster};
+use muster_runtime::identity::{
+    DroneKey, Ed25519Authenticator, Fleet, FleetKey, RevocationList, Roster,
+};
 use muster_scenarios::scenario;
 use muster_transport::sockets::{self, Reach};
 use muster_transport::udp::UdpTransport;
@@ -209,8 +211,8 @@ impl Environment for World {
     }
 
     /// What the routing would say by itself is left out: it would be measured, too.
-    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
-        for effect in reaction.effects.drain(..) {
+    fn carry_out(&self, from: Address, output: &mut StepOutput) {
+        for effect in output.effects.drain(..) {
             match effect {
                 Effect::Send { to, frame, .. } => {
                     let to = to.map_or(Destination::Broadcast, Destination::To);
@@ -233,7 +235,7 @@ impl Environment for World {
         }
     }
 
-    fn failed(&self, address: Address, _verdict: Verdict) {
+    fn failed(&self, address: Address, _verdict: RestartDecision) {
         unreachable!("nothing makes the {address} actor fail");
     }
 
@@ -267,8 +269,8 @@ fn authenticator(
 ) -> Result<Arc<Ed25519Authenticator>, Box<dyn Error>> {
     let fleet = FleetKey::load(&folder.join("fleet.pub"))?;
     let roster = Roster::load(&folder.join("roster.toml"), &fleet)?;
-    let expelled = Expelled::load(&folder.join("expelled.toml"), &fleet)?;
+    let revoked = RevocationList::load(&folder.join("revoked.toml"), &fleet)?;
     let authenticator =
-        Ed25519Authenticator::new(id, DroneKey::load(key)?, fleet, roster, expelled)?;
+        Ed25519Authenticator::new(id, DroneKey::load(key)?, fleet, roster, revoked)?;
     Ok(Arc::new(authenticator))
 }

@@ -94,7 +94,7 @@ const FLOWN: [Flown; 6] = [
         name: "grid of 100, tree, 200 ms",
         like: Some((100, "grid")),
         file: "grid-1000.toml",
-        set: &["formation.drones=100", "protocol.beacon_ms=200"],
+        set: &["formation.drones=100", "protocol.heartbeat_ms=200"],
     },
     Flown {
         name: "grid of 100, tree",
@@ -106,7 +106,7 @@ const FLOWN: [Flown; 6] = [
         name: "grid of 1,000, tree, 200 ms",
         like: Some((1_000, "grid")),
         file: "grid-1000.toml",
-        set: &["protocol.beacon_ms=200"],
+        set: &["protocol.heartbeat_ms=200"],
     },
     Flown {
         name: "grid of 1,000, tree",

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             fs::write(corpus.join(format!("frames/flight-{which}-{nth}")), frame)?;
         }
     }
-    for list in ["roster", "expelled"] {
+    for list in ["roster", "revoked"] {
         let file = scratch().join(format!("fleet/{list}.toml"));
         fs::copy(file, corpus.join("lists").join(list))?;
     }

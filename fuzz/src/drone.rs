@@ -4,16 +4,16 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use bytes::Bytes;
-use muster_machines::cell::{Address, Blueprint, Cell, Checkpoints, Effect, Envelope, Reaction};
+use muster_machines::node::{Address, Blueprint, NodeMachine, Checkpoints, Effect, Envelope, StepOutput};
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::LandingReason;
-use muster_machines::radio::{Authenticator, IdealAuthenticator, Lives};
+use muster_machines::radio::{Authenticator, IdealAuthenticator, Incarnations};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
 use muster_machines::{mission, msp, radio};
 use muster_runtime::plan::Plan;
-use muster_runtime::vehicle::Craft;
+use muster_runtime::vehicle::SimulatedVehicle;
 use muster_scenarios::scenario::{self, Override, Scenario};
 
 use crate::SCENARIOS;
@@ -71,12 +71,12 @@ pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
             1 => {
                 let (fields, rest) = bytes.split_first_chunk::<7>()?;
                 bytes = rest;
-                let [sender, life, ahead, term, rank, master, swarm] = fields.map(u32::from);
+                let [sender, incarnation, ahead, term, rank, master, swarm] = fields.map(u32::from);
                 counter += u64::from(ahead);
                 let header = Header {
                     swarm: muster_machines::identity::SwarmId(1 + swarm / 255),
                     sender: NodeId(sender),
-                    life,
+                    incarnation,
                     counter,
                     ballot: Ballot {
                         term,
@@ -129,11 +129,11 @@ pub fn scenarios() -> &'static [Scenario] {
 /// A drone's five machines and its vehicle, with a clock that stands still.
 pub struct Drone {
     id: NodeId,
-    cells: Vec<Cell>,
+    machines: Vec<NodeMachine>,
     deadlines: [Option<Timestamp>; 5],
-    craft: Option<Craft>,
+    vehicle: Option<SimulatedVehicle>,
     checkpoints: Checkpoints,
-    reaction: Reaction,
+    output: StepOutput,
     now: Timestamp,
     queue: VecDeque<Envelope>,
     /// The frames that it has sent.
@@ -145,18 +145,18 @@ impl Drone {
     pub fn new(scenario: &Scenario, id: NodeId, asks: bool) -> Self {
         let mut blueprint: Blueprint = scenario.plan.blueprint(Plan::FIRST_SWARM, id);
         if asks {
-            blueprint.radio.lives = Lives::Drawn(1);
+            blueprint.radio.incarnations = Incarnations::Drawn(1);
         }
         let now = Timestamp::ZERO;
         let checkpoints = Checkpoints::default();
         let build = |address| blueprint.build(address, 1, now, &checkpoints);
         let mut drone = Self {
             id,
-            cells: Address::ALL.map(build).into(),
+            machines: Address::ALL.map(build).into(),
             deadlines: [None; 5],
-            craft: scenario.plan.craft(id, 1),
+            vehicle: scenario.plan.simulated_vehicle(id, 1),
             checkpoints,
-            reaction: Reaction::default(),
+            output: StepOutput::default(),
             now,
             queue: VecDeque::new(),
             sent: Vec::new(),
@@ -197,8 +197,8 @@ impl Drone {
     fn wait(&mut self, time: Duration) {
         let end = self.now + time;
         for _ in 0..MESSAGES_MAX {
-            let craft = self.craft.as_ref().and_then(Craft::next_timeout);
-            let next = self.deadlines.iter().flatten().copied().chain(craft).min();
+            let vehicle = self.vehicle.as_ref().and_then(SimulatedVehicle::next_timeout);
+            let next = self.deadlines.iter().flatten().copied().chain(vehicle).min();
             let Some(next) = next.filter(|next| *next <= end) else {
                 self.now = end;
                 return;
@@ -211,7 +211,7 @@ impl Drone {
                 }
             }
             let telemetry = self
-                .craft
+                .vehicle
                 .as_mut()
                 .and_then(|it| it.handle_timeout(self.now));
             self.tell(telemetry);
@@ -234,20 +234,20 @@ impl Drone {
     }
 
     fn step(&mut self, address: Address, stimulus: Stimulus<Envelope>) {
-        let cell = &mut self.cells[address as usize];
-        cell.react(self.now, stimulus, &mut self.reaction);
-        self.deadlines[address as usize] = self.reaction.deadline;
-        let occupancy = self.reaction.occupancy;
+        let machine = &mut self.machines[address as usize];
+        machine.step(self.now, stimulus, &mut self.output);
+        self.deadlines[address as usize] = self.output.deadline;
+        let occupancy = self.output.occupancy;
         assert!(occupancy.len <= occupancy.max, "{address}: {occupancy:?}");
-        for effect in std::mem::take(&mut self.reaction.effects) {
+        for effect in std::mem::take(&mut self.output.effects) {
             match effect {
                 Effect::Post(envelope) => self.queue.push_back(envelope),
                 Effect::Send { frame, .. } => {
                     assert!(frame.len() <= DATAGRAM_MAX);
                     self.sent.push(frame);
                 }
-                Effect::Command(demand) => {
-                    let telemetry = self.craft.as_mut().and_then(|it| it.obey(self.now, demand));
+                Effect::Command(command) => {
+                    let telemetry = self.vehicle.as_mut().and_then(|it| it.obey(self.now, command));
                     self.tell(telemetry);
                 }
                 Effect::Keep(checkpoint) => {

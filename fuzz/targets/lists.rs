@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use muster_fuzz::{scratch, with_file};
 use muster_machines::identity::NodeId;
 use muster_machines::radio::{Authenticator, Offer};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, RevocationList, FleetKey, Roster};
 
 /// Drone 2 of a fleet.
 fn drone() -> &'static Ed25519Authenticator {
@@ -15,9 +15,9 @@ fn drone() -> &'static Ed25519Authenticator {
         let fleet = scratch().join("fleet");
         let key = FleetKey::load(&fleet.join("fleet.pub")).expect("the fleet's key");
         let roster = Roster::load(&fleet.join("roster.toml"), &key).expect("the roster");
-        let expelled = Expelled::load(&fleet.join("expelled.toml"), &key).expect("the list");
+        let revoked = RevocationList::load(&fleet.join("revoked.toml"), &key).expect("the list");
         let own = DroneKey::load(&fleet.join("drone-2.key")).expect("its key");
-        Ed25519Authenticator::new(NodeId(2), own, key, roster, expelled).expect("they fit")
+        Ed25519Authenticator::new(NodeId(2), own, key, roster, revoked).expect("they fit")
     })
 }
 
@@ -26,8 +26,8 @@ pub(crate) fn run(bytes: &[u8]) {
     assert_eq!(drone().take_list(bytes), Offer::Unsigned);
     with_file("list.toml", bytes, |path| {
         let roster = Roster::load(path, &fleet).expect_err("it is not signed");
-        let expelled = Expelled::load(path, &fleet).expect_err("it is not signed");
-        assert!(!roster.rendered().is_empty() && !expelled.rendered().is_empty());
+        let revoked = RevocationList::load(path, &fleet).expect_err("it is not signed");
+        assert!(!roster.rendered().is_empty() && !revoked.rendered().is_empty());
         if let Err(error) = FleetKey::load(path) {
             assert!(!error.rendered().is_empty());
         }

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::{fs, io};
 
 pub use folder::{Folder, FolderError};
-use muster_machines::cell::{Checkpoint, Checkpoints};
+use muster_machines::node::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
 pub use writer::{Writer, Written};
 
@@ -130,10 +130,12 @@ impl<S: Storage> Journal<S> {
         let found = Found::in_bytes(&bytes, storage.lasting()?);
         check(&found)?;
         let Some(boot) = found.boot.checked_add(1) else {
-            return Err(refused("it has no number left for another life".to_owned()));
+            return Err(refused(
+                "it has no number left for another incarnation".to_owned(),
+            ));
         };
         let mut checkpoints = found.checkpoints;
-        checkpoints.begin_life(boot);
+        checkpoints.begin_incarnation(boot);
         let mut journal = Self {
             storage,
             len: 0,

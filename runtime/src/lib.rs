@@ -9,5 +9,5 @@ pub mod journal;
 pub mod mission_file;
 pub mod plan;
 pub mod schema;
+pub mod text;
 pub mod vehicle;
-pub mod words;

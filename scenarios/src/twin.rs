@@ -7,16 +7,16 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Observation;
 use muster_machines::identity::NodeId;
-use muster_machines::msp::Demand;
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::Observation;
 use muster_machines::time::Timestamp;
 
 use crate::engine::Progress;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
-use crate::scenario::{Fault, FaultKind, Mishap};
-pub use crate::world::Standing;
+use crate::scenario::{DroneFault, Fault, FaultKind};
+pub use crate::world::ProcessState;
 use crate::world::World;
 use muster_runtime::vehicle::VehicleState;
 
@@ -34,7 +34,7 @@ pub enum Said {
     /// Something was seen of it.
     Seen(Observation),
     /// It told its vehicle something.
-    Commanded(Demand),
+    Commanded(FlightCommand),
     /// It has sent and let in this many frames more.
     Talked {
         /// Sent because something had changed or was missed.
@@ -72,7 +72,7 @@ impl Twin {
     pub fn hear(&mut self, at: Timestamp, drone: NodeId, said: Said) {
         match said {
             Said::Seen(seen) => self.world.was_seen(at, drone, seen),
-            Said::Commanded(demand) => self.world.was_commanded(at, drone, demand),
+            Said::Commanded(command) => self.world.was_commanded(at, drone, command),
             Said::Started => self.world.process_started(at, drone),
             Said::Ended => self.world.process_ended(at, drone),
             Said::Talked {
@@ -93,7 +93,7 @@ impl Twin {
 
     /// How a drone's process is to be by now.
     #[must_use]
-    pub fn process(&self, drone: NodeId) -> Standing {
+    pub fn process(&self, drone: NodeId) -> ProcessState {
         self.world.process(drone)
     }
 
@@ -109,7 +109,7 @@ impl Twin {
     }
 
     /// The faults to inject into actors of processes since the last call, and how long each lasts.
-    pub fn take_actor_faults(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+    pub fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
         self.world.take_actor_faults()
     }
 
@@ -151,19 +151,22 @@ impl Twin {
 /// Why a fault can't befall a process whose vehicle is simulated in it; nothing if it can.
 #[must_use]
 pub fn refuses(fault: &Fault) -> Option<&'static str> {
-    let FaultKind::Drone(_, mishap) = fault.kind else {
+    let FaultKind::Drone(_, fault) = fault.kind else {
         return match fault.kind {
             FaultKind::Tamper(_) => Some("nobody tampers with frames between processes"),
             FaultKind::Drone(..) | FaultKind::Links(..) | FaultKind::Jam { .. } => None,
         };
     };
-    match mishap {
-        Mishap::Kill | Mishap::Restart | Mishap::Hang(_) | Mishap::CrashActor(_) => None,
-        Mishap::CrashAircraft | Mishap::Drain(_) | Mishap::LoseGps => {
+    match fault {
+        DroneFault::Kill
+        | DroneFault::Restart
+        | DroneFault::Hang(_)
+        | DroneFault::CrashActor(_) => None,
+        DroneFault::CrashAircraft | DroneFault::Drain(_) | DroneFault::LoseGps => {
             Some("a vehicle that is simulated in a process does not fail")
         }
-        Mishap::Replay | Mishap::Forge => Some("nobody speaks in the name of a process"),
-        Mishap::Skew(_) => Some("a process has its machine's clock"),
+        DroneFault::Replay | DroneFault::Forge => Some("nobody speaks in the name of a process"),
+        DroneFault::Skew(_) => Some("a process has its machine's clock"),
     }
 }
 
@@ -199,7 +202,10 @@ mod tests {
         let mut told = scenario.clone();
         told.faults = faults.to_vec();
         let mut twin = Twin::new(&told, behind);
-        let (mut now, mut stood) = (Timestamp::ZERO, vec![Standing::Runs; twin.nodes().count()]);
+        let (mut now, mut stood) = (
+            Timestamp::ZERO,
+            vec![ProcessState::Runs; twin.nodes().count()],
+        );
         let mut said = said.into_iter().peekable();
         // It is over at the very time at which the last is down, as in the simulation.
         'flight: while !twin.is_flown() {
@@ -212,8 +218,10 @@ mod tests {
             }
             twin.advance(now);
             for (drone, stood) in twin.nodes().zip(&mut stood) {
-                let standing = twin.process(drone);
-                if std::mem::replace(stood, standing) != standing && standing == Standing::Ended {
+                let process_state = twin.process(drone);
+                if std::mem::replace(stood, process_state) != process_state
+                    && process_state == ProcessState::Ended
+                {
                     twin.hear(now, drone, Said::Ended);
                 }
             }
@@ -270,9 +278,9 @@ mod tests {
         let behind = Duration::from_millis(50);
         for fault in ["kill=1", "restart=1,for_s=2", "hang=1,for_s=0.5"] {
             let faults = |at_s: f64| format!("faults=[{{at_s={at_s},{fault}}}]");
-            let befalls = scenario("hardware/swarm-short.toml", &[&faults(9.05)]);
+            let affects = scenario("hardware/swarm-short.toml", &[&faults(9.05)]);
             let told = scenario("hardware/swarm-short.toml", &[&faults(9.0)]);
-            compare_behind(&befalls, behind, &told.faults);
+            compare_behind(&affects, behind, &told.faults);
         }
     }
 
@@ -304,15 +312,15 @@ mod tests {
             let mut now = Timestamp::ZERO;
             while now < end + Duration::from_secs(1) {
                 let hangs = now >= Timestamp::from_secs_f64(3.0) && now < end;
-                let standing = if hangs {
-                    Standing::Hangs
+                let process_state = if hangs {
+                    ProcessState::Hangs
                 } else {
-                    Standing::Runs
+                    ProcessState::Runs
                 };
                 twin.advance(now);
                 assert_eq!(
                     twin.process(NodeId(0)),
-                    standing,
+                    process_state,
                     "{now:?}, behind {behind:?}"
                 );
                 now += Duration::from_millis(5);

@@ -52,7 +52,7 @@ pub(crate) struct Outcome {
     /// How each process ended.
     pub(crate) exit_codes: Vec<Option<i32>>,
     /// Whom each drone obeyed, in order.
-    pub(crate) obeyed: Vec<Vec<Value>>,
+    pub(crate) leader: Vec<Vec<Value>>,
     /// Orders that a mission could not read or not obey.
     pub(crate) orders_refused: u64,
 }
@@ -183,7 +183,7 @@ pub(crate) fn fly(attack: Attack) -> Outcome {
         genuine: genuine_least..=genuine_most,
         memory_kib: [memory_before, memory_after],
         exit_codes: drones.iter_mut().map(Process::end).collect(),
-        obeyed: drones.iter().map(Process::obeyed).collect(),
+        leader: drones.iter().map(Process::leader).collect(),
         orders_refused,
     }
 }
@@ -248,9 +248,9 @@ fn sent_by_others(fleet: &Fleet) -> (u64, u64) {
 }
 
 /// Numbers that look like chance, the same each time.
-struct Lots(u64);
+struct Rng(u64);
 
-impl Lots {
+impl Rng {
     fn next(&mut self) -> u64 {
         // SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014.
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -270,7 +270,7 @@ impl Lots {
 
 /// The datagrams of each kind, made of what was heard.
 fn ammunition(heard: &[Vec<u8>]) -> [Vec<Vec<u8>>; 7] {
-    let mut lots = Lots(1);
+    let mut rng = Rng(1);
     std::array::from_fn(|kind| {
         let variants = 0..VARIANTS;
         let datagrams = variants.map(|nth| {
@@ -279,14 +279,14 @@ fn ammunition(heard: &[Vec<u8>]) -> [Vec<Vec<u8>>; 7] {
             let later = u64::try_from(nth).unwrap() * 100;
             match kind {
                 0 => {
-                    let len = lots.below(DATAGRAM_MAX);
-                    lots.bytes(len)
+                    let len = rng.below(DATAGRAM_MAX);
+                    rng.bytes(len)
                 }
-                1 => genuine[..lots.below(genuine.len())].to_vec(),
+                1 => genuine[..rng.below(genuine.len())].to_vec(),
                 2 => genuine.clone(),
                 3 => {
-                    let len = DATAGRAM_MAX + 1 + lots.below(7_000);
-                    lots.bytes(len)
+                    let len = DATAGRAM_MAX + 1 + rng.below(7_000);
+                    rng.bytes(len)
                 }
                 4 => altered(genuine, |it| it.counter += 1 + later),
                 5 => altered(genuine, |it| it.swarm = SwarmId(it.swarm.0 + 1)),

@@ -103,10 +103,10 @@ impl Fleet {
 
     /// Gives each drone a list of the expelled of its own, as it is now; where that of a drone is.
     pub(crate) fn divide_lists(&self) -> impl Fn(u32) -> PathBuf {
-        let path = |id| format!("expelled-{id}.toml");
+        let path = |id| format!("revoked-{id}.toml");
         for id in 0..5 {
-            fs::copy(self.path("ours/expelled.toml"), self.path(&path(id))).unwrap();
-            replace(&self.file(id), "ours/expelled.toml", &path(id));
+            fs::copy(self.path("ours/revoked.toml"), self.path(&path(id))).unwrap();
+            replace(&self.file(id), "ours/revoked.toml", &path(id));
         }
         let folder = self.folder.path().to_owned();
         move |id| folder.join(path(id))
@@ -251,7 +251,7 @@ log = "json"
 drone = "ours/drone-{id}.key"
 fleet = "ours/fleet.pub"
 roster = "ours/roster.toml"
-expelled = "ours/expelled.toml"
+revoked = "ours/revoked.toml"
 
 [{transport}]
 {network}
@@ -378,7 +378,7 @@ impl Process {
     }
 
     /// The ballots that it has obeyed, in order.
-    pub(crate) fn obeyed(&self) -> Vec<Value> {
+    pub(crate) fn leader(&self) -> Vec<Value> {
         let events = self.missions();
         events
             .iter()

@@ -17,7 +17,7 @@ pub(crate) fn others(
 
 /// The very last ballot that each has obeyed is one and the same.
 pub(crate) fn agreed(drones: &[&Process]) -> Value {
-    let last = |drone: &&Process| drone.obeyed().last().cloned();
+    let last = |drone: &&Process| drone.leader().last().cloned();
     let ballots: Vec<_> = drones.iter().map(last).collect();
     assert!(
         ballots.iter().all(|ballot| *ballot == ballots[0]),
@@ -92,7 +92,7 @@ fn drones_that_are_called_down_or_expelled_or_can_not_write_come_down_and_the_ot
     called.signal("TERM");
 
     drones[0].wait_for_mission(&under_way);
-    fleet.keys(&["expel", "ours", "0"]);
+    fleet.keys(&["revoke", "ours", "0"]);
     // The expelled drone itself hears of it last.
     for id in [MASTER as usize, 3, 0] {
         drones[id].signal("HUP");
@@ -123,5 +123,5 @@ fn drones_that_are_called_down_or_expelled_or_can_not_write_come_down_and_the_ot
             "drone {id}: {events:#?}"
         );
     }
-    assert!(drones[3].dropped("expelled") > 0);
+    assert!(drones[3].dropped("revoked") > 0);
 }

@@ -32,8 +32,8 @@ fn what_is_hostile_is_counted_and_not_obeyed_and_what_is_not_gets_through() {
     assert!(most < before + 4_096, "{outcome:#?}");
     assert_eq!(outcome.orders_refused, 0);
     assert_eq!(outcome.exit_codes, [Some(0); 5], "{outcome:#?}");
-    for obeyed in &outcome.obeyed {
-        assert_eq!(obeyed.len(), 1, "{outcome:#?}");
-        assert_eq!(obeyed[0]["term"], 1);
+    for leader in &outcome.leader {
+        assert_eq!(leader.len(), 1, "{outcome:#?}");
+        assert_eq!(leader[0]["term"], 1);
     }
 }

@@ -71,9 +71,9 @@ fn frames_that_were_recorded_before_a_drone_started_are_not_let_in() {
     const FRAMES: usize = 5;
     let fleet = Fleet::new();
     let stranger = stranger(&fleet, MASTER);
-    let mut first_life = fleet.start(1, &[]);
-    first_life.wait_for("that it is ready", is_ready);
-    drop(first_life);
+    let mut first_incarnation = fleet.start(1, &[]);
+    first_incarnation.wait_for("that it is ready", is_ready);
+    drop(first_incarnation);
     // Orders, which the others would obey.
     let master = fleet.start(MASTER, &["--fly"]);
     let orders = record(&stranger, FRAMES);
@@ -147,19 +147,19 @@ fn a_disk_that_hangs_as_it_is_to_keep_a_list_of_the_expelled_does_not_hold_up_th
         drone.wait_for("that it is ready", is_ready);
     }
     // Whoever writes here waits until somebody reads.
-    let disk = fleet.path("expelled-kept-1.toml.new");
+    let disk = fleet.path("revoked-kept-1.toml.new");
     let made = Command::new("mkfifo").arg(&disk).status().unwrap();
     assert!(made.success());
-    fleet.keys(&["expel", "ours", "0"]);
-    fs::copy(fleet.path("ours/expelled.toml"), list_of(1)).unwrap();
+    fleet.keys(&["revoke", "ours", "0"]);
+    fs::copy(fleet.path("ours/revoked.toml"), list_of(1)).unwrap();
     drones[0].signal("HUP");
     drones[0].wait_for("that it read its files again", |line| line["number"] == 2);
     // It is obeyed, passed on and told to whoever asks.
     drones[1].wait_for("that a list was passed on to it", |line| {
-        line["seen"] == r#"{"Radio":{"Expelled":{"list":2}}}"#
+        line["seen"] == r#"{"Radio":{"RevocationList":{"list":2}}}"#
     });
     assert_eq!(fleet.ask(1, "/health").0, 200);
-    assert!(!fleet.path("expelled-kept-1.toml").exists());
+    assert!(!fleet.path("revoked-kept-1.toml").exists());
     // A pipe can't be made to last, and the drone says so; the next list finds a disk again.
     let read = fs::read_to_string(&disk).unwrap();
     assert!(read.contains("number = 2"), "{read}");
@@ -167,16 +167,16 @@ fn a_disk_that_hangs_as_it_is_to_keep_a_list_of_the_expelled_does_not_hold_up_th
         line["level"] == "ERROR"
     });
     fs::remove_file(&disk).unwrap();
-    fleet.keys(&["expel", "ours", "4"]);
-    fs::copy(fleet.path("ours/expelled.toml"), list_of(1)).unwrap();
+    fleet.keys(&["revoke", "ours", "4"]);
+    fs::copy(fleet.path("ours/revoked.toml"), list_of(1)).unwrap();
     drones[0].signal("HUP");
     drones[0].wait_for("that it keeps the list", |line| {
-        line["number"] == 3 && line["message"] == "the list of the expelled is kept"
+        line["number"] == 3 && line["message"] == "the list of the revoked is kept"
     });
     for (drone, id) in drones.iter_mut().zip([1, 3]) {
         drone.signal("TERM");
         assert_eq!(drone.end(), Some(0));
-        let kept = fleet.path(&format!("expelled-kept-{id}.toml"));
+        let kept = fleet.path(&format!("revoked-kept-{id}.toml"));
         let kept = fs::read_to_string(kept).unwrap();
         assert!(kept.contains("number = 3"), "drone {id}: {kept}");
     }
@@ -210,7 +210,7 @@ fn a_drone_in_whose_name_frames_are_forged_is_heard_all_the_same() {
     let dropped = counted["dropped"].as_str().unwrap();
     assert!(dropped.contains("unverified"), "{dropped}");
     assert!(!dropped.contains("over budget"), "{dropped}");
-    assert_eq!(drones[0].obeyed().len(), 1, "it never missed its master");
+    assert_eq!(drones[0].leader().len(), 1, "it never missed its master");
 }
 
 /// Made of a frame that was overheard: with a counter that is yet to come, so that it does not pass for a replay.
@@ -227,16 +227,16 @@ fn forged_from(frame: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_list_of_the_expelled_is_passed_on_obeyed_and_not_forgotten() {
-    const EXPELLED: u32 = 0;
+    const REVOCATION_LIST: u32 = 0;
     let fleet = Fleet::new();
     let list_of = fleet.divide_lists();
-    let old = fs::read(list_of(EXPELLED)).unwrap();
+    let old = fs::read(list_of(REVOCATION_LIST)).unwrap();
     let mut drones = fleet.fly();
     drones[3].wait_for_mission(&json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } }));
-    fleet.keys(&["expel", "ours", "0"]);
-    fs::copy(fleet.path("ours/expelled.toml"), list_of(3)).unwrap();
+    fleet.keys(&["revoke", "ours", "0"]);
+    fs::copy(fleet.path("ours/revoked.toml"), list_of(3)).unwrap();
     drones[3].signal("HUP");
-    let passed_on = r#"{"Radio":{"Expelled":{"list":2}}}"#;
+    let passed_on = r#"{"Radio":{"RevocationList":{"list":2}}}"#;
     for (id, drone) in (0..).zip(&mut drones).filter(|(id, _)| *id != 3) {
         drone.wait_for("that a list was passed on to it", |line| {
             line["seen"] == passed_on
@@ -245,7 +245,7 @@ fn a_list_of_the_expelled_is_passed_on_obeyed_and_not_forgotten() {
     }
     for (id, drone) in (0..).zip(&mut drones) {
         assert_eq!(drone.end(), Some(0), "drone {id}");
-        let reason = if id == EXPELLED {
+        let reason = if id == REVOCATION_LIST {
             "Recalled"
         } else {
             "MissionOver"
@@ -254,8 +254,8 @@ fn a_list_of_the_expelled_is_passed_on_obeyed_and_not_forgotten() {
         assert!(drone.missions().contains(&landing), "drone {id}");
     }
     // Its file is as old as it was.
-    let again = fleet.command(EXPELLED).output().unwrap();
+    let again = fleet.command(REVOCATION_LIST).output().unwrap();
     let said = String::from_utf8(again.stderr).unwrap();
     assert_eq!(again.status.code(), Some(2), "{said}");
-    assert!(said.contains("drone 0 was expelled"), "{said}");
+    assert!(said.contains("drone 0 was revoked"), "{said}");
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::radio::Authenticator;
 use muster_machines::wire::{Header, decode_frame, encode_covered};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use serde_json::{Value, json};
 
 use super::fleet::{Fleet, MASTER, Process, replace, seen, wait_until};
@@ -32,8 +32,8 @@ fn end_well<'a>(drones: impl IntoIterator<Item = &'a mut Process>) {
 }
 
 /// The last ballot that these have obeyed, if it is the same for all.
-fn obeyed(drones: &[&mut Process]) -> Option<Value> {
-    let last = |drone: &&mut Process| drone.obeyed().last().cloned();
+fn leader(drones: &[&mut Process]) -> Option<Value> {
+    let last = |drone: &&mut Process| drone.leader().last().cloned();
     let mut ballots = drones.iter().map(last);
     let first = ballots.next()?;
     ballots.all(|it| it == first).then_some(first)?
@@ -41,7 +41,7 @@ fn obeyed(drones: &[&mut Process]) -> Option<Value> {
 
 /// Likewise, if that is of an election.
 fn elected(drones: &[&mut Process]) -> Option<Value> {
-    obeyed(drones).filter(|it| it["term"].as_u64() > Some(1))
+    leader(drones).filter(|it| it["term"].as_u64() > Some(1))
 }
 
 /// Those with these numbers.
@@ -66,7 +66,7 @@ fn wait_for_masters(drones: &mut [Process], parts: &[&[u32]]) {
 /// Waits until all obey one and the same master.
 fn wait_until_one(drones: &mut [Process]) {
     let mut all: Vec<_> = drones.iter_mut().collect();
-    wait_until("all obey one", &mut all, |drones| obeyed(drones).is_some());
+    wait_until("all obey one", &mut all, |drones| leader(drones).is_some());
 }
 
 #[test]
@@ -148,11 +148,11 @@ fn a_line_that_is_cut_is_two_parts_and_one_again_however_it_was_cut() {
 
     // Drone 0 hears the others, and they don't hear it: that is no link.
     drones[0].take_in();
-    let before = drones[0].obeyed().len();
+    let before = drones[0].leader().len();
     network.let_hear(|from, to| next_to(from, to) && (from, to) != (0, 1));
     wait_until("it leads itself", &mut part(&mut drones, &[0]), |drones| {
-        let obeyed = drones[0].obeyed();
-        obeyed.len() > before && obeyed.last().unwrap()["master"] == 0
+        let leader = drones[0].leader();
+        leader.len() > before && leader.last().unwrap()["master"] == 0
     });
     network.let_hear(next_to);
     wait_until_one(&mut drones);
@@ -186,12 +186,12 @@ impl Attacker {
         let recorded = (0..frames).map(record).collect();
         let fleet = FleetKey::load(&keys.join("fleet.pub")).unwrap();
         let roster = Roster::load(&keys.join("roster.toml"), &fleet).unwrap();
-        let expelled = Expelled::load(&keys.join("expelled.toml"), &fleet).unwrap();
+        let revoked = RevocationList::load(&keys.join("revoked.toml"), &fleet).unwrap();
         let key = DroneKey::load(&keys.join("drone-4.key")).unwrap();
         Self {
             socket,
             recorded,
-            captured: Ed25519Authenticator::new(NodeId(4), key, fleet, roster, expelled).unwrap(),
+            captured: Ed25519Authenticator::new(NodeId(4), key, fleet, roster, revoked).unwrap(),
         }
     }
 
@@ -274,7 +274,7 @@ fn over_lossy_links_and_whatever_a_stranger_says_the_mission_is_flown() {
     agreed(&drones.iter().collect::<Vec<_>>());
     for drone in &drones {
         let is_false = |ballot: &Value| ballot["term"].as_u64() >= Some(1_000);
-        assert!(!drone.obeyed().iter().any(is_false));
+        assert!(!drone.leader().iter().any(is_false));
         for reason in ["replayed", "forged", "stranger", "other version"] {
             assert!(drone.dropped(reason) > 0, "{reason}");
         }
@@ -289,7 +289,7 @@ fn what_was_recorded_of_others_before_a_drone_started_again_is_not_let_in() {
     let fleet = Fleet::on_hosts();
     let mut drones = fleet.fly_on(&network);
     let keys = fleet.path("ours");
-    let (goes_on, is_over) = mpsc::channel::<()>();
+    let (keeps_going, is_over) = mpsc::channel::<()>();
     let attack = network.run(5, move || {
         let attacker = Attacker::listening(50, &keys);
         while is_over.try_recv() == Err(TryRecvError::Empty) {
@@ -307,7 +307,7 @@ fn what_was_recorded_of_others_before_a_drone_started_again_is_not_let_in() {
     assert_eq!(let_in.sum::<u64>(), 0);
     assert!(again.dropped("unproven") > 0);
     end_well(others(&mut drones, 0).map(|(_, drone)| drone));
-    drop(goes_on);
+    drop(keeps_going);
     attack.join().unwrap();
 }
 
@@ -319,13 +319,13 @@ fn an_expelled_drone_that_was_not_told_is_not_flown_with() {
     let fleet = Fleet::on_hosts();
     let mut drones = fleet.fly_on(&network);
     drones[0].wait_for_mission(&json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } }));
-    fleet.keys(&["expel", "ours", "0"]);
+    fleet.keys(&["revoke", "ours", "0"]);
     for id in [MASTER as usize, 3, 4, 1] {
         drones[id].signal("HUP");
         drones[id].wait_for("that it read its files again", |line| line["number"] == 2);
     }
     end_well(others(&mut drones, 0).map(|(_, drone)| drone));
-    assert!(drones[1].dropped("expelled") > 0);
+    assert!(drones[1].dropped("revoked") > 0);
     drones[0].end();
     assert!(drones[0].missions().contains(&state("Finished")));
 }

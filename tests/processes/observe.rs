@@ -71,7 +71,7 @@ fn drones_in_flight_tell_programs_and_people_what_they_do_and_count_what_they_dr
         assert_is(&samples, "muster_neighbours", 4.0);
         assert_is(&samples, "muster_healthy", 1.0);
         assert_is(&samples, "muster_armed", 1.0);
-        assert_is(&samples, "muster_journal_life", 1.0);
+        assert_is(&samples, "muster_journal_incarnation", 1.0);
         for actor in ["radio", "routing", "mission", "navigation", "msp"] {
             let of_actor = |name: &str| format!("muster_actor_{name}{{actor=\"{actor}\"}}");
             assert_is(&samples, &of_actor("up"), 1.0);

@@ -31,7 +31,7 @@ fn what_is_wrong_with_a_drones_file_is_shown_with_what_would_be_accepted() {
         ("ours/fleet.pub", "ours/roster.toml", "not a public key"),
         (
             "ours/roster.toml",
-            "ours/expelled.toml",
+            "ours/revoked.toml",
             "not the fleet's signature",
         ),
         (
@@ -75,14 +75,14 @@ fn only_the_drone_that_leads_can_be_told_to_fly() {
 #[test]
 fn an_expelled_drone_does_not_start() {
     let fleet = Fleet::new();
-    fleet.keys(&["expel", "ours", "3"]);
-    assert_refused(fleet.command(3).arg("--check"), "drone 3 was expelled");
+    fleet.keys(&["revoke", "ours", "3"]);
+    assert_refused(fleet.command(3).arg("--check"), "drone 3 was revoked");
 }
 
 #[test]
 fn a_list_of_the_expelled_that_was_kept_and_can_not_be_read_is_not_passed_over() {
     let fleet = Fleet::new();
-    std::fs::write(fleet.path("expelled-kept-3.toml"), "number = 7").unwrap();
-    let says = "a list of the expelled has `number`";
+    std::fs::write(fleet.path("revoked-kept-3.toml"), "number = 7").unwrap();
+    let says = "a list of the revoked has `number`";
     assert_refused(fleet.command(3).arg("--check"), says);
 }

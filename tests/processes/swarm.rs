@@ -183,8 +183,8 @@ fn processes_that_are_killed_or_hang_in_flight_start_again_and_fly_on_what_they_
     for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
         assert_eq!(drone["state"], "finished", "drone {id}");
         assert_eq!(drone["waypoints"], 3, "drone {id}");
-        let lives = log(&out, id).matches("\"starts\"").count();
-        assert_eq!(lives, if [0, 2].contains(&id) { 2 } else { 1 });
+        let incarnations = log(&out, id).matches("\"starts\"").count();
+        assert_eq!(incarnations, if [0, 2].contains(&id) { 2 } else { 1 });
     }
 }
 

@@ -12,7 +12,7 @@ pub struct CurrentLeader(Option<Ballot>);
 
 /// By which way a ballot is heard of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Way {
+pub enum LinkSymmetry {
     /// Over a link that carries both ways, or from within the drone.
     Mutual,
     /// Over a link that is not known to carry both ways: no reason to leave a master for another.
@@ -22,7 +22,7 @@ pub enum Way {
 /// What a drone makes of a ballot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[must_use]
-pub enum Verdict {
+pub enum BallotDecision {
     /// It is the one obeyed.
     Same,
     /// It is the one obeyed from now on.
@@ -45,14 +45,14 @@ impl CurrentLeader {
     }
 
     /// Hears of a ballot and turns to it if it is better; the first that is heard of is taken in any case.
-    pub fn hear(&mut self, ballot: Ballot, way: Way) -> Verdict {
+    pub fn hear(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
         match self.0 {
-            Some(own) if own == ballot => Verdict::Same,
-            Some(_) if way == Way::OneWay => Verdict::Ignored,
-            Some(own) if !wins(&ballot, &own) => Verdict::Ignored,
+            Some(own) if own == ballot => BallotDecision::Same,
+            Some(_) if symmetry == LinkSymmetry::OneWay => BallotDecision::Ignored,
+            Some(own) if !wins(&ballot, &own) => BallotDecision::Ignored,
             _ => {
                 self.0 = Some(ballot);
-                Verdict::Turned
+                BallotDecision::Turned
             }
         }
     }
@@ -90,27 +90,40 @@ mod tests {
 
     #[test]
     fn a_later_term_wins_then_the_smaller_rank_and_nothing_else_is_turned_to() {
-        let mut obeyed = CurrentLeader::default();
+        let mut current = CurrentLeader::default();
         for (heard, verdict) in [
-            (ballot(2, 3), Verdict::Turned),
-            (ballot(2, 3), Verdict::Same),
-            (ballot(2, 4), Verdict::Ignored),
-            (ballot(1, 0), Verdict::Ignored),
-            (ballot(2, 1), Verdict::Turned),
-            (ballot(3, 9), Verdict::Turned),
+            (ballot(2, 3), BallotDecision::Turned),
+            (ballot(2, 3), BallotDecision::Same),
+            (ballot(2, 4), BallotDecision::Ignored),
+            (ballot(1, 0), BallotDecision::Ignored),
+            (ballot(2, 1), BallotDecision::Turned),
+            (ballot(3, 9), BallotDecision::Turned),
         ] {
-            assert_eq!(obeyed.hear(heard, Way::Mutual), verdict, "{heard}");
+            assert_eq!(
+                current.hear(heard, LinkSymmetry::Mutual),
+                verdict,
+                "{heard}"
+            );
         }
-        assert!(obeyed.is_of(NodeId(19)) && !obeyed.is_of(NodeId(11)));
+        assert!(current.is_of(NodeId(19)) && !current.is_of(NodeId(11)));
     }
 
     #[test]
     fn over_a_link_that_carries_one_way_only_the_first_ballot_is_taken() {
-        let mut obeyed = CurrentLeader::default();
-        assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Turned);
-        assert_eq!(obeyed.hear(ballot(1, 1), Way::OneWay), Verdict::Same);
-        assert_eq!(obeyed.hear(ballot(2, 0), Way::OneWay), Verdict::Ignored);
-        assert_eq!(obeyed.ballot(), Some(ballot(1, 1)));
+        let mut current = CurrentLeader::default();
+        assert_eq!(
+            current.hear(ballot(1, 1), LinkSymmetry::OneWay),
+            BallotDecision::Turned
+        );
+        assert_eq!(
+            current.hear(ballot(1, 1), LinkSymmetry::OneWay),
+            BallotDecision::Same
+        );
+        assert_eq!(
+            current.hear(ballot(2, 0), LinkSymmetry::OneWay),
+            BallotDecision::Ignored
+        );
+        assert_eq!(current.ballot(), Some(ballot(1, 1)));
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! What each actor of a drone decides, as pure state machines: no socket, no clock, no task, no random source of
 //! the machine it runs on.
 
-pub mod cell;
 pub mod flaw;
 pub mod formation;
 pub mod geometry;
@@ -11,6 +10,7 @@ pub mod machine;
 pub mod mission;
 pub mod msp;
 pub mod navigation;
+pub mod node;
 pub mod radio;
 mod roster;
 pub mod routing;

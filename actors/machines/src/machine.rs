@@ -62,7 +62,7 @@ pub fn step<M: Machine + ?Sized>(
     machine: &mut M,
     now: Timestamp,
     stimulus: Stimulus<M::Input>,
-    mut sink: impl FnMut(Said<M>),
+    mut sink: impl FnMut(Emitted<M>),
 ) -> Result<Option<Timestamp>, M::Rejection> {
     match stimulus {
         Stimulus::Input(input) => machine.handle_input(now, input)?,
@@ -70,8 +70,8 @@ pub fn step<M: Machine + ?Sized>(
     }
     loop {
         match machine.poll_output() {
-            Output::Transmit(transmit) => sink(Said::Transmit(transmit)),
-            Output::Event(event) => sink(Said::Event(event)),
+            Output::Transmit(transmit) => sink(Emitted::Transmit(transmit)),
+            Output::Event(event) => sink(Emitted::Event(event)),
             Output::Idle { deadline } => return Ok(deadline),
         }
     }
@@ -79,7 +79,7 @@ pub fn step<M: Machine + ?Sized>(
 
 /// One output of a [`step`].
 #[derive(Debug)]
-pub enum Said<M: Machine + ?Sized> {
+pub enum Emitted<M: Machine + ?Sized> {
     /// As [`Output::Transmit`].
     Transmit(M::Transmit),
     /// As [`Output::Event`].

@@ -12,7 +12,7 @@ use crate::machine::Machine;
 
 /// What a link is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Demand {
+pub enum FlightCommand {
     /// Tell how the vehicle is.
     Report,
     /// Arm, on the ground.
@@ -88,7 +88,7 @@ pub struct Telemetry {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Input {
     /// By the navigation.
-    Demand(Demand),
+    FlightCommand(FlightCommand),
     /// By the vehicle.
     Telemetry(Telemetry),
     /// By the supervisor: an actor can't be kept alive, so land and obey nobody any more.
@@ -99,7 +99,7 @@ pub enum Input {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transmit {
     /// To the vehicle.
-    Command(Demand),
+    Command(FlightCommand),
     /// To the navigation.
     Telemetry(Telemetry),
     /// To the navigation: this link restarted, tell it again what it should do.

@@ -13,11 +13,11 @@ const LATE: Duration = Duration::from_millis(100);
 
 /// When a machine asked to be stepped next, remembered so that it notices when that was late.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Punctuality {
+pub(crate) struct StallDetector {
     asked: Option<Timestamp>,
 }
 
-impl Punctuality {
+impl StallDetector {
     /// To be told at the end of each step at `now`: when the machine wants to act next. A deadline that has passed
     /// already is handled at once, so it counts from `now`.
     #[inline]
@@ -42,27 +42,27 @@ mod tests {
         Timestamp::from_nanos(millis * 1_000_000)
     }
 
-    fn asked(now_ms: u64, deadline_ms: Option<u64>) -> Punctuality {
-        let mut punctuality = Punctuality::default();
-        punctuality.ask(at_ms(now_ms), deadline_ms.map(at_ms));
-        punctuality
+    fn asked(now_ms: u64, deadline_ms: Option<u64>) -> StallDetector {
+        let mut stall_detector = StallDetector::default();
+        stall_detector.ask(at_ms(now_ms), deadline_ms.map(at_ms));
+        stall_detector
     }
 
     #[test]
     fn only_a_step_long_after_the_deadline_is_a_stall() {
-        let punctuality = asked(1_000, Some(1_500));
+        let stall_detector = asked(1_000, Some(1_500));
         for now_ms in [1_000, 1_500, 1_600] {
-            assert_eq!(punctuality.stalled_for(at_ms(now_ms)), None);
+            assert_eq!(stall_detector.stalled_for(at_ms(now_ms)), None);
         }
-        let stalled = punctuality.stalled_for(at_ms(2_000));
+        let stalled = stall_detector.stalled_for(at_ms(2_000));
         assert_eq!(stalled, Some(Duration::from_millis(500)));
     }
 
     #[test]
     fn a_deadline_in_the_past_counts_from_when_it_was_asked_for() {
-        let punctuality = asked(1_000, Some(200));
-        assert_eq!(punctuality.stalled_for(at_ms(1_050)), None);
-        assert!(punctuality.stalled_for(at_ms(1_200)).is_some());
+        let stall_detector = asked(1_000, Some(200));
+        assert_eq!(stall_detector.stalled_for(at_ms(1_050)), None);
+        assert!(stall_detector.stalled_for(at_ms(1_200)).is_some());
     }
 
     #[test]

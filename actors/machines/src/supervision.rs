@@ -21,7 +21,7 @@ pub struct RestartLimits {
 
 /// What is to be done about a failed actor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Verdict {
+pub enum RestartDecision {
     /// Restart it then.
     Restart {
         /// When.
@@ -53,7 +53,7 @@ impl Supervision {
     /// Decides about an actor that failed at `now`.
     ///
     /// The first failure in a window is mended at once. Once it has given up it never restarts anything again.
-    pub fn failed(&mut self, now: Timestamp) -> Verdict {
+    pub fn failed(&mut self, now: Timestamp) -> RestartDecision {
         while self
             .recent
             .front()
@@ -63,7 +63,7 @@ impl Supervision {
         }
         if self.given_up || self.recent.len() >= self.limits.restarts_max as usize {
             self.given_up = true;
-            return Verdict::GiveUp;
+            return RestartDecision::GiveUp;
         }
         let pause = match self.recent.len() {
             _ if flaw::has(Flaw::LeavesWhatFails) => Duration::MAX,
@@ -74,7 +74,7 @@ impl Supervision {
             }
         };
         self.recent.push_back(now);
-        Verdict::Restart { at: now + pause }
+        RestartDecision::Restart { at: now + pause }
     }
 }
 
@@ -98,8 +98,8 @@ mod tests {
         let mut supervision = Supervision::new(LIMITS);
         let pauses: Vec<_> = [1.0, 2.0, 3.0]
             .map(|now| match supervision.failed(at(now)) {
-                Verdict::Restart { at: then } => then - at(now),
-                Verdict::GiveUp => panic!("within the limit"),
+                RestartDecision::Restart { at: then } => then - at(now),
+                RestartDecision::GiveUp => panic!("within the limit"),
             })
             .into();
         assert_eq!(pauses, [0, 100, 150].map(Duration::from_millis));
@@ -109,19 +109,19 @@ mod tests {
     fn too_many_failures_in_a_window_are_given_up_for_good() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now)), Verdict::GiveUp);
+            assert_ne!(supervision.failed(at(now)), RestartDecision::GiveUp);
         }
-        assert_eq!(supervision.failed(at(4.0)), Verdict::GiveUp);
-        assert_eq!(supervision.failed(at(400.0)), Verdict::GiveUp);
+        assert_eq!(supervision.failed(at(4.0)), RestartDecision::GiveUp);
+        assert_eq!(supervision.failed(at(400.0)), RestartDecision::GiveUp);
     }
 
     #[test]
     fn restarts_older_than_the_window_do_not_count() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now)), Verdict::GiveUp);
+            assert_ne!(supervision.failed(at(now)), RestartDecision::GiveUp);
         }
         let verdict = supervision.failed(at(14.0));
-        assert_eq!(verdict, Verdict::Restart { at: at(14.0) });
+        assert_eq!(verdict, RestartDecision::Restart { at: at(14.0) });
     }
 }

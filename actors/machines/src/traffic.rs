@@ -12,7 +12,7 @@ use std::time::Duration;
 use nalgebra::{Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::formation::{Separation, Way};
+use crate::formation::{Path, Separation};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
@@ -93,12 +93,12 @@ pub struct Intent {
 impl Intent {
     /// The nearest to a way that can be said, of which so large a share is flown.
     #[must_use]
-    pub fn of(way: Way, share: f64, is_heedless: bool) -> Self {
+    pub fn of(path: Path, share: f64, is_heedless: bool) -> Self {
         // What is farther than 2^31 decimetres is on no mission.
         let decimetres = |place: Ned| <[f64; 3]>::from(place).map(|it| (it * 10.0).round() as i32);
         Self {
-            from_dm: decimetres(way.from),
-            to_dm: decimetres(way.to),
+            from_dm: decimetres(path.from),
+            to_dm: decimetres(path.to),
             flown: (share * PARTS).clamp(0.0, PARTS - 1.0) as u8,
             is_heedless,
         }
@@ -106,9 +106,9 @@ impl Intent {
 
     /// The way, in metres.
     #[must_use]
-    pub fn way(self) -> Way {
+    pub fn path(self) -> Path {
         let metres = |place: [i32; 3]| Ned::from(place.map(|it| f64::from(it) / 10.0));
-        Way {
+        Path {
             from: metres(self.from_dm),
             to: metres(self.to_dm),
         }
@@ -116,8 +116,8 @@ impl Intent {
 
     /// Whether it is a way that leads to the ground.
     fn comes_down(self) -> bool {
-        let way = self.way();
-        is_upright(way) && way.to.altitude_m() < GROUND_M
+        let path = self.path();
+        is_upright(path) && path.to.altitude_m() < GROUND_M
     }
 
     /// Whether it follows a master.
@@ -126,10 +126,10 @@ impl Intent {
     }
 
     /// What of the way is left, in metres.
-    fn rest(self) -> Way {
-        let Way { from, to } = self.way();
+    fn rest(self) -> Path {
+        let Path { from, to } = self.path();
         let from = Ned(from.0.lerp(&to.0, f64::from(self.flown) / PARTS));
-        Way { from, to }
+        Path { from, to }
     }
 }
 
@@ -143,10 +143,10 @@ enum Manner {
 }
 
 impl Manner {
-    fn of(way: Way) -> Self {
-        if way.from == way.to {
+    fn of(path: Path) -> Self {
+        if path.from == path.to {
             Self::StandsStill
-        } else if is_upright(way) {
+        } else if is_upright(path) {
             Self::GoesUpOrDown
         } else {
             Self::FliesOn
@@ -154,14 +154,14 @@ impl Manner {
     }
 }
 
-fn is_upright(way: Way) -> bool {
-    way.from.horizontal_distance_m(way.to) <= UPRIGHT_M
+fn is_upright(path: Path) -> bool {
+    path.from.horizontal_distance_m(path.to) <= UPRIGHT_M
 }
 
 /// Where another may be.
 #[derive(Debug, Clone, Copy)]
 struct Room {
-    way: Way,
+    path: Path,
     /// Whether it may come down from there.
     sinks: bool,
     manner: Manner,
@@ -171,19 +171,19 @@ impl Room {
     /// Of one that is heard.
     fn of(said: Intent) -> Self {
         Self {
-            way: said.rest(),
+            path: said.rest(),
             sinks: false,
             manner: if said.is_heedless {
                 Manner::Heedless
             } else {
-                Manner::of(said.way())
+                Manner::of(said.path())
             },
         }
     }
 
     fn at(place: Ned) -> Self {
         Self {
-            way: Way {
+            path: Path {
                 from: place,
                 to: place,
             },
@@ -192,11 +192,11 @@ impl Room {
         }
     }
 
-    fn is_near(&self, way: Way, separation: Separation) -> bool {
+    fn is_near(&self, path: Path, separation: Separation) -> bool {
         if self.sinks {
-            way.comes_near_below(self.way, separation)
+            path.comes_near_below(self.path, separation)
         } else {
-            way.comes_near(self.way, separation)
+            path.comes_near(self.path, separation)
         }
     }
 }
@@ -236,25 +236,25 @@ impl Traffic {
     }
 
     /// Whether a way may be begun: no other is near it, and none is on a way that comes near it.
-    pub(crate) fn is_free(&self, now: Timestamp, way: Way) -> bool {
-        self.near(now, way, way).next().is_none()
+    pub(crate) fn is_free(&self, now: Timestamp, path: Path) -> bool {
+        self.near(now, path, path).next().is_none()
     }
 
     /// Whether the rest of a way that is being flown is another's to fly first.
-    pub(crate) fn gives_way(&self, now: Timestamp, rest: Way, whole: Way) -> bool {
+    pub(crate) fn gives_way(&self, now: Timestamp, rest: Path, whole: Path) -> bool {
         let own = (Manner::of(whole), self.own);
         let mut near = self.near(now, rest, whole);
         near.any(|(id, other)| (other.manner, id) < own)
     }
 
     /// A place aside of where a drone would come down, at the same height, and the way there, if both are free.
-    pub(crate) fn beside(&self, now: Timestamp, column: Way) -> Option<Ned> {
+    pub(crate) fn beside(&self, now: Timestamp, column: Path) -> Option<Ned> {
         self.sides(column.from, Vector2::x()).find(|side| {
-            let across = Way {
+            let across = Path {
                 from: column.from,
                 to: *side,
             };
-            let down = Way {
+            let down = Path {
                 from: *side,
                 to: side.at_altitude(0.0),
             };
@@ -269,26 +269,26 @@ impl Traffic {
         let horizontal_m = self.config.separation.horizontal_m;
         ASIDE.iter().flat_map(move |far| {
             TURNS_RAD.iter().map(move |turn_rad| {
-                let aside = Rotation2::new(*turn_rad) * ahead * (far * horizontal_m);
-                from + Ned::new(aside.x, aside.y, 0.0)
+                let unicasts = Rotation2::new(*turn_rad) * ahead * (far * horizontal_m);
+                from + Ned::new(unicasts.x, unicasts.y, 0.0)
             })
         })
     }
 
     /// The two corners of a way round those that are in the way, if all of them stand still and one is free: aside at the
     /// height where it begins, then up or down to the height where it ends, and from there straight on.
-    pub(crate) fn way_round(&self, now: Timestamp, way: Way) -> Option<[Ned; 2]> {
-        let mut in_the_way = self.near(now, way, way);
+    pub(crate) fn way_round(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
+        let mut in_the_way = self.near(now, path, path);
         if in_the_way.any(|(_, other)| other.manner != Manner::StandsStill) {
             return None;
         }
-        let ahead = (way.to - way.from).0.xy();
+        let ahead = (path.to - path.from).0.xy();
         let ahead = ahead.try_normalize(UPRIGHT_M).unwrap_or_else(Vector2::x);
-        let sides = self.sides(way.from, ahead);
-        let mut ways_round = sides.map(|side| [side, side.at_altitude(way.to.altitude_m())]);
+        let sides = self.sides(path.from, ahead);
+        let mut ways_round = sides.map(|side| [side, side.at_altitude(path.to.altitude_m())]);
         ways_round.find(|[side, level]| {
-            let legs = [(way.from, *side), (*side, *level), (*level, way.to)];
-            let mut legs = legs.into_iter().map(|(from, to)| Way { from, to });
+            let legs = [(path.from, *side), (*side, *level), (*level, path.to)];
+            let mut legs = legs.into_iter().map(|(from, to)| Path { from, to });
             legs.all(|leg| self.is_free(now, leg))
         })
     }
@@ -296,15 +296,20 @@ impl Traffic {
     /// Who is too near the rest of a way, or on one that comes too near it. Nobody who flies the same way elsewhere, for it
     /// stays as far; and nobody who is too near where the way begins, for to wait there would not help: but for one that
     /// flies by, who may only seem to be, as what it says is rounded.
-    fn near(&self, now: Timestamp, rest: Way, whole: Way) -> impl Iterator<Item = (NodeId, Room)> {
-        let here = Way {
+    fn near(
+        &self,
+        now: Timestamp,
+        rest: Path,
+        whole: Path,
+    ) -> impl Iterator<Item = (NodeId, Room)> {
+        let here = Path {
             from: rest.from,
             to: rest.from,
         };
         self.rooms(now, rest.from).filter(move |(id, room)| {
             let may_fly = room.manner == Manner::FliesOn || room.sinks;
             let flies_alike = may_fly && {
-                let other = self.others[id].0.way();
+                let other = self.others[id].0.path();
                 let differ_m = ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
                 differ_m < ALIKE_M && Manner::of(other) == Manner::FliesOn
             };
@@ -317,8 +322,8 @@ impl Traffic {
         })
     }
 
-    fn is_near(&self, room: &Room, way: Way) -> bool {
-        room.is_near(way, self.farther_by(ROUNDED_M))
+    fn is_near(&self, room: &Room, path: Path) -> bool {
+        room.is_near(path, self.farther_by(ROUNDED_M))
     }
 
     /// How far others are to be, and that many metres more.
@@ -367,7 +372,7 @@ impl Traffic {
             })
         } else if is_in_reach && may_sink {
             Some(Room {
-                way: rest,
+                path: rest,
                 sinks: true,
                 manner: Manner::StandsStill,
             })
@@ -401,12 +406,12 @@ mod tests {
         Ned::new(north_m, east_m, -altitude_m)
     }
 
-    fn way(from: Ned, to: Ned) -> Way {
-        Way { from, to }
+    fn path(from: Ned, to: Ned) -> Path {
+        Path { from, to }
     }
 
-    fn says(way: Way) -> Intent {
-        Intent::of(way, 0.0, false)
+    fn says(path: Path) -> Intent {
+        Intent::of(path, 0.0, false)
     }
 
     fn seconds(seconds: f64) -> Timestamp {
@@ -414,41 +419,41 @@ mod tests {
     }
 
     /// What drone 5 knows that has heard this of others just now.
-    fn traffic(said: &[(u32, Way)]) -> Traffic {
+    fn traffic(said: &[(u32, Path)]) -> Traffic {
         let mut traffic = Traffic::new(NodeId(5), CONFIG);
-        for (id, way) in said {
-            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(says(*way))));
+        for (id, path) in said {
+            assert!(traffic.hears(seconds(0.0), NodeId(*id), Some(says(*path))));
         }
         traffic
     }
 
     #[test]
     fn what_is_said_is_the_way_to_five_centimetres() {
-        let flown = way(at(1.04, -2.26, 30.0), at(-1_000.0, 3.0, 12.31));
-        let said = says(flown).way();
+        let flown = path(at(1.04, -2.26, 30.0), at(-1_000.0, 3.0, 12.31));
+        let said = says(flown).path();
         assert!(said.from.distance_m(flown.from) < 0.09 && said.to.distance_m(flown.to) < 0.09);
         let far = at(1e300, f64::NAN, 0.0);
-        assert_eq!(says(way(far, far)).from_dm, [i32::MAX, 0, 0]);
+        assert_eq!(says(path(far, far)).from_dm, [i32::MAX, 0, 0]);
     }
 
     #[test]
     fn nobody_begins_a_way_through_one_that_stands_still() {
         let there = at(60.0, 0.0, 12.0);
-        let mut known = traffic(&[(2, way(there, there))]);
-        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let mut known = traffic(&[(2, path(there, there))]);
+        let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         assert!(!known.is_free(seconds(1.0), leg));
-        assert!(known.is_free(seconds(1.0), way(leg.from, at(50.0, 0.0, 12.0))));
-        let above = way(at(0.0, 0.0, 18.0), at(160.0, 0.0, 18.0));
+        assert!(known.is_free(seconds(1.0), path(leg.from, at(50.0, 0.0, 12.0))));
+        let above = path(at(0.0, 0.0, 18.0), at(160.0, 0.0, 18.0));
         assert!(known.is_free(seconds(1.0), above));
         // It has gone on, the same way: whoever is behind it may follow.
-        let ahead = way(there, at(220.0, 0.0, 12.0));
+        let ahead = path(there, at(220.0, 0.0, 12.0));
         assert!(known.hears(seconds(1.0), NodeId(2), Some(says(ahead))));
         assert!(
             !known.hears(seconds(1.5), NodeId(2), Some(says(ahead))),
             "no news"
         );
         assert!(known.is_free(seconds(2.0), leg));
-        known.hears(seconds(3.0), NodeId(2), Some(says(way(there, there))));
+        known.hears(seconds(3.0), NodeId(2), Some(says(path(there, there))));
         assert!(!known.is_free(seconds(3.0), leg));
         assert!(known.hears(seconds(4.0), NodeId(2), None) && known.is_free(seconds(4.0), leg));
     }
@@ -457,65 +462,69 @@ mod tests {
     fn what_is_rounded_of_a_way_brings_nobody_too_near() {
         // 4.96 m away, and said to be 5 m away.
         let there = at(50.0, 4.96, 12.0);
-        let leg = way(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
-        assert!(!traffic(&[(2, way(there, there))]).is_free(seconds(1.0), leg));
+        let leg = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+        assert!(!traffic(&[(2, path(there, there))]).is_free(seconds(1.0), leg));
         let apart = at(50.0, 5.2, 12.0);
-        assert!(traffic(&[(2, way(apart, apart))]).is_free(seconds(1.0), leg));
+        assert!(traffic(&[(2, path(apart, apart))]).is_free(seconds(1.0), leg));
     }
 
     #[test]
     fn one_that_flies_by_and_only_seems_too_near_is_waited_for() {
         // It passes at 5.06 m as it says, for 5 m: on the way, it would be beside a drone that begins its own.
-        let by = traffic(&[(1, way(at(-60.0, 7.56, 30.0), at(60.0, 2.56, 30.0)))]);
-        assert!(!by.is_free(seconds(0.1), way(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
-        let too_near = traffic(&[(1, way(at(-60.0, 6.5, 30.0), at(60.0, 1.5, 30.0)))]);
-        assert!(too_near.is_free(seconds(0.1), way(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
+        let by = traffic(&[(1, path(at(-60.0, 7.56, 30.0), at(60.0, 2.56, 30.0)))]);
+        assert!(!by.is_free(seconds(0.1), path(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
+        let too_near = traffic(&[(1, path(at(-60.0, 6.5, 30.0), at(60.0, 1.5, 30.0)))]);
+        assert!(too_near.is_free(seconds(0.1), path(at(0.0, 0.0, 30.0), at(100.0, 0.0, 30.0))));
     }
 
     #[test]
     fn whoever_is_too_near_already_does_not_hold_a_drone_there() {
         let there = at(3.0, 0.0, 12.0);
-        let known = traffic(&[(2, way(there, there))]);
-        let away = way(at(0.0, 0.0, 12.0), at(-50.0, 0.0, 12.0));
+        let known = traffic(&[(2, path(there, there))]);
+        let away = path(at(0.0, 0.0, 12.0), at(-50.0, 0.0, 12.0));
         assert!(known.is_free(seconds(1.0), away));
     }
 
     #[test]
     fn of_two_that_begin_at_once_one_stops() {
-        let north = way(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
-        let east = way(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
-        let up = way(at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
-        let still = way(up.to, up.to);
-        let stops = |own: Way, id: u32, other: Way| {
+        let north = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+        let east = path(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
+        let up = path(at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
+        let still = path(up.to, up.to);
+        let stops = |own: Path, id: u32, other: Path| {
             traffic(&[(id, other)]).gives_way(seconds(0.1), own, own)
         };
         assert!(stops(north, 4, east) && !stops(north, 6, east));
         assert!(stops(north, 6, up) && !stops(up, 4, north));
         assert!(stops(up, 6, still));
-        assert!(!stops(way(at(0.0, 0.0, 40.0), at(100.0, 0.0, 40.0)), 4, up));
+        assert!(!stops(
+            path(at(0.0, 0.0, 40.0), at(100.0, 0.0, 40.0)),
+            4,
+            up
+        ));
     }
 
     #[test]
     fn round_one_that_stays_leads_a_way_that_is_free() {
         let (below, above) = (at(0.0, 0.0, 12.0), at(0.0, 0.0, 24.0));
         let amid = at(0.0, 0.0, 18.0);
-        let known = traffic(&[(2, way(amid, amid))]);
-        let [side, level] = known.way_round(seconds(1.0), way(below, above)).unwrap();
+        let known = traffic(&[(2, path(amid, amid))]);
+        let [side, level] = known.way_round(seconds(1.0), path(below, above)).unwrap();
         assert_eq!((side.altitude_m(), level.altitude_m()), (12.0, 24.0));
         assert!((side.horizontal_distance_m(below) - 11.0).abs() < 1e-9);
-        let climbs = traffic(&[(2, way(amid, above))]);
+        let climbs = traffic(&[(2, path(amid, above))]);
         assert_eq!(
-            climbs.way_round(seconds(1.0), way(below, above)),
+            climbs.way_round(seconds(1.0), path(below, above)),
             None,
             "it goes"
         );
         // One that stands where the way ends leaves none.
-        let there = traffic(&[(2, way(above, above))]);
-        assert_eq!(there.way_round(seconds(1.0), way(below, above)), None);
+        let there = traffic(&[(2, path(above, above))]);
+        assert_eq!(there.way_round(seconds(1.0), path(below, above)), None);
         // On a leg, and with another beside it: on the other side, or farther out.
-        let leg = way(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+        let leg = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
         let (ahead, beside) = (at(60.0, 0.0, 12.0), at(10.0, 10.0, 12.0));
-        let known = traffic(&[(2, way(ahead, ahead)), (3, way(beside, beside))]);
+        let known = traffic(&[(2, path(ahead, ahead)), (3, path(beside, beside))]);
         let [side, level] = known.way_round(seconds(1.0), leg).unwrap();
         assert_eq!(side, level);
         assert!(side.east_m() < -9.0, "{side:?}");
@@ -524,22 +533,22 @@ mod tests {
     #[test]
     fn what_is_flown_of_a_way_is_in_nobody_s_way_any_more() {
         let (from, to) = (at(60.0, -100.0, 12.0), at(60.0, 100.0, 12.0));
-        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         for (share, is_free) in [(0.5, false), (0.54, true), (1.0, true)] {
             let mut known = traffic(&[]);
             known.hears(
                 seconds(0.0),
                 NodeId(2),
-                Some(Intent::of(way(from, to), share, false)),
+                Some(Intent::of(path(from, to), share, false)),
             );
             assert_eq!(known.is_free(seconds(1.0), leg), is_free, "{share}");
         }
         // Whose way is like the own one still is when half of it is flown.
-        let ahead = way(at(60.0, 0.0, 12.0), at(220.0, 0.0, 12.0));
+        let ahead = path(at(60.0, 0.0, 12.0), at(220.0, 0.0, 12.0));
         let mut known = traffic(&[]);
         known.hears(seconds(0.0), NodeId(2), Some(Intent::of(ahead, 0.5, false)));
         assert!(known.is_free(seconds(1.0), leg));
-        let rest = way(at(80.0, 0.0, 12.0), leg.to);
+        let rest = path(at(80.0, 0.0, 12.0), leg.to);
         assert!(!known.gives_way(seconds(1.0), rest, leg));
     }
 
@@ -547,40 +556,40 @@ mod tests {
     fn to_one_that_can_t_give_way_all_do() {
         let (low, high) = (at(50.0, 0.0, 5.0), at(50.0, 0.0, 30.0));
         let mut known = traffic(&[]);
-        let lands = Intent::of(way(high, at(50.0, 0.0, 15.0)), 0.0, true);
+        let lands = Intent::of(path(high, at(50.0, 0.0, 15.0)), 0.0, true);
         known.hears(seconds(0.0), NodeId(9), Some(lands));
-        assert!(known.gives_way(seconds(0.1), way(low, high), way(low, high)));
+        assert!(known.gives_way(seconds(0.1), path(low, high), path(low, high)));
     }
 
     #[test]
     fn one_that_has_flown_out_of_reach_is_thought_to_be_there_for_a_while() {
         let there = at(60.0, 0.0, 12.0);
-        let known = traffic(&[(2, way(there, at(60.0, 500.0, 12.0)))]);
-        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let known = traffic(&[(2, path(there, at(60.0, 500.0, 12.0)))]);
+        let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         assert!(!known.is_free(seconds(5.0), leg) && known.is_free(seconds(5.1), leg));
     }
 
     #[test]
     fn one_in_step_flies_among_those_that_follow_and_no_other_does() {
         let (here, ahead) = (at(60.0, 0.0, 12.0), at(64.0, 0.0, 12.0));
-        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
         let mut known = traffic(&[]);
-        let follows = Intent::of(way(here, ahead), 0.0, true);
+        let follows = Intent::of(path(here, ahead), 0.0, true);
         known.hears(seconds(0.0), NodeId(9), Some(follows));
         assert!(!known.is_free(seconds(1.0), leg) && known.gives_way(seconds(1.0), leg, leg));
         known.flies_in_step(true);
         assert!(known.is_free(seconds(1.0), leg));
-        let lands = Intent::of(way(here, at(60.0, 0.0, 0.0)), 0.0, true);
+        let lands = Intent::of(path(here, at(60.0, 0.0, 0.0)), 0.0, true);
         known.hears(seconds(1.0), NodeId(9), Some(lands));
         assert!(!known.is_free(seconds(1.0), leg));
     }
 
     #[test]
     fn nobody_flies_below_one_that_has_fallen_silent_before_it_must_be_down() {
-        let leg = way(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
-        let above = way(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
-        let crosses = way(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
-        let there = way(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
+        let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+        let above = path(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
+        let crosses = path(at(60.0, -100.0, 30.0), at(60.0, 100.0, 30.0));
+        let there = path(at(60.0, 0.0, 30.0), at(60.0, 0.0, 30.0));
         for said in [there, crosses] {
             for (at_s, waits) in [(3.0, false), (3.1, true), (28.0, true), (28.1, false)] {
                 let now = seconds(at_s);
@@ -591,20 +600,20 @@ mod tests {
                 );
                 // One that is heard is farther away.
                 let far = at(-500.0, 0.0, 12.0);
-                known.hears(now, NodeId(8), Some(says(way(far, far))));
+                known.hears(now, NodeId(8), Some(says(path(far, far))));
                 assert_eq!(known.is_free(now, leg), !waits, "{said:?} at {at_s}");
                 assert_eq!(known.gives_way(now, leg, leg), waits);
                 assert!(known.is_free(now, above));
             }
         }
         // Where its way ends it may stay for a while, and where it came down for good.
-        let at_its_height = way(at(0.0, 0.0, 30.0), at(160.0, 0.0, 30.0));
+        let at_its_height = path(at(0.0, 0.0, 30.0), at(160.0, 0.0, 30.0));
         let known = traffic(&[(9, there)]);
         assert!(!known.is_free(seconds(30.0), at_its_height));
         assert!(known.is_free(seconds(30.1), at_its_height));
-        let known = traffic(&[(9, way(there.from, at(60.0, 0.0, 0.0)))]);
+        let known = traffic(&[(9, path(there.from, at(60.0, 0.0, 0.0)))]);
         assert!(!known.is_free(seconds(28.0), leg) && known.is_free(seconds(28.1), leg));
-        let onto_it = way(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
+        let onto_it = path(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
         assert!(!known.is_free(seconds(900.0), onto_it));
         let side = known.beside(seconds(900.0), onto_it).unwrap();
         assert!(side.horizontal_distance_m(onto_it.to) > 10.0);

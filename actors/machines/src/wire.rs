@@ -59,8 +59,8 @@ pub struct Header {
     pub swarm: SwarmId,
     /// Who sent it.
     pub sender: NodeId,
-    /// Which life of the sender's process this is, as [`Lives`](crate::radio::Lives) numbers them.
-    pub life: u32,
+    /// Which life of the sender's process this is, as [`Incarnations`](crate::radio::Incarnations) numbers them.
+    pub incarnation: u32,
     /// Rises with each frame of a life.
     pub counter: u64,
     /// Whom the sender obeys; of what its radio says by itself, nobody.
@@ -105,7 +105,7 @@ pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> 
     });
     to.number(header.swarm.0);
     to.number(header.sender.0);
-    to.number(header.life);
+    to.number(header.incarnation);
     to.long_number(header.counter);
     to.number(header.ballot.term);
     to.number(header.ballot.rank);
@@ -167,7 +167,7 @@ fn read_header(from: &mut Reader<'_>) -> Option<Header> {
     Some(Header {
         swarm: SwarmId(from.number()?),
         sender: NodeId(from.number()?),
-        life: from.number()?,
+        incarnation: from.number()?,
         counter: from.long_number()?,
         ballot: Ballot {
             term: from.number()?,

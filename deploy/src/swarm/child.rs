@@ -1,15 +1,15 @@
 //! The process of one drone, as whoever started it holds it.
 
 use muster_machines::identity::NodeId;
-use muster_scenarios::twin::Standing;
+use muster_scenarios::twin::ProcessState;
 use tokio::sync::mpsc;
 
 use super::Request;
 use super::folder::DroneFolder;
 use super::host::Agent;
 use super::said::Spoken;
-use muster_daemon::agent::words::{Order, Sent};
-use muster_daemon::tether::Word;
+use muster_daemon::agent::protocol::{Order, Sent};
+use muster_daemon::control::ControlMessage;
 
 /// What comes of a drone's process.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub(super) enum Begin {
     /// As the drone that leads, which is told to fly.
     Leading,
     /// As a drone whose process was ended, with what its vehicle is doing.
-    Again(Word),
+    Again(ControlMessage),
 }
 
 /// A drone's process, in the hand of the agent on its host.
@@ -45,7 +45,7 @@ pub(super) struct DroneProcess {
     agent: mpsc::Sender<Order>,
     /// Whether the plan ended it.
     was_ended: bool,
-    standing: Standing,
+    process_state: ProcessState,
     is_ready: bool,
     has_ended: bool,
 }
@@ -71,7 +71,7 @@ impl DroneProcess {
             drone: folder.id.0,
             agent: agent.orders(),
             was_ended: false,
-            standing: Standing::Runs,
+            process_state: ProcessState::Runs,
             is_ready: false,
             has_ended: false,
         };
@@ -92,23 +92,24 @@ impl DroneProcess {
     }
 
     /// Makes the process be as it is to be, as long as it is there; whether it goes on after a hang.
-    pub(super) fn be(&mut self, standing: Standing) -> bool {
-        if self.standing == standing || self.standing == Standing::Ended {
+    pub(super) fn be(&mut self, process_state: ProcessState) -> bool {
+        if self.process_state == process_state || self.process_state == ProcessState::Ended {
             return false;
         }
-        let goes_on = self.standing == Standing::Hangs && standing == Standing::Runs;
-        self.was_ended = standing == Standing::Ended;
-        self.signal(match standing {
-            Standing::Runs => Sent::Continue,
-            Standing::Hangs => Sent::Stop,
-            Standing::Ended => Sent::Kill,
+        let keeps_going =
+            self.process_state == ProcessState::Hangs && process_state == ProcessState::Runs;
+        self.was_ended = process_state == ProcessState::Ended;
+        self.signal(match process_state {
+            ProcessState::Runs => Sent::Continue,
+            ProcessState::Hangs => Sent::Stop,
+            ProcessState::Ended => Sent::Kill,
         });
-        self.standing = standing;
-        goes_on
+        self.process_state = process_state;
+        keeps_going
     }
 
     /// Lets the process know something, unless its host has too much to do already; whether it will know.
-    pub(super) fn tell(&self, word: &Word) -> bool {
+    pub(super) fn tell(&self, word: &ControlMessage) -> bool {
         let (drone, line) = (self.drone, word.line());
         self.agent.try_send(Order::Tell { drone, line }).is_ok()
     }
@@ -121,7 +122,7 @@ impl DroneProcess {
     /// It has ended; whether by itself.
     pub(super) const fn has_ended(&mut self) -> bool {
         self.has_ended = true;
-        self.standing = Standing::Ended;
+        self.process_state = ProcessState::Ended;
         !self.was_ended
     }
 

@@ -53,7 +53,7 @@ struct Keys {
     drone: String,
     fleet: &'static str,
     roster: &'static str,
-    expelled: &'static str,
+    revoked: &'static str,
 }
 
 #[derive(Serialize)]
@@ -78,7 +78,7 @@ pub(super) fn prepare(
     let folder = request.folder;
     let lock = take(folder)?;
     let fleet = Fleet::create(&folder.join("fleet"))?;
-    let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "expelled.toml"]
+    let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
         .map(|name| Path::new("fleet").join(name))
         .into();
     let [scenario, mission] = scenario::side_by_side(request.path)?;
@@ -109,7 +109,7 @@ pub(super) fn prepare(
                 drone: format!("../fleet/{key}"),
                 fleet: "../fleet/fleet.pub",
                 roster: "../fleet/roster.toml",
-                expelled: "../fleet/expelled.toml",
+                revoked: "../fleet/revoked.toml",
             },
             udp,
             quic,

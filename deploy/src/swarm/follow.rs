@@ -6,8 +6,8 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::report::{Flight, Report};
-use muster_scenarios::scenario::Mishap;
-use muster_scenarios::twin::{Said, Standing, Twin};
+use muster_scenarios::scenario::DroneFault;
+use muster_scenarios::twin::{ProcessState, Said, Twin};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
@@ -19,7 +19,7 @@ use super::hosts::Hosts;
 use super::said::Spoken;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use muster_daemon::clock::Clock;
-use muster_daemon::tether::{ActorFault, Losses, Word};
+use muster_daemon::control::{ActorFault, ControlMessage, Losses};
 
 /// How far the twin is behind the clock, beside what it takes to hear of other hosts and is not known of their clocks.
 const BEHIND: Duration = Duration::from_millis(50);
@@ -165,8 +165,8 @@ impl<'a> Swarm<'a> {
     }
 
     /// What a drone's vehicle is doing, for its process.
-    fn vehicle(&self, drone: NodeId) -> Word {
-        Word::Vehicle {
+    fn vehicle(&self, drone: NodeId) -> ControlMessage {
+        ControlMessage::Vehicle {
             epoch: self.crew.by_drone[&drone].theirs(self.clock.started()),
             state: Box::new(self.twin.vehicle(drone)),
         }
@@ -266,14 +266,14 @@ impl<'a> Swarm<'a> {
     fn let_processes_be(&mut self) {
         for folder in self.drones {
             let id = folder.id;
-            let standing = self.twin.process(id);
+            let process_state = self.twin.process(id);
             let Some(process) = self.processes.get_mut(&id) else {
                 continue;
             };
-            if process.be(standing) && self.twin.is_overruled(id) {
+            if process.be(process_state) && self.twin.is_overruled(id) {
                 let vehicle = self.vehicle(id);
                 self.processes[&id].tell(&vehicle);
-            } else if standing == Standing::Runs && process.can_start_again() {
+            } else if process_state == ProcessState::Runs && process.can_start_again() {
                 self.add(folder, Begin::Again(self.vehicle(id)));
             }
         }
@@ -281,16 +281,16 @@ impl<'a> Swarm<'a> {
 
     /// Injects faults of actors into their processes.
     fn inject_actor_faults(&mut self) {
-        for (drone, mishap, lasts) in self.twin.take_actor_faults() {
-            let (actor, fault) = match mishap {
-                Mishap::CrashActor(actor) => (actor, ActorFault::Crashes),
-                Mishap::Hang(Some(actor)) => {
+        for (drone, fault, lasts) in self.twin.take_actor_faults() {
+            let (actor, fault) = match fault {
+                DroneFault::CrashActor(actor) => (actor, ActorFault::Crashes),
+                DroneFault::Hang(Some(actor)) => {
                     (actor, ActorFault::Hangs(lasts.map(|it| it.as_secs_f64())))
                 }
                 _ => continue,
             };
             if let Some(process) = self.processes.get(&drone) {
-                process.tell(&Word::Inject { actor, fault });
+                process.tell(&ControlMessage::Inject { actor, fault });
             }
         }
     }
@@ -303,7 +303,7 @@ impl<'a> Swarm<'a> {
         }
         let mut are_all_told = true;
         for (to, process) in &self.processes {
-            if self.twin.process(*to) == Standing::Hangs {
+            if self.twin.process(*to) == ProcessState::Hangs {
                 are_all_told = false;
                 continue;
             }
@@ -313,7 +313,7 @@ impl<'a> Swarm<'a> {
             if known.is_some_and(|known| !known.differs(&losses, LOSS_STEP)) {
                 continue;
             }
-            if process.tell(&Word::Losses(losses.clone())) {
+            if process.tell(&ControlMessage::Losses(losses.clone())) {
                 self.told.insert(*to, losses);
             } else {
                 are_all_told &= process.is_ended();

@@ -18,7 +18,7 @@ use super::hosts::Host;
 use super::link::Link;
 use super::offset::ahead;
 use super::{Request, SwarmError};
-use muster_daemon::agent::words::Order;
+use muster_daemon::agent::protocol::Order;
 
 /// How many orders may wait for a connection that does not take them. More are not given.
 const WAITING_MAX: usize = 4_096;

@@ -23,7 +23,7 @@ use super::offset::Offset;
 use super::said::{Spoken, read};
 use super::{START_MAX, SwarmError};
 use muster_daemon::agent::SILENCE_MAX;
-use muster_daemon::agent::words::{Order, Reply, VERSION, line};
+use muster_daemon::agent::protocol::{Order, Reply, VERSION, line};
 use muster_daemon::clock::Clock;
 
 /// How often a host is asked what time it is.

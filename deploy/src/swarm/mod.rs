@@ -26,7 +26,7 @@ use muster_scenarios::scenario::Scenario;
 use muster_scenarios::twin;
 use thiserror::Error;
 
-use muster_daemon::agent::words::VERSION;
+use muster_daemon::agent::protocol::VERSION;
 use muster_daemon::config::TransportName;
 
 pub use self::hosts::{Hosts, fields, schema};

@@ -1,8 +1,8 @@
 //! What a drone's process says on its standard error, line by line.
 
-use muster_daemon::tether::{READY, STARTS};
-use muster_machines::cell::Observation;
-use muster_machines::msp::Demand;
+use muster_daemon::control::{READY, STARTS};
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::Observation;
 use muster_machines::time::Timestamp;
 use muster_scenarios::twin::Said;
 use serde::Deserialize;
@@ -50,9 +50,9 @@ impl Line {
         if let Some(seen) = &self.seen {
             return Some(Said::Seen(serde_json::from_str::<Observation>(seen).ok()?));
         }
-        if let Some(demand) = &self.commanded {
+        if let Some(command) = &self.commanded {
             return Some(Said::Commanded(
-                serde_json::from_str::<Demand>(demand).ok()?,
+                serde_json::from_str::<FlightCommand>(command).ok()?,
             ));
         }
         Some(Said::Talked {
@@ -87,7 +87,7 @@ mod tests {
         };
         assert_eq!(read(talked), Spoken::Of(at, said));
         assert_eq!(read(r#"{"message":"ready"}"#), Spoken::Ready);
-        let starts = r#"{"message":"starts","at_ns":17,"life":2}"#;
+        let starts = r#"{"message":"starts","at_ns":17,"incarnation":2}"#;
         assert_eq!(read(starts), Spoken::Of(at, Said::Started));
         for words in ["thread panicked", r#"{"message":"thread panicked"}"#] {
             assert_eq!(read(words), Spoken::Words("thread panicked".to_owned()));

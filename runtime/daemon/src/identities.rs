@@ -71,7 +71,7 @@ impl Identities for OperatorIdentities {
 fn drone(id: Option<NodeId>, trusted: &impl Authenticator) -> Result<Peer, Distrust> {
     match id {
         None => Err(Distrust::Stranger),
-        Some(id) if !trusted.is_trusted(id) => Err(Distrust::Expelled),
+        Some(id) if !trusted.is_trusted(id) => Err(Distrust::RevocationList),
         Some(id) => Ok(Peer::Drone(id)),
     }
 }

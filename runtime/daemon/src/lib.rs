@@ -5,10 +5,10 @@ pub mod agent;
 #[doc(hidden)]
 pub mod clock;
 pub mod config;
+#[doc(hidden)]
+pub mod control;
 pub mod daemon;
 mod identities;
 pub mod log;
 pub mod operator;
 pub mod status;
-#[doc(hidden)]
-pub mod tether;

@@ -17,7 +17,7 @@ pub struct Status {
     /// The version of its program.
     pub version: String,
     /// Which life of its journal this is, from 1.
-    pub life: u32,
+    pub incarnation: u32,
     /// For how long its process has run, in seconds.
     pub up_s: f64,
     /// What keeps it from its work, in words; nothing if it is well.

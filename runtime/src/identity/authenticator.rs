@@ -8,7 +8,7 @@ use muster_machines::radio::{Authenticator, Offer};
 use muster_machines::wire::AUTHENTICATOR_LEN;
 use thiserror::Error;
 
-use super::{DroneKey, Expelled, FleetKey, Roster};
+use super::{DroneKey, FleetKey, RevocationList, Roster};
 
 /// Signs a drone's frames with its own key and checks those of others by the roster: no drone speaks for another.
 ///
@@ -20,7 +20,7 @@ pub struct Ed25519Authenticator {
     /// What it has signed is believed.
     fleet: FleetKey,
     roster: Roster,
-    expelled: RwLock<Expelled>,
+    revoked: RwLock<RevocationList>,
 }
 
 impl std::fmt::Debug for Ed25519Authenticator {
@@ -40,14 +40,14 @@ pub enum Untrusted {
     /// The roster has another key for it.
     #[error("the roster has another key for drone {0}")]
     OtherKey(NodeId),
-    /// It is on the list of the expelled.
-    #[error("drone {0} was expelled from the fleet")]
-    Expelled(NodeId),
+    /// It is on the list of the revoked.
+    #[error("drone {0} was revoked from the fleet")]
+    Revoked(NodeId),
 }
 
 /// A list of the expelled is older than the one that is known, and was not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("list {offered} of the expelled is older than list {known}")]
+#[error("list {offered} of the revoked is older than list {known}")]
 pub struct OlderList {
     /// The number of the list that is known.
     pub known: u64,
@@ -65,21 +65,21 @@ impl Ed25519Authenticator {
         key: DroneKey,
         fleet: FleetKey,
         roster: Roster,
-        expelled: Expelled,
+        revoked: RevocationList,
     ) -> Result<Self, Untrusted> {
         let listed = roster.key(id).ok_or(Untrusted::NotListed(id))?;
         if *listed != key.0.verifying_key() {
             return Err(Untrusted::OtherKey(id));
         }
-        if expelled.has(id) {
-            return Err(Untrusted::Expelled(id));
+        if revoked.has(id) {
+            return Err(Untrusted::Revoked(id));
         }
         Ok(Self {
             id,
             key: key.0,
             fleet,
             roster,
-            expelled: RwLock::new(expelled),
+            revoked: RwLock::new(revoked),
         })
     }
 
@@ -87,33 +87,30 @@ impl Ed25519Authenticator {
     ///
     /// # Errors
     /// When it is older than the one that is known, which stays.
-    pub fn expel(&self, list: Expelled) -> Result<(), OlderList> {
-        let mut expelled = self
-            .expelled
-            .write()
-            .unwrap_or_else(PoisonError::into_inner);
-        let (known, offered) = (expelled.number(), list.number());
+    pub fn revoke(&self, list: RevocationList) -> Result<(), OlderList> {
+        let mut revoked = self.revoked.write().unwrap_or_else(PoisonError::into_inner);
+        let (known, offered) = (revoked.number(), list.number());
         if offered < known {
             return Err(OlderList { known, offered });
         }
-        *expelled = list;
+        *revoked = list;
         Ok(())
     }
 
     /// The list of the expelled that is known.
     #[must_use]
-    pub fn expelled(&self) -> Expelled {
-        self.read_expelled().clone()
+    pub fn revoked(&self) -> RevocationList {
+        self.read_revocation_list().clone()
     }
 
     /// Whether this very drone was expelled.
     #[must_use]
-    pub fn is_expelled(&self) -> bool {
-        self.read_expelled().has(self.id)
+    pub fn is_revoked(&self) -> bool {
+        self.read_revocation_list().has(self.id)
     }
 
-    fn read_expelled(&self) -> RwLockReadGuard<'_, Expelled> {
-        self.expelled.read().unwrap_or_else(PoisonError::into_inner)
+    fn read_revocation_list(&self) -> RwLockReadGuard<'_, RevocationList> {
+        self.revoked.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The drone's own public key.
@@ -135,7 +132,7 @@ impl Ed25519Authenticator {
 
 impl Authenticator for Ed25519Authenticator {
     fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.read_expelled().has(sender)
+        !self.read_revocation_list().has(sender)
     }
 
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
@@ -154,22 +151,22 @@ impl Authenticator for Ed25519Authenticator {
     }
 
     fn list_number(&self) -> u64 {
-        self.read_expelled().number()
+        self.read_revocation_list().number()
     }
 
     fn list(&self) -> Option<Bytes> {
-        self.read_expelled().to_bytes()
+        self.read_revocation_list().to_bytes()
     }
 
     fn take_list(&self, list: &[u8]) -> Offer {
-        let Some(offered) = Expelled::from_bytes(list, &self.fleet) else {
+        let Some(offered) = RevocationList::from_bytes(list, &self.fleet) else {
             return Offer::Unsigned;
         };
         let known = self.list_number();
         match offered.number().cmp(&known) {
             Ordering::Less => Offer::Older,
             Ordering::Equal => Offer::Same,
-            Ordering::Greater if self.expel(offered).is_ok() => Offer::Newer,
+            Ordering::Greater if self.revoke(offered).is_ok() => Offer::Newer,
             Ordering::Greater => Offer::Older,
         }
     }

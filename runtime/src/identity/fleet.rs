@@ -10,7 +10,7 @@ use muster_machines::identity::NodeId;
 use thiserror::Error;
 
 use super::key::{fresh, is_there, load_secret, write_public, write_secret};
-use super::{Expelled, FleetKey, Roster};
+use super::{FleetKey, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 use crate::file::replace;
 
@@ -71,7 +71,7 @@ impl Fleet {
             _lock: lock,
         };
         fleet.write("roster.toml", &Roster::default().written(&fleet.key))?;
-        fleet.write("expelled.toml", &Expelled::new(&fleet.key).written())?;
+        fleet.write("revoked.toml", &RevocationList::new(&fleet.key).written())?;
         Ok(fleet)
     }
 
@@ -111,18 +111,18 @@ impl Fleet {
     ///
     /// # Errors
     /// When a drone is not in the roster, or the folder's files can't be used or written.
-    pub fn expel(&self, ids: &[NodeId]) -> Result<Expelled, KeysError> {
+    pub fn revoke(&self, ids: &[NodeId]) -> Result<RevocationList, KeysError> {
         let roster_path = self.folder.join("roster.toml");
         let roster = Roster::load(&roster_path, &self.public())?;
         if let Some(stranger) = ids.iter().find(|id| roster.key(**id).is_none()) {
             let message = format!("drone {stranger} is not in the roster");
-            let help = "only a drone of the fleet can be expelled from it";
+            let help = "only a drone of the fleet can be revoked from it";
             return Err(BadInput::without_excerpt(&roster_path, message, help).into());
         }
-        let mut expelled = Expelled::load(&self.folder.join("expelled.toml"), &self.public())?;
-        expelled.add(ids.iter().copied(), &self.key);
-        self.write("expelled.toml", &expelled.written())?;
-        Ok(expelled)
+        let mut revoked = RevocationList::load(&self.folder.join("revoked.toml"), &self.public())?;
+        revoked.add(ids.iter().copied(), &self.key);
+        self.write("revoked.toml", &revoked.written())?;
+        Ok(revoked)
     }
 
     #[cfg(test)]

@@ -107,7 +107,7 @@ pub(super) fn load_secret(path: &Path) -> Result<SigningKey, BadInput> {
     if !mode.is_ok_and(|mode| mode & OTHERS == 0) {
         let message = "others than its owner can read this secret key";
         let help = format!(
-            "chmod 600 {}; if anyone may have read it, expel the drone and give it another key",
+            "chmod 600 {}; if anyone may have read it, revoke the drone and give it another key",
             path.display()
         );
         return Err(BadInput::without_excerpt(path, message, help));

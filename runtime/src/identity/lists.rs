@@ -19,16 +19,16 @@ use crate::diagnostic::{BadInput, Form, TomlFile};
 /// What the fleet's signature of a roster begins with, so that it stands for nothing else.
 const ROSTER: &[u8] = b"muster roster 1\0";
 /// Likewise, of a list of the expelled.
-const EXPELLED: &[u8] = b"muster expelled 1\0";
+const REVOCATION_LIST: &[u8] = b"muster revoked 1\0";
 
 const ROSTER_FORM: Form = Form {
     fields: &[],
     is: "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as `muster keys` writes \
          it",
 };
-const EXPELLED_FORM: Form = Form {
+const REVOCATION_LIST_FORM: Form = Form {
     fields: &[],
-    is: "a list of the expelled has `number`, `drones` and `signature`, as `muster keys` writes it",
+    is: "a list of the revoked has `number`, `drones` and `signature`, as `muster keys` writes it",
 };
 
 /// Which drone of a fleet has which key.
@@ -132,7 +132,7 @@ const PASSED_ON_MAX: usize = 10_000;
 
 /// Who is not believed any more.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Expelled {
+pub struct RevocationList {
     number: u64,
     drones: BTreeSet<NodeId>,
     /// The fleet's, of both.
@@ -141,37 +141,38 @@ pub struct Expelled {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawExpelled {
+struct RawRevocationList {
     number: u64,
     drones: Vec<u32>,
     signature: Spanned<String>,
 }
 
-impl Expelled {
+impl RevocationList {
     /// Reads a list that the fleet has signed.
     ///
     /// # Errors
     /// When the file can't be used, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let file = TomlFile::<RawExpelled>::of(path, read_public(path)?, EXPELLED_FORM)?;
-        let mut expelled = Self {
+        let file =
+            TomlFile::<RawRevocationList>::of(path, read_public(path)?, REVOCATION_LIST_FORM)?;
+        let mut revoked = Self {
             number: file.raw.number,
             drones: file.raw.drones.iter().copied().map(NodeId).collect(),
             signature: [0; 64],
         };
-        expelled.signature = check(&file, fleet, &expelled.message(), &file.raw.signature)?;
-        Ok(expelled)
+        revoked.signature = check(&file, fleet, &revoked.message(), &file.raw.signature)?;
+        Ok(revoked)
     }
 
     /// A list of nobody, the first that a fleet has.
     pub(super) fn new(fleet: &SigningKey) -> Self {
-        let mut expelled = Self {
+        let mut revoked = Self {
             number: 0,
             drones: BTreeSet::new(),
             signature: [0; 64],
         };
-        expelled.add([], fleet);
-        expelled
+        revoked.add([], fleet);
+        revoked
     }
 
     /// Reads a list that another drone has passed on; nothing if the fleet has not signed it.
@@ -181,13 +182,13 @@ impl Expelled {
         if drones.len() > PASSED_ON_MAX {
             return None;
         }
-        let expelled = Self {
+        let revoked = Self {
             number,
             drones: drones.iter().collect(),
             signature: *signature,
         };
-        let is_signed = fleet.has_signed(&expelled.message(), signature);
-        is_signed.then_some(expelled)
+        let is_signed = fleet.has_signed(&revoked.message(), signature);
+        is_signed.then_some(revoked)
     }
 
     /// The list as it is passed on from drone to drone; nothing if it would not fit a datagram.
@@ -237,13 +238,13 @@ impl Expelled {
     pub fn written(&self) -> String {
         let ids: Vec<_> = self.drones.iter().map(ToString::to_string).collect();
         let drones = format!("drones = [{}]\n", ids.join(", "));
-        let mut text = heading("Who was expelled from the fleet", self.number, &drones);
+        let mut text = heading("Who was revoked from the fleet", self.number, &drones);
         put_signature(&mut text, &self.signature);
         text
     }
 
     fn message(&self) -> Vec<u8> {
-        let mut message = [EXPELLED, &self.number.to_le_bytes()].concat();
+        let mut message = [REVOCATION_LIST, &self.number.to_le_bytes()].concat();
         for id in &self.drones {
             message.extend_from_slice(&id.0.to_le_bytes());
         }

@@ -23,7 +23,7 @@ mod operator;
 pub use authenticator::{Ed25519Authenticator, OlderList, Untrusted};
 pub use fleet::{Fleet, KeysError};
 pub use key::{DroneKey, FleetKey};
-pub use lists::{Expelled, Roster};
+pub use lists::{RevocationList, Roster};
 pub use operator::OperatorKey;
 
 #[cfg(test)]

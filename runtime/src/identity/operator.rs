@@ -6,14 +6,14 @@ use muster_machines::radio::Authenticator;
 use muster_machines::wire::AUTHENTICATOR_LEN;
 
 use super::key::load_secret;
-use super::{Expelled, FleetKey, Roster};
+use super::{FleetKey, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 
 /// What an operator speaks with drones by: the fleet's secret key, and the lists that it has signed.
 pub struct OperatorKey {
     key: SigningKey,
     roster: Roster,
-    expelled: Expelled,
+    revoked: RevocationList,
 }
 
 impl std::fmt::Debug for OperatorKey {
@@ -32,7 +32,7 @@ impl OperatorKey {
         let public = FleetKey(key.verifying_key());
         Ok(Self {
             roster: Roster::load(&folder.join("roster.toml"), &public)?,
-            expelled: Expelled::load(&folder.join("expelled.toml"), &public)?,
+            revoked: RevocationList::load(&folder.join("revoked.toml"), &public)?,
             key,
         })
     }
@@ -52,7 +52,7 @@ impl OperatorKey {
 
 impl Authenticator for OperatorKey {
     fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.expelled.has(sender)
+        !self.revoked.has(sender)
     }
 
     /// What is signed here must not pass for one of the fleet's lists, which begin with their names.

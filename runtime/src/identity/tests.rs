@@ -38,8 +38,8 @@ fn key(folder: &TempDir, id: u32) -> DroneKey {
     DroneKey::load(&path(folder, &format!("drone-{id}.key"))).unwrap()
 }
 
-fn expelled(folder: &TempDir) -> Expelled {
-    Expelled::load(&path(folder, "expelled.toml"), &public(folder)).unwrap()
+fn revoked(folder: &TempDir) -> RevocationList {
+    RevocationList::load(&path(folder, "revoked.toml"), &public(folder)).unwrap()
 }
 
 /// With the list of the expelled that the fleet has now.
@@ -48,8 +48,8 @@ fn authenticator(folder: &TempDir, id: u32) -> Ed25519Authenticator {
 }
 
 fn identified(folder: &TempDir, id: u32, key: DroneKey) -> Result<Ed25519Authenticator, Untrusted> {
-    let (roster, expelled) = (roster(folder), expelled(folder));
-    Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, expelled)
+    let (roster, revoked) = (roster(folder), revoked(folder));
+    Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, revoked)
 }
 
 #[test]
@@ -80,30 +80,30 @@ fn a_drone_that_is_not_who_the_roster_says_does_not_start() {
     let refused = |id| identified(&folder, id, key(&folder, 0)).unwrap_err();
     assert_eq!(refused(7), Untrusted::NotListed(NodeId(7)));
     assert_eq!(refused(1), Untrusted::OtherKey(NodeId(1)));
-    fleet.expel(&[NodeId(0)]).unwrap();
+    fleet.revoke(&[NodeId(0)]).unwrap();
     let refusal = refused(0);
-    assert_eq!(refusal, Untrusted::Expelled(NodeId(0)));
+    assert_eq!(refusal, Untrusted::Revoked(NodeId(0)));
 }
 
 #[test]
 fn whoever_is_expelled_is_trusted_no_more_and_an_older_list_takes_nothing_back() {
     let (folder, fleet) = fleet();
-    let load = || expelled(&folder);
+    let load = || revoked(&folder);
     let before = load();
     let listener = authenticator(&folder, 0);
     assert!(listener.is_trusted(NodeId(1)));
-    fleet.expel(&[NodeId(1)]).unwrap();
+    fleet.revoke(&[NodeId(1)]).unwrap();
     let after = load();
     assert!(after.number() > before.number());
-    assert_eq!(listener.expel(after), Ok(()));
-    assert!(!listener.is_trusted(NodeId(1)) && !listener.is_expelled());
+    assert_eq!(listener.revoke(after), Ok(()));
+    assert!(!listener.is_trusted(NodeId(1)) && !listener.is_revoked());
     assert!(listener.is_trusted(NodeId(2)));
-    let refusal = listener.expel(before).unwrap_err();
+    let refusal = listener.revoke(before).unwrap_err();
     assert!(refusal.offered < refusal.known);
     assert!(!listener.is_trusted(NodeId(1)));
-    fleet.expel(&[NodeId(0)]).unwrap();
-    assert_eq!(listener.expel(load()), Ok(()));
-    assert!(listener.is_expelled());
+    fleet.revoke(&[NodeId(0)]).unwrap();
+    assert_eq!(listener.revoke(load()), Ok(()));
+    assert!(listener.is_revoked());
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if
     let listener = authenticator(&folder, 0);
     let older = listener.list().unwrap();
     assert_eq!(listener.take_list(&older), Offer::Same);
-    fleet.expel(&[NodeId(2)]).unwrap();
+    fleet.revoke(&[NodeId(2)]).unwrap();
     let newer = authenticator(&folder, 1).list().unwrap();
     for at in 0..newer.len() {
         let mut altered = newer.to_vec();
@@ -122,11 +122,11 @@ fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if
     }
     assert_eq!(listener.take_list(&newer), Offer::Newer);
     assert_eq!(listener.list_number(), 2);
-    assert!(!listener.is_trusted(NodeId(2)) && !listener.is_expelled());
+    assert!(!listener.is_trusted(NodeId(2)) && !listener.is_revoked());
     assert_eq!(listener.take_list(&older), Offer::Older);
     assert!(!listener.is_trusted(NodeId(2)));
     // What was passed on is as good as the operator's file.
-    assert_eq!(listener.expelled(), expelled(&folder));
+    assert_eq!(listener.revoked(), revoked(&folder));
     assert_eq!(listener.list(), Some(newer));
 
     let (theirs, _) = self::fleet();
@@ -144,12 +144,12 @@ fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if
 fn a_list_that_does_not_fit_a_datagram_is_not_passed_on() {
     let (folder, fleet) = fleet();
     for (drones, apart, fits) in [(400, 10_000, true), (600, 2, true), (700, 2, false)] {
-        let mut list = expelled(&folder);
+        let mut list = revoked(&folder);
         list.add((0..drones).map(|id| NodeId(apart * id)), fleet.key());
         assert_eq!(list.can_be_passed_on(), fits, "{drones} drones");
         let bytes = list.to_bytes();
         assert!(bytes.as_ref().is_none_or(|it| it.len() < PAYLOAD_MAX));
-        let read = bytes.map(|it| Expelled::from_bytes(&it, &public(&folder)));
+        let read = bytes.map(|it| RevocationList::from_bytes(&it, &public(&folder)));
         assert_eq!(read, fits.then_some(Some(list)));
     }
 }
@@ -157,10 +157,10 @@ fn a_list_that_does_not_fit_a_datagram_is_not_passed_on() {
 #[test]
 fn nobody_is_expelled_who_does_not_belong_to_the_fleet() {
     let (folder, fleet) = fleet();
-    let file = path(&folder, "expelled.toml");
+    let file = path(&folder, "revoked.toml");
     let before = fs::read(&file).unwrap();
     assert!(matches!(
-        fleet.expel(&[NodeId(9)]),
+        fleet.revoke(&[NodeId(9)]),
         Err(KeysError::Refused(_))
     ));
     assert_eq!(fs::read(&file).unwrap(), before);
@@ -220,7 +220,7 @@ fn spoilt(folder: &TempDir, name: &str, from: &str, to: &str) -> String {
     fs::write(&file, text.replacen(from, to, 1)).unwrap();
     let load = |file: &Path| match name {
         "roster.toml" => Roster::load(file, &public(folder)).map(drop),
-        _ => Expelled::load(file, &public(folder)).map(drop),
+        _ => RevocationList::load(file, &public(folder)).map(drop),
     };
     let refusal = load(&file).unwrap_err();
     fs::write(&file, text).unwrap();
@@ -231,16 +231,16 @@ fn spoilt(folder: &TempDir, name: &str, from: &str, to: &str) -> String {
 #[test]
 fn lists_in_which_anything_was_changed_are_refused() {
     let (folder, fleet) = fleet();
-    fleet.expel(&[NodeId(1)]).unwrap();
+    fleet.revoke(&[NodeId(1)]).unwrap();
     for (name, from, to, says) in [
         ("roster.toml", "number = 3", "number = 4", "signature"),
         ("roster.toml", "id = 2", "id = 5", "signature"),
         ("roster.toml", "id = 2", "id = 1", "twice"),
         ("roster.toml", "key = \"", "key = \"0", "not a public key"),
         ("roster.toml", "number", "nummer", "unknown field"),
-        ("expelled.toml", "number = 2", "number = 1", "signature"),
-        ("expelled.toml", "[1]", "[]", "signature"),
-        ("expelled.toml", "drones", "drohnen", "unknown field"),
+        ("revoked.toml", "number = 2", "number = 1", "signature"),
+        ("revoked.toml", "[1]", "[]", "signature"),
+        ("revoked.toml", "drones", "drohnen", "unknown field"),
     ] {
         let said = spoilt(&folder, name, from, to);
         assert!(said.contains(says), "{name}, {from} made {to}: {said}");
@@ -265,7 +265,7 @@ fn a_secret_key_that_is_named_in_the_place_of_a_public_file_is_refused_and_not_s
     let errors = [
         FleetKey::load(&secret).unwrap_err(),
         Roster::load(&secret, &public(&folder)).unwrap_err(),
-        Expelled::load(&secret, &public(&folder)).unwrap_err(),
+        RevocationList::load(&secret, &public(&folder)).unwrap_err(),
     ];
     for error in errors {
         let shown = error.rendered();

@@ -142,7 +142,7 @@ fn read_note(bytes: [u8; NOTE_LEN]) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use muster_machines::cell::Checkpoint;
+    use muster_machines::node::Checkpoint;
     use muster_machines::radio;
 
     use super::*;
@@ -156,13 +156,13 @@ mod tests {
     fn what_was_kept_is_there_for_the_next_life() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/inside");
-        for life in 1..=3 {
+        for incarnation in 1..=3 {
             let (mut journal, mut all) = Journal::open(Folder::open(&path).unwrap()).unwrap();
-            assert_eq!(all.boot(), life);
-            if life > 1 {
-                assert!(all.holds(&counter(u64::from(life) - 1)));
+            assert_eq!(all.boot(), incarnation);
+            if incarnation > 1 {
+                assert!(all.holds(&counter(u64::from(incarnation) - 1)));
             }
-            let checkpoint = counter(life.into());
+            let checkpoint = counter(incarnation.into());
             all.keep(checkpoint.clone());
             journal.add(&checkpoint, &all).unwrap();
             journal.sync().unwrap();

@@ -125,10 +125,10 @@ fn a_whole_record_that_is_not_understood_is_no_torn_end() {
 #[test]
 fn in_flight_what_is_understood_counts_and_the_rest_is_still_there_for_the_next_life() {
     let mut bytes = with_unknown_record();
-    for life in 2..5 {
+    for incarnation in 2..5 {
         let (mut journal, mut all) = Journal::open_in_flight(Memory(bytes, 0)).unwrap();
         assert!(!journal.is_understood());
-        assert_eq!(all.boot(), life);
+        assert_eq!(all.boot(), incarnation);
         assert!(all.holds(&counter(5)) && all.state() == mission::State::default());
         (0..u16::MAX / 4).for_each(|opened| keep(&mut journal, &mut all, &mission(opened)));
         keep(&mut journal, &mut all, &mission(3));

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::{self, JoinHandle};
 
-use muster_machines::cell::{Checkpoint, Checkpoints};
+use muster_machines::node::{Checkpoint, Checkpoints};
 
 use super::{Journal, Storage};
 

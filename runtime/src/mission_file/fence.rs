@@ -60,7 +60,7 @@ pub(super) fn read<'a>(
         return Err(document.refuse(
             extra.pointer(),
             format_args!("the fence has more than {FENCE_ZONES_MAX} circles and polygons"),
-            format!("at most {FENCE_ZONES_MAX} are obeyed"),
+            format!("at most {FENCE_ZONES_MAX} are leader"),
         ));
     }
     let mut zones = Vec::new();
@@ -88,7 +88,7 @@ pub(super) fn read<'a>(
             return Err(document.refuse(
                 at,
                 format_args!("the fence's polygons have more than {FENCE_CORNERS_MAX} corners"),
-                format!("at most {FENCE_CORNERS_MAX} are obeyed, of all together"),
+                format!("at most {FENCE_CORNERS_MAX} are leader, of all together"),
             ));
         }
         let outline = outline.iter().map(|corner| place(document, corner));

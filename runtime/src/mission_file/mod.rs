@@ -188,7 +188,7 @@ impl fmt::Display for Note {
                 write!(f, "{command} is ignored, it moves no drone of the swarm")
             }
             NoteKind::SpeedIgnored => f.write_str(
-                "DO_CHANGE_SPEED is not obeyed, the swarm flies at `vehicle.speed_mps`",
+                "DO_CHANGE_SPEED is not leader, the swarm flies at `vehicle.speed_mps`",
             ),
             NoteKind::HeightConditionIgnored => {
                 f.write_str("CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it")

@@ -115,7 +115,7 @@ fn a_shipped_mission_is_loaded_from_its_file() {
     assert_eq!(heights(&river), [30.0, 30.0, 40.0, 40.0, 25.0, 20.0, 30.0]);
     assert_eq!(
         notes(&river),
-        ["item 2: DO_CHANGE_SPEED is not obeyed, the swarm flies at `vehicle.speed_mps`"]
+        ["item 2: DO_CHANGE_SPEED is not leader, the swarm flies at `vehicle.speed_mps`"]
     );
 }
 

@@ -5,7 +5,7 @@ use muster_machines::formation::{Act, Approach, Exposure, Flown};
 use super::file::Source;
 use super::raw::{ProtocolKind, Raw};
 use crate::diagnostic::BadInput;
-use crate::words::{drones, rounded_down};
+use crate::text::{drones, rounded_down};
 
 /// Refuses a plan in which drones in lockstep come too near each other and, where `limits.accept` says what may, one in
 /// which a single fault can bring them too near that it does not name.

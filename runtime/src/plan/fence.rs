@@ -12,8 +12,8 @@ use toml::Spanned;
 
 use super::file::Source;
 use super::raw::Raw;
-use crate::words::figure;
-use crate::words::rounded_down;
+use crate::text::figure;
+use crate::text::rounded_down;
 
 /// The nearest that anybody's way comes to the boundary of an area over ground.
 struct Nearest {

@@ -154,7 +154,7 @@ pub const FIELDS: &[(&str, &str)] = &[
         "protocol.barrier",
         "\"strict\", or \"neighbours\" where `kind` is \"muscop\" and there are no `changes`",
     ),
-    ("protocol.liveness", "\"pulse\" or \"thesis\""),
+    ("protocol.liveness", "\"heartbeat\" or \"thesis\""),
     (
         "protocol.succession",
         "\"elect\" or \"land\": what drones do whose master is silent",
@@ -186,7 +186,7 @@ pub const FIELDS: &[(&str, &str)] = &[
         "milliseconds, a whole number from 1 to 3600000, above `period_ms`",
     ),
     (
-        "protocol.beacon_ms",
+        "protocol.heartbeat_ms",
         "milliseconds, a whole number from 1 to 3600000",
     ),
     (

@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::file::Source;
 use super::raw::{self, ProtocolKind, Raw};
 use super::{Follow, Sticks};
-use crate::words::{rounded_down, rounded_up};
+use crate::text::{rounded_down, rounded_up};
 
 /// How often a master tells where it is: 5 Hz.
 const PERIOD_MS: u64 = 200;

@@ -98,7 +98,7 @@ impl Course<'_> {
         self.changes.iter().map(|change| {
             let at = self.waypoints[usize::from(change.waypoint())];
             let steps = self.drones().flat_map(|id| {
-                let [above_old, above_new, new] = change.way(id, at);
+                let [above_old, above_new, new] = change.path(id, at);
                 [(above_old, above_new), (above_new, new)]
             });
             steps

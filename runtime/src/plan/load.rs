@@ -258,7 +258,7 @@ fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
             .and_then(|it| u32::try_from(it.0).ok())
             .unwrap_or(3),
         time_to_live: milliseconds(time_to_live.map(|it| *it.get_ref()), set.time_to_live),
-        beacon: milliseconds(raw.protocol.beacon_ms, set.beacon),
+        beacon: milliseconds(raw.protocol.heartbeat_ms, set.beacon),
         repair: milliseconds(raw.protocol.repair_ms, set.repair),
     };
     let place = |field: Option<std::ops::Range<usize>>| field.unwrap_or(raw.protocol.policy.span());

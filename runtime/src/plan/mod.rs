@@ -17,12 +17,12 @@ pub mod room;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::Blueprint;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Following, Holds, Liveness, Succession};
-use muster_machines::radio::{self, Budget, IdealAuthenticator, Lives};
+use muster_machines::node::Blueprint;
+use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
@@ -30,8 +30,8 @@ use muster_machines::{mission, navigation, routing};
 use serde_json::Value;
 
 use crate::schema;
-use crate::vehicle::{Craft, Landing, SimulatedLink, Vehicle};
-use crate::words::plural;
+use crate::text::plural;
+use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
 
 pub use self::fence::fence_in_words;
 pub use self::load::{load_from, mission_file, put_together, to_usize};
@@ -171,10 +171,10 @@ impl Plan {
     /// The vehicle in closed form of one of its drones or relays, where it stands before it takes off; nothing for a
     /// number that none of them has. How long it settles at the end of a leg is drawn from `seed`.
     #[must_use]
-    pub fn craft(&self, id: NodeId, seed: u64) -> Option<Craft> {
+    pub fn simulated_vehicle(&self, id: NodeId, seed: u64) -> Option<SimulatedVehicle> {
         let place = self.stands().nth(usize::try_from(id.0).ok()?)?;
         let vehicle = Vehicle::new(self.landing, place).lasting(self.endurance);
-        Some(Craft::new(vehicle, self.settle, seed))
+        Some(SimulatedVehicle::new(vehicle, self.settle, seed))
     }
 
     /// Who leads it when the operator tells it to fly.
@@ -199,7 +199,7 @@ impl Plan {
                 },
                 members: self.nodes(),
                 // All begin at once, and no journal is ever lost.
-                lives: Lives::Counted,
+                incarnations: Incarnations::Counted,
             },
             authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),
@@ -226,9 +226,9 @@ impl Plan {
                     Succession::Elect => protocol.time_to_live * 3,
                     Succession::Land => protocol.time_to_live,
                 },
-                deference: match (protocol.succession, protocol.liveness) {
+                candidacy_back_off: match (protocol.succession, protocol.liveness) {
                     // As long as news takes to a neighbour.
-                    (Succession::Elect, Liveness::Pulse) => protocol.repair * 2,
+                    (Succession::Elect, Liveness::Heartbeat) => protocol.repair * 2,
                     (Succession::Land, _) | (_, Liveness::Thesis) => Duration::ZERO,
                 },
                 set_up_limit: self.limits.set_up,

@@ -5,9 +5,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use muster_machines::cell::Address;
 use muster_machines::formation::Exposure;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
+use muster_machines::node::Address;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use toml::Spanned;
@@ -211,7 +211,7 @@ pub struct Protocol {
     pub stable_after: Option<Whole<1, 1_000>>,
     #[schemars(with = "Option<Milliseconds>")]
     pub time_to_live_ms: Option<Spanned<Milliseconds>>,
-    pub beacon_ms: Option<Milliseconds>,
+    pub heartbeat_ms: Option<Milliseconds>,
     pub repair_ms: Option<Milliseconds>,
 }
 
@@ -306,14 +306,14 @@ impl From<SuccessionName> for Succession {
 #[serde(rename_all = "kebab-case")]
 pub enum LivenessName {
     #[default]
-    Pulse,
+    Heartbeat,
     Thesis,
 }
 
 impl From<LivenessName> for Liveness {
     fn from(name: LivenessName) -> Self {
         match name {
-            LivenessName::Pulse => Self::Pulse,
+            LivenessName::Heartbeat => Self::Heartbeat,
             LivenessName::Thesis => Self::Thesis,
         }
     }
@@ -443,7 +443,7 @@ pub struct Fault {
     pub at_s: Option<Instant>,
     #[schemars(with = "Option<Whole<0, 65_534>>")]
     pub at_waypoint: Option<Spanned<Whole<0, 65_534>>>,
-    pub when: Option<OccasionName>,
+    pub when: Option<TriggerName>,
     #[schemars(with = "Option<Instant>")]
     pub after_s: Option<Spanned<Instant>>,
     #[schemars(with = "Option<Seconds>")]
@@ -514,7 +514,7 @@ pub struct Chaos {
 
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum OccasionName {
+pub enum TriggerName {
     TakingOff,
     Elected,
     Settled,

@@ -154,7 +154,7 @@ impl Pace<'_> {
         let across = changes.iter().map(move |change| {
             let at = self.waypoints[usize::from(change.waypoint())];
             let ways = drones().map(|id| {
-                let [from, to, _] = change.way(id, at);
+                let [from, to, _] = change.path(id, at);
                 (change.wave(id), from.horizontal_distance_m(to), 0.0)
             });
             self.longest_s(ways)

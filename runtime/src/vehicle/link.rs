@@ -1,7 +1,7 @@
 use std::convert::Infallible;
 
 use muster_machines::machine::{Machine, Output};
-use muster_machines::msp::{Checkpoint, Demand, Event, Input, Transmit};
+use muster_machines::msp::{Checkpoint, Event, FlightCommand, Input, Transmit};
 use muster_machines::time::Timestamp;
 use std::collections::VecDeque;
 
@@ -47,14 +47,16 @@ impl Machine for SimulatedLink {
 
     fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
-            Input::Demand(Demand::Report) => self.transmit(Transmit::Command(Demand::Report)),
-            Input::Demand(_) if self.durable.gave_up => {}
-            Input::Demand(demand) => self.transmit(Transmit::Command(demand)),
+            Input::FlightCommand(FlightCommand::Report) => {
+                self.transmit(Transmit::Command(FlightCommand::Report))
+            }
+            Input::FlightCommand(_) if self.durable.gave_up => {}
+            Input::FlightCommand(command) => self.transmit(Transmit::Command(command)),
             Input::Telemetry(telemetry) => self.transmit(Transmit::Telemetry(telemetry)),
             Input::GiveUp => {
                 self.durable.gave_up = true;
                 self.checkpoint();
-                self.transmit(Transmit::Command(Demand::Land));
+                self.transmit(Transmit::Command(FlightCommand::Land));
             }
         }
         Ok(())

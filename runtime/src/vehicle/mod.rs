@@ -1,22 +1,22 @@
 //! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
 
 mod battery;
-mod craft;
 mod link;
 mod motion;
+mod simulated;
 mod tracking;
 
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::msp::{Demand, Setpoint, Telemetry};
+use muster_machines::msp::{FlightCommand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use self::battery::Battery;
-pub use craft::{Craft, VehicleState};
 pub use link::SimulatedLink;
 pub use motion::{Motion, Piece};
+pub use simulated::{SimulatedVehicle, VehicleState};
 
 /// How a vehicle comes down by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -137,10 +137,10 @@ impl Vehicle {
     }
 
     /// Obeys a demand; whether its motion changed.
-    pub fn obey(&mut self, now: Timestamp, demand: Demand) -> bool {
-        match demand {
-            Demand::Report => false,
-            Demand::Arm => {
+    pub fn obey(&mut self, now: Timestamp, command: FlightCommand) -> bool {
+        match command {
+            FlightCommand::Report => false,
+            FlightCommand::Arm => {
                 if !self.has_flown {
                     self.armed = true;
                     self.has_flown = true;
@@ -148,13 +148,13 @@ impl Vehicle {
                 }
                 false
             }
-            Demand::Yield => {
+            FlightCommand::Yield => {
                 self.is_held = false;
                 false
             }
             // A vehicle that is coming down to land is not called off it.
-            Demand::Fly(_) | Demand::Land if !self.armed || self.is_landing => false,
-            Demand::Fly(Setpoint::Leg {
+            FlightCommand::Fly(_) | FlightCommand::Land if !self.armed || self.is_landing => false,
+            FlightCommand::Fly(Setpoint::Leg {
                 to,
                 speed_mps,
                 acceleration_mps2,
@@ -165,7 +165,7 @@ impl Vehicle {
                 self.motion.fly(to, speed_mps, acceleration_mps2);
                 true
             }
-            Demand::Fly(Setpoint::Track {
+            FlightCommand::Fly(Setpoint::Track {
                 to,
                 velocity,
                 speed_mps,
@@ -181,7 +181,7 @@ impl Vehicle {
                 self.motion.track(now, (to, velocity), limits, hold);
                 true
             }
-            Demand::Fly(Setpoint::Hold {
+            FlightCommand::Fly(Setpoint::Hold {
                 altitude_m,
                 vertical_mps,
                 acceleration_mps2,
@@ -192,7 +192,7 @@ impl Vehicle {
                     .hold(now, altitude_m, vertical_mps, acceleration_mps2);
                 true
             }
-            Demand::Land => {
+            FlightCommand::Land => {
                 self.target = None;
                 self.is_landing = true;
                 self.motion.brake(now);

@@ -11,8 +11,8 @@ fn at(seconds: f64) -> Timestamp {
     Timestamp::from_secs_f64(seconds)
 }
 
-fn leg(north_m: f64, altitude_m: f64) -> Demand {
-    Demand::Fly(Setpoint::Leg {
+fn leg(north_m: f64, altitude_m: f64) -> FlightCommand {
+    FlightCommand::Fly(Setpoint::Leg {
         to: Ned::new(north_m, 0.0, -altitude_m),
         speed_mps: 10.0,
         acceleration_mps2: 1.0,
@@ -22,7 +22,7 @@ fn leg(north_m: f64, altitude_m: f64) -> Demand {
 /// Armed, hovering 20 m over home.
 fn hovering() -> Vehicle {
     let mut vehicle = Vehicle::new(LANDING, Ned::new(0.0, 0.0, -20.0));
-    vehicle.obey(Timestamp::ZERO, Demand::Arm);
+    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
     vehicle
 }
 
@@ -80,7 +80,10 @@ fn a_vehicle_that_settles_hovers_at_the_end_of_its_leg_until_it_is_at_rest() {
 
 #[test]
 fn a_vehicle_that_settles_leaves_for_its_next_leg_and_to_land_at_once() {
-    for (next, seconds) in [(leg(0.0, 20.0), 60.0), (Demand::Land, 8.166_666_667 + 20.5)] {
+    for (next, seconds) in [
+        (leg(0.0, 20.0), 60.0),
+        (FlightCommand::Land, 8.166_666_667 + 20.5),
+    ] {
         let mut vehicle = hovering();
         vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
         vehicle.settle(Duration::from_secs(30));
@@ -96,7 +99,7 @@ fn nothing_jumps_where_pieces_meet() {
     vehicle.obey(at(1.0), leg(300.0, 30.0));
     vehicle.settle(Duration::from_secs(2));
     vehicle.obey(at(12.3), leg(-50.0, 20.0));
-    vehicle.obey(at(17.0), Demand::Land);
+    vehicle.obey(at(17.0), FlightCommand::Land);
     for pair in vehicle.motion().pieces().windows(2) {
         let before = pair[0].position(pair[0].end);
         let after = pair[1].position(pair[1].start);
@@ -107,7 +110,7 @@ fn nothing_jumps_where_pieces_meet() {
 #[test]
 fn a_landing_ends_disarmed_on_the_ground_and_is_not_called_off() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, Demand::Land);
+    vehicle.obey(Timestamp::ZERO, FlightCommand::Land);
     assert!(!vehicle.obey(at(3.0), leg(100.0, 20.0)));
     // 10 m at 1.5 m/s and 10 m at 0.5 m/s, with the ramps of both.
     let end = vehicle.motion().end_time().unwrap();
@@ -124,11 +127,11 @@ fn a_landing_ends_disarmed_on_the_ground_and_is_not_called_off() {
 fn a_vehicle_that_is_not_armed_does_not_move_and_one_that_has_landed_does_not_arm_again() {
     let mut vehicle = Vehicle::new(LANDING, Ned::HOME);
     assert!(!vehicle.obey(Timestamp::ZERO, leg(0.0, 20.0)));
-    assert!(!vehicle.obey(Timestamp::ZERO, Demand::Land));
-    vehicle.obey(Timestamp::ZERO, Demand::Arm);
-    assert!(vehicle.obey(Timestamp::ZERO, Demand::Land));
+    assert!(!vehicle.obey(Timestamp::ZERO, FlightCommand::Land));
+    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
+    assert!(vehicle.obey(Timestamp::ZERO, FlightCommand::Land));
     vehicle.come_to_rest();
-    vehicle.obey(at(9.0), Demand::Arm);
+    vehicle.obey(at(9.0), FlightCommand::Arm);
     assert!(!vehicle.is_armed());
 }
 
@@ -158,8 +161,8 @@ fn a_span_of_time_is_covered_without_gaps_rests_included() {
     }
 }
 
-fn track(north_m: f64, north_mps: f64) -> Demand {
-    Demand::Fly(Setpoint::Track {
+fn track(north_m: f64, north_mps: f64) -> FlightCommand {
+    FlightCommand::Fly(Setpoint::Track {
         to: Ned::new(north_m, 0.0, -20.0),
         velocity: Velocity::new(north_mps, 0.0, 0.0),
         speed_mps: 12.0,
@@ -238,7 +241,7 @@ fn sticks_are_obeyed_until_they_are_moved_again() {
     assert!(close(telemetry.position.north_m(), 16.0 + 8.0 * 95.0));
     vehicle.steer(at(100.0), Velocity::ZERO, 2.0);
     assert!(vehicle.telemetry(at(104.1)).at_rest);
-    vehicle.obey(at(105.0), Demand::Land);
+    vehicle.obey(at(105.0), FlightCommand::Land);
     assert!(!vehicle.steer(at(106.0), Velocity::new(8.0, 0.0, 0.0), 2.0));
 }
 
@@ -256,8 +259,8 @@ fn pieces_of_a_tracked_motion_meet() {
     }
 }
 
-fn hold(altitude_m: f64) -> Demand {
-    Demand::Fly(Setpoint::Hold {
+fn hold(altitude_m: f64) -> FlightCommand {
+    FlightCommand::Fly(Setpoint::Hold {
         altitude_m,
         vertical_mps: 1.5,
         acceleration_mps2: 1.0,
@@ -302,7 +305,7 @@ fn a_vehicle_that_holds_ignores_its_pilot_until_it_is_given_back() {
     assert!(vehicle.steer(at(1.0), north, 1.0));
     vehicle.obey(at(2.0), hold(20.0));
     assert!(!vehicle.steer(at(3.0), north, 1.0));
-    vehicle.obey(at(4.0), Demand::Yield);
+    vehicle.obey(at(4.0), FlightCommand::Yield);
     assert!(vehicle.steer(at(5.0), north, 1.0));
 }
 

@@ -103,7 +103,7 @@ pub const FIGURES: [Figure; 10] = [
         name: "Election, longest",
         short: "election\nlongest s",
         unit: "s",
-        about: "From when a part of the swarm had lost its master until each part had one that all in it obeyed.",
+        about: "From when a part of the swarm had lost its master until each part had one that all in it leader.",
         digits: 2,
         of: |row| row.election_max_s,
     },

@@ -7,7 +7,7 @@ use super::statistics::Estimate;
 use super::summary::{FIGURES, Figure, Summary};
 use crate::report::Colour;
 use crate::report::table::{GREEN, RED, STYLE, painted};
-use muster_runtime::words::{NOTHING, figure, plural};
+use muster_runtime::text::{NOTHING, figure, plural};
 
 /// The most combinations that are listed.
 const LISTED_MAX: usize = 50;

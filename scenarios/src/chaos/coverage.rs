@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::grammar;
 use crate::scenario::Fault;
-use crate::world::{Phase, Strike};
+use crate::world::{Injection, Phase};
 
 /// How often each kind of fault befell, and what it met.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -122,14 +122,14 @@ impl Coverage {
     }
 
     /// Counts what the faults of a plan met that were drawn; the first `own` of them are the scenario's own.
-    pub(super) fn count(&mut self, own: usize, faults: &[Fault], struck: &[Strike]) {
-        for strike in struck.iter().filter(|strike| strike.fault >= own) {
-            let fault = &faults[strike.fault];
+    pub(super) fn count(&mut self, own: usize, faults: &[Fault], struck: &[Injection]) {
+        for injection in struck.iter().filter(|injection| injection.fault >= own) {
+            let fault = &faults[injection.fault];
             let row = self.0.entry(fault.kind.name()).or_default();
-            *row.phase(strike.phase) += 1;
-            row.master += u64::from(strike.leads);
-            row.electing += u64::from(strike.electing);
-            row.apart += u64::from(strike.apart);
+            *row.phase(injection.phase) += 1;
+            row.master += u64::from(injection.leads);
+            row.electing += u64::from(injection.electing);
+            row.apart += u64::from(injection.apart);
         }
     }
 

@@ -7,14 +7,15 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{Rng, RngExt};
 
 use crate::scenario::{
-    Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Scenario, Tampered, Target, When,
+    Distortion, DroneFault, Fault, FaultKind, Link, Links, Scenario, Tampered, Target, Trigger,
+    When,
 };
 
 /// A kind of fault, by the name that a scenario file has for it.
@@ -40,49 +41,49 @@ const SHARE: (f64, f64) = (0.05, 1.0);
 fn kinds<R: Rng>() -> [Kind<R>; 28] {
     [
         ("crash radio", |it| {
-            it.befalls(Mishap::CrashActor(Address::Radio))
+            it.affects(DroneFault::CrashActor(Address::Radio))
         }),
         ("crash routing", |it| {
-            it.befalls(Mishap::CrashActor(Address::Routing))
+            it.affects(DroneFault::CrashActor(Address::Routing))
         }),
         ("crash mission", |it| {
-            it.befalls(Mishap::CrashActor(Address::Mission))
+            it.affects(DroneFault::CrashActor(Address::Mission))
         }),
         ("crash navigation", |it| {
-            it.befalls(Mishap::CrashActor(Address::Navigation))
+            it.affects(DroneFault::CrashActor(Address::Navigation))
         }),
         ("crash msp", |it| {
-            it.befalls(Mishap::CrashActor(Address::Msp))
+            it.affects(DroneFault::CrashActor(Address::Msp))
         }),
         ("hang radio", |it| {
-            it.befalls(Mishap::Hang(Some(Address::Radio)))
+            it.affects(DroneFault::Hang(Some(Address::Radio)))
         }),
         ("hang routing", |it| {
-            it.befalls(Mishap::Hang(Some(Address::Routing)))
+            it.affects(DroneFault::Hang(Some(Address::Routing)))
         }),
         ("hang mission", |it| {
-            it.befalls(Mishap::Hang(Some(Address::Mission)))
+            it.affects(DroneFault::Hang(Some(Address::Mission)))
         }),
         ("hang navigation", |it| {
-            it.befalls(Mishap::Hang(Some(Address::Navigation)))
+            it.affects(DroneFault::Hang(Some(Address::Navigation)))
         }),
         ("hang msp", |it| {
-            it.befalls(Mishap::Hang(Some(Address::Msp)))
+            it.affects(DroneFault::Hang(Some(Address::Msp)))
         }),
-        ("hang", |it| it.befalls(Mishap::Hang(None))),
-        ("restart", |it| it.befalls(Mishap::Restart)),
-        ("kill", |it| it.befalls(Mishap::Kill)),
-        ("crash_aircraft", |it| it.befalls(Mishap::CrashAircraft)),
-        ("lose_gps", |it| it.befalls(Mishap::LoseGps)),
+        ("hang", |it| it.affects(DroneFault::Hang(None))),
+        ("restart", |it| it.affects(DroneFault::Restart)),
+        ("kill", |it| it.affects(DroneFault::Kill)),
+        ("crash_aircraft", |it| it.affects(DroneFault::CrashAircraft)),
+        ("lose_gps", |it| it.affects(DroneFault::LoseGps)),
         ("drain", |it| {
             let to = it.hundredths(0.0, 0.3);
-            it.befalls(Mishap::Drain(to))
+            it.affects(DroneFault::Drain(to))
         }),
-        ("replay", |it| it.befalls(Mishap::Replay)),
-        ("forge", |it| it.befalls(Mishap::Forge)),
+        ("replay", |it| it.affects(DroneFault::Replay)),
+        ("forge", |it| it.affects(DroneFault::Forge)),
         ("skew", |it| {
             let ppm = it.rng.random_range(-PPM_MAX..=PPM_MAX);
-            it.befalls(Mishap::Skew(ppm))
+            it.affects(DroneFault::Skew(ppm))
         }),
         ("cut", |it| FaultKind::Links(it.links(), Link::Cut)),
         ("one_way", |it| FaultKind::Links(it.links(), Link::OneWay)),
@@ -124,11 +125,11 @@ pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<F
     while faults.len() < number {
         let fault = drawing.fault();
         faults.push(fault.clone());
-        let FaultKind::Drone(_, mishap) = fault.kind else {
+        let FaultKind::Drone(_, what) = fault.kind else {
             continue;
         };
         while faults.len() < number && drawing.rng.random_ratio(1, 3) {
-            let kind = FaultKind::Drone(Target::Drone(drawing.node()), mishap);
+            let kind = FaultKind::Drone(Target::Drone(drawing.node()), what);
             let fault = fault.clone();
             faults.push(Fault { kind, ..fault });
         }
@@ -166,12 +167,12 @@ impl<R: Rng> Drawing<'_, R> {
 
     fn when(&mut self) -> When {
         let waypoints = u16::try_from(self.scenario.plan.waypoints.len()).unwrap_or(u16::MAX);
-        let occasion = match self.rng.random_range(0..10) {
-            0 => Occasion::TakingOff,
-            1 => Occasion::Elected,
-            2 => Occasion::Settled,
-            3 => Occasion::Landing,
-            4 | 5 => Occasion::Waypoint(self.rng.random_range(0..waypoints.max(1))),
+        let trigger = match self.rng.random_range(0..10) {
+            0 => Trigger::TakingOff,
+            1 => Trigger::Elected,
+            2 => Trigger::Settled,
+            3 => Trigger::Landing,
+            4 | 5 => Trigger::Waypoint(self.rng.random_range(0..waypoints.max(1))),
             _ => {
                 let flight = self.scenario.plan.limits.flight.as_millis();
                 let at = self.milliseconds(0..=u64::try_from(flight).unwrap_or(u64::MAX));
@@ -184,16 +185,16 @@ impl<R: Rng> Drawing<'_, R> {
         } else {
             self.milliseconds(1..=AFTER_MAX_MS)
         };
-        When::After(occasion, after)
+        When::After(trigger, after)
     }
 
-    fn befalls(&mut self, mishap: Mishap) -> FaultKind {
+    fn affects(&mut self, fault: DroneFault) -> FaultKind {
         let target = if self.rng.random_ratio(2, 5) {
             Target::Master
         } else {
             Target::Drone(self.node())
         };
-        FaultKind::Drone(target, mishap)
+        FaultKind::Drone(target, fault)
     }
 
     fn tampers(&mut self, how: Distortion) -> FaultKind {

@@ -251,7 +251,7 @@ fn fly_chunk(
         let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
         if let Some(violation) = outcome.violations.first() {
             let violation = Violation::from(violation);
-            if !search.goes_on() {
+            if !search.keeps_going() {
                 last = Some(Last { plan, violation });
                 break;
             }
@@ -344,7 +344,7 @@ mod tests {
             scenario,
             set: SIMPLE.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: seeds.parse().unwrap(),
-            goes_on: false,
+            keeps_going: false,
         })
         .unwrap()
     }
@@ -395,7 +395,7 @@ mod tests {
     fn a_search_that_goes_on_lists_the_plans_that_break_a_rule() {
         let folder = tempfile::tempdir().unwrap();
         let mut search = search("3..9");
-        search.request.goes_on = true;
+        search.request.keeps_going = true;
         let effort = |seconds| Effort {
             run_limit: Duration::from_secs(seconds),
             ..effort(2)

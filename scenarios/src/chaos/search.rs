@@ -22,7 +22,7 @@ pub struct Request {
     /// The seeds of the plans.
     pub seeds: Seeds,
     /// Whether the search goes on past plans that break a rule, and lists them.
-    pub goes_on: bool,
+    pub keeps_going: bool,
 }
 
 /// A search that can be made.
@@ -115,8 +115,8 @@ impl Search {
     }
 
     /// Whether it goes on past plans that break a rule.
-    pub(super) const fn goes_on(&self) -> bool {
-        self.request.goes_on
+    pub(super) const fn keeps_going(&self) -> bool {
+        self.request.keeps_going
     }
 
     /// The command that makes the search, up to the first plan that breaks a rule, to be typed into a POSIX shell.
@@ -245,7 +245,7 @@ mod tests {
             scenario,
             set: set.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: "0..1".parse().unwrap(),
-            goes_on: false,
+            keeps_going: false,
         })
         .unwrap()
     }

@@ -98,7 +98,7 @@ fn simpler(fault: &Fault) -> Vec<Fault> {
                 When::At(at) => {
                     When::At(Timestamp::ZERO + rounded(at.since(Timestamp::ZERO), step))
                 }
-                When::After(occasion, after) => When::After(occasion, rounded(after, step)),
+                When::After(trigger, after) => When::After(trigger, rounded(after, step)),
             }
         });
         with(&|it| {
@@ -169,7 +169,7 @@ mod tests {
     use muster_machines::identity::NodeId;
 
     use super::*;
-    use crate::scenario::{Link, Mishap};
+    use crate::scenario::{DroneFault, Link};
 
     #[test]
     fn every_step_is_smaller_than_the_plan() {
@@ -183,7 +183,7 @@ mod tests {
         );
         cut.lasts = Some(Duration::from_millis(30));
         cut.times = 3;
-        let kill = FaultKind::Drone(Target::Master, Mishap::Kill);
+        let kill = FaultKind::Drone(Target::Master, DroneFault::Kill);
         let plan = Plan {
             seed: 1,
             values: vec![0, 2],
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn whoever_is_not_there_is_noticed() {
-        let kill = |drone| FaultKind::Drone(Target::Drone(NodeId(drone)), Mishap::Kill);
+        let kill = |drone| FaultKind::Drone(Target::Drone(NodeId(drone)), DroneFault::Kill);
         let plan = Plan {
             seed: 1,
             values: Vec::new(),

@@ -8,7 +8,7 @@ use super::state::Broken;
 use crate::report::Colour;
 use crate::report::figures::count;
 use crate::report::table::{GREEN, RED, STYLE, painted};
-use muster_runtime::words::{drones, figure, plural};
+use muster_runtime::text::{drones, figure, plural};
 
 /// What a search came to, as text; it ends with a line feed.
 #[must_use]

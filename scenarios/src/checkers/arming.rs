@@ -1,7 +1,7 @@
-use muster_machines::cell::{Address, Envelope};
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::mission::{Event, Input, Order, State};
-use muster_machines::msp::Demand;
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::{Address, Envelope};
 use muster_machines::routing::Notice;
 use muster_machines::time::Timestamp;
 use muster_machines::wire;
@@ -98,7 +98,7 @@ impl ArmingChecker {
         now: Timestamp,
         drone: NodeId,
         event: &Event,
-        obeyed: Option<Ballot>,
+        leader: Option<Ballot>,
     ) -> Option<Violation> {
         let Event::State(state) = *event else {
             return None;
@@ -116,7 +116,7 @@ impl ArmingChecker {
             Phase::Grounded => format!("drone {drone} takes off and was not told to"),
             Phase::Told | Phase::Leads => {
                 *phase = Phase::Up;
-                let elected = obeyed.filter(Ballot::is_elected)?;
+                let elected = leader.filter(Ballot::is_elected)?;
                 format!("drone {drone} takes off under {elected}")
             }
         };
@@ -128,11 +128,11 @@ impl ArmingChecker {
         &mut self,
         now: Timestamp,
         drone: NodeId,
-        demand: Demand,
+        command: FlightCommand,
     ) -> Option<Violation> {
         let phase = &mut self.drones[drone.0 as usize];
-        match (demand, *phase) {
-            (Demand::Land, _) => {
+        match (command, *phase) {
+            (FlightCommand::Land, _) => {
                 // A mission that lands has said so before; one that has not, for it does not run, may take a while to
                 // find out that its aircraft came down, but does not fly a second time.
                 *phase = match phase {
@@ -142,19 +142,20 @@ impl ArmingChecker {
                 };
                 None
             }
-            (Demand::Arm, Phase::UpAgain) => {
+            (FlightCommand::Arm, Phase::UpAgain) => {
                 let what = format!("drone {drone} arms after its process has started anew");
                 Some(violation(now, drone, what))
             }
-            (Demand::Arm, Phase::Down) => {
+            (FlightCommand::Arm, Phase::Down) => {
                 let what = format!("drone {drone} arms though it was to stay down");
                 Some(violation(now, drone, what))
             }
-            (Demand::Arm, Phase::Grounded | Phase::Told | Phase::Leads) => {
+            (FlightCommand::Arm, Phase::Grounded | Phase::Told | Phase::Leads) => {
                 let what = format!("drone {drone} arms and does not take off");
                 Some(violation(now, drone, what))
             }
-            (Demand::Arm, Phase::Up) | (Demand::Report | Demand::Yield | Demand::Fly(_), _) => None,
+            (FlightCommand::Arm, Phase::Up)
+            | (FlightCommand::Report | FlightCommand::Yield | FlightCommand::Fly(_), _) => None,
         }
     }
 }
@@ -193,14 +194,14 @@ mod tests {
         Boots,
         /// Enters a state while it obeys a ballot of this term.
         Enters(State, u32),
-        Commands(Demand),
+        Commands(FlightCommand),
     }
     use Does::{
         Boots, Commands, Enters, IsToldToFly, IsToldToTakeOff, RestartsMission, RestartsNavigation,
     };
 
     const TAKES_OFF: Does = Enters(State::TakingOff, 1);
-    const ARMS: Does = Commands(Demand::Arm);
+    const ARMS: Does = Commands(FlightCommand::Arm);
 
     /// At which step of a history the checker finds something.
     fn found(history: &[Does]) -> Option<usize> {
@@ -237,7 +238,7 @@ mod tests {
                     let event = Event::State(state);
                     checker.observe(now, DRONE, &event, Some(ballot(term)))
                 }
-                Commands(demand) => checker.commands(now, DRONE, demand),
+                Commands(command) => checker.commands(now, DRONE, command),
             };
             found.is_some_and(|violation| violation.rule == 6)
         })
@@ -255,7 +256,7 @@ mod tests {
             Enters(State::HopUpdate, 1),
             RestartsMission,
             Enters(State::Landing, 2),
-            Commands(Demand::Land),
+            Commands(FlightCommand::Land),
             Enters(State::Finished, 2),
         ];
         assert_eq!(found(&flight), None);
@@ -294,21 +295,34 @@ mod tests {
 
     #[test]
     fn a_drone_that_arms_again_after_it_has_landed_is_found() {
-        let flight = [IsToldToTakeOff(1), TAKES_OFF, ARMS, Commands(Demand::Land)];
+        let flight = [
+            IsToldToTakeOff(1),
+            TAKES_OFF,
+            ARMS,
+            Commands(FlightCommand::Land),
+        ];
         let again = [&flight[..], &[ARMS]].concat();
         assert_eq!(found(&again), Some(4));
     }
 
     #[test]
     fn a_drone_that_said_that_it_lands_and_flies_on_is_found() {
-        let lands = [Enters(State::Landing, 1), Commands(Demand::Land), TAKES_OFF];
+        let lands = [
+            Enters(State::Landing, 1),
+            Commands(FlightCommand::Land),
+            TAKES_OFF,
+        ];
         let flight = [&[IsToldToTakeOff(1), TAKES_OFF, ARMS][..], &lands].concat();
         assert_eq!(found(&flight), Some(5));
     }
 
     #[test]
     fn a_drone_whose_aircraft_came_down_while_its_process_was_away_may_take_a_while_to_find_out() {
-        let away = [Commands(Demand::Land), Boots, Enters(State::HopUpdate, 1)];
+        let away = [
+            Commands(FlightCommand::Land),
+            Boots,
+            Enters(State::HopUpdate, 1),
+        ];
         let finds_out = [Enters(State::Landing, 1), Enters(State::Finished, 1)];
         let flight = [
             &[IsToldToTakeOff(1), TAKES_OFF, ARMS][..],
@@ -331,7 +345,7 @@ mod tests {
 
     #[test]
     fn a_drone_killed_on_the_ground_must_be_told_again() {
-        let killed = [IsToldToFly, Commands(Demand::Land), TAKES_OFF];
+        let killed = [IsToldToFly, Commands(FlightCommand::Land), TAKES_OFF];
         assert_eq!(found(&killed), Some(2));
     }
 }

@@ -1,5 +1,5 @@
-use muster_machines::cell::{Address, Occupancy};
 use muster_machines::identity::NodeId;
+use muster_machines::node::{Address, Occupancy};
 use muster_machines::time::Timestamp;
 
 use super::Violation;

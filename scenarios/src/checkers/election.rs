@@ -8,7 +8,7 @@ use super::Violation;
 /// restarts included.
 #[derive(Debug)]
 pub(crate) struct ElectionChecker {
-    obeyed: Vec<Option<Ballot>>,
+    leader: Vec<Option<Ballot>>,
     /// Since when.
     since: Vec<Timestamp>,
 }
@@ -16,7 +16,7 @@ pub(crate) struct ElectionChecker {
 impl ElectionChecker {
     pub(crate) fn new(drones: usize) -> Self {
         Self {
-            obeyed: vec![None; drones],
+            leader: vec![None; drones],
             since: vec![Timestamp::ZERO; drones],
         }
     }
@@ -30,7 +30,7 @@ impl ElectionChecker {
         if let Event::Obeys(_) = event {
             self.since[drone.0 as usize] = now;
         }
-        let obeyed = &mut self.obeyed[drone.0 as usize];
+        let leader = &mut self.leader[drone.0 as usize];
         let violation = |what| Violation {
             rule: 1,
             at: now,
@@ -38,17 +38,17 @@ impl ElectionChecker {
             what,
         };
         match *event {
-            Event::Obeys(ballot) => match obeyed.replace(ballot) {
+            Event::Obeys(ballot) => match leader.replace(ballot) {
                 Some(before) if !ballot.beats(&before) => Some(violation(format!(
                     "drone {drone} turned from {before} to {ballot}, which is no better"
                 ))),
                 _ => None,
             },
             Event::Opened { .. } | Event::LeftOut(_)
-                if obeyed.is_none_or(|ballot| ballot.master != drone) =>
+                if leader.is_none_or(|ballot| ballot.master != drone) =>
             {
-                let under = obeyed.map_or_else(|| "nobody".to_owned(), |ballot| ballot.to_string());
-                let what = format!("drone {drone} acted as master while it obeyed {under}");
+                let under = leader.map_or_else(|| "nobody".to_owned(), |ballot| ballot.to_string());
+                let what = format!("drone {drone} acted as master while it leader {under}");
                 Some(violation(what))
             }
             _ => None,
@@ -61,8 +61,8 @@ impl ElectionChecker {
     }
 
     /// Whom a drone obeys.
-    pub(crate) fn obeyed(&self, drone: NodeId) -> Option<Ballot> {
-        self.obeyed[drone.0 as usize]
+    pub(crate) fn leader(&self, drone: NodeId) -> Option<Ballot> {
+        self.leader[drone.0 as usize]
     }
 }
 

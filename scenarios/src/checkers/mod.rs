@@ -24,7 +24,7 @@ pub(crate) use landing::check_landed;
 pub(crate) use obedience::ObedienceChecker;
 pub(crate) use progress::ProgressChecker;
 pub(crate) use separation::SeparationChecker;
-pub(crate) use settled::{SettledChecker, Standing};
+pub(crate) use settled::{MemberState, SettledChecker};
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;

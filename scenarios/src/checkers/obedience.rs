@@ -1,6 +1,6 @@
-use muster_machines::cell::{Address, Checkpoints, Effect, Envelope};
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::mission::Input;
+use muster_machines::node::{Address, Checkpoints, Effect, Envelope};
 use muster_machines::routing::Notice;
 use muster_machines::time::Timestamp;
 
@@ -23,7 +23,7 @@ impl ObedienceChecker {
         &mut self,
         drone: NodeId,
         envelope: &Envelope,
-        obeyed: Option<Ballot>,
+        leader: Option<Ballot>,
         number: impl Fn(NodeId) -> NodeId,
     ) {
         if let Envelope::Mission(Input::Routing(Notice::Order { ballot, .. })) = envelope {
@@ -31,13 +31,13 @@ impl ObedienceChecker {
                 master: number(ballot.master),
                 ..*ballot
             };
-            let newer = obeyed.filter(|obeyed| obeyed.beats(&told));
+            let newer = leader.filter(|leader| leader.beats(&told));
             self.refuses = newer.map(|newer| (drone, [told, newer]));
         }
     }
 
     /// Something else is about to happen: a mission that panicked at what it was told has done nothing.
-    pub(crate) const fn goes_on(&mut self) {
+    pub(crate) const fn keeps_going(&mut self) {
         self.refuses = None;
     }
 
@@ -68,8 +68,8 @@ impl ObedienceChecker {
 #[cfg(test)]
 mod tests {
     use bytes::Bytes;
-    use muster_machines::cell::{Checkpoint, Observation};
     use muster_machines::mission::{self, State};
+    use muster_machines::node::{Checkpoint, Observation};
 
     use super::*;
 
@@ -113,7 +113,7 @@ mod tests {
         let seen = Effect::Observe(Observation::Mission(event));
         assert!(is_found(1, std::slice::from_ref(&seen)));
         assert!(is_found(1, &[Effect::Keep(keep(State::Landing))]));
-        assert!(!is_found(2, &[seen]), "it is of the epoch that is obeyed");
+        assert!(!is_found(2, &[seen]), "it is of the epoch that is leader");
     }
 
     #[test]
@@ -127,7 +127,7 @@ mod tests {
         let mut checker = ObedienceChecker {
             refuses: Some((DRONE, [ballot(1), ballot(2)])),
         };
-        checker.goes_on();
+        checker.keeps_going();
         let effects = [Effect::Keep(keep(State::Landing))];
         let kept = Checkpoints::default();
         let found = checker.stepped(Timestamp::ZERO, DRONE, Address::Mission, &effects, &kept);

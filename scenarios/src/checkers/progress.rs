@@ -1,7 +1,7 @@
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 
 use super::Violation;
@@ -27,7 +27,7 @@ impl ProgressChecker {
     }
 
     /// A machine was stepped, and is overdue or not, as
-    /// [`Reaction::is_overdue`](muster_machines::cell::Reaction::is_overdue) says.
+    /// [`StepOutput::is_overdue`](muster_machines::node::StepOutput::is_overdue) says.
     pub(crate) fn stepped(
         at: Timestamp,
         drone: NodeId,

@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 
 use self::nearby::Nearby;
 use super::Violation;
+use muster_runtime::text::rounded_down;
 use muster_runtime::vehicle::{Piece, Vehicle};
-use muster_runtime::words::rounded_down;
 
 /// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
 /// their paths; nobody lands on one that is in its landing place already. An aircraft that fell is left out from then on,

@@ -6,9 +6,9 @@
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use muster_actors::{Drone, DroneConfig, Environment, Message};
-use muster_machines::cell::{Address, Checkpoints, Reaction};
 use muster_machines::identity::NodeId;
-use muster_machines::supervision::Verdict;
+use muster_machines::node::{Address, Checkpoints, StepOutput};
+use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use tokio::sync::Notify;
 
@@ -127,12 +127,12 @@ impl Environment for SimulatedEnvironment {
         lock(&self.world).checkpoints(self.id).clone()
     }
 
-    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
-        lock(&self.world).carry_out(self.id, from, reaction);
+    fn carry_out(&self, from: Address, output: &mut StepOutput) {
+        lock(&self.world).carry_out(self.id, from, output);
     }
 
-    fn failed(&self, address: Address, verdict: Verdict) {
-        lock(&self.world).failed(self.id, address, verdict);
+    fn failed(&self, address: Address, decision: RestartDecision) {
+        lock(&self.world).failed(self.id, address, decision);
     }
 
     fn starting(&self, address: Address) {

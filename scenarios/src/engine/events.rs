@@ -3,9 +3,9 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use muster_actors::InjectedCrash;
-use muster_machines::cell::{Address, Blueprint, Cell, Reaction};
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
+use muster_machines::node::{Address, Blueprint, NodeMachine, StepOutput};
 use muster_machines::supervision::Supervision;
 
 use super::Meter;
@@ -15,22 +15,22 @@ use crate::world::{What, World, blueprints};
 struct Drone {
     /// Apart from the cells, for it is seldom looked at.
     blueprint: Box<Blueprint>,
-    cells: [Option<Cell>; 5],
+    machines: [Option<NodeMachine>; 5],
     supervision: Supervision,
 }
 
 pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter>) -> World {
-    let mut reaction = Reaction::default();
+    let mut output = StepOutput::default();
     let mut drones: Vec<Drone> = blueprints(scenario)
         .into_iter()
         .map(|blueprint| Drone {
             blueprint: Box::new(blueprint),
-            cells: [const { None }; 5],
+            machines: [const { None }; 5],
             supervision: Supervision::new(scenario.plan.limits.restarts),
         })
         .collect();
     for (id, drone) in (0..).map(NodeId).zip(&mut drones) {
-        drone.build_all(&mut world, id, &mut reaction);
+        drone.build_all(&mut world, id, &mut output);
     }
     let mut soon = Vec::new();
     while let Some(task) = world.next() {
@@ -44,25 +44,25 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
         let drone = &mut drones[id.0 as usize];
         match task.what {
             What::Restart => {
-                drone.build(&mut world, id, address, &mut reaction);
+                drone.build(&mut world, id, address, &mut output);
                 continue;
             }
             What::Boot => {
                 drone.supervision = Supervision::new(scenario.plan.limits.restarts);
-                drone.build_all(&mut world, id, &mut reaction);
+                drone.build_all(&mut world, id, &mut output);
                 continue;
             }
             What::Step(_) | What::Crash => {}
         }
-        let Some(cell) = &mut drone.cells[address as usize] else {
+        let Some(machine) = &mut drone.machines[address as usize] else {
             continue;
         };
         let step = AssertUnwindSafe(|| match task.what {
-            What::Step(stimulus) => cell.react(world.now_of(id), stimulus, &mut reaction),
+            What::Step(stimulus) => machine.step(world.now_of(id), stimulus, &mut output),
             What::Crash | What::Restart | What::Boot => resume_unwind(Box::new(InjectedCrash)),
         });
         match catch_unwind(step) {
-            Ok(()) => world.carry_out(id, address, &mut reaction),
+            Ok(()) => world.carry_out(id, address, &mut output),
             Err(_) => drone.fail(&mut world, id, address),
         }
     }
@@ -72,46 +72,46 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
 /// Has the memory of radios and routings at hand that will be needed soon: first what lies in each, then what that leads to, so
 /// that it is waited for side by side.
 fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
-    let cells = |id: NodeId| {
-        let [radio, routing, ..] = &drones[id.0 as usize].cells;
+    let machines = |id: NodeId| {
+        let [radio, routing, ..] = &drones[id.0 as usize].machines;
         radio.iter().chain(routing)
     };
     for (id, _) in soon {
-        cells(*id).for_each(Cell::read_ahead);
+        machines(*id).for_each(NodeMachine::read_ahead);
     }
     for (id, sender) in soon {
-        cells(*id).for_each(|cell| cell.read_further_ahead(*sender));
+        machines(*id).for_each(|machine| machine.read_further_ahead(*sender));
     }
 }
 
 impl Drone {
-    fn build_all(&mut self, world: &mut World, id: NodeId, reaction: &mut Reaction) {
+    fn build_all(&mut self, world: &mut World, id: NodeId, output: &mut StepOutput) {
         for address in Address::ALL {
-            self.build(world, id, address, reaction);
+            self.build(world, id, address, output);
         }
     }
 
-    fn build(&mut self, world: &mut World, id: NodeId, address: Address, reaction: &mut Reaction) {
+    fn build(&mut self, world: &mut World, id: NodeId, address: Address, output: &mut StepOutput) {
         world.starting(id, address);
         let seed = world.seed(id);
         let now = world.now_of(id);
         let checkpoints = world.checkpoints(id);
         let build = AssertUnwindSafe(|| {
-            let mut cell = self.blueprint.build(address, seed, now, checkpoints);
-            cell.react(now, Stimulus::Timeout, reaction);
-            cell
+            let mut machine = self.blueprint.build(address, seed, now, checkpoints);
+            machine.step(now, Stimulus::Timeout, output);
+            machine
         });
         match catch_unwind(build) {
-            Ok(cell) => {
-                world.carry_out(id, address, reaction);
-                self.cells[address as usize] = Some(cell);
+            Ok(machine) => {
+                world.carry_out(id, address, output);
+                self.machines[address as usize] = Some(machine);
             }
             Err(_) => self.fail(world, id, address),
         }
     }
 
     fn fail(&mut self, world: &mut World, id: NodeId, address: Address) {
-        self.cells[address as usize] = None;
+        self.machines[address as usize] = None;
         let verdict = self.supervision.failed(world.now_of(id));
         world.failed(id, address, verdict);
     }

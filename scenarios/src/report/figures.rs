@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use muster_runtime::words::figure;
+use muster_runtime::text::figure;
 
 use super::{Barrier, DroneReport, Engine, FormationChange, Report, Role};
 

@@ -7,7 +7,7 @@ use comfy_table::{
 
 use super::figures::{count, pace};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
-use muster_runtime::words::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
+use muster_runtime::text::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
 
 /// Whether text is coloured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use crate::report::table::STYLE;
 use muster_runtime::plan::apart::{distances, in_words, metres, when};
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::Raw;
-use muster_runtime::words::{NOTHING, drones, plural};
+use muster_runtime::text::{NOTHING, drones, plural};
 
 /// For swarms of at most so many it is found what single faults expose drones to.
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 
 /// Something that goes wrong, once or several times.
@@ -43,12 +43,12 @@ pub enum When {
     /// At this time of the run.
     At(Timestamp),
     /// So long after something has happened for the first time.
-    After(Occasion, Duration),
+    After(Trigger, Duration),
 }
 
 /// What a fault may wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Occasion {
+pub enum Trigger {
     /// A vehicle is armed.
     TakingOff,
     /// A drone has reached this waypoint.
@@ -74,7 +74,7 @@ pub enum Target {
 #[derive(Debug, Clone, PartialEq)]
 pub enum FaultKind {
     /// Something befalls a drone.
-    Drone(Target, Mishap),
+    Drone(Target, DroneFault),
     /// Links between drones are not what they were.
     Links(Links, Link),
     /// Nothing is received within a disc, however high.
@@ -90,7 +90,7 @@ pub enum FaultKind {
 
 /// What can befall a drone.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Mishap {
+pub enum DroneFault {
     /// One of its actors panics.
     CrashActor(Address),
     /// Its companion computer dies: its aircraft comes down by its controller's failsafe.
@@ -142,9 +142,12 @@ impl FaultKind {
     #[must_use]
     pub const fn can_last(&self) -> bool {
         match self {
-            Self::Drone(_, mishap) => matches!(
-                mishap,
-                Mishap::Restart | Mishap::Hang(_) | Mishap::LoseGps | Mishap::Skew(_)
+            Self::Drone(_, fault) => matches!(
+                fault,
+                DroneFault::Restart
+                    | DroneFault::Hang(_)
+                    | DroneFault::LoseGps
+                    | DroneFault::Skew(_)
             ),
             Self::Links(_, link) => !matches!(link, Link::Healed),
             Self::Jam { .. } | Self::Tamper(_) => true,

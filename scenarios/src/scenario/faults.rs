@@ -8,7 +8,9 @@ use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
 use toml::Spanned;
 
-use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
+use super::{
+    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
+};
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::{self, Office, Pair, ProtocolKind, Raw, Sender, Victim, Whole};
 
@@ -77,9 +79,9 @@ impl Reader<'_> {
                     return Err(self.source.error(waypoint.span(), &message));
                 }
                 let waypoint = u16::try_from(at).unwrap_or(u16::MAX);
-                Ok(When::After(Occasion::Waypoint(waypoint), later))
+                Ok(When::After(Trigger::Waypoint(waypoint), later))
             }
-            (None, None, Some(occasion)) => Ok(When::After((*occasion).into(), later)),
+            (None, None, Some(trigger)) => Ok(When::After((*trigger).into(), later)),
             _ => {
                 let message = "a fault happens either `at_s`, `at_waypoint` or `when`";
                 Err(self.source.error(span, message))
@@ -120,19 +122,19 @@ impl Reader<'_> {
                 let message = "`crash` without the `actor` that panics";
                 return Err(self.source.error(victim.span(), message));
             };
-            kinds.push(self.befalls(victim, Mishap::CrashActor(actor))?);
+            kinds.push(self.affects(victim, DroneFault::CrashActor(actor))?);
         }
-        for (victim, mishap) in [
-            (&fault.hang, Mishap::Hang(actor)),
-            (&fault.restart, Mishap::Restart),
-            (&fault.kill, Mishap::Kill),
-            (&fault.crash_aircraft, Mishap::CrashAircraft),
-            (&fault.lose_gps, Mishap::LoseGps),
-            (&fault.replay, Mishap::Replay),
-            (&fault.forge, Mishap::Forge),
+        for (victim, what) in [
+            (&fault.hang, DroneFault::Hang(actor)),
+            (&fault.restart, DroneFault::Restart),
+            (&fault.kill, DroneFault::Kill),
+            (&fault.crash_aircraft, DroneFault::CrashAircraft),
+            (&fault.lose_gps, DroneFault::LoseGps),
+            (&fault.replay, DroneFault::Replay),
+            (&fault.forge, DroneFault::Forge),
         ] {
             if let Some(victim) = victim {
-                kinds.push(self.befalls(victim, mishap)?);
+                kinds.push(self.affects(victim, what)?);
             }
         }
         kinds.extend(self.drained(fault)?);
@@ -155,7 +157,7 @@ impl Reader<'_> {
         kinds.extend(self.tampered(fault)?.map(FaultKind::Tamper));
         match (&fault.skew, &fault.ppm) {
             (Some(victim), Some(ppm)) => {
-                kinds.push(self.befalls(victim, Mishap::Skew(ppm.get_ref().0))?);
+                kinds.push(self.affects(victim, DroneFault::Skew(ppm.get_ref().0))?);
             }
             (Some(victim), None) => {
                 let message = "`skew` without `ppm`, how much the clock gains";
@@ -176,8 +178,8 @@ impl Reader<'_> {
         match (&fault.drain, &fault.to) {
             (None, None) => Ok(None),
             (Some(victim), Some(to)) => {
-                let mishap = Mishap::Drain(to.get_ref().0);
-                self.befalls(victim, mishap).map(Some)
+                let fault = DroneFault::Drain(to.get_ref().0);
+                self.affects(victim, fault).map(Some)
             }
             (Some(alone), None) => {
                 let message = "`drain` without the charge `to` which it goes";
@@ -240,12 +242,12 @@ impl Reader<'_> {
         }
     }
 
-    fn befalls(&self, victim: &Spanned<Victim>, mishap: Mishap) -> Result<FaultKind, BadInput> {
+    fn affects(&self, victim: &Spanned<Victim>, fault: DroneFault) -> Result<FaultKind, BadInput> {
         let target = match victim.get_ref() {
             Victim::Office(Office::Master) => Target::Master,
             Victim::Drone(id) => Target::Drone(self.drone(id, victim.span())?),
         };
-        Ok(FaultKind::Drone(target, mishap))
+        Ok(FaultKind::Drone(target, fault))
     }
 
     fn links(&self, pair: &Spanned<Pair>) -> Result<Links, BadInput> {

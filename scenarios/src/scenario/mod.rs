@@ -4,7 +4,7 @@ mod exposure;
 mod fault;
 mod faults;
 mod load;
-mod outlook;
+mod preview;
 mod settling;
 mod variation;
 mod written;
@@ -16,9 +16,9 @@ use muster_runtime::plan::fields::FIELDS;
 use muster_runtime::plan::{Plan, raw};
 use muster_transport::sim;
 
-pub use self::outlook::holds_in_words;
+pub use self::preview::holds_in_words;
 pub use fault::{
-    Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
+    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
 };
 pub use load::{load, load_from};
 pub use muster_runtime::plan::file::Override;
@@ -145,13 +145,13 @@ impl From<&raw::Swarm> for Joins {
     }
 }
 
-impl From<raw::OccasionName> for Occasion {
-    fn from(name: raw::OccasionName) -> Self {
+impl From<raw::TriggerName> for Trigger {
+    fn from(name: raw::TriggerName) -> Self {
         match name {
-            raw::OccasionName::TakingOff => Self::TakingOff,
-            raw::OccasionName::Elected => Self::Elected,
-            raw::OccasionName::Settled => Self::Settled,
-            raw::OccasionName::Landing => Self::Landing,
+            raw::TriggerName::TakingOff => Self::TakingOff,
+            raw::TriggerName::Elected => Self::Elected,
+            raw::TriggerName::Settled => Self::Settled,
+            raw::TriggerName::Landing => Self::Landing,
         }
     }
 }

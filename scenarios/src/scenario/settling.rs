@@ -4,7 +4,7 @@ use muster_machines::mission::{self, Liveness};
 use muster_machines::routing;
 use muster_transport::sim::{Access, Bursts, Config};
 
-use crate::parts::UP_LOSS_MAX;
+use crate::segments::UP_LOSS_MAX;
 
 /// How long a swarm may take, once no link changes any more, until each part of it has its one master: detection +
 /// 2 · diameter · hop + back-off.
@@ -53,7 +53,7 @@ impl Settling {
         };
         // The thesis's drones look only where they wait, which on a leg they don't.
         let on_a_leg = match mission.liveness {
-            Liveness::Pulse => Duration::ZERO,
+            Liveness::Heartbeat => Duration::ZERO,
             Liveness::Thesis => mission.leg_limit,
         };
         let turn = routing.turn();
@@ -62,7 +62,7 @@ impl Settling {
             .awaited_turns()
             .and_then(|turns| losses.hops_max(turns, turn, mission.layout.formation().drones()));
         Self {
-            detection: routing.detection() + on_a_leg + mission.deference_max(),
+            detection: routing.detection() + on_a_leg + mission.candidacy_back_off_max(),
             spreading: mission.spreading(),
             hop: routing.hop() + travel,
             back_off: turn * 2 * losses.tries(turn),

@@ -4,12 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value, value};
 
-use super::{Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When};
+use super::{
+    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
+};
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::mission_file;
 
@@ -69,15 +71,15 @@ pub(crate) fn table(fault: &Fault) -> Table {
         When::At(at) => {
             table.insert("at_s", value(at.as_secs_f64()));
         }
-        When::After(occasion, after) => {
-            match occasion {
-                Occasion::Waypoint(waypoint) => {
+        When::After(trigger, after) => {
+            match trigger {
+                Trigger::Waypoint(waypoint) => {
                     table.insert("at_waypoint", value(i64::from(waypoint)));
                 }
-                Occasion::TakingOff => drop(table.insert("when", value("taking-off"))),
-                Occasion::Elected => drop(table.insert("when", value("elected"))),
-                Occasion::Settled => drop(table.insert("when", value("settled"))),
-                Occasion::Landing => drop(table.insert("when", value("landing"))),
+                Trigger::TakingOff => drop(table.insert("when", value("taking-off"))),
+                Trigger::Elected => drop(table.insert("when", value("elected"))),
+                Trigger::Settled => drop(table.insert("when", value("settled"))),
+                Trigger::Landing => drop(table.insert("when", value("landing"))),
             }
             if after > Duration::ZERO {
                 table.insert("after_s", value(after.as_secs_f64()));
@@ -97,21 +99,21 @@ pub(crate) fn table(fault: &Fault) -> Table {
 
 fn kind(kind: &FaultKind, table: &mut Table) {
     match kind {
-        FaultKind::Drone(target, mishap) => {
-            table.insert(mishap.verb(), value(victim(*target)));
-            match *mishap {
-                Mishap::CrashActor(actor) | Mishap::Hang(Some(actor)) => {
+        FaultKind::Drone(target, fault) => {
+            table.insert(fault.verb(), value(victim(*target)));
+            match *fault {
+                DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor)) => {
                     table.insert("actor", value(actor_name(actor)));
                 }
-                Mishap::Drain(to) => drop(table.insert("to", value(to))),
-                Mishap::Skew(ppm) => drop(table.insert("ppm", value(i64::from(ppm)))),
-                Mishap::Kill
-                | Mishap::CrashAircraft
-                | Mishap::Restart
-                | Mishap::Hang(None)
-                | Mishap::LoseGps
-                | Mishap::Replay
-                | Mishap::Forge => {}
+                DroneFault::Drain(to) => drop(table.insert("to", value(to))),
+                DroneFault::Skew(ppm) => drop(table.insert("ppm", value(i64::from(ppm)))),
+                DroneFault::Kill
+                | DroneFault::CrashAircraft
+                | DroneFault::Restart
+                | DroneFault::Hang(None)
+                | DroneFault::LoseGps
+                | DroneFault::Replay
+                | DroneFault::Forge => {}
             }
         }
         FaultKind::Links(links, link) => {
@@ -175,11 +177,11 @@ impl FaultKind {
     /// What a scenario file calls it, with the actor that it is about.
     pub(crate) fn name(&self) -> String {
         match self {
-            Self::Drone(_, mishap) => match mishap {
-                Mishap::CrashActor(actor) | Mishap::Hang(Some(actor)) => {
-                    format!("{} {}", mishap.verb(), actor_name(*actor))
+            Self::Drone(_, fault) => match fault {
+                DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor)) => {
+                    format!("{} {}", fault.verb(), actor_name(*actor))
                 }
-                _ => mishap.verb().to_owned(),
+                _ => fault.verb().to_owned(),
             },
             Self::Links(_, link) => link.verb().to_owned(),
             Self::Jam { .. } => "jam".to_owned(),
@@ -188,7 +190,7 @@ impl FaultKind {
     }
 }
 
-impl Mishap {
+impl DroneFault {
     const fn verb(&self) -> &'static str {
         match self {
             Self::CrashActor(_) => "crash",

@@ -6,7 +6,7 @@ use super::Published;
 use crate::report::figures::mean;
 use crate::report::{Engine, Report, Role};
 use crate::scenario::Scenario;
-use muster_runtime::words::plural;
+use muster_runtime::text::plural;
 
 /// The five experiments, the waits of the second and of a single hop, the figures of others and ours: what `--json`
 /// prints and `thesis.json` holds, apart from the reports of further runs. All times are simulated seconds.

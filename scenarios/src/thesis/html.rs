@@ -9,7 +9,7 @@ use crate::report::figures::count;
 use crate::report::html::bars::{Bars, Chart, Level, chart};
 use crate::report::html::map::kinds;
 use crate::report::html::{card, document};
-use muster_runtime::words::{figure, figure_or_nothing, plural};
+use muster_runtime::text::{figure, figure_or_nothing, plural};
 
 const STYLE: &str = include_str!("thesis.css");
 

@@ -5,7 +5,7 @@ use comfy_table::{Attribute, Cell, CellAlignment, Table};
 use super::compare::{Comparison, Delays, Experiment, Quantity, Wait};
 use crate::report::Colour;
 use crate::report::table::{GREEN, RED, STYLE, painted};
-use muster_runtime::words::{NOTHING, figure, figure_or_nothing};
+use muster_runtime::text::{NOTHING, figure, figure_or_nothing};
 
 /// The columns, named in two lines.
 const COLUMNS: [&str; 6] = [

@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
+use muster_machines::node::Address;
 
 use super::{Swarm, World};
-use crate::checkers::Standing;
-use crate::parts::Link;
-use crate::scenario::Occasion;
+use crate::checkers::MemberState;
+use crate::scenario::Trigger;
+use crate::segments::Link;
 
 /// How often links are looked at while drones fly, besides whenever something happens that depends on them: at 10 m/s
 /// each, two drones come 20 m nearer to each other meanwhile.
@@ -38,7 +38,7 @@ impl World {
     /// Takes in how the links are now.
     pub(super) fn look_at_links(&mut self) {
         self.next_look = self.now + LOOK_AT_LINKS_EVERY;
-        let seen = Some((self.standings, self.medium.changes()));
+        let seen = Some((self.process_changes, self.medium.changes()));
         if self.looked_at == seen {
             return;
         }
@@ -67,10 +67,10 @@ impl World {
             for (id, live) in (0..).map(NodeId).zip(&mut own) {
                 *live = live.filter(|_| swarm.has(id));
             }
-            swarm.parts.look(self.now, own, links.clone());
+            swarm.segments.look(self.now, own, links.clone());
             let nodes = u32::try_from(self.drones.len()).unwrap_or(u32::MAX);
             let news = swarm.settled.settling().news(nodes);
-            swarm.parts.forget_older(self.now, news);
+            swarm.segments.forget_older(self.now, news);
         }
     }
 
@@ -78,20 +78,23 @@ impl World {
     /// obey it; of those that turned to it only who did so long enough ago.
     pub(super) fn awaited_by(&self, master: NodeId) -> BTreeSet<NodeId> {
         let swarm = self.swarm(master);
-        let mut part = swarm.parts.part_of(master);
-        let Some(epoch) = self.election.obeyed(master) else {
-            return part;
+        let mut segment = swarm.segments.segment_of(master);
+        let Some(epoch) = self.election.leader(master) else {
+            return segment;
         };
         let settling = swarm.settled.settling();
-        let hops = u32::try_from(part.len()).unwrap_or(u32::MAX);
+        let hops = u32::try_from(segment.len()).unwrap_or(u32::MAX);
         let news = settling.news(hops);
         let is_known = |id: NodeId| {
-            let obeyed_for = self.now.since(self.election.since(id));
-            let has_turned_lately = epoch.is_elected() && obeyed_for <= settling.time(hops);
-            !has_turned_lately && swarm.parts.have_been_together((id, master), self.now, news)
+            let followed_for = self.now.since(self.election.since(id));
+            let has_turned_lately = epoch.is_elected() && followed_for <= settling.time(hops);
+            !has_turned_lately
+                && swarm
+                    .segments
+                    .have_been_together((id, master), self.now, news)
         };
-        part.retain(|id| self.election.obeyed(*id) == Some(epoch) && is_known(*id));
-        part
+        segment.retain(|id| self.election.leader(*id) == Some(epoch) && is_known(*id));
+        segment
     }
 
     /// Each part has its master, once it has had the time to settle.
@@ -99,14 +102,14 @@ impl World {
         if !self.checks {
             return;
         }
-        let standing = |id| Standing {
+        let member_state = |id| MemberState {
             flies: self.flies(id),
             leads: self.may_lead(id),
             spreads: self.swarm(id).recorder.state(id).is_spreading(),
-            obeys: self.election.obeyed(id),
+            obeys: self.election.leader(id),
         };
         let mut looked_at = self.swarms.iter();
-        let found = looked_at.find_map(|it| it.settled.look(self.now, &it.parts, standing));
+        let found = looked_at.find_map(|it| it.settled.look(self.now, &it.segments, member_state));
         self.find(found);
     }
 
@@ -160,7 +163,7 @@ impl World {
             let recorder = &mut self.swarms[index].recorder;
             if recorder.election(self.now, masters) {
                 let centre = recorder.centre();
-                self.occurs(centre, Occasion::Settled);
+                self.occurs(centre, Trigger::Settled);
             }
         }
     }
@@ -169,10 +172,10 @@ impl World {
     /// that are connected and don't otherwise, or one whose master is none.
     fn masters_if_settled(&self, swarm: &Swarm) -> Result<BTreeSet<NodeId>, (NodeId, NodeId)> {
         let is_at_odds = |(a, b): (NodeId, NodeId)| {
-            swarm.parts.are_connected(a, b)
+            swarm.segments.are_connected(a, b)
                 && self.flies(a)
                 && self.flies(b)
-                && self.election.obeyed(a) != self.election.obeyed(b)
+                && self.election.leader(a) != self.election.leader(b)
         };
         if let Some(pair) = swarm.at_odds.filter(|pair| is_at_odds(*pair)) {
             return Err(pair);
@@ -180,16 +183,16 @@ impl World {
         // Of each connected group, by its first node, the first that flies and whom that obeys.
         let mut groups = BTreeMap::new();
         for id in swarm.ids().filter(|id| self.flies(*id)) {
-            let obeyed = self.election.obeyed(id).ok_or((id, id))?;
-            let group = swarm.parts.first_connected_with(id);
-            match groups.entry(group).or_insert((id, obeyed)) {
-                (_, other) if *other == obeyed => {}
+            let leader = self.election.leader(id).ok_or((id, id))?;
+            let group = swarm.segments.first_connected_with(id);
+            match groups.entry(group).or_insert((id, leader)) {
+                (_, other) if *other == leader => {}
                 (other, _) => return Err((*other, id)),
             }
         }
-        let masters = groups.into_values().map(|(id, obeyed)| {
-            let master = obeyed.master;
-            let leads = swarm.parts.are_connected(id, master) && self.may_lead(master);
+        let masters = groups.into_values().map(|(id, leader)| {
+            let master = leader.master;
+            let leads = swarm.segments.are_connected(id, master) && self.may_lead(master);
             leads.then_some(master).ok_or((id, id))
         });
         masters.collect()

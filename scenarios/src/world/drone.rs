@@ -2,7 +2,7 @@ use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Checkpoint, Checkpoints};
+use muster_machines::node::{Address, Checkpoint, Checkpoints};
 use muster_machines::time::Timestamp;
 use muster_runtime::journal::Journal;
 use rand::RngExt;
@@ -25,7 +25,7 @@ pub(super) struct Drone {
     /// Whether its process runs.
     pub(crate) runs: bool,
     /// How often its process has ended; what was planned for an earlier life does not happen.
-    pub(crate) lives: u32,
+    pub(crate) incarnations: u32,
     /// Whether one of its actors could not be kept alive.
     pub(crate) given_up: bool,
     seats: [Seat; 5],
@@ -63,7 +63,7 @@ impl Drone {
             checkpoints: checkpoints.unwrap_or_default(),
             journal: journal.map(Box::new),
             runs: true,
-            lives: 0,
+            incarnations: 0,
             given_up: false,
             seats: [Seat::default(); 5],
             backlog: VecDeque::new(),
@@ -83,7 +83,7 @@ impl Drone {
         self.steps.1
     }
 
-    /// Reads what a frame for it will touch, as [`Cell::read_ahead`](muster_machines::cell::Cell::read_ahead) does.
+    /// Reads what a frame for it will touch, as [`Cell::read_ahead`](muster_machines::node::Cell::read_ahead) does.
     pub(super) fn read_ahead(&self) {
         let [radio, routing, ..] = &self.seats;
         black_box((radio.is_up, routing.deadline, routing.is_up, self.clock));
@@ -129,7 +129,7 @@ impl Drone {
             self.take_down(address);
         }
         self.runs = false;
-        self.lives += 1;
+        self.incarnations += 1;
         self.hangs += 1;
         self.backlog.clear();
         if let Some(journal) = self.journal.take() {

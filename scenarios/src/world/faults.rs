@@ -10,7 +10,7 @@ use muster_machines::time::Timestamp;
 use super::tampering::paced;
 use super::{Origin, Planned, Task, What, World};
 use crate::scenario::{
-    Distortion, Fault, FaultKind, Link, Links, Mishap, Occasion, Tampered, Target, When,
+    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
 };
 
 /// A scenario's fault plan, and which of it still waits for something to happen first.
@@ -44,7 +44,7 @@ impl Plan {
         self.faults.iter().any(|fault| {
             matches!(
                 fault.kind,
-                FaultKind::Drone(_, Mishap::Restart | Mishap::Hang(None))
+                FaultKind::Drone(_, DroneFault::Restart | DroneFault::Hang(None))
             )
         })
     }
@@ -53,7 +53,7 @@ impl Plan {
     pub(super) fn listened_to(&self, nodes: u32) -> BTreeSet<NodeId> {
         let mut listened_to = BTreeSet::new();
         for fault in &self.faults {
-            if let FaultKind::Drone(target, Mishap::Replay | Mishap::Forge) = fault.kind {
+            if let FaultKind::Drone(target, DroneFault::Replay | DroneFault::Forge) = fault.kind {
                 match target {
                     Target::Drone(drone) => listened_to.extend([drone]),
                     Target::Master => return (0..nodes).map(NodeId).collect(),
@@ -90,14 +90,14 @@ fn jammer(index: usize) -> u32 {
 
 impl World {
     /// Something happened to a drone that faults may wait for.
-    pub(super) fn occurs(&mut self, drone: NodeId, occasion: Occasion) {
+    pub(super) fn occurs(&mut self, drone: NodeId, trigger: Trigger) {
         if !self.own_swarm().has(drone) {
             return;
         }
         let now = self.now;
         let (faults, heap) = (&self.plan.faults, &mut self.heap);
         self.plan.waiting.retain(|index| match faults[*index].when {
-            When::After(awaited, after) if awaited == occasion => {
+            When::After(awaited, after) if awaited == trigger => {
                 let (index, nth) = (*index, 0);
                 heap.plan(now + after, Planned::Fault { index, nth });
                 false
@@ -107,13 +107,13 @@ impl World {
     }
 
     /// A fault befalls; whom to step for it, if that is not told by message.
-    pub(super) fn befall(&mut self, index: usize, nth: u32) -> Option<Task> {
-        self.strikes(index);
+    pub(super) fn inject(&mut self, index: usize, nth: u32) -> Option<Task> {
+        self.record_injection(index);
         if self.checks {
             // A drone that fails now may have been heard by one that has come near since they were looked at.
             self.look_at_links();
         }
-        self.standings += 1;
+        self.process_changes += 1;
         let fault = self.plan.faults[index].clone();
         if nth + 1 < fault.times {
             let again = Planned::Fault {
@@ -123,13 +123,13 @@ impl World {
             self.heap.plan(self.now + fault.every, again);
         }
         match &fault.kind {
-            FaultKind::Drone(target, mishap) => {
+            FaultKind::Drone(target, what) => {
                 let drone = self.find_target(*target)?;
                 if let Some(behind) = self.behind {
-                    self.foresee(behind, drone, *mishap, fault.lasts);
+                    self.foresee(behind, drone, *what, fault.lasts);
                     return None;
                 }
-                return self.befall_drone(drone, *mishap, fault.lasts);
+                return self.inject_into_drone(drone, *what, fault.lasts);
             }
             FaultKind::Links(links, link) => self.set_links(links, *link),
             FaultKind::Jam { centre, radius_m } => {
@@ -146,14 +146,14 @@ impl World {
     }
 
     /// Something befalls a drone, until it is over by itself; whom to step for it.
-    pub(super) fn befall_drone(
+    pub(super) fn inject_into_drone(
         &mut self,
         drone: NodeId,
-        mishap: Mishap,
+        fault: DroneFault,
         lasts: Option<Duration>,
     ) -> Option<Task> {
-        match mishap {
-            Mishap::CrashActor(address) => {
+        match fault {
+            DroneFault::CrashActor(address) => {
                 let what = What::Crash;
                 return self.drone(drone).is_up(address).then_some(Task {
                     drone,
@@ -161,21 +161,21 @@ impl World {
                     what,
                 });
             }
-            Mishap::Kill => self.kill(drone),
-            Mishap::CrashAircraft => self.crash_aircraft(drone),
-            Mishap::Restart => self.restart(drone, lasts.unwrap_or(RESTART_AFTER)),
-            Mishap::Hang(actor) => self.hang(drone, actor, lasts),
-            Mishap::Drain(to) => self.drain(drone, to),
-            Mishap::LoseGps => self.lose_position(drone, lasts),
-            Mishap::Replay => {
+            DroneFault::Kill => self.kill(drone),
+            DroneFault::CrashAircraft => self.crash_aircraft(drone),
+            DroneFault::Restart => self.restart(drone, lasts.unwrap_or(RESTART_AFTER)),
+            DroneFault::Hang(actor) => self.hang(drone, actor, lasts),
+            DroneFault::Drain(to) => self.drain(drone, to),
+            DroneFault::LoseGps => self.lose_position(drone, lasts),
+            DroneFault::Replay => {
                 let recorded = self.tampering.recorded(drone);
                 self.play(drone, recorded, Origin::Replayed);
             }
-            Mishap::Forge => {
+            DroneFault::Forge => {
                 let made_up = self.tampering.forgeries(drone);
                 self.play(drone, made_up, Origin::Spurious);
             }
-            Mishap::Skew(ppm) => {
+            DroneFault::Skew(ppm) => {
                 self.skew(drone, ppm);
                 if let Some(lasts) = lasts {
                     let over = Planned::Skew { drone, ppm: 0 };
@@ -188,7 +188,7 @@ impl World {
 
     /// A fault that lasted is over; what befell a drone is over by itself.
     pub(super) fn is_over_now(&mut self, index: usize) {
-        self.standings += 1;
+        self.process_changes += 1;
         match self.plan.faults[index].kind.clone() {
             FaultKind::Drone(..) => {}
             FaultKind::Links(links, _) => self.set_links(&links, Link::Healed),
@@ -238,7 +238,7 @@ impl World {
         let now = self.now;
         for swarm in &mut self.swarms {
             let ids = links.from.iter().chain(&*links.to).copied();
-            swarm.parts.stir(now, ids);
+            swarm.segments.stir(now, ids);
         }
     }
 
@@ -251,7 +251,7 @@ impl World {
                     let drone = &self.drones[id.0 as usize];
                     drone.runs && !drone.given_up
                 })
-                .filter_map(|id| self.election.obeyed(id).filter(|it| it.master == id))
+                .filter_map(|id| self.election.leader(id).filter(|it| it.master == id))
                 .reduce(|best, ballot| if ballot.beats(&best) { ballot } else { best })
                 .map(|ballot| ballot.master),
         }

@@ -2,32 +2,32 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Envelope;
 use muster_machines::geometry::Velocity;
 use muster_machines::identity::NodeId;
-use muster_machines::msp::{self, Demand, Setpoint};
+use muster_machines::msp::{self, FlightCommand, Setpoint};
+use muster_machines::node::Envelope;
 
 use super::trace::Kind;
 use super::{Planned, World};
-use crate::scenario::Occasion;
+use crate::scenario::Trigger;
 
 /// How often the medium is told where the radios are while drones fly: at 10 m/s they are a metre off at most.
 const PLACE_RADIOS_EVERY: Duration = Duration::from_millis(100);
 
 impl World {
-    pub(super) fn command(&mut self, drone: NodeId, demand: Demand) {
-        self.trace.value(self.now, drone, Kind::Commanded, &demand);
-        let found = self.arming.commands(self.now, drone, demand);
+    pub(super) fn command(&mut self, drone: NodeId, command: FlightCommand) {
+        self.trace.value(self.now, drone, Kind::Commanded, &command);
+        let found = self.arming.commands(self.now, drone, command);
         self.find(found);
         let index = drone.0 as usize;
-        if !matches!(demand, Demand::Report) {
+        if !matches!(command, FlightCommand::Report) {
             self.path_ends(drone);
         }
         let vehicle = &mut self.vehicles[index];
         let was_armed = vehicle.is_armed();
-        let moves = vehicle.obey(self.now, demand);
+        let moves = vehicle.obey(self.now, command);
         let is_armed = vehicle.is_armed();
-        if !matches!(demand, Demand::Report) {
+        if !matches!(command, FlightCommand::Report) {
             self.path_begins(drone);
         }
         if is_armed && !was_armed {
@@ -35,7 +35,7 @@ impl World {
         }
         if moves {
             let settle = self.swarm(drone).settle;
-            if matches!(demand, Demand::Fly(Setpoint::Leg { .. }))
+            if matches!(command, FlightCommand::Fly(Setpoint::Leg { .. }))
                 && let Some(time) = self.drones[index].draw_settling(settle)
             {
                 self.vehicles[index].settle(time);
@@ -56,7 +56,7 @@ impl World {
         }
         self.airborne += 1;
         self.watch_battery(drone);
-        self.occurs(drone, Occasion::TakingOff);
+        self.occurs(drone, Trigger::TakingOff);
     }
 
     /// Plans the end of the motion that a vehicle has just begun.

@@ -3,15 +3,15 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::{Address, Effect, Observation};
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
-use muster_machines::msp::Demand;
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::{Address, Effect, Observation};
 use muster_machines::time::Timestamp;
 
 use super::{Envelope, Planned, World};
 use crate::checkers::Violation;
-use crate::scenario::{Mishap, Scenario};
+use crate::scenario::{DroneFault, Scenario};
 use muster_runtime::vehicle::VehicleState;
 
 /// How much longer than it may an actor of a process hangs at the most, until it is found and built anew.
@@ -19,7 +19,7 @@ const FOUND_AFTER: Duration = Duration::from_millis(200);
 
 /// How a drone's process is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Standing {
+pub enum ProcessState {
     /// It runs.
     Runs,
     /// It hangs: nothing of it runs until it goes on.
@@ -50,10 +50,10 @@ impl World {
                 break;
             };
             self.now = self.now.max(at);
-            if let Planned::Boot { drone, life } = planned {
+            if let Planned::Boot { drone, incarnation } = planned {
                 // It is there once it says so.
                 let state = self.drone(drone);
-                let is_awaited = state.lives == life && !state.runs;
+                let is_awaited = state.incarnations == incarnation && !state.runs;
                 self.booting.extend(is_awaited.then_some(drone));
             } else {
                 self.happen(planned);
@@ -63,10 +63,10 @@ impl World {
     }
 
     /// A drone told its vehicle something, at `at` or, if the world has gone on since, now.
-    pub(crate) fn was_commanded(&mut self, at: Timestamp, drone: NodeId, demand: Demand) {
+    pub(crate) fn was_commanded(&mut self, at: Timestamp, drone: NodeId, command: FlightCommand) {
         self.advance(at);
         if self.drones[drone.0 as usize].runs {
-            self.effect(drone, Effect::Command(demand));
+            self.effect(drone, Effect::Command(command));
         }
     }
 
@@ -78,7 +78,7 @@ impl World {
         }
         // What a drone is told stays in its process: that it was told to take off shows in its waiting to do so.
         if seen == Observation::Mission(mission::Event::State(State::SetUp))
-            && let Some(ballot) = self.election.obeyed(drone).filter(|it| !it.is_elected())
+            && let Some(ballot) = self.election.leader(drone).filter(|it| !it.is_elected())
         {
             self.arming.told_by(drone, ballot);
         }
@@ -88,8 +88,8 @@ impl World {
     /// A drone's process has started, again if that was foreseen: its actors are about to be built.
     pub(crate) fn process_started(&mut self, at: Timestamp, drone: NodeId) {
         self.advance(at);
-        let life = self.drone(drone).lives;
-        if self.booting.remove(&drone) && self.boot(drone, life).is_some() {
+        let incarnation = self.drone(drone).incarnations;
+        if self.booting.remove(&drone) && self.boot(drone, incarnation).is_some() {
             for address in Address::ALL {
                 self.starting(drone, address);
             }
@@ -132,50 +132,50 @@ impl World {
         &mut self,
         behind: Duration,
         drone: NodeId,
-        mishap: Mishap,
+        fault: DroneFault,
         lasts: Option<Duration>,
     ) {
         let mended = self.hang_max + FOUND_AFTER;
-        let lasts = match mishap {
+        let lasts = match fault {
             // The process mends that by itself, at once or when it has found it.
-            Mishap::CrashActor(_) => return self.actor_faults.push((drone, mishap, lasts)),
-            Mishap::Hang(Some(_)) => {
-                self.actor_faults.push((drone, mishap, lasts));
+            DroneFault::CrashActor(_) => return self.actor_faults.push((drone, fault, lasts)),
+            DroneFault::Hang(Some(_)) => {
+                self.actor_faults.push((drone, fault, lasts));
                 Some(lasts.map_or(mended, |it| it.min(mended)))
             }
-            Mishap::Hang(None) => {
-                self.foreseen.insert(drone, Standing::Hangs);
+            DroneFault::Hang(None) => {
+                self.foreseen.insert(drone, ProcessState::Hangs);
                 lasts
             }
             _ => {
-                self.foreseen.insert(drone, Standing::Ended);
+                self.foreseen.insert(drone, ProcessState::Ended);
                 lasts
             }
         };
-        let befalls = Planned::Befalls {
+        let affects = Planned::Affects {
             drone,
-            mishap,
+            fault,
             lasts,
         };
-        self.heap.plan(self.now + behind, befalls);
+        self.heap.plan(self.now + behind, affects);
     }
 
     /// It befalls it.
-    pub(super) fn befalls(&mut self, drone: NodeId, mishap: Mishap, lasts: Option<Duration>) {
+    pub(super) fn affects(&mut self, drone: NodeId, fault: DroneFault, lasts: Option<Duration>) {
         self.foreseen.remove(&drone);
-        self.befall_drone(drone, mishap, lasts);
+        self.inject_into_drone(drone, fault, lasts);
     }
 
     /// How a drone's process is to be by now.
-    pub(crate) fn process(&self, drone: NodeId) -> Standing {
+    pub(crate) fn process(&self, drone: NodeId) -> ProcessState {
         if let Some(standing) = self.foreseen.get(&drone) {
             return *standing;
         }
         let state = &self.drones[drone.0 as usize];
         match () {
-            () if !state.runs && !self.booting.contains(&drone) => Standing::Ended,
-            () if Address::ALL.iter().all(|it| state.is_hung(*it)) => Standing::Hangs,
-            () => Standing::Runs,
+            () if !state.runs && !self.booting.contains(&drone) => ProcessState::Ended,
+            () if Address::ALL.iter().all(|it| state.is_hung(*it)) => ProcessState::Hangs,
+            () => ProcessState::Runs,
         }
     }
 
@@ -200,7 +200,7 @@ impl World {
     }
 
     /// The faults to inject into actors of processes since the last call, and how long each lasts.
-    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, Mishap, Option<Duration>)> {
+    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
         std::mem::take(&mut self.actor_faults)
     }
 

@@ -13,10 +13,10 @@ mod faults;
 mod flying;
 mod health;
 mod heap;
+mod injections;
 mod mirror;
 mod process;
 mod recorder;
-mod strikes;
 mod swarm;
 mod tampering;
 mod trace;
@@ -26,14 +26,14 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::Bytes;
-use muster_machines::cell::{
-    Address, Blueprint, Checkpoints, Effect, Envelope, Observation, Reaction, last_resort,
-};
 use muster_machines::geometry::Velocity;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::State;
-use muster_machines::supervision::Verdict;
+use muster_machines::node::{
+    Address, Blueprint, Checkpoints, Effect, Envelope, Observation, StepOutput, last_resort,
+};
+use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio, routing, wire};
 use muster_transport::Fate;
@@ -44,10 +44,10 @@ use rand_chacha::ChaCha8Rng;
 use self::drone::Drone;
 use self::faults::Plan;
 use self::heap::Heap;
-pub use self::mirror::Standing;
+pub(crate) use self::injections::{Injection, Phase};
+pub use self::mirror::ProcessState;
 use self::process::Silence;
 pub(crate) use self::recorder::{Flown, Outcome, Record, Recorder, track};
-pub(crate) use self::strikes::{Phase, Strike};
 use self::swarm::Swarm;
 use self::tampering::Tampering;
 use self::trace::{HEADING_LEN, Kind, Trace};
@@ -57,7 +57,7 @@ use crate::checkers::{
     ProgressChecker, SeparationChecker, Violation, check_landed, unplanned_failure,
 };
 use crate::engine::RunLimit;
-use crate::scenario::{Mishap, Occasion, Scenario};
+use crate::scenario::{DroneFault, Scenario, Trigger};
 use muster_runtime::vehicle::Vehicle;
 
 /// Numbers of the generators that are drawn from the scenario's seed; drones follow.
@@ -119,15 +119,15 @@ enum Planned {
     Restart {
         drone: NodeId,
         address: Address,
-        life: u32,
+        incarnation: u32,
     },
     /// A drone's process starts.
     Boot {
         drone: NodeId,
-        life: u32,
+        incarnation: u32,
     },
     /// Its flight controller has waited for it for long enough.
-    Forsaken {
+    LinkTimeout {
         drone: NodeId,
         by: Silence,
     },
@@ -150,7 +150,7 @@ enum Planned {
     /// What has waited for a drone that hung is handed to it.
     Backlog {
         drone: NodeId,
-        life: u32,
+        incarnation: u32,
     },
     /// A fault of the plan befalls, for the nth time from 0.
     Fault {
@@ -158,9 +158,9 @@ enum Planned {
         nth: u32,
     },
     /// Something befalls a process elsewhere that was foreseen.
-    Befalls {
+    Affects {
         drone: NodeId,
-        mishap: Mishap,
+        fault: DroneFault,
         lasts: Option<Duration>,
     },
     /// It is over.
@@ -220,7 +220,7 @@ pub(crate) struct World {
     /// When the links are looked at next.
     next_look: Timestamp,
     /// Rises with whatever changes who passes frames on, or what anybody does.
-    standings: u64,
+    process_changes: u64,
     /// What the standings and the medium were when the links were last looked at.
     looked_at: Option<(u64, u64)>,
     /// Whether rules are checked.
@@ -228,9 +228,9 @@ pub(crate) struct World {
     /// How far it is behind the drones' clocks, if they run elsewhere.
     behind: Option<Duration>,
     /// Faults to inject into actors of processes elsewhere, until the processes are told.
-    actor_faults: Vec<(NodeId, Mishap, Option<Duration>)>,
+    actor_faults: Vec<(NodeId, DroneFault, Option<Duration>)>,
     /// How processes elsewhere are about to be.
-    foreseen: BTreeMap<NodeId, Standing>,
+    foreseen: BTreeMap<NodeId, ProcessState>,
     /// Whose processes elsewhere are being started again.
     booting: BTreeSet<NodeId>,
     /// Whose vehicles were brought down by their flight controllers while their processes elsewhere hang.
@@ -248,7 +248,7 @@ pub(crate) struct World {
     /// Which actor is being made to panic.
     crashing: Option<(NodeId, Address)>,
     /// What the faults met so far.
-    struck: Vec<Strike>,
+    struck: Vec<Injection>,
     /// What drones said, as their processes would.
     #[cfg(test)]
     pub(crate) said: Vec<(Timestamp, NodeId, crate::twin::Said)>,
@@ -311,7 +311,7 @@ impl World {
             airborne: 0,
             trace: Trace::new(),
             next_look: Timestamp::ZERO,
-            standings: 0,
+            process_changes: 0,
             looked_at: None,
             checks: !scenario.unchecked,
             behind: None,
@@ -364,7 +364,7 @@ impl World {
 
     /// Goes on to what happens next and says whom to step for it; nothing once the run is over.
     pub(crate) fn next(&mut self) -> Option<Task> {
-        self.obedience.goes_on();
+        self.obedience.keeps_going();
         loop {
             if let Some(run_limit) = &mut self.run_limit
                 && run_limit.is_over()
@@ -430,10 +430,10 @@ impl World {
     fn is_told(&mut self, drone: NodeId, envelope: &Envelope, origin: Origin) {
         self.admit(drone, origin, envelope);
         self.arming.told(drone, envelope);
-        let obeyed = self.election.obeyed(drone);
+        let leader = self.election.leader(drone);
         let swarm = &self.swarms[self.index_of_swarm(drone)];
         let number = |member| swarm.number(member);
-        self.obedience.told(drone, envelope, obeyed, number);
+        self.obedience.told(drone, envelope, leader, number);
     }
 
     /// A radio is about to be told of a frame, or somebody else of something.
@@ -513,30 +513,32 @@ impl World {
             Planned::PlaceRadios => self.place_radios(),
             Planned::Drained(drone) => self.drained(drone),
             Planned::PositionFound(drone) => self.find_position(drone),
-            Planned::Boot { drone, life } => return self.boot(drone, life),
-            Planned::Forsaken { drone, by } => self.forsaken(drone, by),
-            Planned::Watchdog { drone, actor, hang } => return self.bite(drone, actor, hang),
+            Planned::Boot { drone, incarnation } => return self.boot(drone, incarnation),
+            Planned::LinkTimeout { drone, by } => self.link_timeout(drone, by),
+            Planned::Watchdog { drone, actor, hang } => {
+                return self.watchdog_fires(drone, actor, hang);
+            }
             Planned::Skew { drone, ppm } => self.skew(drone, ppm),
             Planned::GoOn { drone, hang } => self.go_on(drone, hang),
-            Planned::Backlog { drone, life } => self.hand_over_backlog(drone, life),
+            Planned::Backlog { drone, incarnation } => self.hand_over_backlog(drone, incarnation),
             Planned::Restart {
                 drone,
                 address,
-                life,
+                incarnation,
             } => {
                 let state = self.drone(drone);
-                return (!state.given_up && state.lives == life).then_some(Task {
+                return (!state.given_up && state.incarnations == incarnation).then_some(Task {
                     drone,
                     address,
                     what: What::Restart,
                 });
             }
-            Planned::Fault { index, nth } => return self.befall(index, nth),
-            Planned::Befalls {
+            Planned::Fault { index, nth } => return self.inject(index, nth),
+            Planned::Affects {
                 drone,
-                mishap,
+                fault,
                 lasts,
-            } => self.befalls(drone, mishap, lasts),
+            } => self.affects(drone, fault, lasts),
             Planned::FaultOver { index } => self.is_over_now(index),
             Planned::Steer(master, velocity) => self.steer(master, velocity),
             Planned::Land(master) => self.post(master, Envelope::Mission(mission::Input::Land)),
@@ -566,23 +568,23 @@ impl World {
     }
 
     /// Does what a step asked for, in order, and sets the machine's timer.
-    pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, reaction: &mut Reaction) {
+    pub(crate) fn carry_out(&mut self, drone: NodeId, from: Address, output: &mut StepOutput) {
         if self.checks {
             let (now, kept) = (self.now, &self.drones[drone.0 as usize].checkpoints);
-            let effects = &reaction.effects;
+            let effects = &output.effects;
             let found = self.obedience.stepped(now, drone, from, effects, kept);
             self.find(found);
         }
-        for effect in reaction.effects.drain(..) {
+        for effect in output.effects.drain(..) {
             self.effect(drone, effect);
         }
         if self.checks {
-            let table = reaction.occupancy;
+            let table = output.occupancy;
             self.find(self.bounds.table(self.now, drone, from, table));
-            let is_overdue = reaction.is_overdue;
+            let is_overdue = output.is_overdue;
             self.find(ProgressChecker::stepped(self.now, drone, from, is_overdue));
         }
-        self.set_timer(drone, from, reaction.deadline);
+        self.set_timer(drone, from, output.deadline);
         let now = self.now;
         let nth = self.drone(drone).count_step(now);
         if let Some(spins) = self.progress.steps(now, drone, from, nth) {
@@ -619,11 +621,11 @@ impl World {
             }
             // A simulated medium finds drones by their numbers.
             Effect::Locate { .. } => {}
-            Effect::Command(demand) => {
+            Effect::Command(command) => {
                 #[cfg(test)]
                 self.said
-                    .push((self.now, drone, crate::twin::Said::Commanded(demand)));
-                self.command(drone, demand);
+                    .push((self.now, drone, crate::twin::Said::Commanded(command)));
+                self.command(drone, command);
             }
             Effect::Keep(checkpoint) => self.drone(drone).keep(checkpoint),
             Effect::Observe(seen) => {
@@ -676,15 +678,15 @@ impl World {
                 let now = self.now;
                 let found = self.election.observe(now, drone, event);
                 self.find(found);
-                let obeyed = self.election.obeyed(drone);
-                let found = self.arming.observe(now, drone, event, obeyed);
+                let leader = self.election.leader(drone);
+                let found = self.arming.observe(now, drone, event, leader);
                 self.find(found);
                 if self.checks && matches!(event, mission::Event::State(State::Finished)) {
                     // Its last frame may reach a drone that has come near since they were looked at.
                     self.look_at_links_before_silence();
                 }
                 if matches!(event, mission::Event::State(_)) {
-                    self.standings += 1;
+                    self.process_changes += 1;
                 }
                 let mut awaited = BTreeSet::new();
                 if self.checks && matches!(event, mission::Event::Opened { .. }) {
@@ -692,7 +694,7 @@ impl World {
                     awaited = self.awaited_by(drone);
                 }
                 let barrier = &mut self.swarm_mut(drone).barrier;
-                let found = barrier.observe(now, drone, event, obeyed, || awaited);
+                let found = barrier.observe(now, drone, event, leader, || awaited);
                 self.find(found);
                 self.recorder(drone).mission(now, drone, event);
                 self.occurs_to(drone, event);
@@ -713,30 +715,30 @@ impl World {
     }
 
     /// An actor failed: drops what waits for it and carries the verdict out.
-    pub(crate) fn failed(&mut self, drone: NodeId, address: Address, verdict: Verdict) {
+    pub(crate) fn failed(&mut self, drone: NodeId, address: Address, decision: RestartDecision) {
         self.trace
-            .value(self.now, drone, Kind::Failed, &(address, verdict));
+            .value(self.now, drone, Kind::Failed, &(address, decision));
         if self.crashing.take() != Some((drone, address)) {
             self.find(Some(unplanned_failure(self.now, drone, address)));
         }
-        self.standings += 1;
+        self.process_changes += 1;
         self.drone(drone).take_down(address);
         self.inbox
             .retain(|(to, it)| *to != drone || it.envelope.address() != address);
         self.drone(drone).clear_queue(address);
-        match verdict {
-            Verdict::Restart { at } => {
+        match decision {
+            RestartDecision::Restart { at } => {
                 self.recorder(drone).restarts(drone);
                 let at = self.drone(drone).clock.when(at).max(self.now);
-                let life = self.drone(drone).lives;
+                let incarnation = self.drone(drone).incarnations;
                 let restart = Planned::Restart {
                     drone,
                     address,
-                    life,
+                    incarnation,
                 };
                 self.heap.plan(at, restart);
             }
-            Verdict::GiveUp => {
+            RestartDecision::GiveUp => {
                 self.recorder(drone).given_up(drone);
                 self.swarm_mut(drone).barrier.given_up(drone);
                 let actors = self.drone(drone);
@@ -752,11 +754,11 @@ impl World {
     fn occurs_to(&mut self, drone: NodeId, event: &mission::Event) {
         match *event {
             mission::Event::State(State::WaypointReached { waypoint }) => {
-                self.occurs(drone, Occasion::Waypoint(waypoint));
+                self.occurs(drone, Trigger::Waypoint(waypoint));
             }
-            mission::Event::Landing(_) => self.occurs(drone, Occasion::Landing),
+            mission::Event::Landing(_) => self.occurs(drone, Trigger::Landing),
             mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == drone => {
-                self.occurs(drone, Occasion::Elected);
+                self.occurs(drone, Trigger::Elected);
             }
             _ => {}
         }
@@ -766,7 +768,7 @@ impl World {
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         self.trace.value(self.now, drone, Kind::Started, &address);
         self.arming.starting(drone, address);
-        self.standings += 1;
+        self.process_changes += 1;
         self.drone(drone).bring_up(address);
         if self.recorder(drone).is_electing() && self.passes_on(drone) {
             // Those that hear only this drone may have a master again.

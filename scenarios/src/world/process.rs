@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
-use muster_machines::msp::Demand;
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::Address;
 
 use super::faults::RESTART_AFTER;
 use super::trace::Kind;
@@ -14,7 +14,7 @@ use super::{Planned, Task, What, World};
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Silence {
     /// It has ended, and there has been no other since this many.
-    End { life: u32 },
+    End { incarnation: u32 },
     /// It hangs, by this hang.
     Hang(u32),
 }
@@ -26,7 +26,7 @@ impl World {
         self.end_process(drone);
         let now = self.now;
         self.recorder(drone).killed(drone, now);
-        self.command(drone, Demand::Land);
+        self.command(drone, FlightCommand::Land);
         self.look_at_elections();
     }
 
@@ -54,39 +54,39 @@ impl World {
         }
         self.trace.value(self.now, drone, Kind::Stopped, &());
         self.end_process(drone);
-        let life = self.drone(drone).lives;
+        let incarnation = self.drone(drone).incarnations;
         self.heap
-            .plan(self.now + after, Planned::Boot { drone, life });
-        let forsaken = Planned::Forsaken {
+            .plan(self.now + after, Planned::Boot { drone, incarnation });
+        let link_timeout = Planned::LinkTimeout {
             drone,
-            by: Silence::End { life },
+            by: Silence::End { incarnation },
         };
-        self.heap.plan(self.now + self.controller_max, forsaken);
+        self.heap.plan(self.now + self.controller_max, link_timeout);
         self.look_at_elections();
     }
 
     /// A flight controller has not heard of its drone's process for too long, and brings the aircraft down.
-    pub(super) fn forsaken(&mut self, drone: NodeId, by: Silence) {
+    pub(super) fn link_timeout(&mut self, drone: NodeId, by: Silence) {
         let runs = self.drone(drone).runs || self.booting.contains(&drone);
         let state = self.drone(drone);
         let is_silent = match by {
-            Silence::End { life } => state.lives == life && !runs,
+            Silence::End { incarnation } => state.incarnations == incarnation && !runs,
             Silence::Hang(hang) => state.is_held_by(hang),
         };
         if is_silent {
             if matches!(by, Silence::Hang(_)) && self.behind.is_some() {
                 self.overruled.insert(drone);
             }
-            self.command(drone, Demand::Land);
+            self.command(drone, FlightCommand::Land);
         }
     }
 
     /// A drone's process starts; whom to step for it.
-    pub(super) fn boot(&mut self, drone: NodeId, life: u32) -> Option<Task> {
-        if self.drone(drone).lives != life || self.drone(drone).runs {
+    pub(super) fn boot(&mut self, drone: NodeId, incarnation: u32) -> Option<Task> {
+        if self.drone(drone).incarnations != incarnation || self.drone(drone).runs {
             return None;
         }
-        self.standings += 1;
+        self.process_changes += 1;
         self.drone(drone).begin();
         #[cfg(test)]
         self.said
@@ -107,16 +107,16 @@ impl World {
             return;
         }
         self.trace.value(self.now, drone, Kind::Hung, &actor);
-        self.standings += 1;
+        self.process_changes += 1;
         let (hang, watchdog) = match actor {
             Some(actor) => (self.drone(drone).hang(&[actor]), self.hang_max),
             None => {
                 let hang = self.drone(drone).hang(&Address::ALL);
-                let forsaken = Planned::Forsaken {
+                let link_timeout = Planned::LinkTimeout {
                     drone,
                     by: Silence::Hang(hang),
                 };
-                self.heap.plan(self.now + self.controller_max, forsaken);
+                self.heap.plan(self.now + self.controller_max, link_timeout);
                 (hang, self.watchdog)
             }
         };
@@ -130,7 +130,7 @@ impl World {
     }
 
     /// A hang has lasted for too long; whom to step for it.
-    pub(super) fn bite(
+    pub(super) fn watchdog_fires(
         &mut self,
         drone: NodeId,
         actor: Option<Address>,
@@ -156,7 +156,7 @@ impl World {
             return;
         }
         self.trace.value(self.now, drone, Kind::WentOn, &());
-        self.standings += 1;
+        self.process_changes += 1;
         let now = self.now;
         let state = self.drone(drone);
         state.go_on(hang);
@@ -172,14 +172,14 @@ impl World {
                 self.heap.plan(now, wake);
             }
         }
-        let life = self.drone(drone).lives;
-        self.heap.plan(now, Planned::Backlog { drone, life });
+        let incarnation = self.drone(drone).incarnations;
+        self.heap.plan(now, Planned::Backlog { drone, incarnation });
         self.look_at_elections();
     }
 
     /// What has waited for a drone that hung is handed to it.
-    pub(super) fn hand_over_backlog(&mut self, drone: NodeId, life: u32) {
-        if self.drone(drone).lives == life {
+    pub(super) fn hand_over_backlog(&mut self, drone: NodeId, incarnation: u32) {
+        if self.drone(drone).incarnations == incarnation {
             let backlog = std::mem::take(&mut self.drone(drone).backlog);
             for message in &backlog {
                 self.drone(drone).queue(message.envelope.address());
@@ -211,7 +211,7 @@ impl World {
         for address in Address::ALL {
             self.drone(drone).clear_queue(address);
         }
-        self.standings += 1;
+        self.process_changes += 1;
         self.booting.remove(&drone);
         self.overruled.remove(&drone);
         self.drone(drone).end();

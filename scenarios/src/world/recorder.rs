@@ -8,7 +8,7 @@ use muster_machines::radio::{self, DropReason};
 use muster_machines::routing::{self, Routes};
 use muster_machines::time::Timestamp;
 
-use super::Strike;
+use super::Injection;
 use crate::checkers::Violation;
 use muster_runtime::vehicle::Vehicle;
 
@@ -107,7 +107,7 @@ pub(crate) struct Outcome {
     pub(crate) closest_m: Option<f64>,
     pub(crate) violations: Vec<Violation>,
     /// What the faults of the plan met, in the order in which they befell.
-    pub(crate) struck: Vec<Strike>,
+    pub(crate) struck: Vec<Injection>,
     /// What the radios did, on a medium that they share.
     pub(crate) medium: muster_transport::sim::Counters,
     /// The scenario's own swarm first.
@@ -214,7 +214,7 @@ impl Recorder {
         traffic.sent += u64::from(traffic.counts);
     }
 
-    /// Reads what changes with each frame, as [`Cell::read_ahead`](muster_machines::cell::Cell::read_ahead) does.
+    /// Reads what changes with each frame, as [`Cell::read_ahead`](muster_machines::node::Cell::read_ahead) does.
     pub(super) fn read_ahead(&self, id: NodeId) {
         black_box(self.traffic[(id.0 - self.first.0) as usize].counts);
     }

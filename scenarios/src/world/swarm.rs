@@ -3,15 +3,15 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Observation;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Observation;
 use muster_machines::{mission, routing, wire};
 use muster_runtime::plan::{Follow, Plan};
 
 use super::{Recorder, World};
 use crate::checkers::{BarrierChecker, SettledChecker};
-use crate::parts::Parts;
 use crate::scenario::Scenario;
+use crate::segments::Segments;
 
 /// A swarm in the middle of a run.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub(crate) struct Swarm {
     /// What is to happen once the master is followed.
     pub(super) follow: Option<Follow>,
     pub(super) recorder: Recorder,
-    pub(super) parts: Parts,
+    pub(super) segments: Segments,
     pub(super) settled: SettledChecker,
     pub(super) barrier: BarrierChecker,
     /// Two of it that were connected when last looked at and obeyed different masters.
@@ -44,7 +44,7 @@ impl Swarm {
             settle: scenario.plan.settle,
             follow: scenario.plan.follow.clone(),
             recorder: Recorder::new(NodeId(first), (formation.drones(), nodes), centre),
-            parts: Parts::default(),
+            segments: Segments::default(),
             settled: SettledChecker::new(scenario.settling()),
             barrier: BarrierChecker::new(scenario.plan.protocol.barrier, (first + nodes) as usize),
             at_odds: None,

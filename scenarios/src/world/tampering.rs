@@ -193,8 +193,8 @@ impl Tampering {
             sender: NodeId(u32::MAX),
             ..usurped
         };
-        let next_life = Header {
-            life: frame.header.life + 1,
+        let next_incarnation = Header {
+            incarnation: frame.header.incarnation + 1,
             ..usurped
         };
         // A drone of another swarm, none of those here, signs what it says under a number that this swarm has too.
@@ -213,7 +213,7 @@ impl Tampering {
         vec![
             forged(&newer, &unsigned),
             forged(&usurped, &unsigned),
-            forged(&next_life, &unsigned),
+            forged(&next_incarnation, &unsigned),
             forged(&stranger, &unsigned),
             forged(&neighbour, frame.authenticator),
             Bytes::from(noise),

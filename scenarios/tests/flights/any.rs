@@ -1,10 +1,10 @@
 //! Whatever a scenario is made of, no rule is broken.
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::Engine;
-use muster_scenarios::scenario::{Fault, FaultKind, Mishap, Scenario, Target};
+use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Scenario, Target};
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -36,7 +36,7 @@ fn any(draw: u64) -> Scenario {
         format!("radio.loss={}", pick(&["0", "0", "0.1", "0.2", "0.3"])),
         format!("radio.medium={}", pick(&["ideal", "csma"])),
         format!("protocol.policy={}", pick(&["flood", "tree"])),
-        format!("protocol.liveness={}", pick(&["pulse", "thesis"])),
+        format!("protocol.liveness={}", pick(&["heartbeat", "thesis"])),
     ];
     let fewest = if kind == "split-up" { 6 } else { 1 };
     let drones = rng.random_range(fewest..14);
@@ -52,7 +52,7 @@ fn any(draw: u64) -> Scenario {
             let at = Timestamp::from_secs_f64(rng.random_range(0.0..400.0));
             let drone = Target::Drone(NodeId(rng.random_range(0..drones)));
             let actor = *Address::ALL.choose(&mut rng).unwrap();
-            Fault::at(at, FaultKind::Drone(drone, Mishap::CrashActor(actor)))
+            Fault::at(at, FaultKind::Drone(drone, DroneFault::CrashActor(actor)))
         })
         .collect();
     scenario

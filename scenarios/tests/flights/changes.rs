@@ -56,7 +56,7 @@ fn changes_are_made_where_they_are_asked_for_whatever_the_number_of_drones() {
             let fields = [
                 &*format!("formation.drones={drones}"),
                 &*format!("protocol.policy={policy}"),
-                "protocol.liveness=pulse",
+                "protocol.liveness=heartbeat",
                 "formation.spacing_m=40",
                 "limits.altitude_max_m=400",
                 "formation.kind=compact-mesh",
@@ -96,7 +96,7 @@ fn ways_that_a_change_of_formation_breaks_are_not_relied_on_afterwards() {
         "formation.kind=compact-mesh",
         "formation.drones=4",
         "mission.file=missions/field.waypoints",
-        "protocol.liveness=pulse",
+        "protocol.liveness=heartbeat",
     ];
     for seed in 1..4 {
         let seed = format!("seed={seed}");

@@ -72,7 +72,7 @@ fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
         ] {
             let fields = [
                 &*format!("protocol.policy={policy}"),
-                "protocol.liveness=pulse",
+                "protocol.liveness=heartbeat",
                 ELECT,
                 &*format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]"),
             ];

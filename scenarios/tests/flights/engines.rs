@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
-use muster_scenarios::scenario::{Fault, FaultKind, Mishap, Scenario, Target};
+use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Scenario, Target};
 
 use crate::support::{fly, scenario};
 
@@ -25,7 +25,7 @@ fn on_both_engines(scenario: &Scenario) -> Report {
 }
 
 fn crash(at_s: f64, drone: u32, actor: Address) -> Fault {
-    let kind = FaultKind::Drone(Target::Drone(NodeId(drone)), Mishap::CrashActor(actor));
+    let kind = FaultKind::Drone(Target::Drone(NodeId(drone)), DroneFault::CrashActor(actor));
     Fault::at(Timestamp::from_secs_f64(at_s), kind)
 }
 
@@ -226,7 +226,7 @@ fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
 
 #[test]
 fn drones_out_of_reach_of_their_master_land_where_none_is_elected_and_it_flies_on_alone() {
-    for liveness in ["protocol.liveness=thesis", "protocol.liveness=pulse"] {
+    for liveness in ["protocol.liveness=thesis", "protocol.liveness=heartbeat"] {
         let fields = ["radio.range_m=100", liveness, "protocol.succession=land"];
         let report = on_both_engines(&scenario("thesis-1.toml", &fields));
         assert_eq!(report.violations, []);
@@ -243,7 +243,7 @@ fn drones_out_of_reach_of_their_master_land_where_none_is_elected_and_it_flies_o
 fn half_the_frames_lost_delay_the_mission_and_break_no_rule() {
     for seed in 0..5 {
         let seed = format!("seed={seed}");
-        let lossy = ["radio.loss=0.5", "protocol.liveness=pulse", &seed];
+        let lossy = ["radio.loss=0.5", "protocol.liveness=heartbeat", &seed];
         let report = on_both_engines(&scenario("thesis-1.toml", &lossy));
         assert_eq!(report.violations, []);
     }

@@ -22,7 +22,11 @@ const KINDS: [&[&str]; 8] = [
 fn with(kind: &[&str], drones: u32, more: &[&str]) -> Scenario {
     let drones = format!("formation.drones={drones}");
     let overrides = [
-        &[&drones, "formation.spacing_m=80", "protocol.liveness=pulse"],
+        &[
+            &drones,
+            "formation.spacing_m=80",
+            "protocol.liveness=heartbeat",
+        ],
         kind,
         more,
     ];

@@ -119,7 +119,7 @@ fn assert_found(scenario: &str, set: &[&str], plans: u64, planted: &[Flaw]) {
             scenario: scenario.clone(),
             set: set.iter().map(|it| it.parse().unwrap()).collect(),
             seeds: format!("0..{plans}").parse().unwrap(),
-            goes_on: false,
+            keeps_going: false,
         });
         let around = |fly: &mut dyn FnMut()| {
             let _planted = plant(flaw);

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::State;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use muster_scenarios::engine::{Engine, run};
 use muster_scenarios::report::FlightOfDrone;
-use muster_scenarios::scenario::{Fault, FaultKind, Mishap, Scenario, Target};
+use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Scenario, Target};
 
 use crate::support::{fly, scenario};
 
@@ -60,7 +60,7 @@ fn both_engines_draw_the_same() {
             .into_iter()
             .map(|at_s| {
                 let drone = Target::Drone(NodeId(1));
-                let kind = FaultKind::Drone(drone, Mishap::CrashActor(Address::Navigation));
+                let kind = FaultKind::Drone(drone, DroneFault::CrashActor(Address::Navigation));
                 Fault::at(Timestamp::from_secs_f64(f64::from(at_s)), kind)
             })
             .collect();

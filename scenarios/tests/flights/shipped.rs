@@ -161,40 +161,40 @@ pub(crate) fn forty_drones_have_forty_places() {
 
 #[test]
 fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
-    let outlook = |name, overrides| scenario(name, overrides).outlook().join("\n");
+    let preview = |name, overrides| scenario(name, overrides).preview().join("\n");
     let apart = "out of the master's reach";
-    let told = outlook("split-up-5.toml", &[]);
+    let told = preview("split-up-5.toml", &[]);
     assert!(!told.contains(apart), "{told}");
-    let told = outlook("split-up-5.toml", &["radio.range_m=50"]);
+    let told = preview("split-up-5.toml", &["radio.range_m=50"]);
     assert!(told.contains(apart), "{told}");
-    let told = outlook("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
+    let told = preview("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
     assert!(told.contains("+3.3 m "), "no digits of a sum: {told}");
-    let told = outlook("two-swarms.toml", &[]);
+    let told = preview("two-swarms.toml", &[]);
     assert!(told.contains("drones 7–12 of"), "{told}");
 }
 
 #[test]
 fn an_outlook_tells_where_flooding_does_not_carry_far_enough() {
-    let outlook = |more: &str| {
+    let preview = |more: &str| {
         let fields = ["radio.loss=0.3", "formation.drones=30", more];
-        scenario("barrier-line.toml", &fields).outlook().join("\n")
+        scenario("barrier-line.toml", &fields).preview().join("\n")
     };
-    let told = outlook("protocol.policy=flood");
+    let told = preview("protocol.policy=flood");
     assert!(told.contains("settles in no known time"), "{told}");
-    let told = outlook("protocol.policy=tree");
+    let told = preview("protocol.policy=tree");
     assert!(!told.contains("no known time"), "{told}");
 }
 
 #[test]
 fn where_layers_would_lead_out_of_reach_drones_fly_in_waves() {
-    let outlook = |overrides: &[&str]| {
+    let preview = |overrides: &[&str]| {
         let fields = ["formation.drones=37", "formation.spacing_m=40"];
         let high = ["radio.range_m=60", "limits.altitude_max_m=400"];
         let fields = [&fields[..], &high, overrides].concat();
-        scenario("barrier-mesh.toml", &fields).outlook().join("\n")
+        scenario("barrier-mesh.toml", &fields).preview().join("\n")
     };
     let unreached = "out of the master's reach";
-    let told = outlook(&[]);
+    let told = preview(&[]);
     assert!(told.contains("waves: 2 to take off"), "{told}");
     assert!(!told.contains(unreached), "{told}");
 }
@@ -210,7 +210,7 @@ fn check_tells_whom_layers_lead_out_of_reach() {
         "limits.altitude_max_m=500",
     ];
     let told = scenario("barrier-mesh.toml", &scattered)
-        .outlook()
+        .preview()
         .join("\n");
     let on_the_way_up =
         "out of the master's reach in their layers on the way up: drones 24, 29, 38, 43";

@@ -91,7 +91,7 @@ fn a_waypoint_among_drones_that_all_hear_each_other_costs_little_more_than_a_fra
 
 #[test]
 fn a_drone_hears_at_most_a_quarter_of_what_it_hears_under_flood() {
-    let fields = ["radio.medium=csma", "protocol.liveness=pulse"];
+    let fields = ["radio.medium=csma", "protocol.liveness=heartbeat"];
     let tree = Cost::of(
         "thesis-2.toml",
         &[&fields[..], &["protocol.policy=tree"]].concat(),

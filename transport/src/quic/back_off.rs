@@ -19,10 +19,10 @@ impl BackOff {
     }
 
     /// How long to wait now; between half of what it may be and all of it.
-    pub(super) fn wait(&mut self, lots: &mut impl Rng) -> Duration {
+    pub(super) fn wait(&mut self, rng: &mut impl Rng) -> Duration {
         let longest = self.next;
         self.next = (longest * 2).min(LONGEST);
-        longest.mul_f64(lots.random_range(0.5..=1.0))
+        longest.mul_f64(rng.random_range(0.5..=1.0))
     }
 }
 
@@ -36,9 +36,9 @@ mod tests {
     #[test]
     fn waits_double_up_to_the_longest_and_never_agree() {
         let waits = |seed| {
-            let mut lots = ChaCha8Rng::seed_from_u64(seed);
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut back_off = BackOff::new();
-            (0..8).map(|_| back_off.wait(&mut lots)).collect::<Vec<_>>()
+            (0..8).map(|_| back_off.wait(&mut rng)).collect::<Vec<_>>()
         };
         let (one, other) = (waits(1), waits(2));
         let mut longest = FIRST;

@@ -39,9 +39,9 @@ impl Beacon {
         let (signed, signature) = bytes.split_at_mut(SIGNED_LEN);
         let (name, numbers) = signed.split_at_mut(NAME.len());
         name.copy_from_slice(NAME);
-        let (life, count) = self.said;
+        let (incarnation, count) = self.said;
         for (place, number) in
-            (numbers.chunks_exact_mut(4)).zip([self.swarm.0, self.drone.0, life, count])
+            (numbers.chunks_exact_mut(4)).zip([self.swarm.0, self.drone.0, incarnation, count])
         {
             place.copy_from_slice(&number.to_le_bytes());
         }
@@ -53,11 +53,12 @@ impl Beacon {
     fn read(bytes: &[u8]) -> Option<(Self, &[u8], &[u8; AUTHENTICATOR_LEN])> {
         let (signed, signature) = bytes.split_at_checked(SIGNED_LEN)?;
         let (numbers, rest) = signed.strip_prefix(NAME)?.as_chunks::<4>();
-        let [swarm, drone, life, count] = <[_; 4]>::try_from(numbers).ok()?.map(u32::from_le_bytes);
+        let [swarm, drone, incarnation, count] =
+            <[_; 4]>::try_from(numbers).ok()?.map(u32::from_le_bytes);
         let beacon = Self {
             swarm: SwarmId(swarm),
             drone: NodeId(drone),
-            said: (life, count),
+            said: (incarnation, count),
         };
         rest.is_empty().then_some(())?;
         Some((beacon, signed, signature.try_into().ok()?))
@@ -119,19 +120,21 @@ impl Ear {
     }
 
     fn is_new(&self, beacon: &Beacon) -> bool {
-        let (life, count) = beacon.said;
-        let lives = self.heard.get(&beacon.drone);
-        let mut known = lives.into_iter().flatten();
-        known.find(|it| it.0 == life).is_none_or(|it| it.1 < count)
+        let (incarnation, count) = beacon.said;
+        let incarnations = self.heard.get(&beacon.drone);
+        let mut known = incarnations.into_iter().flatten();
+        known
+            .find(|it| it.0 == incarnation)
+            .is_none_or(|it| it.1 < count)
     }
 
     fn remember(&mut self, beacon: &Beacon) {
-        let lives = self.heard.entry(beacon.drone).or_default();
-        lives.retain(|it| it.0 != beacon.said.0);
-        if lives.len() == LIVES_MAX {
-            lives.pop_front();
+        let incarnations = self.heard.entry(beacon.drone).or_default();
+        incarnations.retain(|it| it.0 != beacon.said.0);
+        if incarnations.len() == LIVES_MAX {
+            incarnations.pop_front();
         }
-        lives.push_back(beacon.said);
+        incarnations.push_back(beacon.said);
     }
 }
 
@@ -220,13 +223,13 @@ mod tests {
         };
         for count in 0..100 {
             assert!(is_heard((7, count)));
-            for life in [1, 9, u32::MAX] {
-                is_heard((life, count / 2));
-                assert!(!is_heard((life, count / 2)));
+            for incarnation in [1, 9, u32::MAX] {
+                is_heard((incarnation, count / 2));
+                assert!(!is_heard((incarnation, count / 2)));
             }
         }
         let remembered = |ear: &Ear| ear.heard[&NodeId(1)].len();
-        (100..1_000).for_each(|life| assert!(is_heard((life, 0))));
+        (100..1_000).for_each(|incarnation| assert!(is_heard((incarnation, 0))));
         assert_eq!(remembered(&ear), LIVES_MAX);
     }
 

@@ -51,21 +51,21 @@ const COURTESY: Duration = Duration::from_millis(500);
 const REVIEW_EVERY: Duration = Duration::from_secs(1);
 
 /// Lots that are no secret, and other ones for each drone and for whoever is to be found.
-fn lots(hub: &Hub, with: u64) -> ChaCha8Rng {
+fn rng(hub: &Hub, with: u64) -> ChaCha8Rng {
     let own = u64::from(hub.id.0) << 32;
     ChaCha8Rng::seed_from_u64((hub.clock)().as_nanos() ^ own ^ with)
 }
 
 /// Keeps a connection with whoever is at an address, as long as this runs.
 pub(super) async fn keep_up_with(hub: Arc<Hub>, address: SocketAddr) {
-    let mut lots = lots(&hub, u64::from(address.port()));
+    let mut rng = rng(&hub, u64::from(address.port()));
     let mut back_off = BackOff::new();
     loop {
         let began = (hub.clock)();
         if let Some(drone) = hub.connect(address, None).await {
             until_alone(&hub, drone).await;
         }
-        pause(&hub, &mut back_off, began, &mut lots).await;
+        pause(&hub, &mut back_off, began, &mut rng).await;
     }
 }
 
@@ -77,16 +77,16 @@ async fn until_alone(hub: &Hub, drone: NodeId) {
 }
 
 /// Waits after an attempt to connect, and whatever came of it.
-async fn pause(hub: &Hub, back_off: &mut BackOff, began: Timestamp, lots: &mut impl Rng) {
+async fn pause(hub: &Hub, back_off: &mut BackOff, began: Timestamp, rng: &mut impl Rng) {
     if (hub.clock)().since(began) >= LASTS {
         *back_off = BackOff::new();
     }
-    sleep(back_off.wait(lots)).await;
+    sleep(back_off.wait(rng)).await;
 }
 
 /// Connects with a drone at a place whenever it is heard there and there is no connection with it.
 async fn answer(hub: Arc<Hub>, drone: NodeId, address: SocketAddr, heard: Arc<Notify>) {
-    let mut lots = lots(&hub, u64::from(drone.0) ^ u64::from(address.port()) << 16);
+    let mut rng = rng(&hub, u64::from(drone.0) ^ u64::from(address.port()) << 16);
     let mut back_off = BackOff::new();
     loop {
         heard.notified().await;
@@ -98,7 +98,7 @@ async fn answer(hub: Arc<Hub>, drone: NodeId, address: SocketAddr, heard: Arc<No
         }
         let began = (hub.clock)();
         hub.connect(address, Some(drone)).await;
-        pause(&hub, &mut back_off, began, &mut lots).await;
+        pause(&hub, &mut back_off, began, &mut rng).await;
     }
 }
 
@@ -150,7 +150,7 @@ impl Search {
 pub(super) struct Beacons {
     pub(super) swarm: SwarmId,
     /// Which of the drone's lives this is: a number that no other one has had.
-    pub(super) life: u32,
+    pub(super) incarnation: u32,
     pub(super) to: SocketAddr,
     /// The drone's own socket: where a beacon comes from, is where its drone is found.
     pub(super) from: UdpSocket,
@@ -158,12 +158,12 @@ pub(super) struct Beacons {
 
 /// Says again and again that this drone is there.
 pub(super) async fn say(hub: Arc<Hub>, beacons: Beacons) {
-    let mut lots = lots(&hub, 0);
+    let mut rng = rng(&hub, 0);
     for count in 0.. {
         let beacon = Beacon {
             swarm: beacons.swarm,
             drone: hub.id,
-            said: (beacons.life, count),
+            said: (beacons.incarnation, count),
         };
         // A network that does not take it now may do so the next time.
         let _ = (beacons.from).send_to(&beacon.signed(&*hub.identities), beacons.to);
@@ -172,7 +172,7 @@ pub(super) async fn say(hub: Arc<Hub>, beacons: Beacons) {
         } else {
             BEACON_EVERY
         };
-        sleep(every.mul_f64(lots.random_range(0.75..=1.25))).await;
+        sleep(every.mul_f64(rng.random_range(0.75..=1.25))).await;
     }
 }
 

@@ -19,7 +19,7 @@ pub enum Distrust {
     /// Nobody of the fleet has this key.
     Stranger,
     /// It is the key of a drone that was expelled.
-    Expelled,
+    RevocationList,
 }
 
 /// Who this end is, and whom it believes.

@@ -206,7 +206,7 @@ impl QuicTransport {
     ///
     /// # Errors
     /// When the runtime can't watch the sockets.
-    pub fn begin(&mut self, life: u32) -> io::Result<Waiting> {
+    pub fn begin(&mut self, incarnation: u32) -> io::Result<Waiting> {
         let hub = &self.hub;
         match &self.config.reach {
             Reach::Peers(peers) => {
@@ -217,7 +217,7 @@ impl QuicTransport {
             Reach::Group(all) | Reach::Broadcast(all) => {
                 let beacons = Beacons {
                     swarm: self.swarm,
-                    life,
+                    incarnation,
                     to: (*all).into(),
                     from: self.own.try_clone()?,
                 };

@@ -42,7 +42,7 @@ pub enum Refusal {
     /// The other end's key is nobody's of the fleet.
     Stranger,
     /// It is the key of a drone that was expelled.
-    Expelled,
+    RevocationList,
     /// It is not the key of the drone that was to be found there.
     OtherDrone,
     /// The other end showed a key and did not prove that it has it.
@@ -73,7 +73,7 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Stranger => "stranger",
-            Self::Expelled => "expelled",
+            Self::RevocationList => "revoked",
             Self::OtherDrone => "other drone",
             Self::Unproven => "unproven",
             Self::Denied => "denied",
@@ -87,7 +87,7 @@ impl From<Distrust> for Refusal {
     fn from(distrust: Distrust) -> Self {
         match distrust {
             Distrust::Stranger => Self::Stranger,
-            Distrust::Expelled => Self::Expelled,
+            Distrust::RevocationList => Self::RevocationList,
         }
     }
 }

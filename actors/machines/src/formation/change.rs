@@ -1,4 +1,4 @@
-use super::crossings::{crossings, ways};
+use super::crossings::{crossings, paths};
 use super::layers::{Rest, Stack};
 use super::{Formation, Layout};
 use crate::geometry::Ned;
@@ -32,7 +32,7 @@ impl Change {
         let from = before.formation().slots().to_vec();
         let room = before.room();
         let separation = room.separation;
-        let mut crossings = crossings(&ways(&from, formation.slots()), separation.near_m());
+        let mut crossings = crossings(&paths(&from, formation.slots()), separation.near_m());
         for crossing in &mut crossings {
             // Nobody climbs or descends while others cross; but who crosses may have to come down.
             crossing.over.reverse();
@@ -90,7 +90,7 @@ impl Change {
     /// # Panics
     /// When the formation has no such drone.
     #[must_use]
-    pub fn way(&self, id: NodeId, waypoint: Ned) -> [Ned; 3] {
+    pub fn path(&self, id: NodeId, waypoint: Ned) -> [Ned; 3] {
         let index = id.0 as usize;
         let sector_m = waypoint.altitude_m() + self.sectors_m[index];
         let (old, new) = (
@@ -165,15 +165,15 @@ mod tests {
     #[test]
     fn two_whose_ways_come_close_have_different_sectors() {
         each_pair(|to, change| {
-            let ways: Vec<[Ned; 3]> = (0..9)
-                .map(|id| change.way(NodeId(id), Ned::new(100.0, 0.0, -25.0)))
+            let paths: Vec<[Ned; 3]> = (0..9)
+                .map(|id| change.path(NodeId(id), Ned::new(100.0, 0.0, -25.0)))
                 .collect();
-            for (a, one) in ways.iter().enumerate() {
-                for other in &ways[..a] {
+            for (a, one) in paths.iter().enumerate() {
+                for other in &paths[..a] {
                     let apart_m = one[0].vertical_distance_m(other[0]);
                     // Wherever each is on its way.
                     let steps = || (0..=50).map(|step| f64::from(step) / 50.0);
-                    let on = |way: &[Ned; 3], share| Ned(way[0].0.lerp(&way[1].0, share));
+                    let on = |path: &[Ned; 3], share| Ned(path[0].0.lerp(&path[1].0, share));
                     let nearest_m = steps()
                         .flat_map(|i| steps().map(move |j| (i, j)))
                         .map(|(i, j)| on(one, i).horizontal_distance_m(on(other, j)))
@@ -189,15 +189,15 @@ mod tests {
         let mut seen = 0;
         each_pair(|to, change| {
             let at = Ned::new(0.0, 0.0, -25.0);
-            let ways: Vec<[Ned; 3]> = (0..9).map(|id| change.way(NodeId(id), at)).collect();
+            let paths: Vec<[Ned; 3]> = (0..9).map(|id| change.path(NodeId(id), at)).collect();
             let leads_over = |one: &[Ned; 3], end: Ned| {
                 let steps = (0..=100).map(|step| f64::from(step) / 100.0);
                 steps
                     .map(|share| Ned(one[0].0.lerp(&one[1].0, share)))
                     .any(|here| here.horizontal_distance_m(end) < 5.0)
             };
-            for (a, one) in ways.iter().enumerate() {
-                for (b, other) in ways.iter().enumerate() {
+            for (a, one) in paths.iter().enumerate() {
+                for (b, other) in paths.iter().enumerate() {
                     if a != b && leads_over(one, other[1]) && !leads_over(other, one[1]) {
                         assert!(one[0].altitude_m() < other[0].altitude_m(), "to {to:?}");
                         seen += 1;
@@ -205,7 +205,7 @@ mod tests {
                 }
             }
         });
-        assert!(seen > 0, "some way leads over an end of another");
+        assert!(seen > 0, "some path leads over an end of another");
     }
 
     #[test]
@@ -221,7 +221,7 @@ mod tests {
             let change = Change::new(0, &layout(kind, 9), formation(kind, 9));
             let at = Ned::new(0.0, 0.0, -25.0);
             for id in (0..9).map(NodeId) {
-                let [above_old, above_new, new] = change.way(id, at);
+                let [above_old, above_new, new] = change.path(id, at);
                 assert_eq!((above_old, above_new), (new, new), "{kind:?}");
             }
         }

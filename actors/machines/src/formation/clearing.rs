@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::crossings::to_point_m;
 use super::phases::Act;
-use super::{Change, Layout, Way};
+use super::{Change, Layout, Path};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
@@ -75,14 +75,14 @@ impl<'a> Flown<'a> {
 
     /// Likewise for each drone.
     pub(super) fn clearings(&self, changes: u16, centre: Ned) -> Vec<Ned> {
-        let ways = self.seen_from_above();
+        let paths = self.seen_from_above();
         let drones = (0..self.layout.formation().drones()).map(NodeId);
         drones
-            .map(|id| self.clearing_among(&ways, id, changes, centre))
+            .map(|id| self.clearing_among(&paths, id, changes, centre))
             .collect()
     }
 
-    fn clearing_among(&self, ways: &[Seen], id: NodeId, changes: u16, centre: Ned) -> Ned {
+    fn clearing_among(&self, paths: &[Seen], id: NodeId, changes: u16, centre: Ned) -> Ned {
         let layout = self.layout_after(changes);
         let near_m = layout.separation().near_m();
         let slots = layout.formation().slots();
@@ -93,25 +93,25 @@ impl<'a> Flown<'a> {
             .fold(f64::INFINITY, f64::min);
         let reach_m = ((nearest_m - near_m) / 2.0).min(REACH * near_m);
         let wish = (centre + own).0.xy();
-        let ways: Vec<_> = (ways.iter())
+        let paths: Vec<_> = (paths.iter())
             .filter(|(other, _)| *other != id)
-            .map(|(_, way)| *way)
-            .filter(|way| to_point_m(*way, wish) < near_m + reach_m)
+            .map(|(_, path)| *path)
+            .filter(|path| to_point_m(*path, wish) < near_m + reach_m)
             .collect();
-        let offset = clear_offset(wish, reach_m, near_m, &ways);
+        let offset = clear_offset(wish, reach_m, near_m, &paths);
         centre + Ned::new(offset.x, offset.y, 0.0)
     }
 
     /// All ways of all drones, in lockstep or not, as seen from above.
     fn seen_from_above(self) -> Vec<Seen> {
         let mut seen = Vec::new();
-        let mut sees = |id: NodeId, way: Way| seen.push((id, (way.from.0.xy(), way.to.0.xy())));
+        let mut sees = |id: NodeId, path: Path| seen.push((id, (path.from.0.xy(), path.to.0.xy())));
         for phase in self.phases() {
-            for (id, ways) in (0..).map(NodeId).zip(&phase.ways) {
-                let level = ways.iter().filter(|way| !way.is_upright());
-                level.for_each(|way| sees(id, *way));
+            for (id, paths) in (0..).map(NodeId).zip(&phase.paths) {
+                let level = paths.iter().filter(|path| !path.is_upright());
+                level.for_each(|path| sees(id, *path));
                 if let Act::Flies { to } = phase.act {
-                    self.legs_alone(id, to).for_each(|way| sees(id, way));
+                    self.legs_alone(id, to).for_each(|path| sees(id, path));
                 }
             }
         }
@@ -128,10 +128,10 @@ fn clear_offset(
     wish: Vector2<f64>,
     reach_m: f64,
     near_m: f64,
-    ways: &[(Vector2<f64>, Vector2<f64>)],
+    paths: &[(Vector2<f64>, Vector2<f64>)],
 ) -> Vector2<f64> {
     let clearance_m = |offset: &Vector2<f64>| {
-        let from_ways = ways.iter().map(|way| to_point_m(*way, wish + offset));
+        let from_ways = paths.iter().map(|path| to_point_m(*path, wish + offset));
         from_ways.fold(f64::INFINITY, f64::min).min(near_m)
     };
     let mut best = (Vector2::zeros(), clearance_m(&Vector2::zeros()));
@@ -208,12 +208,12 @@ mod tests {
                 for other in (0..7).map(NodeId).filter(|other| *other != id) {
                     let apart_m = place.horizontal_distance_m(places[other.0 as usize]);
                     assert!(apart_m >= 5.0, "{kind:?}: {id} and {other}: {apart_m}");
-                    let ways = flown.seen_from_above();
-                    for (_, way) in ways.into_iter().filter(|(whose, _)| *whose == other) {
-                        let apart_m = to_point_m(way, place.0.xy());
+                    let paths = flown.seen_from_above();
+                    for (_, path) in paths.into_iter().filter(|(whose, _)| *whose == other) {
+                        let apart_m = to_point_m(path, place.0.xy());
                         assert!(
                             apart_m >= 5.0,
-                            "{kind:?}: {id}, the way of {other}: {apart_m}"
+                            "{kind:?}: {id}, the path of {other}: {apart_m}"
                         );
                     }
                 }
@@ -223,12 +223,15 @@ mod tests {
 
     #[test]
     fn who_is_in_nobody_s_way_comes_down_in_its_slot_and_who_finds_no_place_as_far_as_it_can() {
-        let way = |east_m: f64| (Vector2::new(-100.0, east_m), Vector2::new(100.0, east_m));
+        let path = |east_m: f64| (Vector2::new(-100.0, east_m), Vector2::new(100.0, east_m));
         let wish = Vector2::zeros();
-        assert_eq!(clear_offset(wish, 20.0, 5.0, &[way(6.0)]), Vector2::zeros());
-        let aside = clear_offset(wish, 20.0, 5.0, &[way(1.0)]);
-        assert_eq!(aside, Vector2::new(0.0, -5.0));
-        let between = clear_offset(wish, 20.0, 40.0, &[way(1.0), way(-19.0)]);
+        assert_eq!(
+            clear_offset(wish, 20.0, 5.0, &[path(6.0)]),
+            Vector2::zeros()
+        );
+        let unicasts = clear_offset(wish, 20.0, 5.0, &[path(1.0)]);
+        assert_eq!(unicasts, Vector2::new(0.0, -5.0));
+        let between = clear_offset(wish, 20.0, 40.0, &[path(1.0), path(-19.0)]);
         assert_eq!(between, Vector2::new(0.0, 20.0));
     }
 }

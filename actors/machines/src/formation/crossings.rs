@@ -4,7 +4,7 @@ use crate::geometry::Ned;
 
 /// The way between a drone's place on the ground and its slot, as seen from above; it is flown either way.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way {
+pub(super) struct Path {
     pub(super) ground: Vector2<f64>,
     pub(super) slot: Vector2<f64>,
 }
@@ -53,9 +53,9 @@ pub(super) enum Over {
 }
 
 /// The ways of all drones, drone 0 first.
-pub(super) fn ways(ground: &[Ned], slots: &[Ned]) -> Vec<Way> {
+pub(super) fn paths(ground: &[Ned], slots: &[Ned]) -> Vec<Path> {
     let ends = ground.iter().zip(slots);
-    ends.map(|(ground, slot)| Way {
+    ends.map(|(ground, slot)| Path {
         ground: ground.0.xy(),
         slot: slot.0.xy(),
     })
@@ -64,17 +64,17 @@ pub(super) fn ways(ground: &[Ned], slots: &[Ned]) -> Vec<Way> {
 
 /// All pairs of ways that come closer than `near_m`. Looks at pairs only that overlap along the axis on which they
 /// are spread the most.
-pub(super) fn crossings(ways: &[Way], near_m: f64) -> Vec<Crossing> {
-    let boxes: Vec<_> = ways
+pub(super) fn crossings(paths: &[Path], near_m: f64) -> Vec<Crossing> {
+    let boxes: Vec<_> = paths
         .iter()
-        .map(|way| (way.ground.inf(&way.slot), way.ground.sup(&way.slot)))
+        .map(|path| (path.ground.inf(&path.slot), path.ground.sup(&path.slot)))
         .collect();
     let mut found = Vec::new();
     sweep(&boxes, near_m, |a, b| {
-        let (one, other) = (ways[a], ways[b]);
+        let (one, other) = (paths[a], paths[b]);
         let over = [over(one, other, near_m), over(other, one, near_m)];
         if over != [Over::Neither; 2] || cross(one, other) {
-            let is_below = |lower: Way, upper: Way| (lower.ground - upper.slot).norm() < near_m;
+            let is_below = |lower: Path, upper: Path| (lower.ground - upper.slot).norm() < near_m;
             found.push(Crossing {
                 drones: [a, b],
                 over,
@@ -160,19 +160,19 @@ fn sweep(boxes: &[(Vector2<f64>, Vector2<f64>)], near_m: f64, mut look: impl FnM
     }
 }
 
-fn over(way: Way, other: Way, near_m: f64) -> Over {
-    let way = (way.ground, way.slot);
-    if to_point_m(way, other.slot) < near_m {
+fn over(path: Path, other: Path, near_m: f64) -> Over {
+    let path = (path.ground, path.slot);
+    if to_point_m(path, other.slot) < near_m {
         Over::Slot
-    } else if to_point_m(way, other.ground) < near_m {
+    } else if to_point_m(path, other.ground) < near_m {
         Over::Ground
     } else {
         Over::Neither
     }
 }
 
-fn cross(a: Way, b: Way) -> bool {
-    let side = |of: Way, point: Vector2<f64>| (of.slot - of.ground).perp(&(point - of.ground));
+fn cross(a: Path, b: Path) -> bool {
+    let side = |of: Path, point: Vector2<f64>| (of.slot - of.ground).perp(&(point - of.ground));
     side(a, b.ground) * side(a, b.slot) < 0.0 && side(b, a.ground) * side(b, a.slot) < 0.0
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::phases::{Act, Phase};
 use super::tube::Bounds;
-use super::{Clearance, Flown, Separation, Tube, Way};
+use super::{Clearance, Flown, Path, Separation, Tube};
 use crate::identity::NodeId;
 
 /// What one drone does that is no longer in lockstep with the others.
@@ -84,15 +84,15 @@ impl Flown<'_> {
         let separation = self.layout.separation();
         self.phases().map(move |phase| {
             let is_translation = phase.is_translation();
-            let drones = (0..).map(NodeId).zip(&phase.ways);
-            let entries = drones.flat_map(|(id, ways)| {
-                ways.iter().enumerate().map(move |(stage, way)| {
-                    let way = if is_translation {
-                        Way::standing(way.from)
+            let drones = (0..).map(NodeId).zip(&phase.paths);
+            let entries = drones.flat_map(|(id, paths)| {
+                paths.iter().enumerate().map(move |(stage, path)| {
+                    let path = if is_translation {
+                        Path::standing(path.from)
                     } else {
-                        *way
+                        *path
                     };
-                    let entry = Entry::new(Side::Both, id, way.into());
+                    let entry = Entry::new(Side::Both, id, path.into());
                     Entry { stage, ..entry }
                 })
             });
@@ -112,7 +112,7 @@ impl Flown<'_> {
         let mut falling: Vec<(NodeId, Tube)> = Vec::new();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
-                tubes(&phase).map(|(id, way)| (id, way.into())).collect();
+                tubes(&phase).map(|(id, path)| (id, path.into())).collect();
             let alone = self.tubes_alone(&phase);
             let down = in_lockstep
                 .iter()
@@ -163,9 +163,9 @@ impl Nearness {
     }
 }
 
-fn tubes(phase: &Phase) -> impl Iterator<Item = (NodeId, Way)> {
-    let drones = (0..).map(NodeId).zip(&phase.ways);
-    drones.flat_map(|(id, ways)| ways.iter().map(move |way| (id, *way)))
+fn tubes(phase: &Phase) -> impl Iterator<Item = (NodeId, Path)> {
+    let drones = (0..).map(NodeId).zip(&phase.paths);
+    drones.flat_map(|(id, paths)| paths.iter().map(move |path| (id, *path)))
 }
 
 /// With whom a drone in a tube is compared.

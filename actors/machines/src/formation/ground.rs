@@ -2,7 +2,7 @@ use std::f64::consts::PI;
 use std::num::NonZeroU32;
 
 use super::assignment::Assignment;
-use super::crossings::{Crossing, crossings, ways};
+use super::crossings::{Crossing, crossings, paths};
 use super::layers::{Rest, Stack};
 use super::{Formation, Kind};
 use crate::geometry::Ned;
@@ -55,7 +55,7 @@ impl Places {
         };
         for turn_rad in turns_rad.iter().copied() {
             let places = ground.places(formation, gap_m, turn_rad);
-            let crossings = crossings(&ways(&places, formation.slots()), near_m);
+            let crossings = crossings(&paths(&places, formation.slots()), near_m);
             let stack = match layers_max {
                 None => Stack::of(places.len(), &crossings, 0),
                 Some(most) => {

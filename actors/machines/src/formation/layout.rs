@@ -61,8 +61,8 @@ pub struct Layout {
     room: Room,
     gap_m: f64,
     standing: Ground,
-    ground: Option<Ways>,
-    landing: Ways,
+    ground: Option<Paths>,
+    landing: Paths,
     layering: Layering,
     /// Who has the lowest layer, if each has its own: the first master.
     lowest: NodeId,
@@ -79,12 +79,12 @@ pub(super) struct Room {
 
 /// Places on the ground, and the layer in which the way between them and the slots is flown.
 #[derive(Debug)]
-struct Ways {
+struct Paths {
     arranged: Places,
     layers_m: Arc<[f64]>,
 }
 
-impl Ways {
+impl Paths {
     fn new(ground: Ground, formation: &Formation, gap_m: f64, room: Room) -> Self {
         let Room {
             separation,
@@ -111,7 +111,7 @@ impl Layout {
 
     pub(super) fn within(formation: Formation, gap_m: f64, room: Room) -> Self {
         Self {
-            landing: Ways::new(Ground::Gathered, &formation, gap_m, room),
+            landing: Paths::new(Ground::Gathered, &formation, gap_m, room),
             ground: None,
             standing: Ground::Gathered,
             layering: Layering::Shared,
@@ -141,7 +141,7 @@ impl Layout {
     pub fn standing(mut self, ground: Ground) -> Self {
         self.standing = ground;
         self.ground = (ground != Ground::Gathered)
-            .then(|| Ways::new(ground, &self.formation, self.gap_m, self.room));
+            .then(|| Paths::new(ground, &self.formation, self.gap_m, self.room));
         self
     }
 
@@ -214,7 +214,7 @@ impl Layout {
         centre + self.landing.arranged.places[id.0 as usize]
     }
 
-    fn take_off(&self) -> &Ways {
+    fn take_off(&self) -> &Paths {
         self.ground.as_ref().unwrap_or(&self.landing)
     }
 

@@ -12,12 +12,12 @@ mod layout;
 mod linear;
 mod matrix;
 mod mesh;
+mod path;
 mod phases;
 mod random;
 mod shape;
 mod split_up;
 mod tube;
-mod way;
 
 use std::num::NonZeroU32;
 
@@ -28,9 +28,9 @@ pub use exposure::{Approach, Exposed, Exposure, Nearness};
 pub use ground::Ground;
 pub use layers::Layers;
 pub use layout::{Layering, Layout, Separation};
-pub use phases::{Act, Phase, Ways};
+pub use path::Path;
+pub use phases::{Act, Paths, Phase};
 pub use tube::{Clearance, Tube};
-pub use way::Way;
 
 use crate::geometry::Ned;
 use crate::identity::NodeId;

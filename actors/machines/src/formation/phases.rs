@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use smallvec::{SmallVec, smallvec};
 
-use super::{Flown, Tube, Way};
+use super::{Flown, Path, Tube};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
@@ -46,7 +46,7 @@ pub enum Act {
 }
 
 /// The straight ways of one drone in one phase, in order; a drone that does nothing stands at a point.
-pub type Ways = SmallVec<[Way; 3]>;
+pub type Paths = SmallVec<[Path; 3]>;
 
 /// What all do at a time. Nothing tells when within a phase a drone is where on its ways: those who are in lockstep may
 /// be anywhere on them.
@@ -59,7 +59,7 @@ pub struct Phase {
     /// At or around which waypoint it ends.
     pub waypoint: usize,
     /// Each drone's ways, drone 0 first.
-    pub ways: Vec<Ways>,
+    pub paths: Vec<Paths>,
 }
 
 impl Phase {
@@ -69,20 +69,20 @@ impl Phase {
     /// When there is no such drone.
     #[must_use]
     pub fn end(&self, id: NodeId) -> Ned {
-        let last = self.ways[id.0 as usize].last();
-        last.expect("each drone has a way").to
+        let last = self.paths[id.0 as usize].last();
+        last.expect("each drone has a path").to
     }
 
     /// Whether all fly the same straight way elsewhere, beginning by the same order: they stay as far apart as they are.
     #[must_use]
     pub fn is_translation(&self) -> bool {
-        let displacement = |ways: &Ways| match ways[..] {
-            [way] => Some((way.to - way.from).0),
+        let displacement = |paths: &Paths| match paths[..] {
+            [path] => Some((path.to - path.from).0),
             _ => None,
         };
-        let first = self.ways.first().and_then(displacement);
+        let first = self.paths.first().and_then(displacement);
         first.is_some_and(|first| {
-            let mut displacements = self.ways.iter().map(displacement);
+            let mut displacements = self.paths.iter().map(displacement);
             displacements.all(|it| it.is_some_and(|it| (it - first).norm() < SAME_M))
         })
     }
@@ -102,7 +102,7 @@ impl<'a> Flown<'a> {
                     act,
                     changes,
                     waypoint,
-                    ways: drones.map(|id| self.ways_in(act, id)).collect(),
+                    paths: drones.map(|id| self.ways_in(act, id)).collect(),
                 }
             })
     }
@@ -145,7 +145,7 @@ impl<'a> Flown<'a> {
     }
 
     /// The ways of a drone, which stands at an end of them while other waves fly.
-    fn ways_in(self, act: Act, id: NodeId) -> Ways {
+    fn ways_in(self, act: Act, id: NodeId) -> Paths {
         let slot = |changes: u16, at: usize| {
             let layout = self.layout_after(changes);
             layout.slot(id, self.waypoints[at])
@@ -166,7 +166,7 @@ impl<'a> Flown<'a> {
             Act::Climbs { change } | Act::Crosses { change, .. } | Act::Descends { change } => {
                 let made = &self.changes[usize::from(change)];
                 let at = usize::from(made.waypoint());
-                let [above_old, above_new, new] = made.way(id, self.waypoints[at]);
+                let [above_old, above_new, new] = made.path(id, self.waypoints[at]);
                 match act {
                     Act::Climbs { .. } => smallvec![slot(change, at), above_old],
                     Act::Crosses { .. } => smallvec![above_old, above_new],
@@ -185,13 +185,13 @@ impl<'a> Flown<'a> {
             }
         };
         match self.turn(act, id) {
-            Ordering::Less => return smallvec![Way::standing(corners[corners.len() - 1])],
+            Ordering::Less => return smallvec![Path::standing(corners[corners.len() - 1])],
             Ordering::Equal => {}
-            Ordering::Greater => return smallvec![Way::standing(corners[0])],
+            Ordering::Greater => return smallvec![Path::standing(corners[0])],
         }
         let pairs = corners.windows(2);
         pairs
-            .map(|pair| Way {
+            .map(|pair| Path {
                 from: pair[0],
                 to: pair[1],
             })
@@ -200,13 +200,13 @@ impl<'a> Flown<'a> {
 
     /// The legs of a drone that flies alone and takes no steps to change formation: from each slot that it may have had at
     /// the waypoint before straight to the one that it has in the end.
-    pub(super) fn legs_alone(self, id: NodeId, to: usize) -> impl Iterator<Item = Way> + use<'a> {
+    pub(super) fn legs_alone(self, id: NodeId, to: usize) -> impl Iterator<Item = Path> + use<'a> {
         let (first, last) = (self.changes_before(to - 1), self.changes_before(to));
         let slot = move |changes: u16, at: usize| {
             let layout = self.layout_after(changes);
             layout.slot(id, self.waypoints[at])
         };
-        (first..=last).map(move |changes| Way {
+        (first..=last).map(move |changes| Path {
             from: slot(changes, to - 1),
             to: slot(last, to),
         })
@@ -226,39 +226,39 @@ impl<'a> Flown<'a> {
             Ordering::Greater => !matches!(phase.act, Act::TakesOff { .. }),
         };
         let drones = drones.filter(is_in_slot);
-        let stretched = |id: NodeId, way: Way| {
+        let stretched = |id: NodeId, path: Path| {
             let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
-            (id, Tube::from(way).stretched_to(altitude_m))
+            (id, Tube::from(path).stretched_to(altitude_m))
         };
         match phase.act {
             Act::TakesOff { .. } => drones
-                .map(|id| stretched(id, Way::standing(phase.end(id))))
+                .map(|id| stretched(id, Path::standing(phase.end(id))))
                 .collect(),
             Act::Flies { to } => drones
-                .flat_map(|id| self.legs_alone(id, to).map(move |way| (id, way)))
-                .map(|(id, way)| stretched(id, way))
+                .flat_map(|id| self.legs_alone(id, to).map(move |path| (id, path)))
+                .map(|(id, path)| stretched(id, path))
                 .collect(),
             Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. } => drones
-                .map(|id| stretched(id, phase.ways[id.0 as usize][0]))
+                .map(|id| stretched(id, phase.paths[id.0 as usize][0]))
                 .collect(),
             Act::Lands { .. } => {
                 let clearings = layout
                     .lands_apart()
                     .then(|| self.clearings(phase.changes, centre));
                 let land = |id: NodeId| {
-                    let from = phase.ways[id.0 as usize][0].from;
+                    let from = phase.paths[id.0 as usize][0].from;
                     let place = match &clearings {
                         Some(centres) => layout.slot(id, centres[id.0 as usize]),
                         None => layout.place(id, centre),
                     };
                     let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
                     let [above, over] = [from, place].map(|it| it.at_altitude(altitude_m));
-                    let level = Way {
+                    let level = Path {
                         from: above,
                         to: over,
                     };
-                    let down = Tube::from(Way::standing(over)).stretched_to(0.0);
-                    let up = stretched(id, Way::standing(from));
+                    let down = Tube::from(Path::standing(over)).stretched_to(0.0);
+                    let up = stretched(id, Path::standing(from));
                     [up, (id, level.into()), (id, down)]
                 };
                 drones.flat_map(land).collect()

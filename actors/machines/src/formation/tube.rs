@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector3, Vector4};
 use smallvec::{SmallVec, smallvec};
 
-use super::{Separation, Way};
+use super::{Path, Separation};
 use crate::geometry::Ned;
 
 /// How often the range in which a clearance lies is halved: it is known to a part in 10^13 then.
@@ -13,8 +13,8 @@ const HALVINGS: usize = 44;
 /// other. A way is a tube whose bounds are the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tube {
-    upper: Way,
-    lower: Way,
+    upper: Path,
+    lower: Path,
 }
 
 /// How near the two drones come that are the nearest: each distance is the smallest while the other is too small.
@@ -28,11 +28,11 @@ pub struct Clearance {
     pub room: f64,
 }
 
-impl From<Way> for Tube {
-    fn from(way: Way) -> Self {
+impl From<Path> for Tube {
+    fn from(path: Path) -> Self {
         Self {
-            upper: way,
-            lower: way,
+            upper: path,
+            lower: path,
         }
     }
 }
@@ -134,9 +134,9 @@ impl Tube {
     /// Where this drone may be relative to the other, as seen from above: within a parallelogram that is spanned by the
     /// two ways. Beside that by how much it is above the other at least, and below it.
     fn relative_to(self, other: Self) -> Outline {
-        let corners = |way: Way, other: Way| {
-            let (u, v) = ((way.to - way.from).0, -(other.to - other.from).0);
-            let corner = (way.from - other.from).0;
+        let corners = |path: Path, other: Path| {
+            let (u, v) = ((path.to - path.from).0, -(other.to - other.from).0);
+            let corner = (path.from - other.from).0;
             [corner, corner + u, corner + u + v, corner + v]
         };
         let below = corners(self.upper, other.lower);
@@ -237,14 +237,14 @@ mod tests {
             prop_oneof![Just(None), (0..20).prop_map(Some)],
         )
             .prop_map(|(from, to, stretched)| {
-                let tube = Tube::from(Way { from, to });
+                let tube = Tube::from(Path { from, to });
                 stretched.map_or(tube, |to_m| tube.stretched_to(f64::from(to_m)))
             })
     }
 
     /// Where in it a drone is at these shares of the way and of the height.
     fn at(tube: Tube, share: f64, height: f64) -> Ned {
-        let on = |way: Way| way.from.0.lerp(&way.to.0, share);
+        let on = |path: Path| path.from.0.lerp(&path.to.0, share);
         Ned(on(tube.lower).lerp(&on(tube.upper), height))
     }
 
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn of_two_that_cross_above_each_other_the_height_between_them_is_told() {
-        let level = |east_m: f64, altitude_m: f64| Way {
+        let level = |east_m: f64, altitude_m: f64| Path {
             from: Ned::new(-50.0, -east_m, -altitude_m),
             to: Ned::new(50.0, east_m, -altitude_m),
         };
@@ -294,14 +294,14 @@ mod tests {
             "{over:?}"
         );
         assert!((over.room - 2.0).abs() < 1e-9);
-        let beside = Way::standing(Ned::new(0.0, 40.0, -30.0));
+        let beside = Path::standing(Ned::new(0.0, 40.0, -30.0));
         let beside = Tube::from(level(0.0, 30.0)).clearance(beside.into(), SEPARATION);
         assert!((beside.horizontal_m - 40.0).abs() < 1e-6 && beside.vertical_m < 1e-6);
     }
 
     #[test]
     fn one_that_comes_down_is_near_whatever_is_below_its_way() {
-        let level = |altitude_m: f64| Way {
+        let level = |altitude_m: f64| Path {
             from: Ned::new(-50.0, 0.0, -altitude_m),
             to: Ned::new(50.0, 0.0, -altitude_m),
         };

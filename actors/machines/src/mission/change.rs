@@ -23,7 +23,7 @@ impl Mission {
         let change = self.config.changes.get(usize::from(change))?;
         let wave = change.wave(self.config.id);
         let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
-        let [mut above_old, mut above_new, new] = change.way(self.config.id, *waypoint);
+        let [mut above_old, mut above_new, new] = change.path(self.config.id, *waypoint);
         if flaw::has(Flaw::CrossesInOneSector) {
             let altitude_m = waypoint.altitude_m();
             (above_old, above_new) = (

@@ -130,7 +130,7 @@ impl fmt::Display for State {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whom the drone obeys.
-    pub obeyed: CurrentLeader,
+    pub leader: CurrentLeader,
     /// What the drone is doing.
     pub state: State,
     /// The mission, as far as it is known.
@@ -176,7 +176,7 @@ impl Checkpoint {
     /// numbers its orders may have used.
     pub(crate) fn is_news(&self, before: &Self) -> bool {
         let order = |it: &Self| it.lead.as_ref().map(|lead| lead.sequence);
-        self.obeyed != before.obeyed
+        self.leader != before.leader
             || self.state != before.state
             || self.opened != before.opened
             || self.changes != before.changes
@@ -187,7 +187,7 @@ impl Checkpoint {
     }
 
     /// The drone's process has started anew.
-    pub(crate) fn begin_life(&mut self) {
+    pub(crate) fn begin_incarnation(&mut self) {
         self.restarted |= !matches!(self.state, State::Start | State::Finished);
     }
 }

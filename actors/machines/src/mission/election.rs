@@ -13,17 +13,17 @@ use super::{
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::Ballot;
-use crate::leader::{Verdict, Way};
+use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::time::Timestamp;
 
 /// To so many drones that would lead rather one leaves it to say that they do: so few know, and others seldom come to it.
-const DEFERENCES_MAX: u32 = 8;
+const BACK_OFFS_MAX: u32 = 8;
 
 impl Config {
     /// How long a drone that misses its master leaves it to others to lead, at the most.
     #[must_use]
-    pub fn deference_max(&self) -> Duration {
-        self.deference * DEFERENCES_MAX
+    pub fn candidacy_back_off_max(&self) -> Duration {
+        self.candidacy_back_off * BACK_OFFS_MAX
     }
 
     /// How much longer a drone bears a silent master while the swarm spreads out: not at all if it lands without one.
@@ -53,10 +53,10 @@ impl Mission {
 
     /// Takes in whom the routing obeys; whether this drone does so, too.
     pub(super) fn hear_epoch(&mut self, ballot: Ballot) -> bool {
-        match self.durable.obeyed.hear(ballot, Way::Mutual) {
-            Verdict::Ignored => return false,
-            Verdict::Same => {}
-            Verdict::Turned => self.begin_epoch(ballot),
+        match self.durable.leader.hear(ballot, LinkSymmetry::Mutual) {
+            BallotDecision::Ignored => return false,
+            BallotDecision::Same => {}
+            BallotDecision::Turned => self.begin_epoch(ballot),
         }
         true
     }
@@ -110,16 +110,16 @@ impl Mission {
             return None;
         }
         let looks = match self.config.liveness {
-            Liveness::Pulse if !flaw::has(Flaw::MissesMasterAtWaypointsOnly) => {
+            Liveness::Heartbeat if !flaw::has(Flaw::MissesMasterAtWaypointsOnly) => {
                 self.durable.state.is_following()
             }
-            Liveness::Pulse | Liveness::Thesis => self.durable.state.is_waiting(),
+            Liveness::Heartbeat | Liveness::Thesis => self.durable.state.is_waiting(),
         };
         let since = self
             .master_silent
             .filter(|_| !flaw::has(Flaw::NeverClaims))
             .filter(|_| looks && self.durable.lead.is_none())?;
-        let since = since + self.deference();
+        let since = since + self.candidacy_back_off();
         Some(if self.durable.state.is_spreading() && !self.master_lands {
             since + self.config.spreading()
         } else {
@@ -129,11 +129,11 @@ impl Mission {
 
     /// How long it leaves it to others of better rank to lead: else all that miss a master at the same moment would claim to
     /// lead, and each would have to hear of all others.
-    fn deference(&self) -> Duration {
+    fn candidacy_back_off(&self) -> Duration {
         let own = self.own_rank();
-        let missed = self.durable.obeyed.ballot();
+        let missed = self.durable.leader.ballot();
         let better = own - u32::from(missed.is_some_and(|missed| missed.rank < own));
-        self.config.deference * better.min(DEFERENCES_MAX)
+        self.config.candidacy_back_off * better.min(BACK_OFFS_MAX)
     }
 
     /// The master is silent: another is needed.
@@ -146,7 +146,7 @@ impl Mission {
 
     /// Leads from now on, under a ballot better than the one obeyed so far.
     fn claim(&mut self, now: Timestamp) {
-        let term = self.durable.obeyed.next_term();
+        let term = self.durable.leader.next_term();
         let Some(term) = term.filter(|_| self.durable.plan_complete) else {
             return self.land(LandingReason::MasterSilent);
         };

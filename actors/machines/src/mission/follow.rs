@@ -82,10 +82,10 @@ impl Mission {
             return Some(self.goal_in_layer(*waypoint));
         }
         let to = self.layout().slot(self.config.id, *waypoint);
-        let refuge_altitude_m = self.altitude_alone_m(*waypoint);
+        let hold_altitude_m = self.altitude_alone_m(*waypoint);
         Some(Goal::FlyTo {
             to,
-            refuge_altitude_m,
+            hold_altitude_m,
         })
     }
 
@@ -182,15 +182,15 @@ impl Mission {
         self.durable.limit = None;
         self.durable.pending = None;
         let slot = self.layout().slot(self.config.id, at);
-        let refuge_altitude_m = self.altitude_alone_m(at);
+        let hold_altitude_m = self.altitude_alone_m(at);
         let to = if self.durable.in_layer {
-            slot.at_altitude(refuge_altitude_m)
+            slot.at_altitude(hold_altitude_m)
         } else {
             slot
         };
         self.outbox.transmit(Transmit::Goal(Goal::Track {
             to,
-            refuge_altitude_m,
+            hold_altitude_m,
             velocity,
             hold: following.hold,
         }));

@@ -40,7 +40,7 @@ impl Mission {
 
     /// Gives an order that nobody needs to carry out before the next.
     pub(super) fn announce(&mut self, order: &Order) {
-        if let (Some(lead), Some(ballot)) = (&mut self.durable.lead, self.durable.obeyed.ballot()) {
+        if let (Some(lead), Some(ballot)) = (&mut self.durable.lead, self.durable.leader.ballot()) {
             lead.sequence += 1;
             lead.acknowledged = NodeSet::default();
             lead.order = wire::encode_order(order).into();
@@ -69,7 +69,7 @@ impl Mission {
 
     /// Tells a restarted routing the leader epoch and the newest order once more.
     pub(super) fn repeat_lead(&mut self) {
-        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.obeyed.ballot()) {
+        if let (Some(lead), Some(ballot)) = (&self.durable.lead, self.durable.leader.ballot()) {
             self.outbox.transmit(Transmit::Lead(ballot));
             self.outbox.transmit(Transmit::Publish {
                 ballot,

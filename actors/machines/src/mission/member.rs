@@ -82,7 +82,7 @@ impl Mission {
         let own_wave = self.layout().take_off_wave(self.config.id);
         let is_the_operators = self
             .durable
-            .obeyed
+            .leader
             .ballot()
             .is_some_and(|it| !it.is_elected());
         match self.durable.state {

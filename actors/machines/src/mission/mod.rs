@@ -29,7 +29,7 @@ use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::Notice as RoutingNotice;
-use crate::stall::Punctuality;
+use crate::stall::StallDetector;
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -60,7 +60,7 @@ pub struct Config {
     /// lost and found again; and any master silent members while it takes off.
     pub spreading_patience: Duration,
     /// How long it leaves it to each drone that would lead rather, but for the one that is missed, to say that it does.
-    pub deference: Duration,
+    pub candidacy_back_off: Duration,
     /// How long the master waits for members that do not get ready on the ground.
     pub set_up_limit: Duration,
     /// How long the master waits for members of a wave that do not get to their slots.
@@ -89,7 +89,7 @@ pub enum Barrier {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Liveness {
     /// Once the master's own number, or the member's own, has not risen for the time to live, wherever the drone is.
-    Pulse,
+    Heartbeat,
     /// Likewise, but looked at only while waiting at a waypoint, as the thesis does.
     Thesis,
 }
@@ -234,7 +234,7 @@ pub struct Mission {
     master_silent: Option<Timestamp>,
     /// Whether it says that it is going to land.
     master_lands: bool,
-    punctuality: Punctuality,
+    stall_detector: StallDetector,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -247,13 +247,13 @@ impl Mission {
             durable: Checkpoint::default(),
             master_silent: None,
             master_lands: false,
-            punctuality: Punctuality::default(),
+            stall_detector: StallDetector::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
             if mission.durable.restarted {
-                mission.begin_life();
+                mission.begin_incarnation();
             }
             mission.outbox.transmit(Transmit::Resync);
             if let Some(goal) = mission.goal() {
@@ -264,7 +264,7 @@ impl Mission {
     }
 
     /// The process started anew: on the ground the drone stays there, in the air it has to catch up.
-    fn begin_life(&mut self) {
+    fn begin_incarnation(&mut self) {
         match self.durable.state {
             State::SetUp => self.stay_down(LandingReason::Restarted),
             // The others are in their sectors, or on the same leg behind it and before: it goes on in their midst.
@@ -350,10 +350,10 @@ impl Mission {
                     return Some(self.goal_in_layer(centre));
                 }
                 let to = layout.slot(id, centre);
-                let refuge_altitude_m = self.altitude_alone_m(to);
+                let hold_altitude_m = self.altitude_alone_m(to);
                 Some(Goal::FlyTo {
                     to,
-                    refuge_altitude_m,
+                    hold_altitude_m,
                 })
             }
             State::ChangingFormation { change, step } => {
@@ -362,10 +362,10 @@ impl Mission {
                     return Some(Goal::TransitTo { to });
                 }
                 // In a column of its own, or in its sector.
-                let refuge_altitude_m = to.altitude_m();
+                let hold_altitude_m = to.altitude_m();
                 Some(Goal::FlyTo {
                     to,
-                    refuge_altitude_m,
+                    hold_altitude_m,
                 })
             }
             State::Following => self.goal_as_followed(),
@@ -375,10 +375,10 @@ impl Mission {
                     return Some(self.goal_in_layer(at));
                 }
                 let to = layout.slot(id, at);
-                let refuge_altitude_m = self.altitude_alone_m(at);
+                let hold_altitude_m = self.altitude_alone_m(at);
                 Some(Goal::FlyTo {
                     to,
-                    refuge_altitude_m,
+                    hold_altitude_m,
                 })
             }
             State::MovingToLand if self.durable.leaving.is_some() && !self.flies_in_own_layer() => {
@@ -462,7 +462,7 @@ impl Mission {
 
     /// Whether its master was elected: there may be parts of the swarm then that do not fly in step with this one.
     pub(super) fn is_elected_epoch(&self) -> bool {
-        let ballot = self.durable.obeyed.ballot();
+        let ballot = self.durable.leader.ballot();
         ballot.is_some_and(|it| it.is_elected())
     }
 
@@ -501,8 +501,8 @@ impl Mission {
     fn hear_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
         match notice {
             RoutingNotice::Leader(ballot) => {
-                let is_obeyed = self.hear_epoch(ballot);
-                if is_obeyed && ballot.master == self.config.id && self.durable.lead.is_none() {
+                let is_followed = self.hear_epoch(ballot);
+                if is_followed && ballot.master == self.config.id && self.durable.lead.is_none() {
                     // It led, and lost the memory of it: nobody leads.
                     self.master_silent.get_or_insert(now);
                 }
@@ -628,7 +628,7 @@ impl Mission {
     }
 
     fn say_acknowledged(&mut self) {
-        if let Some(ballot) = self.durable.obeyed.ballot() {
+        if let Some(ballot) = self.durable.leader.ballot() {
             let sequence = self.durable.acknowledged;
             self.outbox
                 .transmit(Transmit::Acknowledge { ballot, sequence });
@@ -698,7 +698,7 @@ impl Mission {
 
     /// The host stood still, perhaps while others did what the drone waits for: it gives them as long again.
     fn allow_for_stall(&mut self, now: Timestamp) {
-        if let Some(stall) = self.punctuality.stalled_for(now) {
+        if let Some(stall) = self.stall_detector.stalled_for(now) {
             self.durable.limit = self.durable.limit.map(|limit| limit.max(now) + stall);
             self.master_silent = self.master_silent.map(|_| now);
         }
@@ -748,7 +748,7 @@ impl Machine for Mission {
             Input::ComeDown(reason) => self.end_here(reason),
         }
         self.checkpoint();
-        self.punctuality.ask(now, self.deadline());
+        self.stall_detector.ask(now, self.deadline());
         Ok(())
     }
 
@@ -776,7 +776,7 @@ impl Machine for Mission {
         }
         // Any of the above may have made it a master that is followed, which tells at once where it is.
         self.locate_if_due(now);
-        self.punctuality.ask(now, self.deadline());
+        self.stall_detector.ask(now, self.deadline());
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {

@@ -9,7 +9,7 @@ use std::num::NonZeroU32;
 
 use super::*;
 use crate::formation::{Formation, Kind, Layering, Separation};
-use crate::machine::{Said, Stimulus, step};
+use crate::machine::{Emitted, Stimulus, step};
 use crate::navigation::Failure;
 
 /// Of the leader epoch that the operator starts.
@@ -28,7 +28,7 @@ const PITCH_M: f64 = 5.5;
 fn fly_to(to: Ned) -> Goal {
     Goal::FlyTo {
         to,
-        refuge_altitude_m: to.altitude_m() + PITCH_M,
+        hold_altitude_m: to.altitude_m() + PITCH_M,
     }
 }
 
@@ -62,7 +62,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         succession: Succession::Land,
         alone: Alone::CarryOn,
         spreading_patience: Duration::ZERO,
-        deference: Duration::ZERO,
+        candidacy_back_off: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         landing_limit: 60 * SECOND,
@@ -81,8 +81,8 @@ fn stimulate(
     let now = Timestamp::from_secs_f64(at_s);
     let is_timeout = stimulus == Stimulus::Timeout;
     let Ok(deadline) = step(mission, now, stimulus, |said| match said {
-        Said::Transmit(transmit) => transmits.push(transmit),
-        Said::Event(event) => events.push(event),
+        Emitted::Transmit(transmit) => transmits.push(transmit),
+        Emitted::Event(event) => events.push(event),
     });
     let is_overdue = is_timeout && deadline.is_some_and(|deadline| deadline <= now);
     assert!(!is_overdue, "at {now} its deadline is {deadline:?}");
@@ -178,7 +178,7 @@ fn master_taking_off() -> Mission {
 fn master_taking_off_with(barrier: Barrier) -> Mission {
     let config = Config {
         barrier,
-        ..config(1, Liveness::Pulse)
+        ..config(1, Liveness::Heartbeat)
     };
     let mut master = Mission::new(config, None);
     told(&mut master, 0.0, Input::Fly);
@@ -197,18 +197,18 @@ fn goal(transmits: &[Transmit]) -> Option<Goal> {
 
 #[test]
 fn only_the_drone_at_the_centre_leads_and_only_once_told() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Fly));
     assert!(transmits.is_empty());
     assert_eq!(events[0], Event::Refused);
-    let mut master = mission(1, Liveness::Pulse);
+    let mut master = mission(1, Liveness::Heartbeat);
     assert!(stimulate(&mut master, 0.0, Stimulus::Timeout).0.is_empty());
     assert_eq!(orders(&told(&mut master, 0.0, Input::Fly)), [whole_plan()]);
 }
 
 #[test]
 fn nobody_takes_off_without_the_whole_mission() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     assert!(ordered(&mut slave, 1, &Order::TakeOff { wave: 0 }).is_empty());
     let half = Order::Plan {
         index: 0,
@@ -223,7 +223,7 @@ fn nobody_takes_off_without_the_whole_mission() {
 
 #[test]
 fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
-    let mut master = mission(1, Liveness::Pulse);
+    let mut master = mission(1, Liveness::Heartbeat);
     told(&mut master, 0.0, Input::Fly);
     assert!(
         orders(&hears(&mut master, 1.0, progress(0, 1))).is_empty(),
@@ -264,7 +264,7 @@ fn while_the_swarm_takes_off_a_master_waits_for_silent_members_as_long_as_they_b
 
 #[test]
 fn whoever_misses_its_master_does_not_take_off_at_an_old_word_and_asks_once_it_is_back() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     hears(&mut slave, 1.0, RoutingNotice::MasterSilent);
     assert_eq!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }), []);
@@ -367,7 +367,7 @@ fn only_those_that_are_waited_for_are_left_out() {
 
 #[test]
 fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again() {
-    for (returns, goes_on) in [(false, true), (true, false)] {
+    for (returns, keeps_going) in [(false, true), (true, false)] {
         let mut master = master_taking_off();
         hears(&mut master, 19.0, progress(0, 2));
         hears(&mut master, 19.1, RoutingNotice::Silent(NodeId(2).into()));
@@ -379,13 +379,13 @@ fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again()
             20.0,
             Input::Navigation(NavigationNotice::Arrived),
         );
-        assert_eq!(transmits.contains(&Transmit::Discover), goes_on);
+        assert_eq!(transmits.contains(&Transmit::Discover), keeps_going);
     }
 }
 
 #[test]
 fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     ordered(
         &mut slave,
         5,
@@ -412,7 +412,7 @@ fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
 
 #[test]
 fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let transmits = ordered(
@@ -435,7 +435,7 @@ fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
 
 #[test]
 fn a_landing_drone_obeys_nobody_any_more() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     told(&mut slave, 35.0, Input::GiveUp);
     assert_eq!(slave.durable.state, State::Landing);
     assert!(
@@ -457,7 +457,7 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
     // At the end of the leg, which it is told of in mid-leg or there.
     for (liveness, in_mid_leg, there) in [
         (
-            Liveness::Pulse,
+            Liveness::Heartbeat,
             Some(LandingReason::MasterSilent),
             State::MovingToLand,
         ),
@@ -487,7 +487,7 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
 
 #[test]
 fn a_leg_that_takes_too_long_ends_in_a_landing() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     ordered(
         &mut slave,
         5,
@@ -512,7 +512,7 @@ fn a_master_that_must_land_takes_its_swarm_down_with_it() {
 
 #[test]
 fn a_restarted_mission_goes_on_where_it_was() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     ordered(
         &mut slave,
         5,
@@ -522,7 +522,7 @@ fn a_restarted_mission_goes_on_where_it_was() {
         },
     );
     let checkpoint = slave.durable.clone();
-    let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
+    let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
     let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
     let to = Ned::new(100.0, -100.0, -25.0);
     assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(fly_to(to))]);
@@ -536,12 +536,12 @@ fn a_restarted_mission_goes_on_where_it_was() {
 
 #[test]
 fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_waypoint_climbs() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     let (waypoint, apart) = (1, false);
     let starts_anew = |slave: &Mission| {
         let mut checkpoint = slave.durable.clone();
-        checkpoint.begin_life();
-        let mut restarted = Mission::new(config(0, Liveness::Pulse), Some(checkpoint));
+        checkpoint.begin_incarnation();
+        let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
         let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
         goal(&transmits)
     };
@@ -550,7 +550,7 @@ fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_wayp
     let to = Ned::new(100.0, -100.0, -25.0);
     assert_eq!(starts_anew(&slave), Some(fly_to(to)));
     // In its slot, told to move on before there are ways.
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let arrived = Input::Navigation(NavigationNotice::Arrived);
@@ -568,7 +568,7 @@ fn what_is_out_is_said_again_to_a_restarted_routing() {
     assert!(matches!(said[0], Transmit::Lead(_)));
     assert_eq!(orders(&said), [Order::TakeOff { wave: 0 }]);
     assert!(said.contains(&acknowledges(1)));
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     told(&mut slave, 35.0, Input::GiveUp);
     let said = hears(&mut slave, 36.0, RoutingNotice::Resync);
     assert!(said.contains(&acknowledges(2)));
@@ -584,12 +584,12 @@ fn what_is_out_is_said_again_to_a_restarted_routing() {
 
 #[test]
 fn take_off_and_the_way_to_land_have_limits() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     stimulate(&mut slave, 61.0, Stimulus::Timeout);
     assert_eq!(slave.durable.state, State::Landing);
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     ordered(&mut slave, 5, &land_at(waypoints()[0]));
     assert_eq!(slave.durable.state, State::MovingToLand);
     stimulate(&mut slave, 101.0, Stimulus::Timeout);
@@ -598,7 +598,7 @@ fn take_off_and_the_way_to_land_have_limits() {
 
 #[test]
 fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
-    let mut config = config(0, Liveness::Pulse);
+    let mut config = config(0, Liveness::Heartbeat);
     let drones = NonZeroU32::new(40).unwrap();
     let separation = Separation {
         horizontal_m: 5.0,
@@ -632,7 +632,7 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
 
 #[test]
 fn every_part_of_a_long_mission_has_its_limit() {
-    let mut config = config(1, Liveness::Pulse);
+    let mut config = config(1, Liveness::Heartbeat);
     config.mission = vec![Ned::new(0.0, 0.0, -25.0); wire::PLAN_PART_MAX * 2 + 1].into();
     let mut master = Mission::new(config, None);
     told(&mut master, 0.0, Input::Fly);
@@ -650,12 +650,12 @@ fn every_part_of_a_long_mission_has_its_limit() {
 
 #[test]
 fn a_drone_given_up_on_the_ground_stays_there_and_so_does_a_swarm_without_its_master() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     let said = told(&mut slave, 5.0, Input::GiveUp);
     assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
     assert!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }).is_empty());
-    let mut master = mission(1, Liveness::Pulse);
+    let mut master = mission(1, Liveness::Heartbeat);
     told(&mut master, 0.0, Input::Fly);
     told(&mut master, 5.0, Input::GiveUp);
     assert!(orders(&stimulate(&mut master, 30.0, Stimulus::Timeout).0).is_empty());
@@ -675,7 +675,7 @@ fn a_member_that_makes_progress_is_not_silent() {
 
 #[test]
 fn an_order_that_is_none_is_counted_and_not_obeyed() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     let notice = RoutingNotice::Order {
         ballot: Ballot {
             term: 1,

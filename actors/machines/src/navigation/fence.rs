@@ -64,12 +64,12 @@ impl Zone {
     #[must_use]
     pub fn room_along_m(&self, from: Ned, to: Ned) -> f64 {
         let ends_m = self.room_m(from).min(self.room_m(to));
-        let way = (from.0.xy(), to.0.xy());
+        let path = (from.0.xy(), to.0.xy());
         match &self.area {
             // No way between two places in a circle leaves it.
             Area::Circle { .. } if self.is_inclusion => ends_m,
-            Area::Circle { centre, radius_m } => to_point_m(way, centre.0.xy()) - radius_m,
-            Area::Polygon(polygon) if ends_m > 0.0 => polygon.to_way_m(way).min(ends_m),
+            Area::Circle { centre, radius_m } => to_point_m(path, centre.0.xy()) - radius_m,
+            Area::Polygon(polygon) if ends_m > 0.0 => polygon.to_path_m(path).min(ends_m),
             Area::Polygon(_) => ends_m,
         }
     }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::Transmit;
-use crate::formation::Way;
+use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
@@ -24,7 +24,7 @@ const SAME_M: f64 = 1.0;
 /// The way that a drone flies or waits to fly, as the others were told last.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Said {
-    way: Way,
+    path: Path,
     share: f64,
     is_heedless: bool,
 }
@@ -71,20 +71,20 @@ impl Guard {
     pub(super) fn intend(
         &mut self,
         now: Timestamp,
-        way: Option<Way>,
+        path: Option<Path>,
         is_heedless: bool,
     ) -> Option<Transmit> {
-        let is_said = |said: &Said| (Some(said.way), said.is_heedless) == (way, is_heedless);
-        if self.said.as_ref().map_or(way.is_none(), is_said) {
+        let is_said = |said: &Said| (Some(said.path), said.is_heedless) == (path, is_heedless);
+        if self.said.as_ref().map_or(path.is_none(), is_said) {
             return None;
         }
-        self.said = way.map(|way| Said {
-            way,
+        self.said = path.map(|path| Said {
+            path,
             share: 0.0,
             is_heedless,
         });
-        self.next_word = way
-            .filter(|way| way.from != way.to)
+        self.next_word = path
+            .filter(|path| path.from != path.to)
             .map(|_| now + SAYS_EVERY);
         Some(self.word(true))
     }
@@ -92,12 +92,12 @@ impl Guard {
     /// Says, in the frames that are sent anyway, how far the drone has got on its way.
     pub(super) fn gets(&mut self, now: Timestamp, place: Ned) -> Option<Transmit> {
         let said = self.said.as_mut()?;
-        let along = (said.way.to - said.way.from).0;
+        let along = (said.path.to - said.path.from).0;
         let length_m = along.norm();
         if length_m <= 0.0 || self.next_word.is_some_and(|at| at > now) {
             return None;
         }
-        let share = (place - said.way.from).0.dot(&along) / (length_m * length_m);
+        let share = (place - said.path.from).0.dot(&along) / (length_m * length_m);
         said.share = said.share.max(share.clamp(0.0, 1.0));
         self.next_word = Some(now + SAYS_EVERY);
         Some(self.word(false))
@@ -108,7 +108,7 @@ impl Guard {
         let follows_on = self.said.is_some_and(|it| it.is_heedless);
         let ahead = velocity.0 * hold.as_secs_f64();
         self.said = Some(Said {
-            way: Way {
+            path: Path {
                 from: to,
                 to: Ned(to.0 + ahead),
             },
@@ -121,7 +121,7 @@ impl Guard {
 
     /// What was said last, for a radio that has forgotten it.
     pub(super) fn word(&self, at_once: bool) -> Transmit {
-        let intent = (self.said).map(|it| Intent::of(it.way, it.share, it.is_heedless));
+        let intent = (self.said).map(|it| Intent::of(it.path, it.share, it.is_heedless));
         Transmit::Intend { intent, at_once }
     }
 
@@ -129,18 +129,18 @@ impl Guard {
     pub(super) fn hears(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
         let is_news = self.traffic.hears(now, id, intent);
         let is_in_the_way = self.said.is_some_and(|said| {
-            let from = Ned(said.way.from.0.lerp(&said.way.to.0, said.share));
-            let rest = Way { from, ..said.way };
-            !said.is_heedless && self.traffic.gives_way(now, rest, said.way)
+            let from = Ned(said.path.from.0.lerp(&said.path.to.0, said.share));
+            let rest = Path { from, ..said.path };
+            !said.is_heedless && self.traffic.gives_way(now, rest, said.path)
         });
         // One that was forgotten is in the way again though it says nothing new.
         is_in_the_way || is_news && self.next_try.is_some()
     }
 
     /// Whether a way may be begun; then it waits no longer.
-    pub(super) fn lets_begin(&mut self, now: Timestamp, way: Way) -> bool {
+    pub(super) fn lets_begin(&mut self, now: Timestamp, path: Path) -> bool {
         self.next_try = None;
-        let is_free = self.traffic.is_free(now, way);
+        let is_free = self.traffic.is_free(now, path);
         if is_free {
             self.waits_since = None;
         }
@@ -150,16 +150,18 @@ impl Guard {
     /// Whether it stops on its way to `to`, where it would come to rest at `stop`, for another that flies first.
     pub(super) fn stops(&mut self, now: Timestamp, stop: Ned, to: Ned) -> bool {
         self.next_try = None;
-        let rest = Way { from: stop, to };
-        let said = self.said.filter(|said| said.way.to.distance_m(to) < SAME_M);
-        let whole = said.map_or(rest, |said| said.way);
+        let rest = Path { from: stop, to };
+        let said = self
+            .said
+            .filter(|said| said.path.to.distance_m(to) < SAME_M);
+        let whole = said.map_or(rest, |said| said.path);
         self.traffic.gives_way(now, rest, whole)
     }
 
     /// A way round one that stays in the way for too long, if there is one: its two corners.
-    pub(super) fn way_round(&self, now: Timestamp, way: Way) -> Option<[Ned; 2]> {
+    pub(super) fn way_round(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
         self.has_waited(now, ROUND_AFTER)
-            .then(|| self.traffic.way_round(now, way))?
+            .then(|| self.traffic.way_round(now, path))?
     }
 
     /// Waits, and looks again soon.
@@ -176,12 +178,12 @@ impl Guard {
     }
 
     /// Whether it comes down here, for nobody is below it or it has waited for long enough.
-    pub(super) fn lets_down(&mut self, now: Timestamp, column: Way) -> bool {
+    pub(super) fn lets_down(&mut self, now: Timestamp, column: Path) -> bool {
         self.has_waited(now, LANDS_AFTER) || self.traffic.is_free(now, column)
     }
 
     /// Where it comes down if others stay below it.
-    pub(super) fn beside(&self, now: Timestamp, column: Way) -> Option<Ned> {
+    pub(super) fn beside(&self, now: Timestamp, column: Path) -> Option<Ned> {
         self.has_waited(now, ROUND_AFTER)
             .then(|| self.traffic.beside(now, column))?
     }
@@ -195,7 +197,7 @@ impl Guard {
     /// Whether it has been said that it makes for this place.
     pub(super) fn leads_to(&self, place: Ned) -> bool {
         self.said
-            .is_some_and(|said| said.way.to.distance_m(place) < SAME_M)
+            .is_some_and(|said| said.path.to.distance_m(place) < SAME_M)
     }
 
     fn has_waited(&self, now: Timestamp, time: Duration) -> bool {

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::formation::Way;
+use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
 use crate::machine::{Machine, Outbox, Output};
-use crate::msp::{Demand, Setpoint, Telemetry};
+use crate::msp::{FlightCommand, Setpoint, Telemetry};
 use crate::time::Timestamp;
 use crate::traffic::{self, Intent};
 
@@ -62,7 +62,7 @@ pub enum Goal {
         /// Where.
         to: Ned,
         /// At which height the drone is in nobody's way who flies on, should it have to stop; in metres above home.
-        refuge_altitude_m: f64,
+        hold_altitude_m: f64,
     },
     /// Climb or descend to the height of `to` first, then fly level.
     TransitTo {
@@ -74,7 +74,7 @@ pub enum Goal {
         /// Where it is now.
         to: Ned,
         /// As for [`Self::FlyTo`].
-        refuge_altitude_m: f64,
+        hold_altitude_m: f64,
         /// How it moves.
         velocity: Velocity,
         /// For how long it may be thought to move so; the drone comes to rest then unless it is told more, and after as
@@ -115,7 +115,7 @@ pub enum Input {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transmit {
     /// To the flight controller's link.
-    Demand(Demand),
+    FlightCommand(FlightCommand),
     /// To the mission.
     Inform(Notice),
     /// To the radio.
@@ -223,7 +223,7 @@ impl Navigation {
                     guard.starts_anew(matches!(navigation.durable.goal, Some(Goal::FlyTo { .. })));
                 }
                 navigation.inform(Notice::Resync);
-                navigation.demand(Demand::Report);
+                navigation.command(FlightCommand::Report);
             }
             // Should it fail before it is told anything, it is to ask for what it was being told.
             None => navigation.progress(Progress::Planning),
@@ -235,8 +235,8 @@ impl Navigation {
         self.outbox.transmit(Transmit::Inform(notice));
     }
 
-    fn demand(&mut self, demand: Demand) {
-        self.outbox.transmit(Transmit::Demand(demand));
+    fn command(&mut self, command: FlightCommand) {
+        self.outbox.transmit(Transmit::FlightCommand(command));
     }
 
     fn progress(&mut self, progress: Progress) {
@@ -265,7 +265,7 @@ impl Navigation {
         if self.durable.progress == Progress::Done {
             self.inform_done(goal);
         } else {
-            self.demand(Demand::Report);
+            self.command(FlightCommand::Report);
         }
     }
 
@@ -283,7 +283,7 @@ impl Navigation {
             let said = guard.follows(to, velocity, hold);
             self.outbox.transmit(said);
         }
-        self.demand(Demand::Fly(Setpoint::Track {
+        self.command(FlightCommand::Fly(Setpoint::Track {
             to,
             velocity,
             speed_mps: self.config.speed_mps,
@@ -327,14 +327,14 @@ impl Navigation {
         if verdict.is_found {
             self.held_at_m = None;
             if self.durable.goal == Some(Goal::Yield) {
-                self.demand(Demand::Yield);
+                self.command(FlightCommand::Yield);
             }
             self.progress(Progress::Planning);
         }
         let may_hold = telemetry.armed && !telemetry.landing;
         if self.watch.is_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
             // A goal that it is told meanwhile may want it at another height.
-            let altitude_m = self.refuge_altitude_m().or(self.held_at_m);
+            let altitude_m = self.hold_altitude_m().or(self.held_at_m);
             if altitude_m.is_none() || altitude_m != self.held_at_m {
                 self.held_at_m = Some(self.hold(now, telemetry));
             }
@@ -354,16 +354,16 @@ impl Navigation {
     }
 
     /// The height at which a drone with this goal is in nobody's way, in metres above home.
-    fn refuge_altitude_m(&self) -> Option<f64> {
+    fn hold_altitude_m(&self) -> Option<f64> {
         match self.durable.goal {
             Some(
                 Goal::FlyTo {
-                    refuge_altitude_m, ..
+                    hold_altitude_m, ..
                 }
                 | Goal::Track {
-                    refuge_altitude_m, ..
+                    hold_altitude_m, ..
                 },
-            ) => Some(refuge_altitude_m),
+            ) => Some(hold_altitude_m),
             Some(Goal::TakeOff {
                 transit_altitude_m, ..
             }) => Some(transit_altitude_m),
@@ -375,13 +375,13 @@ impl Navigation {
     /// Stops wherever the vehicle is, at the height at which it is in nobody's way; which that is, in metres above home.
     fn hold(&mut self, now: Timestamp, telemetry: &Telemetry) -> f64 {
         let stop_m = telemetry.stop.altitude_m();
-        let altitude_m = self.refuge_altitude_m().unwrap_or(stop_m);
-        let way = Way {
+        let altitude_m = self.hold_altitude_m().unwrap_or(stop_m);
+        let path = Path {
             from: telemetry.position,
             to: telemetry.stop.at_altitude(altitude_m),
         };
-        self.intend(now, Some(way), false);
-        self.demand(Demand::Fly(Setpoint::Hold {
+        self.intend(now, Some(path), false);
+        self.command(FlightCommand::Fly(Setpoint::Hold {
             altitude_m,
             vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
             acceleration_mps2: self.config.acceleration_mps2,
@@ -429,7 +429,7 @@ impl Navigation {
                 let knows_where_it_is = telemetry.position_lost_for.is_none();
                 let has_charge = telemetry.charge > self.config.failsafe.battery_low;
                 if knows_where_it_is && has_charge {
-                    self.demand(Demand::Arm);
+                    self.command(FlightCommand::Arm);
                 }
                 return;
             }
@@ -444,8 +444,8 @@ impl Navigation {
             ],
             Goal::FlyTo {
                 to,
-                refuge_altitude_m,
-            } => way_from_refuge(start, to, refuge_altitude_m),
+                hold_altitude_m,
+            } => path_from_hold_altitude(start, to, hold_altitude_m),
             Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Goal::Hold => vec![start],
             Goal::Land => Vec::new(),
@@ -463,7 +463,7 @@ impl Navigation {
     }
 
     fn watch_landing(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        let column = Way {
+        let column = Path {
             from: telemetry.stop,
             to: telemetry.stop.at_altitude(0.0),
         };
@@ -474,14 +474,14 @@ impl Navigation {
             self.sinks(now, telemetry);
         } else if self.may_come_down(now, column, telemetry) {
             self.intend(now, Some(column), true);
-            self.demand(Demand::Land);
+            self.command(FlightCommand::Land);
         } else {
             self.wait_to_come_down(now, column, telemetry);
         }
     }
 
     /// Whether it comes down at once: nobody is below it, or it can't wait or has waited for long enough.
-    fn may_come_down(&mut self, now: Timestamp, column: Way, telemetry: &Telemetry) -> bool {
+    fn may_come_down(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
         let is_urgent =
             self.watch.is_lost() || telemetry.charge <= self.config.failsafe.battery_critical;
         let mut guard = self.guard.iter_mut().filter(|_| !is_urgent);
@@ -489,18 +489,18 @@ impl Navigation {
     }
 
     /// Holds above others, or makes for where it comes down beside them.
-    fn wait_to_come_down(&mut self, now: Timestamp, column: Way, telemetry: &Telemetry) {
+    fn wait_to_come_down(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
         let Some(guard) = &mut self.guard else { return };
         match guard.beside(now, column).filter(|_| telemetry.at_rest) {
             Some(side) => {
                 guard.waits(now);
-                let way = Way {
+                let path = Path {
                     from: column.from,
                     to: side,
                 };
-                self.intend(now, Some(way), false);
-                let leg = self.leg(way.from, side);
-                self.demand(Demand::Fly(leg));
+                self.intend(now, Some(path), false);
+                let leg = self.leg(path.from, side);
+                self.command(FlightCommand::Fly(leg));
             }
             None if !telemetry.at_rest && guard.goes_aside(telemetry.target) => guard.waits(now),
             None => self.wait(now, None, telemetry),
@@ -538,20 +538,20 @@ impl Navigation {
 
     /// Flies straight to `corner`, as soon as nobody is in the way.
     fn fly(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
-        let way = Way {
+        let path = Path {
             from: telemetry.stop,
             to: corner,
         };
         let guard = self.guard.as_mut();
         if telemetry.target != Some(corner) {
             // What others are told of it is one straight way: to brake and to fly on may be two.
-            let can_tell = |guard: &mut Guard| telemetry.at_rest && guard.lets_begin(now, way);
+            let can_tell = |guard: &mut Guard| telemetry.at_rest && guard.lets_begin(now, path);
             if guard.is_none_or(can_tell) {
-                self.intend(now, Some(way), false);
+                self.intend(now, Some(path), false);
                 let leg = self.leg(telemetry.stop, corner);
-                self.demand(Demand::Fly(leg));
+                self.command(FlightCommand::Fly(leg));
             } else if telemetry.at_rest
-                && let Some(side) = self.turn_aside(now, way)
+                && let Some(side) = self.turn_aside(now, path)
             {
                 self.fly(now, side, telemetry);
             } else {
@@ -565,8 +565,8 @@ impl Navigation {
     }
 
     /// Lays a way round one that stays in the way for too long, if there is one; where it begins.
-    fn turn_aside(&mut self, now: Timestamp, way: Way) -> Option<Ned> {
-        let [side, level] = self.guard.as_ref()?.way_round(now, way)?;
+    fn turn_aside(&mut self, now: Timestamp, path: Path) -> Option<Ned> {
+        let [side, level] = self.guard.as_ref()?.way_round(now, path)?;
         let Progress::Flying(mut corners) = self.durable.progress.clone() else {
             return None;
         };
@@ -578,16 +578,16 @@ impl Navigation {
 
     /// Comes to rest, if it is not, and tries again to fly to `corner`, or to come down.
     fn wait(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
-        let way = Way {
+        let path = Path {
             from: telemetry.position,
             to: telemetry.stop,
         };
-        self.intend(now, Some(way), false);
+        self.intend(now, Some(path), false);
         if let Some(guard) = &mut self.guard {
             guard.waits(now);
         }
         if !telemetry.at_rest || corner.is_some() && telemetry.target == corner {
-            self.demand(Demand::Fly(Setpoint::Hold {
+            self.command(FlightCommand::Fly(Setpoint::Hold {
                 altitude_m: telemetry.stop.altitude_m(),
                 vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
                 acceleration_mps2: self.config.acceleration_mps2,
@@ -597,17 +597,17 @@ impl Navigation {
 
     /// Lets the others know that the drone stands still.
     fn stand(&mut self, now: Timestamp, place: Ned) {
-        let way = Way {
+        let path = Path {
             from: place,
             to: place,
         };
-        self.intend(now, Some(way), false);
+        self.intend(now, Some(path), false);
     }
 
     /// Lets the others know where the drone is and goes, if that can be said.
-    fn intend(&mut self, now: Timestamp, way: Option<Way>, is_heedless: bool) {
+    fn intend(&mut self, now: Timestamp, path: Option<Path>, is_heedless: bool) {
         let guard = self.guard.as_mut();
-        if let Some(said) = guard.and_then(|it| it.intend(now, way, is_heedless)) {
+        if let Some(said) = guard.and_then(|it| it.intend(now, path, is_heedless)) {
             self.outbox.transmit(said);
         }
     }
@@ -619,11 +619,11 @@ impl Navigation {
         if self.guard.as_ref().is_some_and(is_said) {
             self.gets(now, telemetry);
         } else {
-            let way = Way {
+            let path = Path {
                 from: telemetry.stop,
                 to: ground,
             };
-            self.intend(now, Some(way), true);
+            self.intend(now, Some(path), true);
         }
     }
 
@@ -639,16 +639,16 @@ impl Navigation {
     fn hear_of(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
         let guard = self.guard.as_mut();
         if guard.is_some_and(|it| it.hears(now, sender, intent)) {
-            self.demand(Demand::Report);
+            self.command(FlightCommand::Report);
         }
     }
 
     /// A leg as fast as the vehicle may fly in that direction.
     fn leg(&self, from: Ned, to: Ned) -> Setpoint {
-        let way = to - from;
-        let length_m = way.0.norm();
+        let path = to - from;
+        let length_m = path.0.norm();
         let over_ground = from.horizontal_distance_m(to) / length_m;
-        let climbing = way.altitude_m() / length_m;
+        let climbing = path.altitude_m() / length_m;
         let vertical_mps = if climbing > 0.0 {
             self.config.climb_mps
         } else {
@@ -679,11 +679,11 @@ impl Machine for Navigation {
             Input::Goal(goal) => self.take_goal(now, goal),
             Input::Locate => {
                 self.locating = true;
-                self.demand(Demand::Report);
+                self.command(FlightCommand::Report);
             }
             Input::Telemetry(telemetry) => self.hear(now, &telemetry),
             Input::Traffic { sender, intent } => self.hear_of(now, sender, intent),
-            Input::Resync => self.demand(Demand::Report),
+            Input::Resync => self.command(FlightCommand::Report),
             Input::SayWay => {
                 if let Some(guard) = &self.guard {
                     self.outbox.transmit(guard.word(true));
@@ -704,7 +704,7 @@ impl Machine for Navigation {
             self.watch.looked();
         }
         if is_lost || looks || guards {
-            self.demand(Demand::Report);
+            self.command(FlightCommand::Report);
         }
     }
 
@@ -716,11 +716,11 @@ impl Machine for Navigation {
 }
 
 /// The corners of the way to a slot: a drone that has held in its refuge descends only once it is over its slot.
-fn way_from_refuge(start: Ned, to: Ned, refuge_altitude_m: f64) -> Vec<Ned> {
+fn path_from_hold_altitude(start: Ned, to: Ned, hold_altitude_m: f64) -> Vec<Ned> {
     let height_m = start.altitude_m();
-    let is_in_refuge = (height_m - refuge_altitude_m).abs() < ARRIVAL_RADIUS_M
+    let is_at_hold_altitude = (height_m - hold_altitude_m).abs() < ARRIVAL_RADIUS_M
         && height_m > to.altitude_m() + ARRIVAL_RADIUS_M;
-    if is_in_refuge {
+    if is_at_hold_altitude {
         vec![to.at_altitude(height_m), to]
     } else {
         vec![to]

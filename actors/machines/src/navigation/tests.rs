@@ -1,7 +1,7 @@
 use super::guard::{LANDS_AFTER, ROUND_AFTER, SAYS_EVERY, TRY_AGAIN_AFTER};
 use super::*;
 use crate::formation::Separation;
-use crate::machine::{Said, Stimulus, step};
+use crate::machine::{Emitted, Stimulus, step};
 
 const CONFIG: Config = Config {
     speed_mps: 10.0,
@@ -35,7 +35,7 @@ const ON_THE_GROUND: Telemetry = Telemetry {
 fn fly_to(to: Ned) -> Goal {
     Goal::FlyTo {
         to,
-        refuge_altitude_m: to.altitude_m() + 5.0,
+        hold_altitude_m: to.altitude_m() + 5.0,
     }
 }
 
@@ -50,7 +50,7 @@ fn stepped(
 ) -> Vec<Transmit> {
     let mut transmits = Vec::new();
     let Ok(_) = step(navigation, now, stimulus, |said| {
-        if let Said::Transmit(transmit) = said {
+        if let Emitted::Transmit(transmit) = said {
             transmits.push(transmit);
         }
     });
@@ -60,8 +60,10 @@ fn stepped(
 /// The target and the speed of the leg that is demanded.
 fn leg(transmits: &[Transmit]) -> (Ned, f64) {
     match transmits {
-        [Transmit::Demand(Demand::Fly(Setpoint::Leg { to, speed_mps, .. }))] => (*to, *speed_mps),
-        other => panic!("a leg should have been demanded, not {other:?}"),
+        [Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Leg { to, speed_mps, .. }))] => {
+            (*to, *speed_mps)
+        }
+        other => panic!("a leg should have been commanded, not {other:?}"),
     }
 }
 
@@ -85,9 +87,9 @@ fn a_take_off_arms_climbs_crosses_and_comes_to_its_slot() {
         arm: true,
     };
     let asks = told(&mut navigation, Input::Goal(goal));
-    assert_eq!(asks, [Transmit::Demand(Demand::Report)]);
+    assert_eq!(asks, [Transmit::FlightCommand(FlightCommand::Report)]);
     let arms = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
-    assert_eq!(arms, [Transmit::Demand(Demand::Arm)]);
+    assert_eq!(arms, [Transmit::FlightCommand(FlightCommand::Arm)]);
     let climb = Ned::new(0.0, 0.0, -30.0);
     let cross = Ned::new(0.0, 100.0, -30.0);
     assert_eq!(
@@ -163,7 +165,7 @@ fn a_restarted_navigation_leaves_a_leg_that_is_being_flown_alone() {
     let said = told(&mut navigation, Input::Telemetry(on_the_way));
     let start = [
         Transmit::Inform(Notice::Resync),
-        Transmit::Demand(Demand::Report),
+        Transmit::FlightCommand(FlightCommand::Report),
     ];
     assert_eq!(said, start, "nothing but what it says when it starts");
 }
@@ -173,8 +175,8 @@ fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(Goal::Land));
     let hovering = at_rest_at(Ned::new(0.0, 0.0, -20.0));
-    let demands = told(&mut navigation, hovering);
-    assert_eq!(demands, [Transmit::Demand(Demand::Land)]);
+    let commands = told(&mut navigation, hovering);
+    assert_eq!(commands, [Transmit::FlightCommand(FlightCommand::Land)]);
     let coming_down = Telemetry {
         armed: true,
         landing: true,
@@ -188,7 +190,7 @@ fn a_landing_ends_disarmed_and_is_demanded_until_the_vehicle_lands() {
 
 const MOVING: Goal = Goal::Track {
     to: Ned::HOME,
-    refuge_altitude_m: 10.0,
+    hold_altitude_m: 10.0,
     velocity: Velocity::new(10.0, 0.0, 0.0),
     hold: Duration::from_secs(1),
 };
@@ -196,7 +198,7 @@ const MOVING: Goal = Goal::Track {
 #[test]
 fn a_place_that_moves_is_tracked_at_once_and_never_arrived_at() {
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
-    let track = Transmit::Demand(Demand::Fly(Setpoint::Track {
+    let track = Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Track {
         to: Ned::HOME,
         velocity: Velocity::new(10.0, 0.0, 0.0),
         speed_mps: CONFIG.speed_mps,
@@ -221,16 +223,20 @@ fn a_drone_that_hears_no_more_of_a_place_that_moves_goes_out_of_the_way_until_it
     let waits = stepped(&mut navigation, at(1.9), Stimulus::Timeout);
     assert_eq!(waits, []);
     let asks = stepped(&mut navigation, at(2.0), Stimulus::Timeout);
-    assert_eq!(asks, [Transmit::Demand(Demand::Report)]);
+    assert_eq!(asks, [Transmit::FlightCommand(FlightCommand::Report)]);
     let holds = told(&mut navigation, at_rest_at(Ned::new(20.0, 0.0, 0.0)));
-    let [Transmit::Demand(Demand::Fly(Setpoint::Hold { altitude_m, .. }))] = holds[..] else {
+    let [Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Hold { altitude_m, .. }))] =
+        holds[..]
+    else {
         panic!("{holds:?}");
     };
     assert!((altitude_m - 10.0).abs() < 1e-9);
     let tracks = told(&mut navigation, Input::Goal(MOVING));
     assert!(matches!(
         tracks[..],
-        [Transmit::Demand(Demand::Fly(Setpoint::Track { .. }))]
+        [Transmit::FlightCommand(FlightCommand::Fly(
+            Setpoint::Track { .. }
+        ))]
     ));
 }
 
@@ -239,7 +245,7 @@ fn a_drone_that_is_to_hold_comes_to_rest_where_it_can_and_says_so() {
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(MOVING));
     let asked = told(&mut navigation, Input::Goal(Goal::Hold));
-    assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
+    assert_eq!(asked, [Transmit::FlightCommand(FlightCommand::Report)]);
     let stop = Ned::new(50.0, 0.0, 0.0);
     let moving = Telemetry {
         velocity: Velocity::new(10.0, 0.0, 0.0),
@@ -266,7 +272,7 @@ fn a_pilot_is_left_alone() {
 fn whoever_asks_where_the_drone_is_is_told_once() {
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let asked = told(&mut navigation, Input::Locate);
-    assert_eq!(asked, [Transmit::Demand(Demand::Report)]);
+    assert_eq!(asked, [Transmit::FlightCommand(FlightCommand::Report)]);
     let at = Ned::new(1.0, 2.0, -3.0);
     let notice = Notice::At {
         position: at,
@@ -307,13 +313,13 @@ fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_whe
         vertical_mps: 1.5,
         acceleration_mps2: 1.0,
     };
-    assert_eq!(held, [Transmit::Demand(Demand::Fly(hold))]);
+    assert_eq!(held, [Transmit::FlightCommand(FlightCommand::Fly(hold))]);
     // There it stays, at rest and whatever it is told.
-    let refuge = Ned::new(100.0, 0.0, -30.0);
+    let hold = Ned::new(100.0, 0.0, -30.0);
     let at_rest = Telemetry {
         armed: true,
-        stop: refuge,
-        position: refuge,
+        stop: hold,
+        position: hold,
         ..ON_THE_GROUND
     };
     assert_eq!(told(&mut navigation, lost_for(3.0, at_rest)), []);
@@ -321,19 +327,19 @@ fn a_drone_that_does_not_know_where_it_is_holds_above_the_others_and_goes_on_whe
     told(&mut navigation, Input::Goal(fly_to(to)));
     assert_eq!(told(&mut navigation, lost_for(4.0, at_rest)), []);
     // But for a goal that wants it at another height then.
-    let refuge_altitude_m = 40.0;
+    let hold_altitude_m = 40.0;
     let higher = Goal::FlyTo {
         to,
-        refuge_altitude_m,
+        hold_altitude_m,
     };
     told(&mut navigation, Input::Goal(higher));
     let held = told(&mut navigation, lost_for(5.0, at_rest));
     let hold = Setpoint::Hold {
-        altitude_m: refuge_altitude_m,
+        altitude_m: hold_altitude_m,
         vertical_mps: 1.5,
         acceleration_mps2: 1.0,
     };
-    assert_eq!(held, [Transmit::Demand(Demand::Fly(hold))]);
+    assert_eq!(held, [Transmit::FlightCommand(FlightCommand::Fly(hold))]);
     told(&mut navigation, Input::Goal(fly_to(to)));
     // It descends only once it is over its slot.
     let said = told(&mut navigation, Input::Telemetry(at_rest));
@@ -354,7 +360,7 @@ fn a_drone_that_comes_down_needs_no_position() {
     told(&mut navigation, lost_for(5.0, hovering));
     told(&mut navigation, Input::Goal(Goal::Land));
     let said = told(&mut navigation, lost_for(5.0, hovering));
-    assert_eq!(said, [Transmit::Demand(Demand::Land)]);
+    assert_eq!(said, [Transmit::FlightCommand(FlightCommand::Land)]);
 }
 
 #[test]
@@ -368,10 +374,12 @@ fn a_pilot_gets_a_vehicle_back_that_knows_again_where_it_is() {
     let held = told(&mut navigation, lost_for(2.0, hovering));
     assert!(matches!(
         held[..],
-        [Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))]
+        [Transmit::FlightCommand(FlightCommand::Fly(
+            Setpoint::Hold { .. }
+        ))]
     ));
     let said = told(&mut navigation, Input::Telemetry(hovering));
-    assert_eq!(said, [Transmit::Demand(Demand::Yield)]);
+    assert_eq!(said, [Transmit::FlightCommand(FlightCommand::Yield)]);
 }
 
 #[test]
@@ -385,7 +393,7 @@ fn a_drone_that_does_not_know_where_it_is_or_has_a_low_battery_is_not_armed() {
     told(&mut navigation, Input::Goal(take_off));
     assert_eq!(told(&mut navigation, lost_for(0.1, ON_THE_GROUND)), []);
     let found = told(&mut navigation, Input::Telemetry(ON_THE_GROUND));
-    assert_eq!(found, [Transmit::Demand(Demand::Arm)]);
+    assert_eq!(found, [Transmit::FlightCommand(FlightCommand::Arm)]);
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     told(&mut navigation, Input::Goal(take_off));
     let said = told(
@@ -435,7 +443,7 @@ fn avoids() -> Navigation {
 }
 
 fn intends(from: Ned, to: Ned) -> Transmit {
-    says(Intent::of(Way { from, to }, 0.0, false), true)
+    says(Intent::of(Path { from, to }, 0.0, false), true)
 }
 
 fn says(intent: Intent, at_once: bool) -> Transmit {
@@ -448,12 +456,12 @@ fn says(intent: Intent, at_once: bool) -> Transmit {
 fn hears_of(navigation: &mut Navigation, id: u32, from: Ned, to: Ned) -> Vec<Transmit> {
     let traffic = Input::Traffic {
         sender: NodeId(id),
-        intent: Some(Intent::of(Way { from, to }, 0.0, false)),
+        intent: Some(Intent::of(Path { from, to }, 0.0, false)),
     };
     told(navigation, traffic)
 }
 
-const REPORT: Transmit = Transmit::Demand(Demand::Report);
+const REPORT: Transmit = Transmit::FlightCommand(FlightCommand::Report);
 
 #[test]
 fn a_leg_through_another_s_place_is_begun_once_that_has_gone_on() {
@@ -508,7 +516,7 @@ fn round_one_that_does_not_go_it_flies_after_a_while() {
         later,
         Stimulus::Input(at_rest_at(start)),
         |it| {
-            if let Said::Transmit(transmit) = it {
+            if let Emitted::Transmit(transmit) = it {
                 said.push(transmit);
             }
         },
@@ -544,7 +552,7 @@ fn in_mid_leg_it_stops_for_whoever_goes_first() {
             said[..],
             [
                 Transmit::Intend { .. },
-                Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))
+                Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Hold { .. }))
             ]
         );
         assert_eq!((holds, said.is_empty()), (stops, !stops), "{said:?}");
@@ -567,7 +575,7 @@ fn a_drone_that_turns_back_brakes_first_and_says_where_to() {
     };
     let said = told(&mut navigation, Input::Telemetry(on_its_way));
     let braking = Intent::of(
-        Way {
+        Path {
             from: position,
             to: stop,
         },
@@ -577,7 +585,9 @@ fn a_drone_that_turns_back_brakes_first_and_says_where_to() {
     assert_eq!(said[0], says(braking, true));
     assert!(matches!(
         said[1..],
-        [Transmit::Demand(Demand::Fly(Setpoint::Hold { .. }))]
+        [Transmit::FlightCommand(FlightCommand::Fly(
+            Setpoint::Hold { .. }
+        ))]
     ));
     let said = told(&mut navigation, at_rest_at(stop));
     assert_eq!(leg(&said[1..]).0, back);
@@ -594,7 +604,7 @@ fn a_drone_that_follows_says_where_it_will_be_until_it_is_told_more() {
     };
     let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
     let intent = Intent::of(
-        Way {
+        Path {
             from: to,
             to: ahead,
         },
@@ -650,9 +660,9 @@ fn in_mid_leg_it_says_how_far_it_has_got_in_the_frames_that_it_sends_anyway() {
         target: Some(to),
         ..ON_THE_GROUND
     };
-    let way = Way { from: start, to };
+    let path = Path { from: start, to };
     let said = told_at(&mut navigation, later, Input::Telemetry(half_way));
-    assert_eq!(said, [says(Intent::of(way, 0.5, false), false)]);
+    assert_eq!(said, [says(Intent::of(path, 0.5, false), false)]);
 }
 
 #[test]
@@ -660,7 +670,10 @@ fn it_holds_above_one_below_for_a_while_goes_aside_and_comes_down_at_the_latest_
     let (place, below) = (Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 1.0, -10.0));
     let lands = |navigation: &mut Navigation, now: Timestamp, telemetry: Input| {
         let said = told_at(navigation, now, telemetry);
-        (said.contains(&Transmit::Demand(Demand::Land)), said)
+        (
+            said.contains(&Transmit::FlightCommand(FlightCommand::Land)),
+            said,
+        )
     };
     let waiting = || {
         let mut navigation = avoids();
@@ -681,7 +694,7 @@ fn it_holds_above_one_below_for_a_while_goes_aside_and_comes_down_at_the_latest_
     let mut navigation = waiting();
     let round = Timestamp::ZERO + ROUND_AFTER;
     let traffic = Intent::of(
-        Way {
+        Path {
             from: below,
             to: below,
         },

@@ -43,7 +43,7 @@ pub enum Failure {
 
 /// What a look at the telemetry says.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Verdict {
+pub(super) struct Findings {
     /// What has failed and was not told yet.
     pub(super) failures: Vec<Failure>,
     /// Whether it has one again.
@@ -88,8 +88,8 @@ impl Watch {
         telemetry: &Telemetry,
         failsafe: &Failsafe,
         (takes_off, speed_mps): (bool, f64),
-    ) -> Verdict {
-        let mut verdict = Verdict::default();
+    ) -> Findings {
+        let mut verdict = Findings::default();
         self.next_look = None;
         verdict.failures.extend(self.battery(telemetry, failsafe));
         if !telemetry.landing && (telemetry.armed || takes_off) {
@@ -123,7 +123,7 @@ impl Watch {
         now: Timestamp,
         telemetry: &Telemetry,
         failsafe: &Failsafe,
-        verdict: &mut Verdict,
+        verdict: &mut Findings,
     ) {
         let lost_for = telemetry.position_lost_for;
         let is_lost = lost_for.is_some_and(|it| it >= POSITION_MISSED_MAX);

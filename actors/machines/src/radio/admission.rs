@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Source;
-use super::budget::{Account, Budget, Forgeries};
+use super::budget::{Budget, Forgeries, TokenBucket};
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
 use crate::roster::Roster;
@@ -39,8 +39,8 @@ pub enum DropReason {
     #[error("relayed")]
     Relayed,
     /// Of a drone that has been expelled from the swarm.
-    #[error("expelled")]
-    Expelled,
+    #[error("revoked")]
+    Revoked,
     /// Of a drone that is none of the swarm's.
     #[error("stranger")]
     Stranger,
@@ -82,7 +82,7 @@ pub enum Asked {
     /// A sender of whom nothing was let in yet; it is believed in its later lives, too.
     TheUnknown,
     /// Every sender, in each of its lives.
-    EachLife,
+    EachIncarnation,
 }
 
 /// Budgets and replay windows, an entry a sender.
@@ -99,16 +99,16 @@ pub struct Admission {
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
     at: usize,
-    standing: Standing,
+    state: SenderState,
 }
 
 /// What is known of whoever a frame names as its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Standing {
+enum SenderState {
     /// It must sign a nonce first, and nothing of it was let in yet.
     Unknown,
     /// It must sign a nonce first, for it is known in another life.
-    OtherLife,
+    OtherIncarnation,
     /// The frame does not come from where the last one came from that it had signed.
     Elsewhere,
     /// The frame comes from there.
@@ -119,27 +119,30 @@ impl Place {
     /// Whether the sender has signed the radio's nonce, or need not.
     #[must_use]
     pub fn is_proven(&self) -> bool {
-        !matches!(self.standing, Standing::Unknown | Standing::OtherLife)
+        !matches!(
+            self.state,
+            SenderState::Unknown | SenderState::OtherIncarnation
+        )
     }
 
     /// Whether the sender is believed, but in another life than the frame has.
     #[must_use]
-    pub fn is_of_other_life(&self) -> bool {
-        self.standing == Standing::OtherLife
+    pub fn is_of_other_incarnation(&self) -> bool {
+        self.state == SenderState::OtherIncarnation
     }
 }
 
 #[derive(Debug)]
 struct Sender {
     /// Of frames that it has signed.
-    account: Account,
+    bucket: TokenBucket,
     /// Nothing yet, or the newest life and counter.
     newest: Option<Newest>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Newest {
-    life: u32,
+    incarnation: u32,
     /// Where the last frame came from that was let in.
     source: Option<Source>,
     counter: u64,
@@ -180,15 +183,15 @@ impl Admission {
         members.filter(|id| !is_proven(id)).collect()
     }
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
     pub(super) fn read_ahead(&self) {
         black_box((self.members, self.budget.burst, self.senders.len()));
     }
 
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
     pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
         let known = sender.and_then(|sender| self.senders.get(sender));
-        black_box(known.map(|it| it.account));
+        black_box(known.map(|it| it.bucket));
     }
 
     /// What is known of a frame's sender.
@@ -203,7 +206,7 @@ impl Admission {
         }
         let at = self.senders.find(header.sender).unwrap_or_else(|at| {
             let sender = Sender {
-                account: Account::FULL,
+                bucket: TokenBucket::FULL,
                 newest: None,
             };
             self.senders.insert(at, header.sender, sender);
@@ -212,17 +215,19 @@ impl Admission {
         let newest = self.senders.at(at).newest.as_ref();
         let is_asked = match newest {
             None => self.asked != Asked::Nobody,
-            Some(newest) => self.asked == Asked::EachLife && newest.life != header.life,
+            Some(newest) => {
+                self.asked == Asked::EachIncarnation && newest.incarnation != header.incarnation
+            }
         };
         let is_asked = is_asked && !flaw::has(Flaw::BelievesTheUnproven);
-        let standing = match newest {
-            None if is_asked => Standing::Unknown,
-            Some(_) if is_asked => Standing::OtherLife,
+        let state = match newest {
+            None if is_asked => SenderState::Unknown,
+            Some(_) if is_asked => SenderState::OtherIncarnation,
             Some(newest) if newest.has_seen(header) => return Err(DropReason::Replayed),
-            Some(newest) if source.is_some() && newest.source == source => Standing::Home,
-            _ => Standing::Elsewhere,
+            Some(newest) if source.is_some() && newest.source == source => SenderState::Home,
+            _ => SenderState::Elsewhere,
         };
-        Ok(Place { at, standing })
+        Ok(Place { at, state })
     }
 
     /// Whether a frame may go on to the costly check of its signature.
@@ -239,16 +244,11 @@ impl Admission {
         place: Place,
         source: Option<Source>,
     ) -> Result<(), DropReason> {
-        if !self
-            .senders
-            .at(place.at)
-            .account
-            .has_left(now, &self.budget)
-        {
+        if !self.senders.at(place.at).bucket.has_left(now, &self.budget) {
             return Err(DropReason::OverBudget);
         }
-        let has_left = match (place.standing, source) {
-            (Standing::Home, Some(home)) => self.forgeries.has_left_at(home, now, &self.budget),
+        let has_left = match (place.state, source) {
+            (SenderState::Home, Some(home)) => self.forgeries.has_left_at(home, now, &self.budget),
             _ => self.forgeries.has_left(now, source),
         };
         has_left.then_some(()).ok_or(DropReason::Unverified)
@@ -258,8 +258,8 @@ impl Admission {
     /// nothing. What its sender may say from elsewhere is no less by that, for whoever was the first to pass on a frame of
     /// its has its home.
     pub fn refuse(&mut self, now: Timestamp, place: Place, source: Option<Source>) {
-        match (place.standing, source) {
-            (Standing::Home, Some(home)) => self.forgeries.charge_at(home, now, &self.budget),
+        match (place.state, source) {
+            (SenderState::Home, Some(home)) => self.forgeries.charge_at(home, now, &self.budget),
             _ => self.forgeries.charge(now, source),
         }
     }
@@ -269,15 +269,15 @@ impl Admission {
     #[inline]
     pub fn admit(&mut self, now: Timestamp, place: Place, header: &Header, source: Option<Source>) {
         let sender = self.senders.at(place.at);
-        sender.account.charge(now, &self.budget);
+        sender.bucket.charge(now, &self.budget);
         match &mut sender.newest {
-            Some(newest) if newest.life == header.life => {
+            Some(newest) if newest.incarnation == header.incarnation => {
                 newest.source = source;
                 newest.mark(header.counter);
             }
             newest => {
                 *newest = Some(Newest {
-                    life: header.life,
+                    incarnation: header.incarnation,
                     source,
                     counter: header.counter,
                     seen: if place.is_proven() { ONLY_NEWEST } else { ALL },
@@ -290,8 +290,8 @@ impl Admission {
 impl Newest {
     #[inline]
     fn has_seen(&self, header: &Header) -> bool {
-        if header.life != self.life {
-            return header.life < self.life && !flaw::has(Flaw::AcceptsEarlierLives);
+        if header.incarnation != self.incarnation {
+            return header.incarnation < self.incarnation && !flaw::has(Flaw::AcceptsEarlierLives);
         }
         match self.counter.checked_sub(header.counter) {
             None => false,

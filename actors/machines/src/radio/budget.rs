@@ -14,12 +14,12 @@ pub struct Budget {
 
 /// What is left of a budget.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Account {
+pub(super) struct TokenBucket {
     /// When the whole burst will have been earned back.
     full_at: Timestamp,
 }
 
-impl Account {
+impl TokenBucket {
     /// From which nothing was taken yet.
     pub(super) const FULL: Self = Self {
         full_at: Timestamp::ZERO,
@@ -70,9 +70,9 @@ const SOURCES_MAX: usize = 64;
 /// What was looked at in vain: forgeries, whose sender nobody knows.
 #[derive(Debug)]
 pub(super) struct Forgeries {
-    in_all: Account,
+    in_all: TokenBucket,
     /// Hosts and homes from which the last ones came.
-    sources: Vec<(Source, Account)>,
+    sources: Vec<(Source, TokenBucket)>,
 }
 
 const fn all_of(source: Source) -> Source {
@@ -85,7 +85,7 @@ const fn all_of(source: Source) -> Source {
 impl Forgeries {
     pub(super) const fn new() -> Self {
         Self {
-            in_all: Account::FULL,
+            in_all: TokenBucket::FULL,
             sources: Vec::new(),
         }
     }
@@ -101,7 +101,7 @@ impl Forgeries {
     #[inline]
     pub(super) fn has_left_at(&self, home: Source, now: Timestamp, budget: &Budget) -> bool {
         let known = self.sources.iter().find(|it| it.0 == home);
-        known.is_none_or(|(_, account)| account.has_left(now, budget))
+        known.is_none_or(|(_, bucket)| bucket.has_left(now, budget))
     }
 
     /// One was looked at in vain, of a sender that is not at home there.
@@ -121,13 +121,13 @@ impl Forgeries {
 
     /// Remembers a source, in the place of the one that has earned most back if there is no room.
     fn enter(&mut self, source: Source) -> usize {
-        let entry = (source, Account::FULL);
+        let entry = (source, TokenBucket::FULL);
         if self.sources.len() < SOURCES_MAX {
             self.sources.push(entry);
             return self.sources.len() - 1;
         }
-        let accounts = self.sources.iter().enumerate();
-        let least = accounts.min_by_key(|(_, (_, account))| account.full_at);
+        let buckets = self.sources.iter().enumerate();
+        let least = buckets.min_by_key(|(_, (_, bucket))| bucket.full_at);
         let at = least.map_or(0, |(at, _)| at);
         self.sources[at] = entry;
         at

@@ -13,12 +13,12 @@ pub struct Config {
     /// How many members the swarm has, relays included; ids run from 0 to one below.
     pub members: u32,
     /// How lives are numbered, and which one this is.
-    pub lives: Lives,
+    pub incarnations: Incarnations,
 }
 
 /// How the lives of drones' processes are numbered, so that what was said in an earlier one does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lives {
+pub enum Incarnations {
     /// By each drone's journal, where none is ever lost: whoever is known is believed in a later life than before, and in no
     /// earlier one. Only a radio that has lived before itself asks those whom it does not know to prove themselves.
     Counted,

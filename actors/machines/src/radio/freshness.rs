@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::budget::{Account, Budget};
+use super::budget::{Budget, TokenBucket};
 use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 
@@ -50,7 +50,7 @@ pub(super) struct Challenger {
     /// Senders that are believed, and in whose name another life speaks: they are to be asked.
     doubted: NodeSet,
     /// How often these were asked.
-    asked: BTreeMap<NodeId, Account>,
+    asked: BTreeMap<NodeId, TokenBucket>,
     /// How many challenges are still to be sent.
     left: u32,
     next_at: Timestamp,
@@ -88,7 +88,7 @@ impl Challenger {
     /// A sender that is believed was heard in another life, or a frame in its name that was recorded.
     pub(super) fn doubts(&mut self, now: Timestamp, sender: NodeId) {
         let asked = self.asked.get(&sender);
-        if asked.is_none_or(|account| account.has_left(now, &DOUBTS)) {
+        if asked.is_none_or(|bucket| bucket.has_left(now, &DOUBTS)) {
             self.doubted.insert(sender);
             self.hears();
         }
@@ -117,8 +117,8 @@ impl Challenger {
             self.answered = NodeSet::new();
         }
         for sender in doubted.iter() {
-            let account = self.asked.entry(sender).or_insert(Account::FULL);
-            account.charge(now, &DOUBTS);
+            let bucket = self.asked.entry(sender).or_insert(TokenBucket::FULL);
+            bucket.charge(now, &DOUBTS);
         }
         self.left = self.left.saturating_sub(1);
         self.next_at = now + CHALLENGE_INTERVAL;
@@ -139,7 +139,7 @@ pub(super) struct Responder {
     /// Where to go on if not all can be answered at once.
     next: (NodeId, u64),
     next_at: Timestamp,
-    responses: Account,
+    responses: TokenBucket,
 }
 
 /// Before all that can be asked.
@@ -151,7 +151,7 @@ impl Responder {
             asked: BTreeSet::new(),
             next: FIRST,
             next_at: Timestamp::ZERO,
-            responses: Account::FULL,
+            responses: TokenBucket::FULL,
         }
     }
 

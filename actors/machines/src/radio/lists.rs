@@ -62,7 +62,7 @@ impl Gossip {
     }
 
     /// Somebody speaks who was expelled, or a frame says so.
-    pub(super) fn hears_expelled(&mut self, now: Timestamp) {
+    pub(super) fn hears_revoked(&mut self, now: Timestamp) {
         let told_at = self.listed_at.map(|at| at + TELLING_INTERVAL);
         self.is_wanted |= told_at.is_none_or(|at| at <= now);
     }

@@ -19,7 +19,7 @@ use bytes::{Buf, Bytes};
 pub use admission::{Admission, Asked, DropReason, Place};
 pub use authenticator::{Authenticator, IdealAuthenticator, Offer};
 pub use budget::Budget;
-pub use config::{Config, Lives};
+pub use config::{Config, Incarnations};
 pub use packet::Packet;
 
 use serde::{Deserialize, Serialize};
@@ -169,7 +169,7 @@ pub enum Event {
     /// What a restarted radio is built from.
     Checkpoint(Checkpoint),
     /// A newer list of the expelled came in, and was taken.
-    Expelled {
+    RevocationList {
         /// The list's number.
         list: u64,
     },
@@ -187,7 +187,7 @@ pub struct Checkpoint {
 pub struct Radio<A> {
     config: Config,
     /// As its frames have it.
-    life: u32,
+    incarnation: u32,
     authenticator: A,
     admission: Admission,
     counter: u64,
@@ -210,7 +210,7 @@ pub struct Radio<A> {
 impl<A: Authenticator> Radio<A> {
     /// A radio that starts after the counters which `checkpoint` reserved, with an empty replay window, in the `boot`th life
     /// of the drone's journal. One that has lived before can't know what it has heard: it believes a sender only once that
-    /// has signed `nonce`, which must never have been used before. So does any one where lives are [`Lives::Drawn`].
+    /// has signed `nonce`, which must never have been used before. So does any one where lives are [`Incarnations::Drawn`].
     #[must_use]
     pub fn new(
         config: Config,
@@ -220,10 +220,10 @@ impl<A: Authenticator> Radio<A> {
         nonce: u64,
     ) -> Self {
         let has_lived = boot > 1 || checkpoint != Checkpoint::default();
-        let (life, asked) = match config.lives {
-            Lives::Drawn(life) => (life, Asked::EachLife),
-            Lives::Counted if has_lived => (boot, Asked::TheUnknown),
-            Lives::Counted => (boot, Asked::Nobody),
+        let (incarnation, asked) = match config.incarnations {
+            Incarnations::Drawn(incarnation) => (incarnation, Asked::EachIncarnation),
+            Incarnations::Counted if has_lived => (boot, Asked::TheUnknown),
+            Incarnations::Counted => (boot, Asked::Nobody),
         };
         let list = authenticator.list_number();
         let mut outbox = Outbox::new();
@@ -233,7 +233,7 @@ impl<A: Authenticator> Radio<A> {
         Self {
             admission: Admission::new(config.budget, config.members, asked),
             authenticator,
-            life,
+            incarnation,
             counter: checkpoint.counter,
             reserved: checkpoint.counter,
             outbox,
@@ -253,19 +253,19 @@ impl<A: Authenticator> Radio<A> {
         (self.admission.senders(), self.config.members as usize)
     }
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
     pub(crate) fn read_ahead(&self) {
         black_box((self.config.id, self.config.swarm, self.outbox.is_empty()));
         black_box((
             self.written.len(),
             self.counter,
-            self.life,
+            self.incarnation,
             self.challenger.is_some(),
         ));
         self.admission.read_ahead();
     }
 
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
     pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
         self.admission.read_further_ahead(sender);
     }
@@ -281,7 +281,7 @@ impl<A: Authenticator> Radio<A> {
         let header = Header {
             swarm: self.config.swarm,
             sender: self.config.id,
-            life: self.life,
+            incarnation: self.incarnation,
             counter: self.counter,
             ballot,
             intent: self.intent.filter(|_| has_room_for_intent(payload)),
@@ -325,8 +325,8 @@ impl<A: Authenticator> Radio<A> {
             return Err(DropReason::Relayed);
         }
         if !self.authenticator.is_trusted(sender) {
-            self.hears_expelled(now);
-            return Err(DropReason::Expelled);
+            self.hears_revoked(now);
+            return Err(DropReason::Revoked);
         }
         let place = self.admission.find(&header, source)?;
         if !place.is_proven() && !self.proves_or_asks(sender, frame.payload) {
@@ -409,7 +409,7 @@ impl<A: Authenticator> Radio<A> {
                 }
                 Offer::Newer => {
                     let list = self.authenticator.list_number();
-                    self.outbox.event(Event::Expelled { list });
+                    self.outbox.event(Event::RevocationList { list });
                     self.pass_on_lists(now);
                 }
             },
@@ -446,7 +446,7 @@ impl<A: Authenticator> Radio<A> {
 
     fn hears_unproven(&mut self, now: Timestamp, place: Place, sender: NodeId) {
         if let Some(challenger) = &mut self.challenger {
-            if place.is_of_other_life() {
+            if place.is_of_other_incarnation() {
                 challenger.doubts(now, sender);
             } else {
                 challenger.hears();
@@ -455,9 +455,9 @@ impl<A: Authenticator> Radio<A> {
         }
     }
 
-    fn hears_expelled(&mut self, now: Timestamp) {
+    fn hears_revoked(&mut self, now: Timestamp) {
         if let Some(gossip) = &mut self.gossip {
-            gossip.hears_expelled(now);
+            gossip.hears_revoked(now);
             self.pass_on_lists(now);
         }
     }

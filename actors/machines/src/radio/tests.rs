@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::identity::SwarmId;
-use crate::machine::{Said, Stimulus, step};
+use crate::machine::{Emitted, Stimulus, step};
 use crate::wire::AUTHENTICATOR_LEN;
 
 const BALLOT: Ballot = Ballot {
@@ -26,7 +26,7 @@ fn config(id: u32) -> Config {
             burst: 3,
         },
         members: MEMBERS,
-        lives: Lives::Counted,
+        incarnations: Incarnations::Counted,
     }
 }
 
@@ -47,8 +47,8 @@ fn stepped<A: Authenticator>(
 ) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
     let Ok(_) = step(radio, at(now_ms), stimulus, |said| match said {
-        Said::Transmit(transmit) => transmits.push(transmit),
-        Said::Event(event) => events.push(event),
+        Emitted::Transmit(transmit) => transmits.push(transmit),
+        Emitted::Event(event) => events.push(event),
     });
     (transmits, events)
 }
@@ -190,7 +190,7 @@ fn a_frame_is_let_in_once() {
 fn a_frame_of_an_earlier_life_is_a_replay() {
     let mut earlier = radio(0);
     let mut later = radio(0);
-    later.life = 2;
+    later.incarnation = 2;
     let mut receiver = radio(1);
     let old = sent_by(&mut earlier, b"old");
     let new = sent_by(&mut later, b"new");
@@ -286,7 +286,7 @@ fn a_restarted_radio_uses_no_counter_twice() {
     let counter = wire::decode_frame(&frame).unwrap().header.counter;
     assert!(
         counter > first.counter,
-        "{counter} was used by the first life already"
+        "{counter} was used by the first incarnation already"
     );
 }
 
@@ -353,12 +353,12 @@ fn frames_of_whoever_is_expelled_are_dropped_before_their_signature_is_looked_at
     let mut receiver = Radio::new(config(1), Suspicious, 1, Checkpoint::default(), 0);
     let (transmits, events) = told(&mut receiver, 0, received(&frame, None));
     assert_eq!(transmits, []);
-    assert_eq!(events, [Event::Dropped(DropReason::Expelled)]);
+    assert_eq!(events, [Event::Dropped(DropReason::Revoked)]);
 }
 
 #[test]
 fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
-    let way = |north_dm: i32| Intent {
+    let intent = |north_dm: i32| Intent {
         from_dm: [0, 0, -300],
         to_dm: [north_dm, 0, -300],
         flown: 0,
@@ -367,11 +367,11 @@ fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
     let intend = |intent: Option<Intent>, at_once: bool| Input::Intend { intent, at_once };
     let (mut speaker, mut listener) = (radio(0), radio(1));
     let before = sent_by(&mut speaker, b"before");
-    let at_once = frames(told(&mut speaker, 0, intend(Some(way(600)), true)).0);
+    let at_once = frames(told(&mut speaker, 0, intend(Some(intent(600)), true)).0);
     assert_eq!(at_once.len(), 1);
     assert_eq!(packet(&at_once[0]), Packet::Intent);
     assert!(
-        told(&mut speaker, 0, intend(Some(way(600)), true))
+        told(&mut speaker, 0, intend(Some(intent(600)), true))
             .0
             .is_empty()
     );
@@ -379,7 +379,7 @@ fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
     let too_long = sent_by(&mut speaker, &[9; PAYLOAD_MAX]);
     let farther = Intent {
         flown: 64,
-        ..way(600)
+        ..intent(600)
     };
     let silently = told(&mut speaker, 0, intend(Some(farther), false)).0;
     assert_eq!(silently, [], "the next frame says so");
@@ -393,7 +393,10 @@ fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
         })
     };
     assert_eq!(hears(0, &before), None);
-    assert_eq!(hears(200, &at_once[0]), Some((NodeId(0), Some(way(600)))));
+    assert_eq!(
+        hears(200, &at_once[0]),
+        Some((NodeId(0), Some(intent(600))))
+    );
     assert_eq!(hears(400, &after), None, "that is known");
     assert_eq!(hears(600, &too_long), None, "no room is no news");
     assert_eq!(hears(700, &later), Some((NodeId(0), Some(farther))));

@@ -9,9 +9,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Durable, Event, Notice, Transmit};
 use crate::identity::{Ballot, NodeId};
-use crate::leader::{Verdict, Way};
+use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Outbox, Output};
-use crate::stall::Punctuality;
+use crate::stall::StallDetector;
 use crate::time::Timestamp;
 
 /// The part of a routing that is the same by either policy.
@@ -30,7 +30,7 @@ pub(super) struct Core {
     /// Whether the master says that it is going to land.
     master_lands: bool,
     rng: Box<ChaCha8Rng>,
-    stall: Punctuality,
+    stall: StallDetector,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -44,7 +44,7 @@ impl Core {
             master_silent: false,
             master_lands: false,
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
-            stall: Punctuality::default(),
+            stall: StallDetector::default(),
             outbox: Outbox::new(),
         }
     }
@@ -115,12 +115,12 @@ impl Core {
     }
 
     /// Takes in under which ballot a frame was sent, over a link that carries `way`.
-    pub(super) fn hear_ballot(&mut self, ballot: Ballot, way: Way) -> Verdict {
-        let verdict = self.durable.epoch.hear(ballot, way);
-        if verdict == Verdict::Turned {
+    pub(super) fn hear_ballot(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
+        let decision = self.durable.epoch.hear(ballot, symmetry);
+        if decision == BallotDecision::Turned {
             self.begin_epoch();
         }
-        verdict
+        decision
     }
 
     /// The current leader is another one than before: its heartbeats and its landing are not known yet.
@@ -210,7 +210,7 @@ impl Core {
         }
     }
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
     pub(super) fn read_ahead(&self) {
         black_box((self.id, self.durable.epoch.sequence(), self.durable.stopped));
         black_box((self.durable.heartbeats.master, self.stall));

@@ -3,13 +3,13 @@ use serde::{Deserialize, Serialize};
 
 use super::Notice;
 use crate::identity::{Ballot, NodeId};
-use crate::leader::{CurrentLeader, Verdict, Way};
+use crate::leader::{BallotDecision, CurrentLeader, LinkSymmetry};
 
 /// What a drone's routing knows of the leader epoch that it is under, by any policy: whose it is, its newest order, and how
 /// far the drone has got.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct LeaderEpoch {
-    obeyed: CurrentLeader,
+    leader: CurrentLeader,
     sequence: u32,
     order: Option<Bytes>,
     acknowledged: u32,
@@ -20,7 +20,7 @@ impl LeaderEpoch {
     #[must_use]
     pub fn of(ballot: Ballot) -> Self {
         Self {
-            obeyed: ballot.into(),
+            leader: ballot.into(),
             ..Self::default()
         }
     }
@@ -28,13 +28,13 @@ impl LeaderEpoch {
     /// Whom the drone obeys.
     #[must_use]
     pub const fn ballot(&self) -> Option<Ballot> {
-        self.obeyed.ballot()
+        self.leader.ballot()
     }
 
     /// Whether `drone` is the master.
     #[must_use]
     pub fn is_led_by(&self, drone: NodeId) -> bool {
-        self.obeyed.is_of(drone)
+        self.leader.is_of(drone)
     }
 
     /// The number of the newest order that the drone has heard of; 0 before the first.
@@ -57,12 +57,12 @@ impl LeaderEpoch {
 
     /// Hears of a ballot: in a frame, or from its own protocol, which leads. Turning to it forgets the orders of the
     /// leader epoch before.
-    pub fn hear(&mut self, ballot: Ballot, way: Way) -> Verdict {
-        let verdict = self.obeyed.hear(ballot, way);
-        if verdict == Verdict::Turned {
+    pub fn hear(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
+        let decision = self.leader.hear(ballot, symmetry);
+        if decision == BallotDecision::Turned {
             *self = Self::of(ballot);
         }
-        verdict
+        decision
     }
 
     /// Takes an order that the drone gives under its ballot; whether it is news. It is not if the drone has turned to
@@ -104,7 +104,7 @@ impl LeaderEpoch {
 
     /// Whether what must never fall back has changed since `before`: whose leader epoch it is, and how many orders it had.
     pub(super) fn is_news(&self, before: &Self) -> bool {
-        (self.obeyed, self.sequence) != (before.obeyed, before.sequence)
+        (self.leader, self.sequence) != (before.leader, before.sequence)
     }
 
     /// For the protocol: the newest order.
@@ -143,8 +143,14 @@ mod tests {
         assert!(epoch.publish(own, claimed, 1, ORDER));
         assert!(epoch.acknowledge(claimed, 1) && epoch.is_carried_out());
         // A frame under a better ballot comes before what the protocol said next.
-        assert_eq!(epoch.hear(better, Way::Mutual), Verdict::Turned);
-        assert_eq!(epoch.hear(claimed, Way::Mutual), Verdict::Ignored);
+        assert_eq!(
+            epoch.hear(better, LinkSymmetry::Mutual),
+            BallotDecision::Turned
+        );
+        assert_eq!(
+            epoch.hear(claimed, LinkSymmetry::Mutual),
+            BallotDecision::Ignored
+        );
         assert!(!epoch.publish(own, claimed, 2, ORDER));
         assert!(!epoch.publish(own, better, 2, ORDER), "it is another's");
         assert!(epoch.hear_order(own, 1, ORDER));

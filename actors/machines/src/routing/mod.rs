@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use self::core::Core;
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::leader::{Verdict, Way};
+use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
 
@@ -339,10 +339,10 @@ trait Policy: std::fmt::Debug {
     /// Entries in the larger of its tables, and the most that it takes.
     fn occupancy(&self) -> (usize, usize);
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says.
+    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
     fn read_ahead(&self) {}
 
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
     fn read_further_ahead(&self, _sender: Option<NodeId>) {}
 }
 
@@ -395,7 +395,7 @@ impl Routing {
         }
     }
 
-    /// As [`Cell::read_ahead`](crate::cell::Cell::read_ahead) says. Whoever repeats everything all the time flies in small
+    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says. Whoever repeats everything all the time flies in small
     /// swarms, which need not be read ahead.
     pub(crate) fn read_ahead(&self) {
         if let Kind::Tree(routing) = &self.0 {
@@ -405,7 +405,7 @@ impl Routing {
         }
     }
 
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
     pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
         if let Kind::Tree(routing) = &self.0 {
             routing.policy.read_further_ahead(sender);
@@ -471,11 +471,11 @@ impl<P: Policy> Dissemination<P> {
     }
 
     fn lead(&mut self, now: Timestamp, ballot: Ballot) {
-        match self.core.hear_ballot(ballot, Way::Mutual) {
+        match self.core.hear_ballot(ballot, LinkSymmetry::Mutual) {
             // A better ballot has been heard of meanwhile, of which the protocol is being told.
-            Verdict::Ignored => return,
-            Verdict::Same => {}
-            Verdict::Turned => self.policy.begin_epoch(&mut self.core, now),
+            BallotDecision::Ignored => return,
+            BallotDecision::Same => {}
+            BallotDecision::Turned => self.policy.begin_epoch(&mut self.core, now),
         }
         self.policy.lead(&mut self.core, now, ballot);
     }

@@ -97,7 +97,7 @@ pub struct Tree {
     pub to: Option<NodeId>,
     /// How many packets the sender has said to one drone alone since it last spoke to all, with this one; of a packet for
     /// all none.
-    pub aside: u32,
+    pub unicasts: u32,
     /// By the master, passed on outwards: whose acknowledgement of that order is still missing.
     pub pending: NodeSet,
     /// The newest order, from the master and from whoever has drones below it.

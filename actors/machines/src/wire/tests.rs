@@ -8,7 +8,7 @@ use crate::routing::{Reception, Tree};
 const HEADER: Header = Header {
     swarm: SwarmId(7),
     sender: NodeId(300),
-    life: 2,
+    incarnation: 2,
     counter: 1_000_000,
     ballot: Ballot {
         term: 3,
@@ -87,7 +87,7 @@ fn a_packet_of_policy_tree_has_these_bytes() {
         }],
         asks: NodeId(9).into(),
         to: Some(NodeId(5)),
-        aside: 2,
+        unicasts: 2,
         pending: NodeSet::default(),
         order: Some(bytes::Bytes::from_static(&[1])),
     });
@@ -295,7 +295,7 @@ fn the_largest_header_leaves_room_for_the_largest_payload() {
     let header = Header {
         swarm: SwarmId(u32::MAX),
         sender: NodeId(u32::MAX),
-        life: u32::MAX,
+        incarnation: u32::MAX,
         counter: u64::MAX,
         ballot: Ballot {
             term: u32::MAX,
@@ -400,7 +400,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                 landing,
                 hears,
                 to: to.map(NodeId),
-                aside: to.map_or(0, |to| to ^ sequence),
+                unicasts: to.map_or(0, |to| to ^ sequence),
                 pending,
                 order: order.map(Into::into),
             })

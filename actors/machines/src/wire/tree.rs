@@ -55,7 +55,7 @@ pub struct TreeFrame<'a> {
     /// See there.
     pub to: Option<NodeId>,
     /// See there.
-    pub aside: u32,
+    pub unicasts: u32,
     /// See there.
     pub pending: Runs<'a>,
     /// See there.
@@ -201,7 +201,7 @@ pub(super) fn write(tree: &Tree, to: &mut Writer) {
     to.runs(&tree.asks);
     to.id(tree.to);
     if tree.to.is_some() {
-        to.number(tree.aside);
+        to.number(tree.unicasts);
     }
     to.runs(&tree.pending);
     to.or_nothing(tree.order.as_deref(), Writer::bytes);
@@ -231,7 +231,7 @@ impl<'a> TreeFrame<'a> {
         frame.asks = Runs::read(from.bytes()?)?;
         frame.to = from.id()?;
         if frame.to.is_some() {
-            frame.aside = from.number()?;
+            frame.unicasts = from.number()?;
         }
         frame.pending = Runs::read(from.bytes()?)?;
         if from.is_there()? {
@@ -281,7 +281,7 @@ impl TreeFrame<'_> {
             span: self.span.clone(),
             hears: self.hears,
             weak: self.weak,
-            aside: self.aside,
+            unicasts: self.unicasts,
             ..Self::default()
         }
     }
@@ -333,7 +333,7 @@ impl TreeFrame<'_> {
             weak: self.weak.iter().collect(),
             asks: self.asks.to_set(),
             to: self.to,
-            aside: self.aside,
+            unicasts: self.unicasts,
             pending: self.pending.to_set(),
             order: self.order.map(bytes::Bytes::copy_from_slice),
         }

@@ -20,7 +20,7 @@ fn status(drone: u32) -> Status {
         drone,
         swarm: 1,
         version: "0.1.0".to_owned(),
-        life: 1,
+        incarnation: 1,
         up_s: 12.7,
         faults: Vec::new(),
         state: Doing {

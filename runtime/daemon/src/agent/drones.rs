@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
-use super::words::{Reply, Sent};
+use super::protocol::{Reply, Sent};
 
 /// How many lines to a process may wait that does not read them, as one that is stopped. More are lost to it.
 const UNREAD_MAX: usize = 64;
@@ -116,7 +116,7 @@ fn spawn(config: &Path, arguments: &[String]) -> std::io::Result<Child> {
     command
         .arg("--config")
         .arg(config)
-        .arg("--tied")
+        .arg("--controlled")
         .args(arguments)
         .process_group(0)
         .kill_on_drop(true)

@@ -5,7 +5,7 @@
 
 mod drones;
 #[doc(hidden)]
-pub mod words;
+pub mod protocol;
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
@@ -20,7 +20,7 @@ use tokio::sync::mpsc;
 use tokio::time::timeout;
 
 use self::drones::Drones;
-use self::words::{Order, Reply, VERSION};
+use self::protocol::{Order, Reply, VERSION};
 use crate::clock::Clock;
 
 /// How long a starter and an agent may not hear of each other before each takes the other for gone. A starter sends a ping
@@ -127,7 +127,7 @@ fn read_orders() -> mpsc::UnboundedReceiver<Result<Order, serde_json::Error>> {
 fn write_replies(mut unread: mpsc::Receiver<Reply>) {
     let mut output = io::stdout().lock();
     while let Some(reply) = unread.blocking_recv() {
-        let written = output.write_all(words::line(&reply).as_bytes());
+        let written = output.write_all(protocol::line(&reply).as_bytes());
         if written.and_then(|()| output.flush()).is_err() {
             return;
         }

@@ -30,13 +30,13 @@ struct Arguments {
     #[arg(long)]
     fly: bool,
     /// End when standard input does, and read there whom the drone does not hear, as `muster swarm` writes it.
-    #[arg(long)]
-    tied: bool,
+    #[arg(long = "controlled")]
+    is_controlled: bool,
     /// Go on with a simulated vehicle that has flown on without this process, as standard input's first line has it.
-    #[arg(long, requires = "tied", conflicts_with = "fly")]
+    #[arg(long, requires = "is_controlled", conflicts_with = "fly")]
     resume: bool,
     /// Check the drone's file and all that it names, and fly nothing.
-    #[arg(long, conflicts_with_all = ["fly", "tied", "resume"])]
+    #[arg(long, conflicts_with_all = ["fly", "is_controlled", "resume"])]
     check: bool,
     /// Fly nothing, but start drones on this host for a `muster swarm` at the other end of standard input and output, and
     /// end them when it ends.
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
     }
     let start = Start {
         fly: arguments.fly,
-        tied: arguments.tied,
+        is_controlled: arguments.is_controlled,
         resume: arguments.resume,
     };
     match daemon::run(config, start) {

@@ -40,7 +40,7 @@ pub(super) const FIELDS: &Fields = &[
     ),
     (
         "keys",
-        "a table with `drone`, `fleet`, `roster` and `expelled`, as `muster keys` makes them",
+        "a table with `drone`, `fleet`, `roster` and `revoked`, as `muster keys` makes them",
     ),
     (
         "keys.drone",
@@ -55,8 +55,8 @@ pub(super) const FIELDS: &Fields = &[
         "the path of the fleet's roster, as seen from this file's folder",
     ),
     (
-        "keys.expelled",
-        "the path of the fleet's list of the expelled, as seen from this file's folder",
+        "keys.revoked",
+        "the path of the fleet's list of the revoked, as seen from this file's folder",
     ),
     (
         "udp",

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, Form, TomlFile, read_text};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, Expelled, FleetKey, Roster};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::plan::Plan;
 use muster_runtime::schema;
 use muster_transport::sockets::{self, Reach};
@@ -29,7 +29,7 @@ use crate::log::{Format, Level};
 
 /// What the newest list of the expelled is kept in that a drone has taken: beside its journal, for it outlives that.
 fn kept_list(journal: &Path, id: u32) -> PathBuf {
-    journal.with_file_name(format!("expelled-kept-{id}.toml"))
+    journal.with_file_name(format!("revoked-kept-{id}.toml"))
 }
 
 /// The most peers of a drone.
@@ -92,7 +92,7 @@ pub(crate) type Read<'a> = &'a dyn Fn(&Path) -> Result<String, BadInput>;
 #[derive(Debug)]
 pub(crate) struct Reread {
     pub(crate) level: Level,
-    pub(crate) expelled: Expelled,
+    pub(crate) revoked: RevocationList,
 }
 
 impl DroneConfig {
@@ -201,7 +201,7 @@ pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> 
     let file = File::read(path)?;
     Ok(Reread {
         level: file.0.raw.log_level.into(),
-        expelled: Expelled::load(&file.0.beside(&file.0.raw.keys.expelled), fleet)?,
+        revoked: RevocationList::load(&file.0.beside(&file.0.raw.keys.revoked), fleet)?,
     })
 }
 
@@ -298,15 +298,15 @@ impl File {
         let keys = &self.0.raw.keys;
         let fleet = self.fleet()?;
         let roster = Roster::load(&self.0.beside(&keys.roster), &fleet)?;
-        let expelled = self.expelled(&fleet)?;
+        let revoked = self.revoked(&fleet)?;
         let key = DroneKey::load(&self.0.beside(keys.drone.get_ref()))?;
-        Ed25519Authenticator::new(id, key, fleet, roster, expelled)
+        Ed25519Authenticator::new(id, key, fleet, roster, revoked)
             .map_err(|error| self.0.error(keys.drone.span(), &error.to_string()))
     }
 
     /// The newer one of the list that the file names and the one that was kept.
-    fn expelled(&self, fleet: &FleetKey) -> Result<Expelled, BadInput> {
-        let named = Expelled::load(&self.0.beside(&self.0.raw.keys.expelled), fleet)?;
+    fn revoked(&self, fleet: &FleetKey) -> Result<RevocationList, BadInput> {
+        let named = RevocationList::load(&self.0.beside(&self.0.raw.keys.revoked), fleet)?;
         let path = kept_list(
             &self.0.beside(&self.0.raw.journal),
             *self.0.raw.id.get_ref(),
@@ -314,7 +314,7 @@ impl File {
         if let Ok(false) = path.try_exists() {
             return Ok(named);
         }
-        let kept = Expelled::load(&path, fleet)?;
+        let kept = RevocationList::load(&path, fleet)?;
         Ok(if kept.number() > named.number() {
             kept
         } else {

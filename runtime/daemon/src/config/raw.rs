@@ -79,7 +79,7 @@ pub(super) struct Keys {
     pub(super) drone: Spanned<PathBuf>,
     pub(super) fleet: PathBuf,
     pub(super) roster: PathBuf,
-    pub(super) expelled: PathBuf,
+    pub(super) revoked: PathBuf,
 }
 
 #[derive(Debug, Deserialize, JsonSchema)]

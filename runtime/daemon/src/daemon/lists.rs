@@ -7,12 +7,12 @@
 use std::path::PathBuf;
 
 use muster_runtime::file;
-use muster_runtime::identity::Expelled;
+use muster_runtime::identity::RevocationList;
 use tokio::sync::watch;
 use tokio::task::{JoinHandle, spawn_blocking};
 
 /// Takes lists to be kept; of several that come while one is written the newest counts.
-pub(super) struct Keeper(watch::Sender<Option<Expelled>>);
+pub(super) struct Keeper(watch::Sender<Option<RevocationList>>);
 
 impl Keeper {
     /// Keeps lists in a file. What is returned with it ends once the keeper is gone and all that it took in was kept, or could
@@ -22,12 +22,12 @@ impl Keeper {
         (Self(sender), tokio::spawn(keep(lists, path)))
     }
 
-    pub(super) fn take(&self, list: Expelled) {
+    pub(super) fn take(&self, list: RevocationList) {
         self.0.send_replace(Some(list));
     }
 }
 
-async fn keep(mut lists: watch::Receiver<Option<Expelled>>, path: PathBuf) {
+async fn keep(mut lists: watch::Receiver<Option<RevocationList>>, path: PathBuf) {
     while lists.changed().await.is_ok() {
         let Some(list) = lists.borrow_and_update().clone() else {
             continue;
@@ -36,9 +36,9 @@ async fn keep(mut lists: watch::Receiver<Option<Expelled>>, path: PathBuf) {
         let written = spawn_blocking(move || file::replace(&path, list.written().as_bytes()));
         let kept = written.await.map_err(std::io::Error::from).flatten();
         match kept {
-            Ok(()) => tracing::info!(number, "the list of the expelled is kept"),
+            Ok(()) => tracing::info!(number, "the list of the revoked is kept"),
             Err(error) => {
-                tracing::error!(%error, number, "the list of the expelled can't be kept: the next life must be given it");
+                tracing::error!(%error, number, "the list of the revoked can't be kept: the next incarnation must be given it");
             }
         }
     }

@@ -109,8 +109,8 @@ fn process(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     page.gauges(("drone_info", help), [(labels, 1.0)])?;
     let help = "For how long the process has run";
     page.gauge(("uptime_seconds", help), status.up_s)?;
-    let help = "Which life of the drone's journal this is, from 1";
-    page.gauge(("journal_life", help), f64::from(status.life))?;
+    let help = "Which incarnation of the drone's journal this is, from 1";
+    page.gauge(("journal_incarnation", help), f64::from(status.incarnation))?;
     let help = "Whether all five actors run and answer, and the journal is written";
     page.gauge(("healthy", help), holds(status.faults.is_empty()))?;
     let help = "Records that could not be written to the journal";

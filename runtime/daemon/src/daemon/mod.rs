@@ -23,9 +23,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_actors::{Drone, DroneConfig as ActorsConfig};
-use muster_machines::cell::{Blueprint, Checkpoints, Envelope};
 use muster_machines::mission::{self, LandingReason};
-use muster_machines::radio::{self, Lives};
+use muster_machines::node::{Blueprint, Checkpoints, Envelope};
+use muster_machines::radio::{self, Incarnations};
 use muster_runtime::journal::{Folder, FolderError, Journal, Writer};
 use muster_transport::sockets::OpenError;
 use thiserror::Error;
@@ -36,12 +36,12 @@ use self::endpoint::Endpoint;
 use self::lists::Keeper;
 use self::network::Network;
 use self::operators::Desk;
-use self::process::{Parts, Process};
+use self::process::{Components, Process};
 use self::tasks::Rereading;
 use crate::clock::Clock;
 use crate::config::DroneConfig;
+use crate::control::{ControlMessage, READY, STARTS};
 use crate::log::{self, Format};
-use crate::tether::{READY, STARTS, Word};
 
 /// How long a drone that is done goes on listening and repeating its last words.
 const LAST_WORDS: Duration = Duration::from_millis(500);
@@ -111,7 +111,7 @@ pub struct Start {
     pub fly: bool,
     /// Whether the process ends when its standard input does, and reads there, as `muster swarm` writes it, whom it does
     /// not hear. Only a drone whose vehicle is simulated can be tied.
-    pub tied: bool,
+    pub is_controlled: bool,
     /// Whether a tied process goes on with a vehicle that has flown on without it, which it is told first.
     pub resume: bool,
 }
@@ -140,21 +140,27 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
     // Not the journal's number: that would begin anew with another journal, under the same key.
     let drawn = getrandom::u32().map_err(DaemonError::Random)?;
-    let mut craft = (config.plan.craft(config.id, clock.now().as_nanos()))
-        .expect("the configuration has a number of the scenario's");
-    let mut tether = start.tied.then(tasks::tether);
-    if let Some(tether) = tether.as_mut().filter(|_| start.resume) {
-        match tether.recv().await {
-            Some(Word::Vehicle { epoch, state }) => craft.resume(*state, epoch, clock.now()),
-            Some(Word::Losses(_) | Word::Inject { .. }) => return Err(DaemonError::NoVehicle),
+    let mut vehicle = (config
+        .plan
+        .simulated_vehicle(config.id, clock.now().as_nanos()))
+    .expect("the configuration has a number of the scenario's");
+    let mut control_messages = start.is_controlled.then(tasks::control_messages);
+    if let Some(control_messages) = control_messages.as_mut().filter(|_| start.resume) {
+        match control_messages.recv().await {
+            Some(ControlMessage::Vehicle { epoch, state }) => {
+                vehicle.resume(*state, epoch, clock.now())
+            }
+            Some(ControlMessage::Losses(_) | ControlMessage::Inject { .. }) => {
+                return Err(DaemonError::NoVehicle);
+            }
             None => return Ok(Ended::Abandoned),
         }
     }
     let (keeper, kept) = Keeper::start(config.kept_list());
-    let in_air = craft.is_armed();
+    let in_air = vehicle.is_armed();
     let (journal, checkpoints) = open_journal(folder, &config, in_air)?;
-    let life = checkpoints.boot();
-    let is_known = journal.is_understood() && config.knows_its_flight() && life > 1;
+    let incarnation = checkpoints.boot();
+    let is_known = journal.is_understood() && config.knows_its_flight() && incarnation > 1;
     let is_lost = in_air && !is_known;
     let (tell, written) = unbounded_channel();
     let all = checkpoints.clone();
@@ -163,8 +169,8 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let journal = journal.map_err(DaemonError::Runtime)?;
     let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
     let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
-    tracing::info!(drone, at_ns, life, address = %network.address(), "{STARTS}");
-    let process = Process::new(Parts {
+    tracing::info!(drone, at_ns, incarnation, address = %network.address(), "{STARTS}");
+    let process = Process::new(Components {
         id: config.id,
         swarm: config.swarm,
         is_relay: config.is_relay(),
@@ -175,7 +181,7 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         network,
         authenticator: Arc::clone(&config.authenticator),
         keeper,
-        craft,
+        vehicle,
         for_programs: config.log == Format::Json,
         lines_lost: log.lost.clone(),
     });
@@ -216,15 +222,15 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     }
     service::ready();
     tracing::info!("{READY}");
-    if let Some(tether) = tether {
-        tokio::spawn(tasks::heed(tether, Arc::clone(&process)));
+    if let Some(control_messages) = control_messages {
+        tokio::spawn(tasks::heed(control_messages, Arc::clone(&process)));
     }
     if is_lost {
         tracing::error!("what the drone was doing is not known any more: it comes down");
         process.bring_down(LandingReason::JournalLost);
     }
     if start.fly {
-        begin_to_fly(&process, life);
+        begin_to_fly(&process, incarnation);
     }
     tokio::select! {
         () = process.done.notified() => {}
@@ -302,7 +308,7 @@ async fn failure_of(tasks: &mut JoinSet<()>) -> JoinError {
 
 async fn start_actors(
     config: &DroneConfig,
-    life: u32,
+    incarnation: u32,
     process: &Arc<Process>,
 ) -> Result<Drone, DaemonError> {
     let plan = &config.plan;
@@ -311,7 +317,7 @@ async fn start_actors(
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
             radio: radio::Config {
-                lives: Lives::Drawn(life),
+                incarnations: Incarnations::Drawn(incarnation),
                 ..simulated.radio
             },
             ..simulated
@@ -325,10 +331,10 @@ async fn start_actors(
 }
 
 /// Tells the drone to lead its swarm, if it has not lived before.
-fn begin_to_fly(process: &Process, life: u32) {
-    if life > 1 {
+fn begin_to_fly(process: &Process, incarnation: u32) {
+    if incarnation > 1 {
         tracing::warn!(
-            life,
+            incarnation,
             "not told to fly: nothing takes off because a process started again"
         );
         return;

@@ -46,10 +46,10 @@ impl Network {
     ///
     /// # Errors
     /// When the runtime can't watch the sockets.
-    pub(super) fn begin(&mut self, life: u32) -> io::Result<Waiting> {
+    pub(super) fn begin(&mut self, incarnation: u32) -> io::Result<Waiting> {
         Ok(match self {
             Self::Udp(udp) => Waiting::Udp(udp.waiting()?),
-            Self::Quic(quic) => Waiting::Quic(quic.begin(life)?),
+            Self::Quic(quic) => Waiting::Quic(quic.begin(incarnation)?),
         })
     }
 

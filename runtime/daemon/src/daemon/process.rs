@@ -4,15 +4,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use muster_actors::{Drone, Environment};
-use muster_machines::cell::{Address, Checkpoints, Envelope, Reaction, last_resort};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
 use muster_machines::msp;
-use muster_machines::supervision::Verdict;
+use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, last_resort};
+use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Writer, Written};
-use muster_runtime::vehicle::Craft;
+use muster_runtime::vehicle::SimulatedVehicle;
 use tokio::sync::Notify;
 
 use super::lists::Keeper;
@@ -35,7 +35,7 @@ pub(super) struct Process {
 }
 
 /// What a process is made of.
-pub(super) struct Parts {
+pub(super) struct Components {
     pub(super) id: NodeId,
     pub(super) swarm: SwarmId,
     /// Whether it flies no mission and only passes on.
@@ -48,7 +48,7 @@ pub(super) struct Parts {
     pub(super) network: Network,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
     pub(super) keeper: Keeper,
-    pub(super) craft: Craft,
+    pub(super) vehicle: SimulatedVehicle,
     /// Whether everything that is seen of the drone is to be told in a form for programs.
     pub(super) for_programs: bool,
     /// What is lost of what is told.
@@ -56,10 +56,10 @@ pub(super) struct Parts {
 }
 
 impl Process {
-    pub(super) fn new(parts: Parts) -> Arc<Self> {
+    pub(super) fn new(components: Components) -> Arc<Self> {
         Arc::new(Self {
-            clock: parts.clock,
-            state: Mutex::new(State::new(parts)),
+            clock: components.clock,
+            state: Mutex::new(State::new(components)),
             sooner: Notify::new(),
             done: Notify::new(),
         })
@@ -125,26 +125,26 @@ impl Environment for Process {
         self.state().checkpoints().clone()
     }
 
-    fn carry_out(&self, from: Address, reaction: &mut Reaction) {
+    fn carry_out(&self, from: Address, output: &mut StepOutput) {
         let now = self.clock.now();
         let mut state = self.state();
         state.answered(now, from);
-        for effect in reaction.effects.drain(..) {
+        for effect in output.effects.drain(..) {
             state.effect(now, effect);
         }
-        state.set_timer(now, from, reaction);
+        state.set_timer(now, from, output);
         drop(state);
         self.look_round();
     }
 
-    fn failed(&self, address: Address, verdict: Verdict) {
+    fn failed(&self, address: Address, decision: RestartDecision) {
         let now = self.clock.now();
         let mut state = self.state();
-        tracing::error!(actor = %address, ?verdict, "an actor failed");
+        tracing::error!(actor = %address, ?decision, "an actor failed");
         state.take_down(address);
-        match verdict {
-            Verdict::Restart { at } => state.restart(at, address),
-            Verdict::GiveUp => {
+        match decision {
+            RestartDecision::Restart { at } => state.restart(at, address),
+            RestartDecision::GiveUp => {
                 state.give_up();
                 for effect in last_resort(|address| state.is_up(address)) {
                     state.effect(now, effect);

@@ -1,8 +1,8 @@
 //! Says what becomes of a drone in its log: to people in words, to programs each in a form that can be read again.
 
-use muster_machines::cell::Observation;
 use muster_machines::identity::NodeId;
-use muster_machines::msp::Demand;
+use muster_machines::msp::FlightCommand;
+use muster_machines::node::Observation;
 use muster_machines::routing::{self, Routes};
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio};
@@ -28,10 +28,10 @@ impl Reporter {
     }
 
     /// Its vehicle was told something, which is for programs.
-    pub(super) fn commanded(&self, now: Timestamp, demand: &Demand) {
+    pub(super) fn commanded(&self, now: Timestamp, command: &FlightCommand) {
         if self.for_programs {
             let (drone, at_ns) = (self.drone, now.as_nanos());
-            tracing::info!(drone, at_ns, commanded = in_json(demand), "commanded");
+            tracing::info!(drone, at_ns, commanded = in_json(command), "commanded");
         }
     }
 
@@ -99,8 +99,8 @@ fn in_words(seen: &Observation) -> String {
             format!("comes down: {reason:?}")
         }
         Observation::Radio(radio::Event::Dropped(reason)) => format!("drops a frame: {reason}"),
-        Observation::Radio(radio::Event::Expelled { list }) => {
-            format!("list {list} of the expelled was passed on to this drone")
+        Observation::Radio(radio::Event::RevocationList { list }) => {
+            format!("list {list} of the revoked was passed on to this drone")
         }
         Observation::Routing(routing::Event::Routes(routes)) => in_words_of_way(routes),
         Observation::Routing(routing::Event::Reached { member, via, .. }) if member == via => {

@@ -5,19 +5,19 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use muster_actors::{Drone, Message};
-use muster_machines::cell::{
-    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, Reaction,
-};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
-use muster_machines::msp::{self, Demand, Telemetry};
+use muster_machines::msp::{self, FlightCommand, Telemetry};
+use muster_machines::node::{
+    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, StepOutput,
+};
 use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing, wire};
 use muster_runtime::identity::Ed25519Authenticator;
 use muster_runtime::journal::{Writer, Written};
-use muster_runtime::vehicle::{Craft, VehicleState};
+use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use muster_transport::quic::Stream;
 use muster_transport::{Destination, Event};
 use rand::{RngExt, SeedableRng};
@@ -27,13 +27,13 @@ use tokio::sync::mpsc::Receiver;
 use super::counts::Counts;
 use super::lists::Keeper;
 use super::network::Network;
-use super::process::Parts;
+use super::process::Components;
 use super::reporter::Reporter;
 use super::resting::Resting;
 use super::service;
 use crate::clock::Clock;
+use crate::control::Losses;
 use crate::log::Lost;
-use crate::tether::Losses;
 
 mod tell;
 
@@ -64,7 +64,7 @@ pub(super) struct State {
     authenticator: Arc<Ed25519Authenticator>,
     /// Keeps lists of the expelled for the next life, up to the end of this one.
     keeper: Option<Keeper>,
-    craft: Craft,
+    vehicle: SimulatedVehicle,
     reporter: Reporter,
     /// The actors, once all five run.
     drone: Option<Drone>,
@@ -85,7 +85,7 @@ pub(super) struct State {
     lines_lost: Lost,
     /// Whose frames are not let in, as if they were out of range.
     losses: Losses,
-    lots: ChaCha8Rng,
+    rng: ChaCha8Rng,
     /// Why it is to come down, until its mission has been told.
     called_down: Option<LandingReason>,
     /// Why it began to come down first.
@@ -119,9 +119,9 @@ impl Seat {
     }
 
     /// Sets its timer as its step wants it; no sooner than after a pause if it is overdue.
-    fn set_timer(&mut self, now: Timestamp, reaction: &Reaction) {
-        self.deadline = reaction.deadline;
-        if reaction.is_overdue {
+    fn set_timer(&mut self, now: Timestamp, output: &StepOutput) {
+        self.deadline = output.deadline;
+        if output.is_overdue {
             self.overdue += 1;
             self.deadline = Some(now + OVERDUE_PAUSE);
         }
@@ -129,26 +129,26 @@ impl Seat {
 }
 
 impl State {
-    pub(super) fn new(parts: Parts) -> Self {
-        let missions = parts.checkpoints.iter();
+    pub(super) fn new(components: Components) -> Self {
+        let missions = components.checkpoints.iter();
         let is_finished = missions.into_iter().any(|it| match it {
             Checkpoint::Mission(mission) => mission.state == mission::State::Finished,
             _ => false,
         });
         Self {
-            id: parts.id,
-            swarm: parts.swarm,
-            is_relay: parts.is_relay,
-            clock: parts.clock,
-            hang_max: parts.hang_max,
-            checkpoints: parts.checkpoints,
-            journal: Some(parts.journal),
+            id: components.id,
+            swarm: components.swarm,
+            is_relay: components.is_relay,
+            clock: components.clock,
+            hang_max: components.hang_max,
+            checkpoints: components.checkpoints,
+            journal: Some(components.journal),
             resting: Resting::default(),
-            network: parts.network,
-            authenticator: parts.authenticator,
-            keeper: Some(parts.keeper),
-            craft: parts.craft,
-            reporter: Reporter::new(parts.id, parts.for_programs),
+            network: components.network,
+            authenticator: components.authenticator,
+            keeper: Some(components.keeper),
+            vehicle: components.vehicle,
+            reporter: Reporter::new(components.id, components.for_programs),
             drone: None,
             held: Vec::new(),
             seats: [Seat::default(); 5],
@@ -158,9 +158,9 @@ impl State {
             asked_at: None,
             routes: Routes::default(),
             counts: Counts::default(),
-            lines_lost: parts.lines_lost,
+            lines_lost: components.lines_lost,
             losses: Losses::default(),
-            lots: ChaCha8Rng::seed_from_u64(parts.clock.now().as_nanos()),
+            rng: ChaCha8Rng::seed_from_u64(components.clock.now().as_nanos()),
             called_down: None,
             landing: None,
             is_finished,
@@ -181,7 +181,7 @@ impl State {
     pub(super) const fn is_done(&self) -> bool {
         // A mission that does not know that it flies is done with it before the vehicle is down.
         let is_over = self.is_finished || self.gave_up;
-        self.is_abandoned || (is_over && !self.craft.is_armed())
+        self.is_abandoned || (is_over && !self.vehicle.is_armed())
     }
 
     /// Nobody is there any more for whom a simulated drone flies.
@@ -225,7 +225,7 @@ impl State {
                 self.counts.admitted += 1;
                 self.network.transport().learn(sender, source);
             }
-            Effect::Command(demand) => self.command(now, demand),
+            Effect::Command(command) => self.command(now, command),
             Effect::Keep(checkpoint) => self.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
         }
@@ -270,9 +270,9 @@ impl State {
         cast.is_ok()
     }
 
-    fn command(&mut self, now: Timestamp, demand: Demand) {
-        self.reporter.commanded(now, &demand);
-        let telemetry = self.craft.obey(now, demand);
+    fn command(&mut self, now: Timestamp, command: FlightCommand) {
+        self.reporter.commanded(now, &command);
+        let telemetry = self.vehicle.obey(now, command);
         self.tell(telemetry);
     }
 
@@ -340,7 +340,7 @@ impl State {
             Observation::Routing(routing::Event::Routes(routes)) => self.routes.clone_from(routes),
             Observation::Routing(routing::Event::Ignored(_)) => self.counts.ignored += 1,
             Observation::Mission(mission::Event::Refused) => self.counts.orders_refused += 1,
-            Observation::Radio(radio::Event::Expelled { .. }) => self.has_new_list(),
+            Observation::Radio(radio::Event::RevocationList { .. }) => self.has_new_list(),
             Observation::Mission(mission::Event::State(state)) => {
                 self.say_talk(now);
                 service::status(&state.to_string());
@@ -356,7 +356,7 @@ impl State {
 
     /// There is a newer list of the expelled, which is obeyed already: it is passed on, and kept for the next life.
     pub(super) fn has_new_list(&mut self) {
-        let list = self.authenticator.expelled();
+        let list = self.authenticator.revoked();
         let number = list.number();
         let can_be_passed_on = list.can_be_passed_on();
         if let Some(keeper) = &self.keeper {
@@ -365,11 +365,11 @@ impl State {
         if !can_be_passed_on {
             tracing::warn!(
                 number,
-                "the list of the expelled is too long to be passed on to others"
+                "the list of the revoked is too long to be passed on to others"
             );
         }
-        if self.authenticator.is_expelled() {
-            tracing::error!(number, "this drone was expelled: it comes down");
+        if self.authenticator.is_revoked() {
+            tracing::error!(number, "this drone was revoked: it comes down");
             self.come_down(LandingReason::Recalled);
         }
         self.cast(Address::Radio, Stimulus::Timeout);
@@ -392,8 +392,8 @@ impl State {
 
     /// The vehicle does something else than it was told.
     pub(super) fn overrule(&mut self, now: Timestamp, state: VehicleState, epoch: Timestamp) {
-        self.craft.resume(state, epoch, now);
-        let telemetry = self.craft.obey(now, Demand::Report);
+        self.vehicle.resume(state, epoch, now);
+        let telemetry = self.vehicle.obey(now, FlightCommand::Report);
         self.tell(telemetry);
     }
 
@@ -401,7 +401,7 @@ impl State {
     fn is_lost(&mut self, datagram: &[u8]) -> bool {
         let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
         let loss = sender.map_or(0.0, |sender| self.losses.from(sender));
-        loss > 0.0 && self.lots.random_bool(loss.min(1.0))
+        loss > 0.0 && self.rng.random_bool(loss.min(1.0))
     }
 
     /// Takes in datagrams; whether there were any.
@@ -461,7 +461,7 @@ impl State {
             }
         }
         self.tell_to_come_down();
-        let telemetry = self.craft.handle_timeout(now);
+        let telemetry = self.vehicle.handle_timeout(now);
         self.tell(telemetry);
         let (due, later) = (self.restarts.iter().copied()).partition(|(at, _)| *at <= now);
         self.restarts = later;
@@ -477,7 +477,10 @@ impl State {
     fn next_deadline(&self) -> Option<Timestamp> {
         let seats = self.seats.iter().filter_map(|seat| seat.deadline);
         let restarts = self.restarts.iter().map(|(at, _)| *at);
-        seats.chain(restarts).chain(self.craft.next_timeout()).min()
+        seats
+            .chain(restarts)
+            .chain(self.vehicle.next_timeout())
+            .min()
     }
 
     /// Whether somebody waits for an earlier time than those who keep time wake at.
@@ -490,10 +493,10 @@ impl State {
         is_sooner
     }
 
-    pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, reaction: &Reaction) {
+    pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, output: &StepOutput) {
         let seat = &mut self.seats[address as usize];
-        seat.set_timer(now, reaction);
-        if reaction.is_overdue && seat.overdue == 1 {
+        seat.set_timer(now, output);
+        if output.is_overdue && seat.overdue == 1 {
             tracing::error!(
                 actor = %address,
                 "an actor handled a timeout and has a deadline that is not after it: it is woken again after {OVERDUE_PAUSE:?}"
@@ -592,7 +595,7 @@ impl State {
     /// Whether the drone stands on the ground and takes part in no flight: it has not heard of a master, or is there for
     /// good.
     pub(super) fn rests(&self) -> bool {
-        !self.craft.is_armed() && !self.checkpoints.are_of_a_flight()
+        !self.vehicle.is_armed() && !self.checkpoints.are_of_a_flight()
     }
 
     /// Lets the others know that nothing more comes from here; returns once they do, or can't.
@@ -617,13 +620,13 @@ mod tests {
 
     fn set(now_ms: u64, deadline_ms: u64, is_overdue: bool) -> Seat {
         let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
-        let reaction = Reaction {
+        let output = StepOutput {
             deadline: Some(at(deadline_ms)),
             is_overdue,
-            ..Reaction::default()
+            ..StepOutput::default()
         };
         let mut seat = Seat::default();
-        seat.set_timer(at(now_ms), &reaction);
+        seat.set_timer(at(now_ms), &output);
         seat
     }
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_actors::{Message, Stall};
-use muster_machines::cell::Address;
 use muster_machines::mission::LandingReason;
+use muster_machines::node::Address;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
 use muster_runtime::journal::Written;
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -17,8 +17,8 @@ use super::network::Waiting;
 use super::process::Process;
 use super::service;
 use crate::config::reread;
+use crate::control::{ActorFault, ControlMessage};
 use crate::log::Volume;
-use crate::tether::{ActorFault, Word};
 
 /// Wakes whoever waits for a time.
 pub(super) async fn keep_time(process: Arc<Process>) {
@@ -103,12 +103,12 @@ pub(super) async fn end_on(mut signal: Signal, process: Arc<Process>) {
 }
 
 /// What comes of standard input, by which the process is tied to whoever started it.
-pub(super) fn tether() -> mpsc::UnboundedReceiver<Word> {
+pub(super) fn control_messages() -> mpsc::UnboundedReceiver<ControlMessage> {
     let (sender, receiver) = mpsc::unbounded_channel();
     // Nothing can end a thread that reads, but the end of the process.
     std::thread::spawn(move || {
         for line in io::stdin().lines().map_while(Result::ok) {
-            match Word::read(&line) {
+            match ControlMessage::read(&line) {
                 Some(word) => drop(sender.send(word)),
                 None => tracing::warn!("standard input has a line that is none of a starter's"),
             }
@@ -118,13 +118,18 @@ pub(super) fn tether() -> mpsc::UnboundedReceiver<Word> {
 }
 
 /// Does as whoever started the process says; once that is gone, so is the process.
-pub(super) async fn heed(mut tether: mpsc::UnboundedReceiver<Word>, process: Arc<Process>) {
-    while let Some(word) = tether.recv().await {
+pub(super) async fn heed(
+    mut control_messages: mpsc::UnboundedReceiver<ControlMessage>,
+    process: Arc<Process>,
+) {
+    while let Some(word) = control_messages.recv().await {
         let now = process.clock.now();
         match word {
-            Word::Losses(losses) => process.state().lose(losses),
-            Word::Vehicle { epoch, state } => process.state().overrule(now, *state, epoch),
-            Word::Inject { actor, fault } => inject(&process, actor, fault),
+            ControlMessage::Losses(losses) => process.state().lose(losses),
+            ControlMessage::Vehicle { epoch, state } => {
+                process.state().overrule(now, *state, epoch)
+            }
+            ControlMessage::Inject { actor, fault } => inject(&process, actor, fault),
         }
         process.look_round();
     }
@@ -181,12 +186,12 @@ impl Rereading {
             }
         };
         self.volume.set(read.level);
-        let number = read.expelled.number();
-        match self.authenticator.expel(read.expelled) {
+        let number = read.revoked.number();
+        match self.authenticator.revoke(read.revoked) {
             Ok(()) => {
                 tracing::info!(
                     number,
-                    "read again: log_level and the list of the expelled; all else is read at the start only"
+                    "read again: log_level and the list of the revoked; all else is read at the start only"
                 );
                 process.state().has_new_list();
                 process.look_round();

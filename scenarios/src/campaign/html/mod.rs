@@ -13,7 +13,7 @@ use super::summary::{Broken, FIGURES, Summary};
 use super::table::{interval, p99};
 use crate::report::figures::count;
 use crate::report::html::document;
-use muster_runtime::words::{NOTHING, figure, plural};
+use muster_runtime::text::{NOTHING, figure, plural};
 
 const STYLE: &str = include_str!("campaign.css");
 

@@ -8,7 +8,7 @@ use crate::campaign::summary::{FIGURES, Figure, Summary};
 use crate::campaign::table::interval;
 use crate::report::figures::count;
 use crate::report::html::axis::{Axis, decimals, px, ticks};
-use muster_runtime::words::figure;
+use muster_runtime::text::figure;
 
 const WIDTH_PX: f64 = 540.0;
 const HEIGHT_PX: f64 = 260.0;

@@ -1,5 +1,5 @@
 use muster_machines::geometry::Ned;
-use muster_machines::msp::{Demand, Setpoint};
+use muster_machines::msp::{FlightCommand, Setpoint};
 use proptest::prelude::*;
 
 use super::*;
@@ -23,10 +23,10 @@ fn at(seconds: f64) -> Timestamp {
 
 fn flying(from: Ned, start_s: f64, to: Ned, speed_mps: f64) -> Vehicle {
     let mut vehicle = Vehicle::new(LANDING, from);
-    vehicle.obey(Timestamp::ZERO, Demand::Arm);
+    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
     vehicle.obey(
         at(start_s),
-        Demand::Fly(Setpoint::Leg {
+        FlightCommand::Fly(Setpoint::Leg {
             to,
             speed_mps,
             acceleration_mps2: 1.0,
@@ -121,7 +121,7 @@ fn a_drone_that_lands_on_one_that_is_down_is_found() {
         Ned::new(10.0, 0.0, -20.0),
         5.0,
     );
-    landing.obey(at(20.0), Demand::Land);
+    landing.obey(at(20.0), FlightCommand::Land);
     let down = Vehicle::new(LANDING, Ned::new(10.0, 3.0, 0.0));
     let (violation, _) = checked(&[landing, down], 90.0);
     assert!(violation.unwrap().at > at(20.0));

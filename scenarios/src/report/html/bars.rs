@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::axis::{Axis, decimals, px, stride, ticks};
 use crate::report::figures::count;
 use crate::report::{DroneReport, Report};
-use muster_runtime::words::{NOTHING, figure};
+use muster_runtime::text::{NOTHING, figure};
 
 /// Up to this many drones, two charts fit side by side.
 pub(super) const NARROW_MAX: usize = 24;

@@ -16,7 +16,7 @@ use super::figures::pace;
 use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
 use super::{Flight, Report};
-use muster_runtime::words::{figure, figure_or_nothing, plural};
+use muster_runtime::text::{figure, figure_or_nothing, plural};
 
 /// What the page's parts look like.
 const STYLE: &str = include_str!("page.css");

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::report::figures::count;
 use crate::report::{RelayReport, Report};
-use muster_runtime::words::{NOTHING, figure};
+use muster_runtime::text::{NOTHING, figure};
 
 /// Where relays were and what they passed on; nothing without any.
 pub(super) fn relays(report: &Report) -> Markup {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::axis::{Axis, decimals, px, ticks};
 use super::document;
-use muster_runtime::words::figure;
+use muster_runtime::text::figure;
 
 const STYLE: &str = include_str!("../../campaign/html/campaign.css");
 

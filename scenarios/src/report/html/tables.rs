@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::map::swatch;
 use crate::report::figures::count;
 use crate::report::{DroneReport, FormationError, Kind, Report};
-use muster_runtime::words::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
+use muster_runtime::text::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
 
 /// Above this many drones, their table is folded.
 const OPEN_MAX: usize = 40;

@@ -7,7 +7,7 @@ use muster_machines::time::Timestamp;
 use super::axis::{Axis, decimals, px, stride, ticks};
 use crate::report::figures::count;
 use crate::report::{DroneReport, Flight, FlightOfDrone, Kind, Report};
-use muster_runtime::words::{drones, figure};
+use muster_runtime::text::{drones, figure};
 
 const WIDTH_PX: f64 = 1100.0;
 const LEFT_PX: f64 = 58.0;

@@ -154,7 +154,7 @@ mod tests {
         Timestamp::from_nanos(micros * 1_000)
     }
 
-    fn lots() -> ChaCha8Rng {
+    fn rng() -> ChaCha8Rng {
         ChaCha8Rng::seed_from_u64(1)
     }
 
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn on_an_idle_medium_a_frame_waits_for_difs() {
         let mut contention = Contention::new();
-        contention.request(at(1_000), &mut lots());
+        contention.request(at(1_000), &mut rng());
         assert_eq!(contention.start(), Some(at(1_034)));
         assert!(!contention.take_turn(at(1_033)));
         assert!(contention.take_turn(at(1_034)));
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn the_slots_of_a_back_off_stand_still_while_the_medium_is_busy() {
         let mut contention = with_slots(5);
-        contention.request(at(0), &mut lots());
+        contention.request(at(0), &mut rng());
         assert_eq!(contention.start(), Some(at(34 + 45)));
         // Two slots and a part of the third have passed.
         contention.busy(at(34 + 20));
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn a_start_too_near_to_be_called_off_stands() {
         let mut contention = with_slots(1);
-        contention.request(at(0), &mut lots());
+        contention.request(at(0), &mut rng());
         contention.busy(at(40));
         assert!(contention.take_turn(at(43)));
     }
@@ -198,14 +198,14 @@ mod tests {
     #[test]
     fn a_back_off_passes_without_a_frame() {
         let mut contention = with_slots(5);
-        contention.request(at(34 + 18), &mut lots());
+        contention.request(at(34 + 18), &mut rng());
         assert_eq!(
             contention.start(),
             Some(at(34 + 45)),
             "three slots are left"
         );
         let mut contention = with_slots(5);
-        contention.request(at(34 + 46), &mut lots());
+        contention.request(at(34 + 46), &mut rng());
         assert_eq!(contention.start(), Some(at(34 + 46 + 34)), "none is left");
     }
 
@@ -213,7 +213,7 @@ mod tests {
     fn a_reserved_medium_is_not_idle() {
         let mut contention = with_slots(2);
         contention.busy(at(10));
-        contention.request(at(20), &mut lots());
+        contention.request(at(20), &mut rng());
         contention.idle(at(100));
         contention.reserve(at(100), at(160));
         assert_eq!(contention.start(), Some(at(160 + 34 + 18)));

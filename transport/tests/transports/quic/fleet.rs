@@ -12,7 +12,7 @@ use muster_transport::quic::{Distrust, Identities, Peer, PublicKey};
 pub(crate) struct Fleet {
     own: SigningKey,
     keys: BTreeMap<NodeId, SigningKey>,
-    pub(crate) expelled: Arc<Mutex<BTreeSet<NodeId>>>,
+    pub(crate) revoked: Arc<Mutex<BTreeSet<NodeId>>>,
 }
 
 impl Fleet {
@@ -26,7 +26,7 @@ impl Fleet {
         Self {
             own: key(255),
             keys: (0..8).map(|id| (NodeId(id.into()), key(id))).collect(),
-            expelled: Arc::default(),
+            revoked: Arc::default(),
         }
     }
 
@@ -63,7 +63,7 @@ impl Fleet {
             key,
             fleet: self.own.verifying_key(),
             roster: self.keys.iter().map(public).collect(),
-            expelled: Arc::clone(&self.expelled),
+            revoked: Arc::clone(&self.revoked),
         }
     }
 }
@@ -73,12 +73,12 @@ struct Keys {
     shown: VerifyingKey,
     fleet: VerifyingKey,
     roster: BTreeMap<NodeId, VerifyingKey>,
-    expelled: Arc<Mutex<BTreeSet<NodeId>>>,
+    revoked: Arc<Mutex<BTreeSet<NodeId>>>,
 }
 
 impl Authenticator for Keys {
     fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.expelled.lock().unwrap().contains(&sender)
+        !self.revoked.lock().unwrap().contains(&sender)
     }
 
     fn sign(&self, covered: &[u8]) -> [u8; 64] {
@@ -104,7 +104,7 @@ impl Identities for Keys {
         let found = self.roster.iter().find(|(_, it)| it.as_bytes() == key);
         match found {
             None => Err(Distrust::Stranger),
-            Some((id, _)) if !self.is_trusted(*id) => Err(Distrust::Expelled),
+            Some((id, _)) if !self.is_trusted(*id) => Err(Distrust::RevocationList),
             Some((id, _)) => Ok(Peer::Drone(*id)),
         }
     }

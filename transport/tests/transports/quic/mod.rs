@@ -46,11 +46,11 @@ struct End {
 }
 
 impl End {
-    fn open(config: Config, life: u32) -> Self {
+    fn open(config: Config, incarnation: u32) -> Self {
         let (id, runtime) = (config.network.id, runtime());
         let entered = runtime.enter();
         let mut transport = QuicTransport::open(config, clock()).unwrap();
-        let waiting = transport.begin(life).unwrap();
+        let waiting = transport.begin(incarnation).unwrap();
         drop(entered);
         Self {
             id,
@@ -271,14 +271,14 @@ fn a_drone_that_was_started_anew_is_connected_with_again() {
     let (fleet, places) = (Fleet::new(), Places::free());
     let mut one = places.open(&fleet, 0, &[1]);
     let mut other = places.open(&fleet, 1, &[0]);
-    for life in 2..5 {
+    for incarnation in 2..5 {
         until("connected", &mut [&mut one, &mut other], |ends| {
             ends.iter().all(|end| end.connections().open == 1)
         });
         // Its process is gone at once, and says nothing.
         other.runtime.shutdown_background();
         drop((other.transport, other.waiting));
-        other = End::open(places.config(&fleet, 1, &[0]), life);
+        other = End::open(places.config(&fleet, 1, &[0]), incarnation);
         let hello = Bytes::from_static(b"here I am again");
         until("it is heard again", &mut [&mut one, &mut other], |ends| {
             let [one, other] = ends else { unreachable!() };

@@ -79,14 +79,14 @@ fn an_expelled_drone_loses_its_connections_and_gets_none_again() {
         |ends: &mut [&mut End], open| ends.iter().all(|end| end.connections().open == open);
     let mut both = [&mut one, &mut other];
     until("connected", &mut both, |ends| connected(ends, 1));
-    fleet.expelled.lock().unwrap().insert(NodeId(1));
+    fleet.revoked.lock().unwrap().insert(NodeId(1));
     until("disconnected", &mut both, |ends| connected(ends, 0));
     until("refused since", &mut both, |ends| {
         assert!(connected(ends, 0));
         ends[0]
             .connections()
             .refused
-            .contains_key(&Refusal::Expelled)
+            .contains_key(&Refusal::RevocationList)
     });
 }
 
@@ -136,14 +136,14 @@ impl Relay {
     }
 
     /// So much of what a drone says in the group in one of its lives.
-    fn record_of(&self, config: Config, life: u32, beacons: usize) -> Vec<Vec<u8>> {
+    fn record_of(&self, config: Config, incarnation: u32, beacons: usize) -> Vec<Vec<u8>> {
         let tap = Socket::new(Domain::IPV4, Type::DGRAM, None).unwrap();
         tap.set_reuse_address(true).unwrap();
         tap.bind(&SocketAddr::from(self.group).into()).unwrap();
         let tap = UdpSocket::from(tap);
         (tap.join_multicast_v4(self.group.ip(), &Ipv4Addr::LOCALHOST)).unwrap();
         tap.set_read_timeout(Some(TICK)).unwrap();
-        let end = End::open(config, life);
+        let end = End::open(config, incarnation);
         let (mut buffer, mut heard) = ([0; 2_000], Vec::new());
         while heard.len() < beacons {
             end.run();
@@ -205,9 +205,9 @@ fn beacons_that_were_recorded_on_other_flights_keep_no_drones_from_finding_each_
     let relay = Relay::open(group);
     // Of two lives of each, one numbered higher and one lower than those that come.
     let mut recorded = Vec::new();
-    for (id, life) in [(0, 9), (1, 9), (0, 1), (1, 1)] {
+    for (id, incarnation) in [(0, 9), (1, 9), (0, 1), (1, 1)] {
         let config = config(&fleet, id, ANY, Reach::Group(group));
-        recorded.extend(relay.record_of(config, life, 5));
+        recorded.extend(relay.record_of(config, incarnation, 5));
     }
     let open = |id| End::open(config(&fleet, id, ANY, Reach::Group(group)), 5);
     let mut again = recorded.iter().cycle();

@@ -144,8 +144,8 @@ fn sum_m2(places: &[Ned], slots: &[Ned]) -> f64 {
 /// part of it.
 fn along(ground: Ned, slot: Ned, layer_m: f64) -> impl Iterator<Item = Ned> {
     let level = (0..=100).map(move |part| {
-        let way = Ned((slot.0 - ground.0) * (f64::from(part) / 100.0));
-        (ground + way).at_altitude(25.0 + layer_m)
+        let path = Ned((slot.0 - ground.0) * (f64::from(part) / 100.0));
+        (ground + path).at_altitude(25.0 + layer_m)
     });
     let climb =
         (0..=50).map(move |part| ground.at_altitude((25.0 + layer_m) * f64::from(part) / 50.0));
@@ -196,14 +196,14 @@ proptest! {
     ) {
         let layout = Layout::new(formation(kind, drones, spacing_m, 0.2), 10.0, SEPARATION);
         prop_assume!(layout.exposed() == 0);
-        let ways: Vec<Vec<Ned>> = (0..drones).map(|id| {
+        let paths: Vec<Vec<Ned>> = (0..drones).map(|id| {
             let slot = layout.slot(NodeId(id), Ned::HOME);
             let layer_m = layout.landing_layers_m()[id as usize];
             along(layout.place(NodeId(id), Ned::HOME), slot, layer_m).collect()
         }).collect();
-        for (a, way) in ways.iter().enumerate() {
-            for (b, other) in ways[..a].iter().enumerate() {
-                for here in way {
+        for (a, path) in paths.iter().enumerate() {
+            for (b, other) in paths[..a].iter().enumerate() {
+                for here in path {
                     for there in other {
                         let apart = here.horizontal_distance_m(*there) >= 5.0
                             || here.vertical_distance_m(*there) >= 5.0;
@@ -228,12 +228,12 @@ proptest! {
         let layers = layout.layers_m(&waypoints);
         let slots = layout.formation().slots();
         for leg in waypoints.windows(2) {
-            let way = leg[1] - leg[0];
+            let path = leg[1] - leg[0];
             for a in 0..6 {
                 for b in 0..a {
                     // One stands at its slot, the other flies its whole leg past it.
                     let nearest = (0..=200).map(|part| {
-                        let flown = Ned(way.0 * (f64::from(part) / 200.0));
+                        let flown = Ned(path.0 * (f64::from(part) / 200.0));
                         (slots[b] + flown).horizontal_distance_m(slots[a])
                     }).fold(f64::INFINITY, f64::min);
                     let apart = (layers[a] - layers[b]).abs() >= 5.0;

@@ -44,13 +44,13 @@ fn phases_lead_from_the_ground_to_the_ground_without_a_gap() {
             ]
         );
         for id in (0..5).map(NodeId) {
-            let ways = phases.iter().flat_map(|phase| &phase.ways[id.0 as usize]);
-            let ways: Vec<&Way> = ways.collect();
-            assert_eq!(ways[0].from, flown.layout.stand(id, Ned::HOME));
-            for pair in ways.windows(2) {
+            let paths = phases.iter().flat_map(|phase| &phase.paths[id.0 as usize]);
+            let paths: Vec<&Path> = paths.collect();
+            assert_eq!(paths[0].from, flown.layout.stand(id, Ned::HOME));
+            for pair in paths.windows(2) {
                 assert!(pair[0].to.distance_m(pair[1].from) < 1e-9, "{id}: {pair:?}");
             }
-            let last = ways[ways.len() - 1].to;
+            let last = paths[paths.len() - 1].to;
             let place = flown.layout_after(1).place(id, flown.waypoints[2]);
             assert_eq!(last, place.at_altitude(0.0));
         }

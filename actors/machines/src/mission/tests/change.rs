@@ -6,7 +6,7 @@ use crate::mission::Step;
 
 /// Drone `id` of a line of three that becomes a matrix at waypoint 0.
 fn config_with_a_change(id: u32) -> Config {
-    let mut config = config(id, Liveness::Pulse);
+    let mut config = config(id, Liveness::Heartbeat);
     let drones = NonZeroU32::new(3).unwrap();
     let matrix = Formation::new(Kind::CompactMatrix, drones, 100.0, 0.0);
     config.changes = Arc::new([Change::new(0, &config.layout, matrix)]);
@@ -49,16 +49,16 @@ fn arrives(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
 #[test]
 fn a_slave_takes_the_steps_one_by_one_and_acknowledges_each_once_it_is_taken() {
     let mut slave = slave_in_its_slot();
-    let corners = slave.config.changes[0].way(NodeId(0), waypoints()[0]);
+    let corners = slave.config.changes[0].path(NodeId(0), waypoints()[0]);
     let steps = [Step::Climb, Step::Cross, Step::Descend];
     for ((sequence, step), to) in (4..).zip(steps).zip(corners) {
         let said = ordered(&mut slave, sequence, &step_of_change(step));
-        let refuge_altitude_m = to.altitude_m();
+        let hold_altitude_m = to.altitude_m();
         assert_eq!(
             goal(&said),
             Some(Goal::FlyTo {
                 to,
-                refuge_altitude_m
+                hold_altitude_m
             })
         );
         assert!(!said.contains(&acknowledges(sequence)));

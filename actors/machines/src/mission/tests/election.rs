@@ -13,11 +13,11 @@ fn elects(id: u32) -> Mission {
 }
 
 /// On its way to waypoint 0, a drone that leaves it to others to lead for so long.
-fn defers(id: u32, deference: Duration) -> Mission {
+fn defers(id: u32, candidacy_back_off: Duration) -> Mission {
     let config = Config {
         succession: Succession::Elect,
-        deference,
-        ..config(id, Liveness::Pulse)
+        candidacy_back_off,
+        ..config(id, Liveness::Heartbeat)
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
@@ -97,7 +97,7 @@ fn whoever_claims_once_its_patience_has_ended_climbs_at_once() {
     let config = Config {
         succession: Succession::Elect,
         spreading_patience: Duration::from_secs(6),
-        ..config(0, Liveness::Pulse)
+        ..config(0, Liveness::Heartbeat)
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
@@ -238,10 +238,10 @@ fn a_master_that_hears_of_a_better_ballot_steps_down_and_one_of_a_worse_does_not
             },
         ),
     );
-    assert_eq!(master.durable.obeyed.ballot(), Some(ballot(2, 1, 0)));
+    assert_eq!(master.durable.leader.ballot(), Some(ballot(2, 1, 0)));
     hears(&mut master, 43.0, RoutingNotice::Leader(ballot(3, 2, 2)));
     assert!(master.durable.lead.is_none());
-    assert_eq!(master.durable.obeyed.ballot(), Some(ballot(3, 2, 2)));
+    assert_eq!(master.durable.leader.ballot(), Some(ballot(3, 2, 2)));
     // Whose orders it obeys from then on.
     let order = Order::Move {
         waypoint: 1,
@@ -272,7 +272,7 @@ fn the_ballot_that_a_drone_obeys_outlives_its_mission() {
         apart: false,
     };
     hears(&mut again, 42.0, order_of(ballot(1, 0, 1), 9, &order));
-    assert_eq!(again.durable.obeyed.ballot(), Some(ballot(4, 2, 2)));
+    assert_eq!(again.durable.leader.ballot(), Some(ballot(4, 2, 2)));
     assert_eq!(again.durable.state, State::WaypointReached { waypoint: 0 });
 }
 
@@ -288,7 +288,7 @@ fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
             apart: false
         }]
     );
-    let mut obedient = mission(0, Liveness::Pulse);
+    let mut obedient = mission(0, Liveness::Heartbeat);
     ordered(&mut obedient, 1, &whole_plan());
     let said = hears(&mut obedient, 2.0, RoutingNotice::Leader(ballot(4, 1, 0)));
     assert_eq!(said, [], "on the ground nobody claims");
@@ -296,7 +296,7 @@ fn whoever_is_told_that_it_leads_and_does_not_know_so_claims_anew() {
 
 #[test]
 fn nobody_takes_off_at_the_word_of_a_master_that_was_elected() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     hears(
         &mut slave,
@@ -310,7 +310,7 @@ fn nobody_takes_off_at_the_word_of_a_master_that_was_elected() {
 fn nobody_claims_to_lead_on_the_ground() {
     let config = Config {
         succession: Succession::Elect,
-        ..config(0, Liveness::Pulse)
+        ..config(0, Liveness::Heartbeat)
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());

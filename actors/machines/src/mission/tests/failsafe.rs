@@ -4,7 +4,7 @@ use super::*;
 fn elects(id: u32, moves: bool) -> Mission {
     let config = Config {
         succession: Succession::Elect,
-        ..config(id, Liveness::Pulse)
+        ..config(id, Liveness::Heartbeat)
     };
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
@@ -148,7 +148,7 @@ fn a_drone_stopped_at_its_fence_lands_around_where_it_was_stopped_and_at_a_secon
 
 #[test]
 fn a_low_battery_on_the_ground_never_takes_off() {
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     let said = told(
         &mut slave,
@@ -159,7 +159,7 @@ fn a_low_battery_on_the_ground_never_takes_off() {
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     assert_eq!(slave.durable.state, State::Finished);
     // Nor does one that was told to and has not armed yet.
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
     let said = told(
@@ -202,7 +202,7 @@ fn a_drone_that_is_called_down_lands_where_it_is_or_stays_on_the_ground_and_no_o
     assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
     assert_eq!(told(&mut slave, 42.0, come_down()), [], "it is on its way");
     assert_eq!(slave.durable.state, State::Landing);
-    let mut slave = mission(0, Liveness::Pulse);
+    let mut slave = mission(0, Liveness::Heartbeat);
     told(&mut slave, 0.0, come_down());
     assert_eq!(slave.durable.state, State::Finished);
     ordered(&mut slave, 1, &whole_plan());
@@ -219,7 +219,7 @@ fn whoever_hears_that_the_master_lands_claims_at_once_unless_it_was_told_to_land
     ordered(&mut slave, 5, &land_at(waypoints()[1]));
     assert_eq!(hears(&mut slave, 41.0, RoutingNotice::MasterLands), []);
     // Without elections a master takes its swarm down with it.
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     assert_eq!(hears(&mut slave, 41.0, RoutingNotice::MasterLands), []);
 }
 
@@ -315,7 +315,7 @@ fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
     // One behind the other, and all ways lead north.
     let drones = NonZeroU32::new(3).unwrap();
     let formation = Formation::new(Kind::Linear, drones, 50.0, std::f64::consts::FRAC_PI_2);
-    let mut config = config(0, Liveness::Pulse);
+    let mut config = config(0, Liveness::Heartbeat);
     let layout = Layout::new(formation, 10.0, config.layout.separation());
     config.layout = Arc::new(layout.with_layers(Layering::Each));
     let flies_apart = || {
@@ -348,7 +348,7 @@ fn whoever_lands_in_a_layer_of_its_own_does_so_where_nobody_s_way_leads() {
 
 #[test]
 fn told_to_land_on_its_way_up_a_member_flies_that_to_its_end_and_lands_below_its_slot() {
-    let config = config(1, Liveness::Pulse);
+    let config = config(1, Liveness::Heartbeat);
     let mut slave = Mission::new(config, None);
     ordered(&mut slave, 1, &whole_plan());
     ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });

@@ -12,7 +12,7 @@ const FOLLOWING: Following = Following {
 const NORTH: Velocity = Velocity::new(10.0, 0.0, 0.0);
 
 fn config_of_follower(id: u32, is_piloted: bool) -> Config {
-    let mut config = config(id, Liveness::Pulse);
+    let mut config = config(id, Liveness::Heartbeat);
     config.following = Some(Following {
         is_piloted,
         ..FOLLOWING
@@ -61,7 +61,7 @@ fn a_slave_keeps_its_slot_around_a_master_that_moves_and_acknowledges_nothing() 
     let said = ordered(&mut slave, 3, &Order::Follow { at, velocity });
     let track = Goal::Track {
         to: slave.config.layout.slot(NodeId(0), at),
-        refuge_altitude_m: at.altitude_m() + PITCH_M,
+        hold_altitude_m: at.altitude_m() + PITCH_M,
         velocity,
         hold: SECOND,
     };
@@ -88,7 +88,7 @@ fn a_slave_on_the_ground_does_not_take_off_to_follow() {
 
 #[test]
 fn a_swarm_with_a_mission_is_not_led_away_from_it() {
-    let mut slave = slave_at_waypoint_0(Liveness::Pulse);
+    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
     let (at, velocity) = (Ned::new(50.0, 0.0, -30.0), NORTH);
     assert_eq!(ordered(&mut slave, 3, &Order::Follow { at, velocity }), []);
 }

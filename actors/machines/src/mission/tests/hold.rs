@@ -47,7 +47,7 @@ fn after(seconds: f64) -> Option<Timestamp> {
 
 /// A master at waypoint 1 since 50 s, whose members are there since 51 s.
 fn holding_master() -> Mission {
-    let mut master = Mission::new(with_holds(config(1, Liveness::Pulse)), None);
+    let mut master = Mission::new(with_holds(config(1, Liveness::Heartbeat)), None);
     let said = told(&mut master, 0.0, Input::Fly);
     assert_eq!(orders(&said), [plan_with_holds()]);
     for (at_s, sequence) in [(1.0, 1), (20.0, 2), (31.0, 3)] {
@@ -120,7 +120,7 @@ fn whoever_comes_back_amid_a_hold_is_waited_for_after_it_but_not_for_ever() {
 
 /// A member at waypoint 1 since 50 s.
 fn holding_member() -> Mission {
-    let mut member = Mission::new(with_holds(config(0, Liveness::Pulse)), None);
+    let mut member = Mission::new(with_holds(config(0, Liveness::Heartbeat)), None);
     ordered(&mut member, 1, &plan_with_holds());
     assert_eq!(member.durable.holds, holds());
     ordered(&mut member, 2, &Order::TakeOff { wave: 0 });
@@ -169,7 +169,7 @@ fn a_followed_master_holds_at_its_waypoints_and_says_meanwhile_where_it_is() {
     };
     let config = Config {
         following: Some(following),
-        ..with_holds(config(1, Liveness::Pulse))
+        ..with_holds(config(1, Liveness::Heartbeat))
     };
     let mut master = Mission::new(config, None);
     told(&mut master, 0.0, Input::Fly);

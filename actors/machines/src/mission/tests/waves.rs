@@ -7,7 +7,7 @@ const DRONES: u32 = 19;
 
 /// Drone `id` of a mesh whose drones fly one layer only, in waves, and form a line at waypoint 2.
 fn config_in_waves(id: u32) -> Config {
-    let mut config = config(id, Liveness::Pulse);
+    let mut config = config(id, Liveness::Heartbeat);
     let drones = NonZeroU32::new(DRONES).unwrap();
     let separation = config.layout.separation();
     let mesh = Formation::new(Kind::CompactMesh, drones, 40.0, 0.0);
@@ -118,7 +118,7 @@ fn reform(step: Step, wave: u16) -> Order {
 #[test]
 fn a_drone_waits_in_its_sector_until_its_wave_crosses() {
     let mut slave = slave_at_the_end(drone_that(|it, id| it.changes[0].wave(id) == 1));
-    let [over_old, over_new, new] = slave.config.changes[0].way(slave.config.id, waypoints()[2]);
+    let [over_old, over_new, new] = slave.config.changes[0].path(slave.config.id, waypoints()[2]);
     let waves = slave.config.changes[0].waves();
     let mut sequence = 2;
     let mut leads_to = |slave: &mut Mission, order: Order| {

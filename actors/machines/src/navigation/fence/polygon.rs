@@ -87,8 +87,8 @@ impl Polygon {
     }
 
     /// How far a straight way is from the sides at the closest, in metres; 0 if it crosses one.
-    pub(super) fn to_way_m(&self, way: (Vector2<f64>, Vector2<f64>)) -> f64 {
-        let apart_m = self.sides().map(|side| apart_m(side, way));
+    pub(super) fn to_path_m(&self, path: (Vector2<f64>, Vector2<f64>)) -> f64 {
+        let apart_m = self.sides().map(|side| apart_m(side, path));
         apart_m.fold(f64::INFINITY, f64::min)
     }
 }

@@ -29,7 +29,7 @@ fn at(seconds: f64) -> Timestamp {
     Timestamp::from_secs_f64(seconds)
 }
 
-fn judge(watch: &mut Watch, at_s: f64, telemetry: Telemetry) -> Verdict {
+fn judge(watch: &mut Watch, at_s: f64, telemetry: Telemetry) -> Findings {
     watch.judge(at(at_s), &telemetry, &failsafe(), (false, SPEED_MPS))
 }
 
@@ -72,9 +72,9 @@ fn a_battery_is_low_and_then_critical_each_told_once_and_again_if_asked() {
 fn a_position_may_be_missing_for_a_second() {
     let mut watch = Watch::default();
     let verdict = judge(&mut watch, 50.0, lost_for(0.0));
-    assert_eq!(verdict, Verdict::default());
+    assert_eq!(verdict, Findings::default());
     assert_eq!(watch.next_look(), Some(at(51.0)));
-    assert_eq!(judge(&mut watch, 51.0, lost_for(1.0)), Verdict::default());
+    assert_eq!(judge(&mut watch, 51.0, lost_for(1.0)), Findings::default());
     assert!(watch.is_lost());
     assert_eq!(watch.next_look(), Some(at(61.0)));
     judge(&mut watch, 55.0, lost_for(5.0));

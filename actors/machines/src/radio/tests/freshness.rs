@@ -9,9 +9,9 @@ fn reborn(id: u32, nonce: u64) -> Radio<IdealAuthenticator> {
 }
 
 /// One of a drone whose lives are drawn.
-fn drawn(id: u32, life: u32, nonce: u64) -> Radio<IdealAuthenticator> {
+fn drawn(id: u32, incarnation: u32, nonce: u64) -> Radio<IdealAuthenticator> {
     let config = Config {
-        lives: Lives::Drawn(life),
+        incarnations: Incarnations::Drawn(incarnation),
         ..config(id)
     };
     Radio::new(config, IdealAuthenticator, 1, Checkpoint::default(), nonce)
@@ -174,7 +174,7 @@ fn all_who_ask_within_a_moment_are_answered_together() {
     let mut sender = radio(0);
     let [first, second, third] = [(1, 5), (2, 6), (1, 7)].map(|(id, nonce)| {
         let mut asks = reborn(id, nonce);
-        asks.life += u32::try_from(nonce).unwrap();
+        asks.incarnation += u32::try_from(nonce).unwrap();
         challenge_of(&mut asks)
     });
     let answered = |frames: Vec<Bytes>| frames.iter().map(packet).collect::<Vec<_>>();
@@ -197,8 +197,9 @@ fn has_answered(frame: &Bytes, id: u32, nonce: u64) -> bool {
 }
 
 /// What the drone `id` asked in so many lives, as somebody recorded it.
-fn recorded_challenges(id: u32, lives: u32) -> Vec<Bytes> {
-    let asked = (1..=lives).map(|life| challenge_of(&mut drawn(id, life, life.into())));
+fn recorded_challenges(id: u32, incarnations: u32) -> Vec<Bytes> {
+    let asked = (1..=incarnations)
+        .map(|incarnation| challenge_of(&mut drawn(id, incarnation, incarnation.into())));
     asked.collect()
 }
 
@@ -267,8 +268,8 @@ fn prove_anew(
 
 #[test]
 fn what_was_recorded_of_another_life_is_not_believed_whatever_number_and_counters_it_has() {
-    for recorded_life in [3, 5, u32::MAX] {
-        let mut earlier = drawn(0, recorded_life, 1);
+    for recorded_incarnation in [3, 5, u32::MAX] {
+        let mut earlier = drawn(0, recorded_incarnation, 1);
         let recorded: Vec<_> = (0..100).map(|_| sent_by(&mut earlier, b"land")).collect();
         let (mut sender, mut receiver) = (drawn(0, 4, 40), drawn(1, 1, 99));
         prove(0, &mut receiver, &mut sender);

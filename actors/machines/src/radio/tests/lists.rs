@@ -75,7 +75,7 @@ fn whoever_starts_with_an_older_list_is_given_the_newer_one() {
     let given = tell(&mut newer, 0, &number);
     assert!(packets(&given).contains(&list(4)));
     let (_, events) = told(&mut older, 0, received(&given[0], None));
-    assert_eq!(events, [Event::Expelled { list: 4 }]);
+    assert_eq!(events, [Event::RevocationList { list: 4 }]);
 }
 
 #[test]
@@ -122,18 +122,18 @@ fn a_list_that_the_fleet_has_not_signed_is_counted_and_not_taken() {
 fn whoever_is_expelled_and_speaks_is_told_so_now_and_then() {
     let mut radio = with_list(0, 6);
     says(&mut radio, 0);
-    let mut expelled = with_list(2, 2);
+    let mut revoked = with_list(2, 2);
     let mut told = Vec::new();
     for now in (0..20_000).step_by(100) {
-        let frame = sent_by(&mut expelled, b"I am here");
+        let frame = sent_by(&mut revoked, b"I am here");
         told.extend(packets(&answers(&mut radio, now, &frame)));
     }
     let lists = told.iter().filter(|it| **it == list(6)).count();
     assert_eq!(lists, 2, "{told:?}");
     // It believes the others still, and so hears of it.
     let frame = sent_by(&mut with_list(0, 6), &wire::encode_radio_packet(&list(6)));
-    assert_eq!(dropped(&mut expelled, 0, &frame), None);
-    assert_eq!(expelled.authenticator.list_number(), 6);
+    assert_eq!(dropped(&mut revoked, 0, &frame), None);
+    assert_eq!(revoked.authenticator.list_number(), 6);
 }
 
 #[test]

@@ -19,7 +19,7 @@ use self::neighbours::Neighbours;
 use super::packet::{Flood, Member, Packet};
 use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint, Routes};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::leader::{Verdict, Way};
+use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::time::Timestamp;
 use crate::wire;
 
@@ -62,7 +62,7 @@ pub(super) struct FloodPolicy {
     heard_at: BTreeMap<NodeId, Timestamp>,
     /// When the parent was last heard to hear this drone.
     parent_heard_at: Timestamp,
-    pulse_rose_at: Timestamp,
+    heartbeat_rose_at: Timestamp,
     /// When this drone speaks next; `None` until it has something to say.
     next_send: Option<Timestamp>,
 }
@@ -81,7 +81,7 @@ impl FloodPolicy {
             heard_again: BTreeSet::new(),
             heard_at: BTreeMap::new(),
             parent_heard_at: now,
-            pulse_rose_at: now,
+            heartbeat_rose_at: now,
             next_send: None,
             durable: Checkpoint::default(),
             config,
@@ -119,11 +119,17 @@ impl FloodPolicy {
 
     /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far, unless the
     /// sender does not say that it hears this drone.
-    fn follow(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot, way: Way) -> bool {
-        match core.hear_ballot(ballot, way) {
-            Verdict::Ignored => return false,
-            Verdict::Same => {}
-            Verdict::Turned => {
+    fn follow(
+        &mut self,
+        core: &mut Core,
+        now: Timestamp,
+        ballot: Ballot,
+        symmetry: LinkSymmetry,
+    ) -> bool {
+        match core.hear_ballot(ballot, symmetry) {
+            BallotDecision::Ignored => return false,
+            BallotDecision::Same => {}
+            BallotDecision::Turned => {
                 self.begin_epoch(core, now);
                 core.inform(Notice::Leader(ballot));
             }
@@ -157,14 +163,14 @@ impl Policy for FloodPolicy {
             return;
         };
         self.heard_at.insert(sender, now);
-        let way = match &packet {
-            Packet::Flood(flood) if flood.hears.contains(core.id) => Way::Mutual,
-            _ => Way::OneWay,
+        let symmetry = match &packet {
+            Packet::Flood(flood) if flood.hears.contains(core.id) => LinkSymmetry::Mutual,
+            _ => LinkSymmetry::OneWay,
         };
-        if way == Way::Mutual && self.durable.routes.parent == Some(sender) {
+        if symmetry == LinkSymmetry::Mutual && self.durable.routes.parent == Some(sender) {
             self.parent_heard_at = now;
         }
-        if !self.follow(core, now, ballot, way) {
+        if !self.follow(core, now, ballot, symmetry) {
             core.show(Event::Ignored(sender));
             return;
         }
@@ -191,7 +197,7 @@ impl Policy for FloodPolicy {
         self.durable.routes = Routes::default();
         self.members.forget_all();
         self.heard_again.clear();
-        self.pulse_rose_at = now;
+        self.heartbeat_rose_at = now;
         self.start_speaking(core, now);
     }
 
@@ -252,7 +258,7 @@ impl Policy for FloodPolicy {
 
     /// What would have been said meanwhile is out of date.
     fn forgive(&mut self, _core: &mut Core, now: Timestamp) {
-        self.pulse_rose_at = now;
+        self.heartbeat_rose_at = now;
         self.members.forgive(now);
         self.heard_at
             .values_mut()

@@ -149,7 +149,7 @@ impl FloodPolicy {
                 self.leave_routes(core, now);
             }
             self.members.forget_silent(now, time_to_live);
-            if now.since(self.pulse_rose_at) > time_to_live {
+            if now.since(self.heartbeat_rose_at) > time_to_live {
                 core.miss_master();
             }
         } else if self.config.misses_early || self.durable.phase != Phase::Gossip {
@@ -274,7 +274,7 @@ impl FloodPolicy {
         } else {
             self.members.forget_all();
         }
-        self.pulse_rose_at = now;
+        self.heartbeat_rose_at = now;
         core.show(Event::Routes(self.durable.routes.clone()));
         self.inform_of_routes(core);
         core.keep();
@@ -302,7 +302,7 @@ impl FloodPolicy {
         let is_rise = flood.heartbeat > core.durable.heartbeats.master || is_echo;
         if is_rise && !core.is_master() && is_mutual {
             core.durable.heartbeats.master = flood.heartbeat;
-            self.pulse_rose_at = now;
+            self.heartbeat_rose_at = now;
             core.find_master();
         }
         core.take_order(flood.sequence, flood.order.as_deref());

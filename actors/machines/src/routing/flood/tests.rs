@@ -1,7 +1,7 @@
 use bytes::Bytes;
 
 use super::*;
-use crate::machine::{Said, Stimulus, step};
+use crate::machine::{Emitted, Stimulus, step};
 use crate::routing::{Dissemination, Input, LeaderEpoch, Transmit};
 
 type Flooding = Dissemination<FloodPolicy>;
@@ -53,11 +53,11 @@ fn stimulate(routing: &mut Flooding, now: Timestamp, stimulus: Stimulus<Input>) 
         events: Vec::new(),
     };
     let Ok(_) = step(routing, now, stimulus, |said| match said {
-        Said::Transmit(Transmit::Send { payload, .. }) => {
+        Emitted::Transmit(Transmit::Send { payload, .. }) => {
             outcome.sent.push(wire::decode_packet(&payload).unwrap());
         }
-        Said::Transmit(Transmit::Inform(notice)) => outcome.notices.push(notice),
-        Said::Event(event) => outcome.events.push(event),
+        Emitted::Transmit(Transmit::Inform(notice)) => outcome.notices.push(notice),
+        Emitted::Event(event) => outcome.events.push(event),
     });
     outcome
 }

@@ -15,13 +15,13 @@ pub(super) struct Composer {
     /// From which id on the next packet tells of others, where not all fit one.
     next_span: u32,
     /// How many packets were said to one drone since the last one for all.
-    aside: u32,
+    unicasts: u32,
 }
 
 impl Composer {
     /// Counts a packet for all, or for one; whether it is for all, so that its sender's heartbeat rises.
     pub(super) const fn count(&mut self, to: Option<NodeId>) -> bool {
-        self.aside = if to.is_some() { self.aside + 1 } else { 0 };
+        self.unicasts = if to.is_some() { self.unicasts + 1 } else { 0 };
         to.is_none()
     }
 
@@ -84,7 +84,7 @@ impl Composer {
             weak: Vec::new(),
             asks: NodeSet::default(),
             to,
-            aside: self.aside,
+            unicasts: self.unicasts,
             pending,
             order: core.durable.epoch.order().cloned().filter(|_| passes_on),
         }

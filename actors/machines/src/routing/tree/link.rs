@@ -64,7 +64,7 @@ pub(super) struct Speaker {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Said {
     pub(super) number: u32,
-    pub(super) aside: u32,
+    pub(super) unicasts: u32,
     pub(super) hops: Option<u16>,
     pub(super) cost: u16,
     pub(super) parent: Option<NodeId>,
@@ -154,10 +154,10 @@ impl Link {
 
     /// How many broadcasts were missed before one of these numbers; `None` for one that is not newer than the last.
     #[inline]
-    pub(super) fn missed_before(&self, number: u32, aside: u32) -> Option<u32> {
+    pub(super) fn missed_before(&self, number: u32, unicasts: u32) -> Option<u32> {
         let said = &self.said;
-        let is_newer = (number, aside) > (said.number, said.aside);
-        let is_for_all = aside == 0;
+        let is_newer = (number, unicasts) > (said.number, said.unicasts);
+        let is_for_all = unicasts == 0;
         is_newer.then(|| number - said.number - u32::from(is_for_all))
     }
 
@@ -166,7 +166,7 @@ impl Link {
     pub(super) fn is_heard(&mut self, now: Timestamp, missed: u32, pace: Duration) -> LinkChanged {
         let before = self.quality;
         self.quality.learn_missed(missed);
-        if self.said.aside == 0 {
+        if self.said.unicasts == 0 {
             self.quality.learn_heard();
         }
         self.heard_at = now;
@@ -304,7 +304,7 @@ impl Link {
     pub(super) fn forget_epoch(&mut self) {
         self.said = Said {
             number: self.said.number,
-            aside: self.said.aside,
+            unicasts: self.said.unicasts,
             ..Said::default()
         };
         self.words = Bytes::new();
@@ -425,7 +425,7 @@ impl Said {
         } = said.front;
         Self {
             number,
-            aside: said.aside,
+            unicasts: said.unicasts,
             hops,
             cost,
             parent,

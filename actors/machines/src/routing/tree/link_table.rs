@@ -89,7 +89,7 @@ impl LinkTable {
         now: Timestamp,
     ) -> Option<Heard> {
         let link = self.links.get_mut(id)?;
-        let missed = link.missed_before(front.number, link.said.aside)?;
+        let missed = link.missed_before(front.number, link.said.unicasts)?;
         (link.said.number, link.said.heartbeat, link.said.lag) =
             (front.number, front.heartbeat, front.lag);
         let is_child = link.is_child_of(self.own);
@@ -117,7 +117,7 @@ impl LinkTable {
             Ok(at) => self.links.at(at),
             Err(at) => return Some(self.begin(at, speaker, said, words, now)),
         };
-        let missed = link.missed_before(said.front.number, said.aside)?;
+        let missed = link.missed_before(said.front.number, said.unicasts)?;
         let was_child = link.is_child_of(self.own);
         let changed = link.keep(said, self.own, speaker, self.drones);
         link.words = words;
@@ -269,7 +269,7 @@ impl LinkTable {
         has_lost_any
     }
 
-    /// As [`Cell::read_further_ahead`](crate::cell::Cell::read_further_ahead) says.
+    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
     pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
         match sender {
             None => self.iter().for_each(Link::read_ahead),

@@ -41,7 +41,7 @@ use self::retransmission::{Due, Owed, Retransmission};
 use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint};
 use crate::flaw::{self, Flaw};
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::leader::{Verdict, Way};
+use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::time::{Timestamp, first_of};
 use crate::wire::{self, TreeFrame};
 
@@ -175,15 +175,15 @@ impl TreePolicy {
     ) -> bool {
         let is_symmetric = self.links.is_symmetric(sender, said);
         let stays = core.is_master() && flaw::has(Flaw::NeverStepsDown);
-        let way = if is_symmetric && !stays {
-            Way::Mutual
+        let symmetry = if is_symmetric && !stays {
+            LinkSymmetry::Mutual
         } else {
-            Way::OneWay
+            LinkSymmetry::OneWay
         };
-        match core.hear_ballot(ballot, way) {
-            Verdict::Ignored => return false,
-            Verdict::Same => {}
-            Verdict::Turned => {
+        match core.hear_ballot(ballot, symmetry) {
+            BallotDecision::Ignored => return false,
+            BallotDecision::Same => {}
+            BallotDecision::Turned => {
                 self.begin_epoch(core, now);
                 core.inform(Notice::Leader(ballot));
             }
@@ -274,7 +274,7 @@ impl TreePolicy {
         if moved.routes {
             core.show(Event::Routes(self.route.routes().clone()));
         }
-        if moved.way && !self.is_settled_to_land(core, now) {
+        if moved.hops_or_parent && !self.is_settled_to_land(core, now) {
             self.beacon_soon(core, now);
         }
     }
@@ -644,8 +644,8 @@ impl Policy for TreePolicy {
         let Ok((front, words)) = wire::split_tree(payload) else {
             return core.show(Event::Ignored(sender));
         };
-        let is_obeyed = core.durable.epoch.ballot() == Some(ballot) && !core.durable.stopped;
-        if is_obeyed
+        let is_followed = core.durable.epoch.ballot() == Some(ballot) && !core.durable.stopped;
+        if is_followed
             && self
                 .links
                 .has_said(self.speaker(core, sender), &front, words)

@@ -74,7 +74,7 @@ pub(super) struct Moved {
     /// Something that can be seen from outside.
     pub(super) routes: bool,
     /// The parent, or how far the master is.
-    pub(super) way: bool,
+    pub(super) hops_or_parent: bool,
 }
 
 /// Who this drone is in its swarm, as far as its route depends on that.
@@ -247,7 +247,7 @@ impl ParentSelection {
         }
         let moved = Moved {
             routes: routes != self.routes,
-            way: (routes.hops, routes.parent) != (self.routes.hops, self.routes.parent),
+            hops_or_parent: (routes.hops, routes.parent) != (self.routes.hops, self.routes.parent),
         };
         if moved.routes {
             self.routes = routes;

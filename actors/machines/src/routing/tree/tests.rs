@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use self::liveness::beacon_of_the_master;
 use super::*;
-use crate::machine::{Said, Stimulus, step};
+use crate::machine::{Emitted, Stimulus, step};
 use crate::routing::{Dissemination, ETX_UNIT, Input, Packet, Transmit, Tree};
 
 const MASTER: Ballot = Ballot {
@@ -70,15 +70,15 @@ impl Node {
     fn stimulate(&mut self, stimulus: Stimulus<Input>) -> Vec<Tree> {
         let (sent, notices) = (&mut self.sent, &mut self.notices);
         let Ok(deadline) = step(&mut self.routing, self.now, stimulus, |said| match said {
-            Said::Transmit(Transmit::Send { to, payload, .. }) => {
+            Emitted::Transmit(Transmit::Send { to, payload, .. }) => {
                 let Ok(Packet::Tree(said)) = wire::decode_packet(&payload) else {
                     panic!("policy `tree` says nothing else");
                 };
                 assert_eq!(said.to, to, "a frame tells for whom it is");
                 sent.push(said);
             }
-            Said::Transmit(Transmit::Inform(notice)) => notices.push(notice),
-            Said::Event(_) => {}
+            Emitted::Transmit(Transmit::Inform(notice)) => notices.push(notice),
+            Emitted::Event(_) => {}
         });
         self.deadline = deadline;
         std::mem::take(&mut self.sent)

@@ -166,8 +166,8 @@ impl Comparison {
                 phases[now].phase.act,
                 Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. }
             );
-            let goes_on = matches!(exposure, Exposure::Descends | Exposure::Killed);
-            if is_last || !goes_on || now > index && !is_step {
+            let keeps_going = matches!(exposure, Exposure::Descends | Exposure::Killed);
+            if is_last || !keeps_going || now > index && !is_step {
                 break;
             }
             let next = &phases[now + 1].phase;
@@ -240,7 +240,7 @@ fn pair(a: usize, b: usize) -> [NodeId; 2] {
 
 /// All in lockstep: alike on a leg, or else each with delays of its own.
 fn others_motions(rng: &mut ChaCha8Rng, phase: &Phase) -> Vec<Motion> {
-    let corners = phase.ways.iter().map(|ways| motion::corners(ways));
+    let corners = phase.paths.iter().map(|paths| motion::corners(paths));
     if matches!(phase.act, Act::Flies { .. }) {
         let alike = motion::Pace::draw(rng);
         return corners

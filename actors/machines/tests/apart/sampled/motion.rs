@@ -1,6 +1,6 @@
 //! How drones move: straight from corner to corner, with delays and stops that nobody foresees.
 
-use muster_machines::formation::{Act, Exposure, Flown, Layering, Phase, Way};
+use muster_machines::formation::{Act, Exposure, Flown, Layering, Path, Phase};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use rand::RngExt;
@@ -103,9 +103,9 @@ impl Motion {
     }
 }
 
-pub(super) fn corners(ways: &[Way]) -> Vec<Ned> {
-    let ends = ways.iter().map(|way| way.to);
-    std::iter::once(ways[0].from).chain(ends).collect()
+pub(super) fn corners(paths: &[Path]) -> Vec<Ned> {
+    let ends = paths.iter().map(|path| path.to);
+    std::iter::once(paths[0].from).chain(ends).collect()
 }
 
 /// One to whom something happens in a phase.
@@ -116,8 +116,8 @@ pub(super) fn out_of_lockstep(
     id: NodeId,
     exposure: Exposure,
 ) -> Motion {
-    let ways = &phase.ways[id.0 as usize];
-    let own = Motion::new(&corners(ways), Pace::draw(rng));
+    let paths = &phase.paths[id.0 as usize];
+    let own = Motion::new(&corners(paths), Pace::draw(rng));
     let when_s = rng.random_range(0.0..=own.ends_s());
     let speed_mps = rng.random_range(0.5..3.0);
     let here = own.at(when_s);
@@ -128,7 +128,7 @@ pub(super) fn out_of_lockstep(
         // On the way up and at the last waypoint it falls out of lockstep in its slot.
         Exposure::Apart if matches!(phase.act, Act::TakesOff { .. } | Act::Lands { .. }) => {
             let slot = match phase.act {
-                Act::Lands { .. } => ways[0].from,
+                Act::Lands { .. } => paths[0].from,
                 _ => phase.end(id),
             };
             Motion::new(&alone(flown, slot, phase, id), Pace::draw(rng))

@@ -1,11 +1,11 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use muster_machines::cell::{Address, Effect, Envelope};
 use muster_machines::identity::{Ballot, NodeId};
-use muster_machines::leader::Way;
-use muster_machines::machine::{Said, Stimulus, step};
+use muster_machines::leader::LinkSymmetry;
+use muster_machines::machine::{Emitted, Stimulus, step};
 use muster_machines::mission::{self, Config, Mission};
+use muster_machines::node::{Address, Effect, Envelope};
 use muster_machines::routing::{self, Notice};
 use muster_machines::time::Timestamp;
 
@@ -76,7 +76,7 @@ impl Drone {
     /// Whom its mission obeys.
     pub(crate) fn mission_ballot(&self) -> Option<Ballot> {
         self.mission.as_ref()?;
-        self.journal.mission.newest().0.obeyed.ballot()
+        self.journal.mission.newest().0.leader.ballot()
     }
 
     /// What it would say now.
@@ -100,7 +100,13 @@ impl Drone {
     }
 
     /// Hears a frame; `has_way` is whether the drone has a way to its master.
-    pub(crate) fn hear(&mut self, frame: &Frame, way: Way, has_way: bool, flaw: Flaw) {
+    pub(crate) fn hear(
+        &mut self,
+        frame: &Frame,
+        symmetry: LinkSymmetry,
+        has_route: bool,
+        flaw: Flaw,
+    ) {
         let own = self.id;
         let Some(routing) = &mut self.routing else {
             return;
@@ -109,7 +115,7 @@ impl Drone {
         if flaw == Flaw::IgnoresBetterBallots && routing.epoch.ballot().is_some_and(is_better) {
             return;
         }
-        let notices = routing.hear(own, frame, way, has_way);
+        let notices = routing.hear(own, frame, symmetry, has_route);
         self.keep_epoch();
         self.inform(notices);
     }
@@ -199,9 +205,9 @@ impl Drone {
         let (mut posts, mut checkpoint) = (Vec::new(), None);
         let mission = Arc::make_mut(mission);
         let Ok(_) = step(mission, Timestamp::ZERO, stimulus, |said| match said {
-            Said::Transmit(transmit) => posts.extend(to_routing(transmit)),
-            Said::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
-            Said::Event(_) => {}
+            Emitted::Transmit(transmit) => posts.extend(to_routing(transmit)),
+            Emitted::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
+            Emitted::Event(_) => {}
         });
         if let Some(checkpoint) = checkpoint {
             self.journal.mission.write(Kept::new(checkpoint));
@@ -264,7 +270,7 @@ impl Drone {
         let mut has_fallen = ever_said.any(|was| fell(self.ballot(), was));
         if before.is_up && self.is_up {
             let Journal { epoch, mission } = &before.journal;
-            let was = (epoch.newest().ballot(), mission.newest().0.obeyed.ballot());
+            let was = (epoch.newest().ballot(), mission.newest().0.leader.ballot());
             has_fallen |= was.0.is_some_and(|was| fell(self.ballot(), was))
                 || was.1.is_some_and(|was| fell(self.mission_ballot(), was));
         }

@@ -78,7 +78,7 @@ impl Hash for Mission {
     /// By every field: whoever adds one is asked here whether it tells states apart.
     fn hash<H: Hasher>(&self, hasher: &mut H) {
         let Checkpoint {
-            obeyed,
+            leader,
             state,
             plan,
             plan_complete,
@@ -99,7 +99,7 @@ impl Hash for Mission {
             restarted,
             holds,
         } = &*self.0;
-        (obeyed, state, plan.len(), plan_complete).hash(hasher);
+        (leader, state, plan.len(), plan_complete).hash(hasher);
         (opened, changes, wave, pending, acknowledged).hash(hasher);
         (*routes as u8, in_layer, leaving, restarted).hash(hasher);
         (limit, flies_until, catches_up, holds).hash(hasher);

@@ -13,10 +13,10 @@ mod setting;
 
 use std::sync::Arc;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
-use muster_machines::leader::Way;
+use muster_machines::leader::LinkSymmetry;
 use muster_machines::mission;
+use muster_machines::node::Address;
 use stateright::{Model, Property};
 
 pub(crate) use self::drone::Drone;
@@ -228,8 +228,8 @@ impl State {
 
     /// All that live and are connected by links that carry both ways.
     fn part_of(&self, id: NodeId) -> Vec<NodeId> {
-        let lives = |id: NodeId| self.drone(id).is_up;
-        self.links.part_of(id, self.drones.len(), lives)
+        let incarnations = |id: NodeId| self.drone(id).is_up;
+        self.links.part_of(id, self.drones.len(), incarnations)
     }
 }
 
@@ -261,13 +261,15 @@ impl Model for Swarm {
             }
             Action::Hear { from, frame, to } => {
                 let frame = &state.drone(from).said[frame];
-                let way = if state.links.carries(to, from) {
-                    Way::Mutual
+                let symmetry = if state.links.carries(to, from) {
+                    LinkSymmetry::Mutual
                 } else {
-                    Way::OneWay
+                    LinkSymmetry::OneWay
                 };
-                let has_way = !state.has_lost_master(to);
-                self.change(state, to, |drone| drone.hear(frame, way, has_way, flaw))
+                let has_route = !state.has_lost_master(to);
+                self.change(state, to, |drone| {
+                    drone.hear(frame, symmetry, has_route, flaw)
+                })
             }
             Action::Handle(id, address) => {
                 self.change(state, id, |drone| drone.handle_next(address, flaw))

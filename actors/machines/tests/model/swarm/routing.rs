@@ -1,6 +1,6 @@
 use bytes::Bytes;
 use muster_machines::identity::{Ballot, NodeId, NodeSet};
-use muster_machines::leader::{Verdict, Way};
+use muster_machines::leader::{BallotDecision, LinkSymmetry};
 use muster_machines::routing::{Input, LeaderEpoch, Notice};
 
 /// What both policies of the routing have in common, around the shipped [`LeaderEpoch`].
@@ -49,16 +49,16 @@ impl Routing {
         &mut self,
         own: NodeId,
         frame: &Frame,
-        way: Way,
-        has_way: bool,
+        symmetry: LinkSymmetry,
+        has_route: bool,
     ) -> Vec<Notice> {
         let mut notices = Vec::new();
-        match self.hear_ballot(frame.ballot, way) {
-            Verdict::Ignored => return notices,
-            Verdict::Same => {}
-            Verdict::Turned => notices.push(Notice::Leader(frame.ballot)),
+        match self.hear_ballot(frame.ballot, symmetry) {
+            BallotDecision::Ignored => return notices,
+            BallotDecision::Same => {}
+            BallotDecision::Turned => notices.push(Notice::Leader(frame.ballot)),
         }
-        if self.master_silent && has_way {
+        if self.master_silent && has_route {
             self.master_silent = false;
             notices.push(Notice::MasterReturned);
         }
@@ -71,9 +71,9 @@ impl Routing {
         notices
     }
 
-    fn hear_ballot(&mut self, ballot: Ballot, way: Way) -> Verdict {
-        let verdict = self.epoch.hear(ballot, way);
-        if verdict == Verdict::Turned {
+    fn hear_ballot(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
+        let verdict = self.epoch.hear(ballot, symmetry);
+        if verdict == BallotDecision::Turned {
             *self = Self::under(self.epoch.clone());
         }
         verdict
@@ -103,7 +103,7 @@ impl Routing {
     pub(crate) fn take(&mut self, own: NodeId, input: Input) -> Result<Vec<Notice>, Broken> {
         let under = self.epoch.ballot();
         match input {
-            Input::Lead(ballot) => _ = self.hear_ballot(ballot, Way::Mutual),
+            Input::Lead(ballot) => _ = self.hear_ballot(ballot, LinkSymmetry::Mutual),
             Input::Publish {
                 ballot,
                 sequence,

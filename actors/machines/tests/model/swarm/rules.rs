@@ -16,7 +16,7 @@ pub(crate) const NEVER_FALLS: &str = "1b: the ballot that a drone obeys never fa
 pub(crate) const SETTLES: &str = "once nothing more goes wrong, all parts settle";
 /// Rule 1c.
 pub(crate) const ONE_MASTER: &str =
-    "1c: each part that has settled has one master, obeyed by all its members";
+    "1c: each part that has settled has one master, leader by all its members";
 
 pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> {
     let mut all = vec![

@@ -7,7 +7,7 @@ use std::time::Duration;
 use muster_machines::formation::{Formation, Kind, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
-use muster_machines::leader::Way;
+use muster_machines::leader::LinkSymmetry;
 use muster_machines::mission::{Alone, Barrier, Config, Holds, Input, Liveness, Succession};
 use muster_machines::navigation;
 use muster_machines::routing::Notice;
@@ -51,14 +51,17 @@ impl Links {
         self,
         id: NodeId,
         drones: usize,
-        lives: impl Fn(NodeId) -> bool,
+        incarnations: impl Fn(NodeId) -> bool,
     ) -> Vec<NodeId> {
         let mut part = vec![id];
         let mut next = 0;
         while let Some(at) = part.get(next).copied() {
             let all = (0..).map(NodeId).take(drones);
             let near = all.filter(|it| {
-                lives(*it) && self.carries(at, *it) && self.carries(*it, at) && !part.contains(it)
+                incarnations(*it)
+                    && self.carries(at, *it)
+                    && self.carries(*it, at)
+                    && !part.contains(it)
             });
             part.extend(near.collect::<Vec<_>>());
             next += 1;
@@ -93,11 +96,11 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             changes: Arc::default(),
             following: None,
             barrier: Barrier::Strict,
-            liveness: Liveness::Pulse,
+            liveness: Liveness::Heartbeat,
             succession: Succession::Elect,
             alone: Alone::CarryOn,
             spreading_patience: Duration::ZERO,
-            deference: Duration::ZERO,
+            candidacy_back_off: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
             landing_limit: 60 * second,
@@ -129,7 +132,7 @@ pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
     drones[master].handle_all(Flaw::None);
     let order = drones[master].frame().expect("the master leads");
     for drone in &mut drones {
-        drone.hear(&order, Way::Mutual, true, Flaw::None);
+        drone.hear(&order, LinkSymmetry::Mutual, true, Flaw::None);
         drone.handle_all(Flaw::None);
         drone.journal.sync();
         drone.said = Arc::new(drone.frame().into_iter().collect());
@@ -145,7 +148,7 @@ fn talk(drones: &mut [Drone]) {
             drones[speaker].handle_all(Flaw::None);
             if let Some(frame) = drones[speaker].frame() {
                 for listener in (0..drones.len()).filter(|it| *it != speaker) {
-                    drones[listener].hear(&frame, Way::Mutual, true, Flaw::None);
+                    drones[listener].hear(&frame, LinkSymmetry::Mutual, true, Flaw::None);
                     drones[listener].handle_all(Flaw::None);
                 }
             }

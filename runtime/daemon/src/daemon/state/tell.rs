@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::cell::Address;
 use muster_machines::mission::{self, LandingReason};
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use muster_machines::wire::PacketKind;
 
@@ -47,7 +47,7 @@ impl State {
             drone: self.id.0,
             swarm: self.swarm.0,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            life: self.checkpoints.boot(),
+            incarnation: self.checkpoints.boot(),
             up_s: now.since(self.clock.started()).as_secs_f64(),
             faults: self.faults(now),
             state: doing(self.checkpoints.state()),
@@ -109,7 +109,7 @@ impl State {
     }
 
     fn vehicle(&self, now: Timestamp) -> VehicleStatus {
-        let telemetry = self.craft.telemetry(now);
+        let telemetry = self.vehicle.telemetry(now);
         VehicleStatus {
             north_m: telemetry.position.north_m(),
             east_m: telemetry.position.east_m(),

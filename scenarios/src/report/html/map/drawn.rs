@@ -6,7 +6,7 @@ use muster_machines::geometry::Ned;
 use super::frame::Frame;
 use super::{mark, track};
 use crate::report::{DroneReport, Flight, FlightOfDrone, Kind, Report};
-use muster_runtime::words::figure_or_nothing;
+use muster_runtime::text::figure_or_nothing;
 
 /// Above this many drones, lines and marks are finer.
 const MANY: usize = 40;

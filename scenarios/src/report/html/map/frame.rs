@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use muster_machines::geometry::Ned;
 
 use super::super::axis::{decimals, px, ticks};
-use muster_runtime::words::figure;
+use muster_runtime::text::figure;
 
 const LEFT_PX: f64 = 66.0;
 const LEFT_UNNAMED_PX: f64 = 46.0;

@@ -13,7 +13,7 @@ use muster_machines::geometry::Ned;
 
 use super::axis::px;
 use crate::report::{Flight, Kind, Report};
-use muster_runtime::words::figure;
+use muster_runtime::text::figure;
 
 /// The proportions, width to height, that a map may have.
 const PROPORTIONS: (f64, f64) = (0.62, 3.0);

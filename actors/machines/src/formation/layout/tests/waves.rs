@@ -1,13 +1,13 @@
 //! Drones that take off, cross and land in waves.
 
 use super::*;
-use crate::formation::{Change, Way};
+use crate::formation::{Change, Path};
 
 /// The height of the slots, in metres.
 const SLOTS_M: f64 = 30.0;
 
 /// The way of a drone between ground and slot, flown either way.
-fn way_up(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Way; 3] {
+fn way_up(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Path; 3] {
     let slot = layout.slot(id, Ned::new(0.0, 0.0, -SLOTS_M));
     let level_m = SLOTS_M + layer_m;
     let corners = [
@@ -16,34 +16,34 @@ fn way_up(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Way; 3] {
         slot.at_altitude(level_m),
         slot,
     ];
-    [0, 1, 2].map(|at| Way {
+    [0, 1, 2].map(|at| Path {
         from: corners[at],
         to: corners[at + 1],
     })
 }
 
-fn standing(place: Ned) -> Way {
-    Way {
+fn standing(place: Ned) -> Path {
+    Path {
         from: place,
         to: place,
     }
 }
 
-fn near(ways: &[Way], others: &[Way]) -> bool {
-    ways.iter().any(|way| {
+fn near(paths: &[Path], others: &[Path]) -> bool {
+    paths.iter().any(|path| {
         others
             .iter()
-            .any(|other| way.comes_near(*other, SEPARATION))
+            .any(|other| path.comes_near(*other, SEPARATION))
     })
 }
 
 /// Drones that rest in their slots are clear of the ways of the waves after them, and ways of one wave of each other, except
 /// so many pairs.
-fn assert_apart(ways: &[[Way; 3]], wave_of: impl Fn(NodeId) -> u16, exposed: usize) {
+fn assert_apart(paths: &[[Path; 3]], wave_of: impl Fn(NodeId) -> u16, exposed: usize) {
     let at = |id: usize| NodeId(u32::try_from(id).unwrap());
     let mut near_in_wave = 0;
-    for (a, one) in ways.iter().enumerate() {
-        for (b, other) in ways.iter().enumerate().take(a) {
+    for (a, one) in paths.iter().enumerate() {
+        for (b, other) in paths.iter().enumerate().take(a) {
             match wave_of(at(a)).cmp(&wave_of(at(b))) {
                 Ordering::Equal => near_in_wave += usize::from(near(one, other)),
                 Ordering::Less => assert!(!near(&[standing(one[2].to)], other), "{b} passes {a}"),
@@ -103,21 +103,21 @@ proptest! {
             .in_waves(layers_max);
         let change = Change::new(0, &layout, formation(to, drones, 60.0, 0.0));
         let at = Ned::new(0.0, 0.0, -SLOTS_M);
-        let ways: Vec<_> = (0..drones).map(NodeId).map(|id| {
-            let [from, to, _] = change.way(id, at);
-            (change.wave(id), Way { from, to })
+        let paths: Vec<_> = (0..drones).map(NodeId).map(|id| {
+            let [from, to, _] = change.path(id, at);
+            (change.wave(id), Path { from, to })
         }).collect();
-        for (a, (wave, way)) in ways.iter().enumerate() {
-            for (other_wave, other) in &ways[..a] {
+        for (a, (wave, path)) in paths.iter().enumerate() {
+            for (other_wave, other) in &paths[..a] {
                 let rests = match wave.cmp(other_wave) {
                     Ordering::Equal => false,
                     // The later one rests where it begins, the earlier one where it ends.
-                    Ordering::Less => near(&[*way], &[standing(other.from)])
-                        || near(&[*other], &[standing(way.to)]),
-                    Ordering::Greater => near(&[*other], &[standing(way.from)])
-                        || near(&[*way], &[standing(other.to)]),
+                    Ordering::Less => near(&[*path], &[standing(other.from)])
+                        || near(&[*other], &[standing(path.to)]),
+                    Ordering::Greater => near(&[*other], &[standing(path.from)])
+                        || near(&[*path], &[standing(other.to)]),
                 };
-                let meets = wave == other_wave && near(&[*way], &[*other]);
+                let meets = wave == other_wave && near(&[*path], &[*other]);
                 prop_assert!(!rests && !meets, "{wave} and {other_wave}");
             }
         }

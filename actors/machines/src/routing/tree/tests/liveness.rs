@@ -145,11 +145,11 @@ fn quality(frames: impl IntoIterator<Item = (u32, u32)>) -> Quality {
         is_parent: false,
         master: None,
     };
-    for (number, aside) in frames {
+    for (number, unicasts) in frames {
         let said = wire::encode_packet(&Packet::Tree(Tree {
             number,
-            to: (aside > 0).then_some(NodeId(3)),
-            aside,
+            to: (unicasts > 0).then_some(NodeId(3)),
+            unicasts,
             ..Tree::default()
         }));
         let said = wire::decode_tree(&said).unwrap();
@@ -190,9 +190,9 @@ fn what_is_said_to_another_alone_and_what_a_restart_skips_are_no_losses() {
 fn questions_raise_no_number_that_others_would_miss() {
     let mut child = child_of_a_master_that_it_hears_well();
     let asked = child.wait(1_100);
-    let numbers: Vec<_> = asked.iter().map(|it| (it.number, it.aside)).collect();
+    let numbers: Vec<_> = asked.iter().map(|it| (it.number, it.unicasts)).collect();
     let first = numbers[0].0;
-    let expected: Vec<_> = (1..11).map(|aside| (first, aside)).collect();
+    let expected: Vec<_> = (1..11).map(|unicasts| (first, unicasts)).collect();
     assert_eq!(numbers, expected);
 }
 

@@ -65,7 +65,7 @@ struct Swarm {
     links: Vec<Vec<u8>>,
     in_flight: Vec<InFlight>,
     term: u32,
-    lives: u64,
+    incarnations: u64,
 }
 
 /// A loop, by the drones on it.
@@ -88,7 +88,7 @@ impl Swarm {
             links: vec![vec![network.delivers; count]; count],
             in_flight: Vec::new(),
             term: 0,
-            lives: 0,
+            incarnations: 0,
             network,
         };
         for id in 0..count {
@@ -112,9 +112,13 @@ impl Swarm {
     }
 
     fn start(&mut self, id: usize, kept: Option<Kept>) {
-        self.lives += 1;
+        self.incarnations += 1;
         let config = self.config(id);
-        let core = Core::new(config.id, config.drones, self.network.seed ^ self.lives);
+        let core = Core::new(
+            config.id,
+            config.drones,
+            self.network.seed ^ self.incarnations,
+        );
         let kept = kept.map(|it| match it.policy {
             PolicyCheckpoint::Tree(own) => (it.common, own),
             PolicyCheckpoint::Flood(_) => panic!("it is of policy `tree`"),
@@ -164,14 +168,14 @@ impl Swarm {
         let mut sent = Vec::new();
         let kept = &mut drone.kept;
         let Ok(deadline) = step(routing, self.now, stimulus, |said| match said {
-            Said::Transmit(Transmit::Send {
+            Emitted::Transmit(Transmit::Send {
                 to,
                 ballot,
                 payload,
                 ..
             }) => sent.push((to, ballot, Bytes::from(payload))),
-            Said::Event(Event::Checkpoint(checkpoint)) => *kept = Some(*checkpoint),
-            Said::Transmit(Transmit::Inform(_)) | Said::Event(_) => {}
+            Emitted::Event(Event::Checkpoint(checkpoint)) => *kept = Some(*checkpoint),
+            Emitted::Transmit(Transmit::Inform(_)) | Emitted::Event(_) => {}
         });
         drone.deadline = deadline;
         for (to, ballot, payload) in sent {

@@ -80,7 +80,10 @@ pub(in crate::routing::tree) fn with_route(hops: u16, cost: u16, heartbeat: u32)
 /// A drone of the sixteen that obeys drone 0.
 pub(in crate::routing::tree) fn member(id: u32) -> Core {
     let mut core = Core::new(NodeId(id), 16, 1);
-    assert_eq!(core.hear_ballot(MASTER, Way::Mutual), Verdict::Turned);
+    assert_eq!(
+        core.hear_ballot(MASTER, LinkSymmetry::Mutual),
+        BallotDecision::Turned
+    );
     core
 }
 

@@ -18,16 +18,16 @@ const EXACT_DIAMETER_MAX: usize = 256;
 
 /// The parts of a swarm as they were when last looked at: whoever is connected by links that are up.
 #[derive(Debug, Default)]
-pub(crate) struct Parts {
+pub(crate) struct Segments {
     /// Each node that takes part in the radio's work, with a number that changes whenever it has failed.
     live: Vec<Option<u32>>,
     /// Between live nodes, each once, sorted.
     links: Vec<Link>,
     /// When each node, or a link of it, last changed.
     changed: Vec<Timestamp>,
-    parts: Vec<Part>,
+    segments: Vec<Segment>,
     /// Which of the parts each node is in.
-    part_of: Vec<Option<usize>>,
+    segment_of: Vec<Option<usize>>,
     /// The first of those that each node is connected with by links that are not down.
     reach: Vec<NodeId>,
     /// In which of the parts each node was lately, from when on; the newest last.
@@ -65,7 +65,7 @@ impl Link {
 
 /// Live nodes that are connected by links that are up.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Part {
+pub(crate) struct Segment {
     /// Lowest first.
     pub(crate) members: Vec<NodeId>,
     /// Whether no grey link decides who is in it.
@@ -74,7 +74,7 @@ pub(crate) struct Part {
     pub(crate) still_since: Timestamp,
 }
 
-impl Parts {
+impl Segments {
     /// Takes in how things are now. What `live` says of a node is any number that changes when it has failed in between,
     /// and nothing for one that passes nothing on. Links of nodes that are not live are left out.
     pub(crate) fn look(&mut self, now: Timestamp, live: Vec<Option<u32>>, mut links: Vec<Link>) {
@@ -101,7 +101,7 @@ impl Parts {
         self.live = live;
         self.links = links;
         self.divide();
-        self.lately.push_back((now, self.part_of.clone()));
+        self.lately.push_back((now, self.segment_of.clone()));
     }
 
     /// Forgets what was longer ago than that, but for how things were just then.
@@ -120,9 +120,9 @@ impl Parts {
         ago: Duration,
     ) -> bool {
         let before = self.lately.partition_point(|it| now.since(it.0) >= ago);
-        let together = |(_, part_of): &(Timestamp, Vec<Option<usize>>)| {
-            let part = |id: NodeId| part_of.get(id.0 as usize).copied().flatten();
-            part(a).is_some() && part(a) == part(b)
+        let together = |(_, segment_of): &(Timestamp, Vec<Option<usize>>)| {
+            let segment = |id: NodeId| segment_of.get(id.0 as usize).copied().flatten();
+            segment(a).is_some() && segment(a) == segment(b)
         };
         let mut since = self.lately.iter().skip(before.saturating_sub(1));
         since.all(together)
@@ -141,18 +141,18 @@ impl Parts {
     fn divide(&mut self) {
         let up = first_connected(self.live.len(), self.links.iter().filter(|link| link.is_up));
         self.reach = first_connected(self.live.len(), self.links.iter());
-        self.parts.clear();
-        self.part_of = vec![None; self.live.len()];
+        self.segments.clear();
+        self.segment_of = vec![None; self.live.len()];
         for (id, first) in (0..).map(NodeId).zip(up) {
             let index = id.0 as usize;
             if self.live[index].is_none() {
                 continue;
             }
-            let part = *self.part_of[first.0 as usize].get_or_insert(self.parts.len());
-            self.part_of[index] = Some(part);
-            match self.parts.get_mut(part) {
-                Some(part) => part.members.push(id),
-                None => self.parts.push(Part {
+            let segment = *self.segment_of[first.0 as usize].get_or_insert(self.segments.len());
+            self.segment_of[index] = Some(segment);
+            match self.segments.get_mut(segment) {
+                Some(segment) => segment.members.push(id),
+                None => self.segments.push(Segment {
                     members: vec![id],
                     is_decided: true,
                     still_since: Timestamp::ZERO,
@@ -160,26 +160,26 @@ impl Parts {
             }
         }
         for link in &self.links {
-            let [a, b] = [link.ends.0, link.ends.1].map(|id| self.part_of[id.0 as usize]);
+            let [a, b] = [link.ends.0, link.ends.1].map(|id| self.segment_of[id.0 as usize]);
             if let (Some(a), Some(b), true) = (a, b, a != b) {
-                self.parts[a].is_decided = false;
-                self.parts[b].is_decided = false;
+                self.segments[a].is_decided = false;
+                self.segments[b].is_decided = false;
             }
         }
-        for part in &mut self.parts {
-            let changes = part.members.iter().map(|id| self.changed[id.0 as usize]);
-            part.still_since = changes.max().unwrap_or_default();
+        for segment in &mut self.segments {
+            let changes = segment.members.iter().map(|id| self.changed[id.0 as usize]);
+            segment.still_since = changes.max().unwrap_or_default();
         }
     }
 
-    pub(crate) fn iter(&self) -> impl Iterator<Item = &Part> {
-        self.parts.iter()
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Segment> {
+        self.segments.iter()
     }
 
     /// Whom links that are up connect with a node, over others too; itself among them.
-    pub(crate) fn part_of(&self, id: NodeId) -> BTreeSet<NodeId> {
-        let part = self.part_of.get(id.0 as usize).copied().flatten();
-        let members = part.map_or(&[][..], |part| &self.parts[part].members);
+    pub(crate) fn segment_of(&self, id: NodeId) -> BTreeSet<NodeId> {
+        let segment = self.segment_of.get(id.0 as usize).copied().flatten();
+        let members = segment.map_or(&[][..], |segment| &self.segments[segment].members);
         members.iter().copied().chain([id]).collect()
     }
 
@@ -202,16 +202,16 @@ impl Parts {
 
     /// The most hops between any two members of a part, over links that are up; of a large part at most twice as many
     /// as there are.
-    pub(crate) fn diameter(&self, part: &Part) -> u32 {
+    pub(crate) fn diameter(&self, segment: &Segment) -> u32 {
         let mut neighbours = vec![Vec::new(); self.live.len()];
         for link in self.links.iter().filter(|link| link.is_up) {
             neighbours[link.ends.0.0 as usize].push(link.ends.1);
             neighbours[link.ends.1.0 as usize].push(link.ends.0);
         }
-        if part.members.len() > EXACT_DIAMETER_MAX {
-            return 2 * farthest(&neighbours, part.members[0]);
+        if segment.members.len() > EXACT_DIAMETER_MAX {
+            return 2 * farthest(&neighbours, segment.members[0]);
         }
-        let hops = part.members.iter().map(|id| farthest(&neighbours, *id));
+        let hops = segment.members.iter().map(|id| farthest(&neighbours, *id));
         hops.max().unwrap_or(0)
     }
 }
@@ -286,9 +286,9 @@ pub(crate) mod tests {
         vec![Some(0); nodes]
     }
 
-    fn members(parts: &Parts) -> Vec<Vec<u32>> {
-        let ids = |part: &Part| part.members.iter().map(|id| id.0).collect();
-        parts.iter().map(ids).collect()
+    fn members(segments: &Segments) -> Vec<Vec<u32>> {
+        let ids = |segment: &Segment| segment.members.iter().map(|id| id.0).collect();
+        segments.iter().map(ids).collect()
     }
 
     fn set(ids: &[u32]) -> BTreeSet<NodeId> {
@@ -306,59 +306,63 @@ pub(crate) mod tests {
 
     #[test]
     fn parts_are_what_links_that_are_up_connect() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let links = vec![link(3, 1, 0.3), link(1, 0, 0.0), link(4, 2, 0.4)];
-        parts.look(at(1.0), live(6), links);
-        assert_eq!(members(&parts), [vec![0, 1, 3], vec![2, 4], vec![5]]);
-        assert!(parts.iter().all(|part| part.is_decided));
-        assert_eq!(parts.part_of(NodeId(4)), set(&[2, 4]));
+        segments.look(at(1.0), live(6), links);
+        assert_eq!(members(&segments), [vec![0, 1, 3], vec![2, 4], vec![5]]);
+        assert!(segments.iter().all(|segment| segment.is_decided));
+        assert_eq!(segments.segment_of(NodeId(4)), set(&[2, 4]));
     }
 
     #[test]
     fn a_grey_link_decides_only_where_nothing_else_connects() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let mut links = line(3);
         links.extend([link(0, 2, 0.6), link(2, 3, 0.6), link(4, 5, 0.0)]);
-        parts.look(at(1.0), live(6), links);
-        let decided: Vec<_> = parts.iter().map(|part| part.is_decided).collect();
-        assert_eq!(members(&parts), [vec![0, 1, 2], vec![3], vec![4, 5]]);
+        segments.look(at(1.0), live(6), links);
+        let decided: Vec<_> = segments.iter().map(|segment| segment.is_decided).collect();
+        assert_eq!(members(&segments), [vec![0, 1, 2], vec![3], vec![4, 5]]);
         assert_eq!(decided, [false, false, true]);
-        assert!((0..3).all(|id| parts.are_connected(NodeId(id), NodeId(3))));
+        assert!((0..3).all(|id| segments.are_connected(NodeId(id), NodeId(3))));
     }
 
     #[test]
     fn whoever_passes_nothing_on_connects_nobody() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let mut live = live(3);
         live[1] = None;
-        parts.look(at(1.0), live, line(3));
-        assert_eq!(members(&parts), [[0], [2]]);
-        assert_eq!(parts.part_of(NodeId(1)), set(&[1]));
-        assert!(!parts.are_connected(NodeId(0), NodeId(2)));
+        segments.look(at(1.0), live, line(3));
+        assert_eq!(members(&segments), [[0], [2]]);
+        assert_eq!(segments.segment_of(NodeId(1)), set(&[1]));
+        assert!(!segments.are_connected(NodeId(0), NodeId(2)));
     }
 
     #[test]
     fn a_part_is_still_until_one_of_its_links_changes_or_one_of_it_fails() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let mut links = line(3);
         links.push(link(3, 4, 0.0));
         let still_since =
-            |parts: &Parts| -> Vec<_> { parts.iter().map(|it| it.still_since).collect() };
-        parts.look(at(1.0), live(5), links.clone());
+            |segments: &Segments| -> Vec<_> { segments.iter().map(|it| it.still_since).collect() };
+        segments.look(at(1.0), live(5), links.clone());
         links.reverse();
-        parts.look(at(2.0), live(5), links.clone());
-        assert_eq!(still_since(&parts), [at(1.0), at(1.0)], "nothing changed");
+        segments.look(at(2.0), live(5), links.clone());
+        assert_eq!(
+            still_since(&segments),
+            [at(1.0), at(1.0)],
+            "nothing changed"
+        );
         links.push(link(0, 2, 0.7));
-        parts.look(at(3.0), live(5), links.clone());
-        assert_eq!(still_since(&parts), [at(3.0), at(1.0)], "a link more");
+        segments.look(at(3.0), live(5), links.clone());
+        assert_eq!(still_since(&segments), [at(3.0), at(1.0)], "a link more");
         links.pop();
-        parts.look(at(4.0), live(5), links.clone());
-        assert_eq!(still_since(&parts), [at(4.0), at(1.0)], "a link less");
+        segments.look(at(4.0), live(5), links.clone());
+        assert_eq!(still_since(&segments), [at(4.0), at(1.0)], "a link less");
         let mut failed = live(5);
         failed[4] = Some(1);
-        parts.look(at(5.0), failed, links);
+        segments.look(at(5.0), failed, links);
         assert_eq!(
-            still_since(&parts),
+            still_since(&segments),
             [at(4.0), at(5.0)],
             "an actor was restarted"
         );
@@ -366,39 +370,46 @@ pub(crate) mod tests {
 
     #[test]
     fn what_splits_is_new_on_both_sides() {
-        let mut parts = Parts::default();
-        parts.look(at(1.0), live(4), line(4));
-        parts.look(at(2.0), live(4), vec![link(0, 1, 0.0), link(2, 3, 0.0)]);
-        assert!(parts.iter().all(|part| part.still_since == at(2.0)));
+        let mut segments = Segments::default();
+        segments.look(at(1.0), live(4), line(4));
+        segments.look(at(2.0), live(4), vec![link(0, 1, 0.0), link(2, 3, 0.0)]);
+        assert!(
+            segments
+                .iter()
+                .all(|segment| segment.still_since == at(2.0))
+        );
     }
 
     #[test]
     fn two_have_been_together_since_the_last_time_that_nothing_connected_them() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let (ends, second) = ((NodeId(0), NodeId(2)), Duration::from_secs(1));
-        parts.look(at(1.0), live(3), line(3));
-        assert!(parts.have_been_together(ends, at(1.5), 10 * second));
-        parts.look(at(2.0), live(3), vec![link(0, 1, 0.0)]);
-        assert!(!parts.have_been_together(ends, at(2.0), Duration::ZERO));
-        parts.look(at(3.0), live(3), line(3));
-        parts.look(at(4.0), live(3), vec![link(0, 2, 0.0)]);
-        assert!(parts.have_been_together(ends, at(5.0), 2 * second));
-        assert!(!parts.have_been_together(ends, at(5.0), 2 * second + second / 10));
-        parts.forget_older(at(5.0), second / 2);
+        segments.look(at(1.0), live(3), line(3));
+        assert!(segments.have_been_together(ends, at(1.5), 10 * second));
+        segments.look(at(2.0), live(3), vec![link(0, 1, 0.0)]);
+        assert!(!segments.have_been_together(ends, at(2.0), Duration::ZERO));
+        segments.look(at(3.0), live(3), line(3));
+        segments.look(at(4.0), live(3), vec![link(0, 2, 0.0)]);
+        assert!(segments.have_been_together(ends, at(5.0), 2 * second));
+        assert!(!segments.have_been_together(ends, at(5.0), 2 * second + second / 10));
+        segments.forget_older(at(5.0), second / 2);
         assert!(
-            parts.have_been_together(ends, at(5.0), 3 * second),
+            segments.have_been_together(ends, at(5.0), 3 * second),
             "it knows no more"
         );
     }
 
     #[test]
     fn the_diameter_is_the_most_hops_between_two() {
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let mut links = line(6);
         links.push(link(0, 3, 0.0));
         links.push(link(0, 5, 0.8));
-        parts.look(at(1.0), live(8), links);
-        let hops: Vec<_> = parts.iter().map(|part| parts.diameter(part)).collect();
+        segments.look(at(1.0), live(8), links);
+        let hops: Vec<_> = segments
+            .iter()
+            .map(|segment| segments.diameter(segment))
+            .collect();
         assert_eq!(hops, [4, 0, 0], "from 1 to 5, over 0 or over 2");
     }
 }

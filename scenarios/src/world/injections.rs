@@ -8,7 +8,7 @@ use crate::scenario::{FaultKind, Target};
 
 /// A fault that befell, and what it met.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Strike {
+pub(crate) struct Injection {
     /// Which of the plan's faults.
     pub(crate) fault: usize,
     /// What the drone was doing that it befell; of a fault that befalls no one drone, the master.
@@ -71,7 +71,7 @@ impl Phase {
 
 impl World {
     /// Writes down that a fault befalls, and what it meets.
-    pub(super) fn strikes(&mut self, fault: usize) {
+    pub(super) fn record_injection(&mut self, fault: usize) {
         let target = match self.plan.kind(fault) {
             FaultKind::Drone(Target::Drone(drone), _) => Some(*drone),
             _ => self.find_target(Target::Master),
@@ -83,13 +83,13 @@ impl World {
             Some(id) if !is_dead => Phase::of(own.recorder.state(id)),
             _ => Phase::Down,
         };
-        let leads = |id: NodeId| self.election.obeyed(id).is_some_and(|it| it.master == id);
-        self.struck.push(Strike {
+        let leads = |id: NodeId| self.election.leader(id).is_some_and(|it| it.master == id);
+        self.struck.push(Injection {
             fault,
             phase,
             leads: target.is_some_and(leads),
             electing: own.recorder.is_electing(),
-            apart: own.parts.iter().count() > 1,
+            apart: own.segments.iter().count() > 1,
         });
     }
 }

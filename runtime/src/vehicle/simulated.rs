@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_machines::msp::{Demand, Setpoint, Telemetry};
+use muster_machines::msp::{FlightCommand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,7 @@ pub struct VehicleState(pub Vehicle);
 /// One vehicle in closed form, with what it does by itself: it comes to rest, and its battery drains. It owns no clock:
 /// whoever runs it says what time it is, and wakes it when it asks for that.
 #[derive(Debug)]
-pub struct Craft {
+pub struct SimulatedVehicle {
     vehicle: Vehicle,
     /// When the vehicle's time began.
     epoch: Timestamp,
@@ -30,7 +30,7 @@ pub struct Craft {
     drained_at: Option<Timestamp>,
 }
 
-impl Craft {
+impl SimulatedVehicle {
     /// A vehicle that stands where it takes off, and settles within so long at the end of a leg; how long is drawn from
     /// `seed`.
     pub fn new(vehicle: Vehicle, settle: Duration, seed: u64) -> Self {
@@ -58,17 +58,17 @@ impl Craft {
     }
 
     /// Obeys a demand; what it says of itself then, unless it moves and says so at the end.
-    pub fn obey(&mut self, now: Timestamp, demand: Demand) -> Option<Telemetry> {
+    pub fn obey(&mut self, now: Timestamp, command: FlightCommand) -> Option<Telemetry> {
         let now = self.own_time(now);
         let was_armed = self.vehicle.is_armed();
-        let moves = self.vehicle.obey(now, demand);
+        let moves = self.vehicle.obey(now, command);
         if self.vehicle.is_armed() && !was_armed {
             self.drained_at = self.vehicle.battery().next_step(now);
         }
         if !moves {
             return Some(self.vehicle.telemetry(now));
         }
-        if matches!(demand, Demand::Fly(Setpoint::Leg { .. })) && !self.settle.is_zero() {
+        if matches!(command, FlightCommand::Fly(Setpoint::Leg { .. })) && !self.settle.is_zero() {
             let time = self.rng.random_range(Duration::ZERO..=self.settle);
             self.vehicle.settle(time);
         }
@@ -95,7 +95,7 @@ impl Craft {
         if drains && self.vehicle.is_armed() {
             self.drained_at = self.vehicle.battery().next_step(now);
             if self.vehicle.battery().charge(now) <= 0.0 {
-                self.obey(at, Demand::Land);
+                self.obey(at, FlightCommand::Land);
             }
         }
         (rests || drains).then(|| self.vehicle.telemetry(now))
@@ -128,13 +128,13 @@ mod tests {
         acceleration_mps2: 1.0,
     };
 
-    fn craft(endurance: Option<Duration>) -> Craft {
+    fn vehicle(endurance: Option<Duration>) -> SimulatedVehicle {
         let vehicle = Vehicle::new(LANDING, Ned::HOME).lasting(endurance);
-        Craft::new(vehicle, Duration::ZERO, 1)
+        SimulatedVehicle::new(vehicle, Duration::ZERO, 1)
     }
 
-    fn leg(altitude_m: f64) -> Demand {
-        Demand::Fly(Setpoint::Leg {
+    fn leg(altitude_m: f64) -> FlightCommand {
+        FlightCommand::Fly(Setpoint::Leg {
             to: Ned::HOME.at_altitude(altitude_m),
             speed_mps: 2.0,
             acceleration_mps2: 1.0,
@@ -142,60 +142,64 @@ mod tests {
     }
 
     /// Lets it do what it does by itself until it waits for nothing.
-    fn run_out(craft: &mut Craft) -> (Timestamp, Vec<Telemetry>) {
+    fn run_out(vehicle: &mut SimulatedVehicle) -> (Timestamp, Vec<Telemetry>) {
         let (mut now, mut said) = (Timestamp::ZERO, Vec::new());
-        while let Some(next) = craft.next_timeout() {
+        while let Some(next) = vehicle.next_timeout() {
             now = next;
-            said.extend(craft.handle_timeout(now));
+            said.extend(vehicle.handle_timeout(now));
         }
         (now, said)
     }
 
     #[test]
     fn it_says_that_it_is_at_rest_once_it_is_and_that_it_has_landed() {
-        let mut craft = craft(None);
+        let mut vehicle = vehicle(None);
         let now = Timestamp::from_secs_f64(1.0);
-        assert!(craft.obey(now, Demand::Arm).is_some_and(|it| it.armed));
-        assert_eq!(craft.obey(now, leg(10.0)), None);
-        let (up_at, said) = run_out(&mut craft);
+        assert!(
+            vehicle
+                .obey(now, FlightCommand::Arm)
+                .is_some_and(|it| it.armed)
+        );
+        assert_eq!(vehicle.obey(now, leg(10.0)), None);
+        let (up_at, said) = run_out(&mut vehicle);
         assert!(said.len() == 1 && said[0].at_rest && said[0].armed);
         assert!((said[0].position.altitude_m() - 10.0).abs() < 1e-6);
-        assert_eq!(craft.obey(up_at, Demand::Land), None);
-        let (down_at, said) = run_out(&mut craft);
+        assert_eq!(vehicle.obey(up_at, FlightCommand::Land), None);
+        let (down_at, said) = run_out(&mut vehicle);
         assert!(down_at > up_at && said.len() == 1 && !said[0].armed);
-        assert!(!craft.is_armed());
+        assert!(!vehicle.is_armed());
     }
 
     #[test]
     fn it_does_nothing_before_its_time_has_come() {
-        let mut craft = craft(None);
-        craft.obey(Timestamp::ZERO, Demand::Arm);
-        craft.obey(Timestamp::ZERO, leg(10.0));
-        assert_eq!(craft.handle_timeout(Timestamp::from_secs_f64(0.5)), None);
-        assert!(craft.next_timeout().is_some());
+        let mut vehicle = vehicle(None);
+        vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
+        vehicle.obey(Timestamp::ZERO, leg(10.0));
+        assert_eq!(vehicle.handle_timeout(Timestamp::from_secs_f64(0.5)), None);
+        assert!(vehicle.next_timeout().is_some());
     }
 
     #[test]
     fn with_an_empty_battery_it_comes_down() {
-        let mut craft = craft(Some(Duration::from_secs(20)));
-        craft.obey(Timestamp::ZERO, Demand::Arm);
-        craft.obey(Timestamp::ZERO, leg(10.0));
-        let (_, said) = run_out(&mut craft);
+        let mut vehicle = vehicle(Some(Duration::from_secs(20)));
+        vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
+        vehicle.obey(Timestamp::ZERO, leg(10.0));
+        let (_, said) = run_out(&mut vehicle);
         let charges: Vec<_> = said.iter().map(|it| it.charge).collect();
         assert!(charges.is_sorted_by(|a, b| a >= b), "{charges:?}");
         assert!(said.iter().any(|it| it.landing));
-        assert!(!craft.is_armed());
+        assert!(!vehicle.is_armed());
     }
 
     #[test]
     fn whoever_goes_on_with_it_flies_the_same_way_by_a_clock_of_its_own() {
-        let mut first = craft(Some(Duration::from_secs(100)));
-        first.obey(Timestamp::ZERO, Demand::Arm);
+        let mut first = vehicle(Some(Duration::from_secs(100)));
+        first.obey(Timestamp::ZERO, FlightCommand::Arm);
         first.obey(Timestamp::ZERO, leg(10.0));
         let written = serde_json::to_string(&VehicleState(first.vehicle.clone())).unwrap();
         let state = serde_json::from_str(&written).unwrap();
         let epoch = Timestamp::from_secs_f64(1_000.0);
-        let mut second = craft(None);
+        let mut second = vehicle(None);
         second.resume(state, epoch, epoch + Duration::from_secs(1));
         let (up_at, said) = run_out(&mut first);
         let (also_at, also_said) = run_out(&mut second);

@@ -4,8 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use muster_machines::cell::Address;
 use muster_machines::identity::NodeId;
+use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::VehicleState;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub const STARTS: &str = "starts";
 /// What a starter lets a process know, a line each.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Word {
+pub enum ControlMessage {
     /// Whom it does not hear from now on.
     Losses(Losses),
     /// What its vehicle is doing, whatever the process has told it; times count from `epoch`, by the process's clock.
@@ -48,7 +48,7 @@ pub enum ActorFault {
     Hangs(Option<f64>),
 }
 
-impl Word {
+impl ControlMessage {
     /// As a line for a process.
     pub fn line(&self) -> String {
         let mut line = serde_json::to_string(self).expect("numbers have a form in JSON");
@@ -98,9 +98,9 @@ mod tests {
         let losses =
             |pairs: &[(u32, f64)]| Losses::of(pairs.iter().map(|(id, it)| (NodeId(*id), *it)));
         let some = losses(&[(1, 0.25), (2, 1.0), (3, 0.0)]);
-        let read = Word::read(&Word::Losses(some.clone()).line());
-        assert!(matches!(read, Some(Word::Losses(losses)) if losses == some));
-        assert!(Word::read("off").is_none());
+        let read = ControlMessage::read(&ControlMessage::Losses(some.clone()).line());
+        assert!(matches!(read, Some(ControlMessage::Losses(losses)) if losses == some));
+        assert!(ControlMessage::read("off").is_none());
         assert!((some.from(NodeId(1)) - 0.25).abs() < 1e-12);
         assert!(some.from(NodeId(3)).abs() < 1e-12);
         assert!(!some.differs(&losses(&[(1, 0.255), (2, 1.0)]), 0.01));

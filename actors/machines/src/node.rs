@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use crate::identity::{Ballot, NodeId};
-use crate::machine::{Machine, Said, Stimulus, step};
+use crate::machine::{Emitted, Machine, Stimulus, step};
 use crate::radio::{Authenticator, Radio};
 use crate::time::Timestamp;
 use crate::{mission, msp, navigation, radio, routing};
@@ -101,7 +101,7 @@ pub enum Effect {
         source: radio::Source,
     },
     /// Give this to the vehicle.
-    Command(msp::Demand),
+    Command(msp::FlightCommand),
     /// Keep this, so that the machine can be built anew.
     Keep(Checkpoint),
     /// Let this be seen.
@@ -115,7 +115,7 @@ pub fn last_resort(is_up: impl Fn(Address) -> bool) -> Vec<Effect> {
     let vehicle = if is_up(Address::Msp) {
         Effect::Post(Envelope::Msp(Box::new(msp::Input::GiveUp)))
     } else {
-        Effect::Command(msp::Demand::Land)
+        Effect::Command(msp::FlightCommand::Land)
     };
     let others = if is_up(Address::Mission) {
         Envelope::Mission(mission::Input::GiveUp)
@@ -210,8 +210,8 @@ impl Checkpoints {
     /// Whom the drone obeys, if anybody: a relay as its routing has it, for its mission is told nothing.
     #[must_use]
     pub fn ballot(&self) -> Option<Ballot> {
-        let obeyed = self.mission.as_ref().and_then(|it| it.obeyed.ballot());
-        obeyed.or_else(|| self.routing.as_ref()?.ballot())
+        let leader = self.mission.as_ref().and_then(|it| it.leader.ballot());
+        leader.or_else(|| self.routing.as_ref()?.ballot())
     }
 
     /// What the drone is doing.
@@ -250,13 +250,13 @@ impl Checkpoints {
     }
 
     /// The process has started, for the `boot`th time from 1: nothing arms because of that.
-    pub fn begin_life(&mut self, boot: u32) {
+    pub fn begin_incarnation(&mut self, boot: u32) {
         self.boot = boot;
         if boot > 1 {
             // Where it was on the way to is asked for anew, of a vehicle that went on meanwhile.
             self.navigation = None;
             if let Some(mission) = &mut self.mission {
-                mission.begin_life();
+                mission.begin_incarnation();
             }
         }
     }
@@ -310,37 +310,37 @@ impl Blueprint {
         seed: u64,
         now: Timestamp,
         checkpoints: &Checkpoints,
-    ) -> Cell {
+    ) -> NodeMachine {
         match address {
-            Address::Radio => Cell::Radio(Box::new(Radio::new(
+            Address::Radio => NodeMachine::Radio(Box::new(Radio::new(
                 self.radio.clone(),
                 Arc::clone(&self.authenticator),
                 checkpoints.boot,
                 checkpoints.radio,
                 seed,
             ))),
-            Address::Routing => Cell::Routing(Box::new(routing::Routing::new(
+            Address::Routing => NodeMachine::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),
                 seed,
                 now,
                 checkpoints.routing.as_deref().cloned(),
             ))),
-            Address::Mission => Cell::Mission(Box::new(mission::Mission::new(
+            Address::Mission => NodeMachine::Mission(Box::new(mission::Mission::new(
                 self.mission.clone(),
                 checkpoints.mission.as_deref().cloned(),
             ))),
-            Address::Navigation => Cell::Navigation(Box::new(navigation::Navigation::new(
+            Address::Navigation => NodeMachine::Navigation(Box::new(navigation::Navigation::new(
                 self.id,
                 self.navigation.clone(),
                 checkpoints.navigation.as_deref().cloned(),
             ))),
-            Address::Msp => Cell::Msp((self.link)(checkpoints.msp)),
+            Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp)),
         }
     }
 }
 
 /// One of the five machines, in the seat of an actor.
-pub enum Cell {
+pub enum NodeMachine {
     /// The radio.
     Radio(Box<Radio<Arc<dyn Authenticator + Send + Sync>>>),
     /// The routing.
@@ -353,9 +353,9 @@ pub enum Cell {
     Msp(Box<dyn msp::Link>),
 }
 
-impl fmt::Debug for Cell {
+impl fmt::Debug for NodeMachine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Cell({})", self.address())
+        write!(f, "NodeMachine({})", self.address())
     }
 }
 
@@ -370,7 +370,7 @@ pub struct Occupancy {
 
 /// All that comes of one step.
 #[derive(Debug, Default)]
-pub struct Reaction {
+pub struct StepOutput {
     /// What is to be done, in order.
     pub effects: Vec<Effect>,
     /// When the machine next wants to act by itself.
@@ -381,7 +381,7 @@ pub struct Reaction {
     pub is_overdue: bool,
 }
 
-impl Cell {
+impl NodeMachine {
     /// Which of the five this is.
     #[must_use]
     pub const fn address(&self) -> Address {
@@ -398,11 +398,11 @@ impl Cell {
     ///
     /// # Panics
     /// When the envelope is for another machine: whoever runs cells delivers by [`Envelope::address`].
-    pub fn react(&mut self, now: Timestamp, stimulus: Stimulus<Envelope>, reaction: &mut Reaction) {
-        reaction.effects.clear();
+    pub fn step(&mut self, now: Timestamp, stimulus: Stimulus<Envelope>, output: &mut StepOutput) {
+        output.effects.clear();
         let is_timeout = matches!(stimulus, Stimulus::Timeout);
-        let effects = &mut reaction.effects;
-        reaction.deadline = match (&mut *self, stimulus) {
+        let effects = &mut output.effects;
+        output.deadline = match (&mut *self, stimulus) {
             (Self::Radio(machine), Stimulus::Timeout) => {
                 run(machine.as_mut(), now, Stimulus::Timeout, effects)
             }
@@ -433,13 +433,12 @@ impl Cell {
             (Self::Msp(machine), Stimulus::Input(Envelope::Msp(input))) => {
                 run(machine.as_mut(), now, Stimulus::Input(*input), effects)
             }
-            (cell, Stimulus::Input(envelope)) => {
-                unreachable!("{envelope:?} was delivered to {}", cell.address())
+            (machine, Stimulus::Input(envelope)) => {
+                unreachable!("{envelope:?} was delivered to {}", machine.address())
             }
         };
-        reaction.occupancy = self.occupancy();
-        reaction.is_overdue =
-            is_timeout && reaction.deadline.is_some_and(|deadline| deadline <= now);
+        output.occupancy = self.occupancy();
+        output.is_overdue = is_timeout && output.deadline.is_some_and(|deadline| deadline <= now);
     }
 
     /// Reads what its next step will touch of what lies in it, and changes nothing. Whoever runs many cells does so with all
@@ -485,10 +484,10 @@ where
     M::Transmit: Into<Effect>,
     M::Event: Into<Effect>,
 {
-    let Ok(deadline) = step(machine, now, stimulus, |said: Said<M>| {
+    let Ok(deadline) = step(machine, now, stimulus, |said: Emitted<M>| {
         effects.push(match said {
-            Said::Transmit(transmit) => transmit.into(),
-            Said::Event(event) => event.into(),
+            Emitted::Transmit(transmit) => transmit.into(),
+            Emitted::Event(event) => event.into(),
         });
     });
     deadline
@@ -595,8 +594,8 @@ impl From<mission::Transmit> for Effect {
 impl From<navigation::Transmit> for Effect {
     fn from(transmit: navigation::Transmit) -> Self {
         Self::Post(match transmit {
-            navigation::Transmit::Demand(demand) => {
-                Envelope::Msp(Box::new(msp::Input::Demand(demand)))
+            navigation::Transmit::FlightCommand(command) => {
+                Envelope::Msp(Box::new(msp::Input::FlightCommand(command)))
             }
             navigation::Transmit::Inform(notice) => {
                 Envelope::Mission(mission::Input::Navigation(notice))
@@ -693,10 +692,12 @@ mod tests {
     fn a_machine_is_overdue_whose_deadline_is_not_after_the_timeout_that_it_handled() {
         let deadline = Timestamp::from_secs_f64(2.0);
         let is_overdue = |now, stimulus| {
-            let (mut cell, mut reaction) =
-                (Cell::Msp(Box::new(Stuck(deadline))), Reaction::default());
-            cell.react(now, stimulus, &mut reaction);
-            reaction.is_overdue
+            let (mut machine, mut output) = (
+                NodeMachine::Msp(Box::new(Stuck(deadline))),
+                StepOutput::default(),
+            );
+            machine.step(now, stimulus, &mut output);
+            output.is_overdue
         };
         let input = || Stimulus::Input(Envelope::Msp(Box::new(msp::Input::GiveUp)));
         let later = deadline + Duration::from_secs(1);

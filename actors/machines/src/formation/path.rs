@@ -4,14 +4,14 @@ use crate::geometry::Ned;
 
 /// A straight way, flown from one end to the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Way {
+pub struct Path {
     /// Where it begins.
     pub from: Ned,
     /// Where it ends.
     pub to: Ned,
 }
 
-impl Way {
+impl Path {
     /// A way whose ends are the same place: where a drone stands still.
     #[must_use]
     pub const fn standing(at: Ned) -> Self {
@@ -68,14 +68,14 @@ mod tests {
         })
     }
 
-    fn way() -> impl Strategy<Value = Way> {
-        (place(), place()).prop_map(|(from, to)| Way { from, to })
+    fn path() -> impl Strategy<Value = Path> {
+        (place(), place()).prop_map(|(from, to)| Path { from, to })
     }
 
     /// How much room is left between the two at the least, sampled: more than 1 where they are far enough apart.
-    fn sampled(a: Way, b: Way) -> f64 {
+    fn sampled(a: Path, b: Path) -> f64 {
         let steps = || (0..=60).map(|step| f64::from(step) / 60.0);
-        let on = |way: Way, share| Ned(way.from.0.lerp(&way.to.0, share));
+        let on = |path: Path, share| Ned(path.from.0.lerp(&path.to.0, share));
         let room = |(s, t)| {
             let (here, there) = (on(a, s), on(b, t));
             let level = here.horizontal_distance_m(there) / SEPARATION.horizontal_m;
@@ -89,7 +89,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn two_ways_come_near_where_places_on_them_do(a in way(), b in way()) {
+        fn two_ways_come_near_where_places_on_them_do(a in path(), b in path()) {
             let room = sampled(a, b);
             let comes_near = [a.comes_near(b, SEPARATION), b.comes_near(a, SEPARATION)];
             // At the limit rounding decides; samples are at most 0.6 m off.
@@ -103,38 +103,38 @@ mod tests {
 
     #[test]
     fn below_one_that_may_come_down_all_is_near() {
-        let level = |altitude_m: f64| Way {
+        let level = |altitude_m: f64| Path {
             from: Ned::new(-50.0, 0.0, -altitude_m),
             to: Ned::new(50.0, 0.0, -altitude_m),
         };
-        let across = Way {
+        let across = Path {
             from: Ned::new(0.0, -50.0, -20.0),
             to: Ned::new(0.0, 50.0, -30.0),
         };
         let is_near = |altitude_m: f64| level(altitude_m).comes_near_below(across, SEPARATION);
         // It is 25 m high where the two cross, and somewhat more 5 m farther on.
         assert!(is_near(1.0) && is_near(27.9) && !is_near(28.6));
-        let aside = Way {
+        let unicasts = Path {
             from: Ned::new(0.0, 5.0, -20.0),
             to: Ned::new(0.0, 50.0, -20.0),
         };
-        assert!(!level(1.0).comes_near_below(aside, SEPARATION));
+        assert!(!level(1.0).comes_near_below(unicasts, SEPARATION));
     }
 
     #[test]
     fn one_that_passes_far_enough_above_is_not_near() {
-        let level = |altitude_m: f64| Way {
+        let level = |altitude_m: f64| Path {
             from: Ned::new(-50.0, 0.0, -altitude_m),
             to: Ned::new(50.0, 0.0, -altitude_m),
         };
-        let upright = Way {
+        let upright = Path {
             from: Ned::HOME,
             to: Ned::new(0.0, 0.0, -20.0),
         };
         assert!(level(22.9).comes_near(upright, SEPARATION));
         assert!(!level(23.0).comes_near(upright, SEPARATION));
         assert!(!level(-3.0).comes_near(upright, SEPARATION));
-        let slope = Way {
+        let slope = Path {
             from: Ned::new(-50.0, 0.0, -10.0),
             to: Ned::new(50.0, 0.0, -20.0),
         };

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::{Act, Change, Phase, Ways};
+use muster_machines::formation::{Act, Change, Paths, Phase};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Holds, Succession};
@@ -13,9 +13,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::Scenario;
-use crate::parts::{Link, Part, Parts};
+use crate::segments::{Link, Segment, Segments};
 use muster_runtime::plan::room::Pace;
-use muster_runtime::words::{drones, figure, plural};
+use muster_runtime::text::{drones, figure, plural};
 
 /// For swarms of at most so many it is found who is connected; the diameter of larger ones is taken for the most that it
 /// can be.
@@ -25,7 +25,7 @@ impl Scenario {
     /// How long it may take until each part has its one master, by when all are down, and who flies in which altitude
     /// layer: a line each.
     #[must_use]
-    pub fn outlook(&self) -> Vec<String> {
+    pub fn preview(&self) -> Vec<String> {
         let connected = self.connected();
         let mut lines = self.apart_in_words(self.counted_out_of_reach());
         lines.extend([
@@ -56,16 +56,18 @@ impl Scenario {
         lines
     }
 
-    fn settling_in_words(&self, connected: Option<&Parts>) -> String {
+    fn settling_in_words(&self, connected: Option<&Segments>) -> String {
         let settling = self.settling();
-        let known =
-            connected.map(|parts| self.masters_part(parts).map_or(0, |it| parts.diameter(it)));
+        let known = connected.map(|segments| {
+            self.masters_segment(segments)
+                .map_or(0, |it| segments.diameter(it))
+        });
         let (diameter, is_at_most) = (known.unwrap_or(self.plan.nodes() - 1), known.is_none());
         let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
         if let Some(hops_max) = settling.hops_max.filter(|hops| diameter > *hops) {
             return format!(
                 "settles in no known time: the swarm is {} across, and where so many frames are lost `flood` brings signs \
-                 of the master often enough over {} only; those beyond miss a master that lives (with `tree` they don't)",
+                 of the master often enough over {} only; those beyond miss a master that incarnations (with `tree` they don't)",
                 plural(diameter as usize, "hop"),
                 plural(hops_max as usize, "hop"),
             );
@@ -90,7 +92,7 @@ impl Scenario {
     }
 
     /// Who is connected with whom, as all are in their slots; nothing for a swarm that is too large.
-    fn connected(&self) -> Option<Parts> {
+    fn connected(&self) -> Option<Segments> {
         let nodes = self.plan.nodes();
         (nodes <= DIAMETER_NODES_MAX)
             .then(|| self.connected_at(|_| self.plan.waypoints[0].altitude_m()))
@@ -107,8 +109,8 @@ impl Scenario {
                 return None;
             }
             let look = || {
-                let above = |ways: &Ways| ways.get(1).unwrap_or(&ways[0]).to;
-                let places: Vec<_> = phase.ways.iter().map(above).collect();
+                let above = |paths: &Paths| paths.get(1).unwrap_or(&paths[0]).to;
+                let places: Vec<_> = phase.paths.iter().map(above).collect();
                 self.out_of_reach(&self.connected_among(&places))
                     .map(|it| it.len())
             };
@@ -120,7 +122,7 @@ impl Scenario {
     }
 
     /// Who is connected with whom, as each is above its first slot, at a height of its own in metres above home.
-    fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Parts {
+    fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Segments {
         let drones = (0..self.plan.layout.formation().drones()).map(NodeId);
         let above = drones.map(|id| {
             let slot = self.plan.layout.slot(id, self.plan.waypoints[0]);
@@ -130,30 +132,32 @@ impl Scenario {
         self.connected_among(&places)
     }
 
-    fn connected_among(&self, places: &[Ned]) -> Parts {
+    fn connected_among(&self, places: &[Ned]) -> Segments {
         // Nothing is drawn from it.
         let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), places);
-        let mut parts = Parts::default();
+        let mut segments = Segments::default();
         let live = vec![Some(0); places.len()];
-        parts.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
-        parts
+        segments.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
+        segments
     }
 
-    fn masters_part<'a>(&self, parts: &'a Parts) -> Option<&'a Part> {
+    fn masters_segment<'a>(&self, segments: &'a Segments) -> Option<&'a Segment> {
         let master = self.plan.layout.formation().centre();
-        parts.iter().find(|part| part.members.contains(&master))
+        segments
+            .iter()
+            .find(|segment| segment.members.contains(&master))
     }
 
     /// Who is where no links that are up connect it with the master, lowest first.
-    fn out_of_reach(&self, parts: &Parts) -> Option<Vec<u32>> {
-        let with_master = self.masters_part(parts)?;
+    fn out_of_reach(&self, segments: &Segments) -> Option<Vec<u32>> {
+        let with_master = self.masters_segment(segments)?;
         let all = (0..self.plan.layout.formation().drones()).map(NodeId);
         let apart = all.filter(|id| !with_master.members.contains(id));
         Some(apart.map(|id| id.0).collect())
     }
 
     /// Whom altitude layers lead out of the reach that they have in their slots.
-    fn apart_by_height_in_words(&self, in_slots: &Parts) -> Vec<String> {
+    fn apart_by_height_in_words(&self, in_slots: &Segments) -> Vec<String> {
         let apart = self.out_of_reach(in_slots).unwrap_or_default();
         let flown = self.flown();
         let begin = self.plan.waypoints[0];
@@ -165,8 +169,8 @@ impl Scenario {
             ("in their layers on the way up", on_the_way_up),
             ("in their layers out of lockstep", alone),
         ];
-        let lines = lines.into_iter().filter_map(|(when, parts)| {
-            let mut out_of_reach = self.out_of_reach(&parts)?;
+        let lines = lines.into_iter().filter_map(|(when, segments)| {
+            let mut out_of_reach = self.out_of_reach(&segments)?;
             out_of_reach.retain(|id| !apart.contains(id));
             (!out_of_reach.is_empty()).then(|| {
                 format!(
@@ -186,8 +190,8 @@ impl Scenario {
         (!apart.is_empty()).then_some(apart)
     }
 
-    fn unreached_in_words(&self, parts: &Parts) -> Option<String> {
-        let apart = self.out_of_reach(parts)?;
+    fn unreached_in_words(&self, segments: &Segments) -> Option<String> {
+        let apart = self.out_of_reach(segments)?;
         let led = match self.plan.protocol.succession {
             Succession::Elect => "elect masters of their own",
             Succession::Land => "land",
