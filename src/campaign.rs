@@ -5,49 +5,46 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use muster_scenarios::campaign::{
-    self, Campaign, Effort, JOBS_MAX, Published, RUN_LIMIT, Request, Seeds, Shard,
+    self, Campaign, JOBS_MAX, Published, RUN_LIMIT, Request, RunOptions, Seeds, Shard,
 };
 use muster_scenarios::scenario::{Override, Variation};
 
 use crate::sim::EngineName;
-use crate::{Ended, Failure, folder, terminal};
+use crate::{Failure, Outcome, folder, terminal};
 
-/// The longest limit of a run, in seconds: a week.
+/// Largest accepted run limit, in seconds: a week.
 const RUN_LIMIT_MAX_S: u64 = 604_800;
-/// The most folders of one scenario's campaigns that are named without being told.
+/// Number of default folder names tried for one scenario's campaigns.
 const FOLDERS_MAX: u32 = 1_000;
 
-/// Fly a scenario many times and show medians with their 95 % intervals.
+/// Simulate a scenario many times and show medians with 95 % confidence intervals.
 ///
-/// Every combination of the varied values is flown with every seed. A folder takes a row a run (runs.csv,
-/// runs.jsonl) and what they come to (summary.csv, and summary.html to look at). Rows are kept as runs end:
-/// interrupted, the same command goes on from there, to the same bytes.
+/// Runs every combination of the varied values with every seed. Writes one row per run (runs.csv, runs.jsonl) and a
+/// summary (summary.csv, summary.html). An interrupted campaign resumes with the same command and gives the same bytes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster campaign scenarios/thesis-1.toml --seeds 0..20
   muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --out runs/loss
   muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
 
-A run that breaks a rule has its row, and the command ends with exit code 3; with 4 if all rules were kept and a
-mission was not flown to its end.
+Exit code 3 if a run broke a rule; 4 if no rule was broken but a mission is incomplete.
 At most 10,000,000 runs and 10,000 combinations.")]
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
-    /// The seeds that each combination is flown with: A..B leaves B out, A..=B does not.
+    /// Random seeds of each combination: A..B excludes B, A..=B includes it.
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     seeds: Seeds,
-    /// Fly with each of several values of a field, as in radio.loss=0,0.1; may be given several times, for every
-    /// combination.
+    /// Vary a field over several values, for example radio.loss=0,0.1; may be repeated for all combinations.
     #[arg(long, value_name = "KEY=V1,V2,…")]
     vary: Vec<Variation>,
-    /// Set a field of the scenario in every run, as in radio.range_m=250; may be given several times.
+    /// Set a field of the scenario in every run, for example radio.range_m=250; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
-    /// What runs the drones; both give the same flights.
+    /// Engine that runs the drones; both give the same flights.
     #[arg(long, value_enum, default_value_t = EngineName::Events)]
     engine: EngineName,
-    /// Fly the I-th of N disjoint parts only; `muster campaign-merge` puts them together.
+    /// Run only shard I of N; `muster campaign-merge` joins the shards.
     #[arg(
         long,
         value_name = "I/N",
@@ -55,29 +52,29 @@ pub(crate) struct Arguments {
         hide_default_value = true
     )]
     shard: Shard,
-    /// How many runs are flown at once [default: one a core]
+    /// Number of parallel runs [default: one per core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
-    /// Wall-clock seconds that a run may take; one that takes longer breaks rule 10, and the others go on
+    /// Wall-clock limit of a run; a longer run breaks rule 10 and the campaign continues
     #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
     run_limit: u64,
-    /// The folder to write to, and to go on in [default: runs/SCENARIO-campaign, or -campaign-I-of-N; where that is
-    /// another campaign's, with the first of -2, -3, … that is not]
+    /// Output folder; resumes a campaign found there [default: runs/SCENARIO-campaign or -campaign-I-of-N, with -2, -3, …
+    /// appended if another campaign has the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// Put the shards of a campaign together, to the bytes of one that was not divided.
+/// Join the shards of a campaign; the result equals an undivided campaign byte for byte.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example, of two shards flown with --out part-1 and --out part-2:
+    after_help = "Example, with two shards written with --out part-1 and --out part-2:
   muster campaign-merge part-1 part-2 --out whole"
 )]
 pub(crate) struct MergeArguments {
-    /// The folders of all shards, in any order; they are left as they are.
+    /// Folders of all shards, in any order; they are not changed.
     #[arg(required = true, value_name = "DIR")]
     shards: Vec<PathBuf>,
-    /// The folder to write to.
+    /// Output folder.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -96,7 +93,7 @@ pub(crate) fn run_limit(text: &str) -> Result<u64, String> {
     seconds.ok_or_else(|| format!("a whole number of seconds from 1 to {RUN_LIMIT_MAX_S}"))
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (campaign, scenarios) = Campaign::load(&Request {
         scenario: arguments.scenario.clone(),
         engine: arguments.engine.into(),
@@ -108,11 +105,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| own_folder(&arguments.scenario, &campaign));
+        .unwrap_or_else(|| default_folder(&arguments.scenario, &campaign));
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok());
-    let effort = Effort {
+    let options = RunOptions {
         jobs: jobs.unwrap_or(NonZeroUsize::MIN),
         run_limit: Duration::from_secs(arguments.run_limit),
     };
@@ -123,7 +120,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let watcher = |progress: campaign::Progress| {
         if kept.is_none() {
             kept = Some(progress.kept);
-            // At once, so that the time left is reckoned from what is flown now.
+            // Reset the estimate, so that it counts only runs of this process.
             bar.update(|state| {
                 state.set_len(progress.total);
                 state.set_pos(progress.kept);
@@ -136,39 +133,39 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         }
         flown = progress.done - progress.kept;
     };
-    let published = campaign::run(&campaign, &scenarios, &out, effort, watcher)?;
+    let published = campaign::run(&campaign, &scenarios, &out, options, watcher)?;
     bar.finish_and_clear();
     print(&published)?;
     let took_s = started.elapsed().as_secs_f64();
-    let kept = kept.unwrap_or(campaign.runs_at_hand());
+    let kept = kept.unwrap_or(campaign.shard_runs());
     let kept = match kept {
         0 => String::new(),
-        kept => format!("; {kept} were there already"),
+        kept => format!("; {kept} were complete before"),
     };
     terminal::print(&format!(" flew {flown} runs in {took_s:.1} s{kept}\n"))?;
-    Ok(ended(&published))
+    Ok(outcome(&published))
 }
 
-pub(crate) fn merge(arguments: &MergeArguments) -> Result<Ended, Failure> {
+pub(crate) fn merge(arguments: &MergeArguments) -> Result<Outcome, Failure> {
     let published = campaign::merge(&arguments.shards, &arguments.out)?;
     print(&published)?;
-    Ok(ended(&published))
+    Ok(outcome(&published))
 }
 
-/// The first folder that is free for this campaign, or its own already.
-fn own_folder(scenario: &Path, campaign: &Campaign) -> PathBuf {
+/// First default folder that is unused or holds this campaign.
+fn default_folder(scenario: &Path, campaign: &Campaign) -> PathBuf {
     let shard = campaign.shard();
-    let what = if shard == Shard::WHOLE {
+    let suffix = if shard == Shard::WHOLE {
         "campaign".to_owned()
     } else {
         format!("campaign-{}-of-{}", shard.index(), shard.of())
     };
-    let of = |what: &str| folder::of(scenario, what);
-    let others = (2..=FOLDERS_MAX).map(|n| of(&format!("{what}-{n}")));
-    std::iter::once(of(&what))
-        .chain(others)
-        .find(|folder| campaign.may_use(folder))
-        .unwrap_or_else(|| of(&what))
+    let folder_for = |suffix: &str| folder::default_for(scenario, suffix);
+    let numbered = (2..=FOLDERS_MAX).map(|n| folder_for(&format!("{suffix}-{n}")));
+    std::iter::once(folder_for(&suffix))
+        .chain(numbered)
+        .find(|folder| campaign.can_use(folder))
+        .unwrap_or_else(|| folder_for(&suffix))
 }
 
 fn print(published: &Published) -> io::Result<()> {
@@ -180,12 +177,12 @@ fn print(published: &Published) -> io::Result<()> {
     terminal::print(&text)
 }
 
-fn ended(published: &Published) -> Ended {
+fn outcome(published: &Published) -> Outcome {
     if published.broken_runs() > 0 {
-        Ended::RuleBroken
+        Outcome::RuleBroken
     } else if published.incomplete_runs() > 0 {
-        Ended::MissionIncomplete
+        Outcome::MissionIncomplete
     } else {
-        Ended::Well
+        Outcome::Success
     }
 }

@@ -5,36 +5,36 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use muster_daemon::operator::{self, OperatorError};
 
-use crate::{Ended, Failure, terminal};
+use crate::{Failure, Outcome, terminal};
 
-/// Speak with one drone that flies over QUIC: hand it a file for its next start, or read its log.
+/// Upload a file to a drone with QUIC transport, or read its log.
 ///
-/// The fleet's folder has the secret key by which drones know their operator; they have its public one. The address is the
-/// drone's own, `bind` in its file.
+/// The secret key in the fleet's folder authenticates the operator; the drone needs the matching public key. The address
+/// is `bind` in the drone's file.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster drone upload my-fleet 10.0.0.7:4700 scenario.toml
   muster drone logs my-fleet 10.0.0.7:4700 --follow")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    what: What,
+    action: Action,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
-    /// Replace the drone's scenario (a file that ends in .toml) or the mission that its scenario names (any other). The
-    /// drone checks that it could start with it; it flies it after its next start. Refused while it flies.
+enum Action {
+    /// Replace the drone's scenario (a .toml file) or its mission (any other file). The drone checks the file and uses it
+    /// after its next start. Refused in flight.
     Upload {
         #[command(flatten)]
         drone: Drone,
-        /// The scenario's or the mission's file.
+        /// Scenario or mission file.
         file: PathBuf,
     },
-    /// Print what the drone has said of late.
+    /// Print the drone's recent log.
     Logs {
         #[command(flatten)]
         drone: Drone,
-        /// Go on with what it says, until its process ends.
+        /// Follow the log until the drone's process ends.
         #[arg(long)]
         follow: bool,
     },
@@ -42,9 +42,9 @@ enum What {
 
 #[derive(Debug, Args)]
 struct Drone {
-    /// The fleet's folder.
+    /// Fleet folder.
     fleet: PathBuf,
-    /// The drone's address and port.
+    /// Address and port of the drone.
     address: SocketAddr,
 }
 
@@ -57,19 +57,19 @@ impl From<OperatorError> for Failure {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
-    match &arguments.what {
-        What::Upload { drone, file } => {
-            let (id, place) = operator::upload(&drone.fleet, drone.address, file)?;
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    match &arguments.action {
+        Action::Upload { drone, file } => {
+            let (id, stored) = operator::upload(&drone.fleet, drone.address, file)?;
             terminal::print(&format!(
-                "drone {id} has it as {}, and flies it after its next start\n",
-                place.display()
+                "drone {id} stored it as {} and uses it after its next start\n",
+                stored.display()
             ))?;
         }
-        What::Logs { drone, follow } => {
+        Action::Logs { drone, follow } => {
             let mut out = io::stdout().lock();
             operator::logs(&drone.fleet, drone.address, *follow, &mut out)?;
         }
     }
-    Ok(Ended::Well)
+    Ok(Outcome::Success)
 }

@@ -4,12 +4,13 @@ use clap::{Args, Subcommand};
 use muster_machines::identity::NodeId;
 use muster_runtime::identity::{Fleet, KeysError};
 
-use crate::{Ended, Failure, terminal};
+use crate::{Failure, Outcome, terminal};
 
-/// Make the keys of a fleet and its drones, and expel drones.
+/// Create the keys of a fleet and its drones, and revoke drones.
 ///
-/// A fleet's folder holds its secret key, which signs which drone has which key and who was expelled. Keep it where no
-/// drone flies. A drone needs fleet.pub, roster.toml, expelled.toml and its own drone-ID.key. No key is ever written over.
+/// The fleet's secret key signs the roster (which drone has which key) and the revocation list. Keep its folder off the
+/// drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
+/// overwritten.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster keys fleet my-fleet
@@ -17,28 +18,27 @@ use crate::{Ended, Failure, terminal};
   muster keys revoke my-fleet 3")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    what: What,
+    action: Action,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
-    /// Make a fleet's key, in a folder of its own.
+enum Action {
+    /// Create a fleet's key in a new folder.
     Fleet {
-        /// The folder, which is made if it is not there.
+        /// Folder of the fleet; created if it does not exist.
         folder: PathBuf,
     },
-    /// Make drones' keys and sign the roster with them; drones that fly need the new roster to believe these.
+    /// Create drones' keys and sign the new roster. Other drones accept the new keys only with the new roster.
     Drone(Drones),
-    /// Put drones on the signed list of those that are not believed any more; drones read it at their start and on HUP,
-    /// and pass it on.
+    /// Add drones to the signed revocation list. Drones read it at start and on SIGHUP, and distribute it.
     Revoke(Drones),
 }
 
 #[derive(Debug, Args)]
 struct Drones {
-    /// The fleet's folder.
+    /// Fleet folder.
     folder: PathBuf,
-    /// The drones' numbers.
+    /// Numbers of the drones.
     #[arg(required = true, value_name = "ID")]
     ids: Vec<u32>,
 }
@@ -52,32 +52,35 @@ impl From<KeysError> for Failure {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
-    match &arguments.what {
-        What::Fleet { folder } => {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    match &arguments.action {
+        Action::Fleet { folder } => {
             Fleet::create(folder)?;
             let shown = folder.display();
             terminal::print(&format!(
-                "made the keys of a fleet in {shown}; fleet.key is for you alone\n"
+                "created the keys of a fleet in {shown}; keep fleet.key secret\n"
             ))?;
         }
-        What::Drone(drones) => {
+        Action::Drone(drones) => {
             let fleet = Fleet::open(&drones.folder)?;
             for id in &drones.ids {
                 let path = fleet.add_drone(NodeId(*id))?;
-                terminal::print(&format!("made {}, for drone {id} alone\n", path.display()))?;
+                terminal::print(&format!(
+                    "created {}; copy it to drone {id} only\n",
+                    path.display()
+                ))?;
             }
         }
-        What::Revoke(drones) => {
+        Action::Revoke(drones) => {
             let ids: Vec<_> = drones.ids.iter().copied().map(NodeId).collect();
             let revoked = Fleet::open(&drones.folder)?.revoke(&ids)?;
             let all: Vec<_> = revoked.drones().map(|id| id.to_string()).collect();
             terminal::print(&format!(
-                "list {} of the revoked: {}; give it to a drone, and those that hear it get it too\n",
+                "revocation list {} names: {}; copy it to one drone, which distributes it\n",
                 revoked.number(),
                 all.join(", ")
             ))?;
         }
     }
-    Ok(Ended::Well)
+    Ok(Outcome::Success)
 }

@@ -1,4 +1,4 @@
-//! The operator's command: arguments and printing, nothing else.
+//! The operator's command `muster`: arguments and output. The work is done in the libraries.
 
 mod campaign;
 mod chaos;
@@ -22,23 +22,24 @@ use clap::{Parser, Subcommand};
 use muster_daemon::operator::OperatorError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
-use muster_runtime::failure::{complain, refuse};
+use muster_runtime::failure::{report_bad_inputs, report_error};
 use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
 
-/// Flies swarms of drones: in simulation today, the very same drones on aircraft.
+/// Simulate and operate swarms of drones.
 ///
-/// A scenario file says who flies, where, over which radio and by which protocol; `muster sim` flies it and shows
-/// what came of it. The same scenario and seed give the same flight, bit for bit.
+/// A scenario file describes the drones, the mission, the radio and the protocol; `muster sim` flies it and shows the
+/// result. The same scenario and seed give the same flight, bit for bit. The simulated drones run the code that flies on
+/// aircraft.
 #[derive(Debug, Parser)]
 #[command(
     version,
     arg_required_else_help = true,
-    after_help = "Exit codes: 0 all is well; 1 something failed on this machine; 2 a file or an argument can't be \
-                  used; 3 a rule that must always hold was broken; 4 all came down safely but the mission \
-                  was not flown to its end.\n\nStart with: muster sim scenarios/thesis-2.toml"
+    after_help = "Exit codes: 0 success; 1 failure on this machine; 2 unusable file or argument; 3 a safety rule was \
+                  broken; 4 all drones landed safely but the mission is incomplete.\
+                  \n\nStart with: muster sim scenarios/thesis-2.toml"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -61,45 +62,45 @@ enum Command {
     Completions(completions::Arguments),
 }
 
-/// How a command ended that could do what it was asked for, from good to bad.
+/// The result of a command that ran, from best to worst.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Ended {
-    Well,
+enum Outcome {
+    Success,
     MissionIncomplete,
     RuleBroken,
 }
 
-impl From<&Report> for Ended {
+impl From<&Report> for Outcome {
     fn from(report: &Report) -> Self {
         if !report.violations.is_empty() {
             Self::RuleBroken
         } else if report.are_missions_completed() {
-            Self::Well
+            Self::Success
         } else {
             Self::MissionIncomplete
         }
     }
 }
 
-/// Why a command could not do what it was asked for.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 enum Failure {
-    /// The user's input can't be used; each file's fault by itself.
+    /// The user's input can't be used; one error for each file.
     #[error("{} of the files can't be used", .0.len())]
     Input(Vec<BadInput>),
     #[error(transparent)]
     Run(#[from] RunError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error("no flight")]
+    #[error("the flight failed")]
     Swarm(#[source] Box<SwarmError>),
     #[error("{0} of {1} drones do not answer")]
     NoAnswer(usize, usize),
-    #[error("no keys")]
+    #[error("can't make the keys")]
     Keys(#[source] KeysError),
     #[error(transparent)]
     Drone(OperatorError),
-    /// What was just written can't be read back.
+    /// A file that the command wrote can't be read back.
     #[error("can't read {}", path.display())]
     Read {
         path: PathBuf,
@@ -128,7 +129,7 @@ impl From<CampaignError> for Failure {
 }
 
 fn main() -> ExitCode {
-    let ended = match Arguments::parse().command {
+    let outcome = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
@@ -142,13 +143,13 @@ fn main() -> ExitCode {
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
-    match ended {
-        Ok(Ended::Well) => ExitCode::SUCCESS,
-        Ok(Ended::RuleBroken) => ExitCode::from(3),
-        Ok(Ended::MissionIncomplete) => ExitCode::from(4),
-        Err(Failure::Input(inputs)) => refuse(&inputs),
-        Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => complain(&error, 2),
-        Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => complain(&error, 2),
-        Err(failure) => complain(&failure, 1),
+    match outcome {
+        Ok(Outcome::Success) => ExitCode::SUCCESS,
+        Ok(Outcome::RuleBroken) => ExitCode::from(3),
+        Ok(Outcome::MissionIncomplete) => ExitCode::from(4),
+        Err(Failure::Input(inputs)) => report_bad_inputs(&inputs),
+        Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => report_error(&error, 2),
+        Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => report_error(&error, 2),
+        Err(failure) => report_error(&failure, 1),
     }
 }

@@ -1,34 +1,54 @@
 use clap::{Args, ValueEnum};
+use muster_daemon::config;
+use muster_deploy::swarm;
+use muster_runtime::plan;
 
-use crate::{Ended, Failure, terminal};
+use crate::{Failure, Outcome, terminal};
 
-/// Print what files may say, as a JSON Schema, for editors.
+/// Print the JSON Schema of a file format, for editors, or its reference in Markdown.
 ///
-/// Shipped files name theirs in their first line, where Taplo and Tombi, which editors use, look for it.
+/// Shipped files name their schema in the first line, where the language servers Taplo and Tombi look for it.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  muster schema scenario > scenario.schema.json")]
+#[command(
+    after_help = "Examples:\n  muster schema scenario > scenario.schema.json\n  muster schema drone --format markdown"
+)]
 pub(crate) struct Arguments {
-    /// Of which files.
+    /// File format.
     #[arg(value_enum)]
     files: Files,
+
+    /// Output format.
+    #[arg(long, value_enum, default_value_t = Format::Json)]
+    format: Format,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Format {
+    /// JSON Schema
+    Json,
+    /// Every field with its description, accepted values and default
+    Markdown,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Files {
-    /// Scenarios
+    /// Scenario file
     Scenario,
-    /// Drones' files
+    /// Drone file of `musterd`
     Drone,
-    /// Hosts files, of `muster swarm --hosts`
+    /// Hosts file of `muster swarm --hosts`
     Hosts,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
-    let schema = match arguments.files {
-        Files::Scenario => muster_runtime::plan::schema(),
-        Files::Drone => muster_daemon::config::schema(),
-        Files::Hosts => muster_deploy::swarm::schema(),
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let (schema, reference) = match arguments.files {
+        Files::Scenario => (plan::schema(), plan::reference as fn() -> String),
+        Files::Drone => (config::schema(), config::reference as _),
+        Files::Hosts => (swarm::schema(), swarm::reference as _),
     };
-    terminal::print(&format!("{schema:#}\n"))?;
-    Ok(Ended::Well)
+    terminal::print(&match arguments.format {
+        Format::Json => format!("{:#}\n", schema.json),
+        Format::Markdown => reference(),
+    })?;
+    Ok(Outcome::Success)
 }

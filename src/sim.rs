@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use muster_scenarios::engine::{self, Engine, Watcher};
-use muster_scenarios::report::{self, Report, Written};
+use muster_scenarios::report::{self, Report, ReportFiles};
 use muster_scenarios::scenario::{self, Override};
 
-use crate::{Ended, Failure, folder, terminal};
+use crate::{Failure, Outcome, folder, terminal};
 
-/// Fly a scenario in simulation and show what came of it.
+/// Simulate a scenario and show the result.
 ///
-/// Prints a table of the drones and writes a report into a folder: report.html to look at, report.json and
-/// tracks.csv for programs. While it runs, a bar on the terminal shows how far it is.
+/// Prints a table of the drones and writes a report into a folder: report.html for people, report.json and tracks.csv
+/// for programs. A progress bar is shown on a terminal.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster sim scenarios/thesis-2.toml
@@ -21,31 +21,31 @@ use crate::{Ended, Failure, folder, terminal};
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
-    /// Where every random draw starts from, in the place of the scenario's own seed.
+    /// Random seed; overrides the scenario's.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     seed: Option<String>,
-    /// What runs the drones; both give the same flight.
+    /// Engine that runs the drones; both give the same flight.
     #[arg(long, value_enum, default_value_t = EngineName::Actors)]
     engine: EngineName,
-    /// Set a field of the scenario, as in radio.range_m=250; may be given several times.
+    /// Set a field of the scenario, for example radio.range_m=250; may be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
-    /// Check no rule, to measure what flying alone costs; such a run proves nothing.
+    /// Skip the safety rules, to measure the cost of the simulation alone.
     #[arg(long)]
     unchecked: bool,
-    /// Print one JSON object on standard output, and nothing else there.
+    /// Print the report as one JSON object instead of the table.
     #[arg(long)]
     json: bool,
-    /// The folder to write the report to [default: runs/SCENARIO-SEED]
+    /// Output folder [default: runs/SCENARIO-SEED]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum EngineName {
-    /// The supervision tree of actors that flies, in virtual time.
+    /// The actors and supervision tree of a real drone, in virtual time.
     Actors,
-    /// The same state machines without actors: faster, for many or large runs.
+    /// The same state machines without actors; faster, for many or large runs.
     Events,
 }
 
@@ -58,7 +58,7 @@ impl From<EngineName> for Engine {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut overrides = arguments.overrides.clone();
     overrides.extend(arguments.seed.as_deref().map(Override::seed));
     let mut scenario = scenario::load(&arguments.scenario, &overrides)?;
@@ -66,8 +66,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| folder::of(Path::new(&scenario.name), scenario.seed));
-    folder::check(&out)?;
+        .unwrap_or_else(|| folder::default_for(Path::new(&scenario.name), scenario.seed));
+    folder::check_writable(&out)?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
@@ -80,7 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&report, &written)?;
     }
-    Ok(Ended::from(&report))
+    Ok(Outcome::from(&report))
 }
 
 fn watch(bar: &ProgressBar) -> Watcher {
@@ -92,7 +92,7 @@ fn watch(bar: &ProgressBar) -> Watcher {
     })
 }
 
-pub(crate) fn print(report: &Report, written: &Written) -> io::Result<()> {
+pub(crate) fn print(report: &Report, written: &ReportFiles) -> io::Result<()> {
     let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
     let mut text = report::table(report, width, colour);

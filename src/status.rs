@@ -6,42 +6,41 @@ use clap::Args;
 use muster_deploy::status::{Answer, Target, ask_all, table, targets};
 use serde_json::{Value, json};
 
-use crate::{Ended, Failure, terminal};
+use crate::{Failure, Outcome, terminal};
 
-/// How often it is asked again while somebody watches.
+/// Refresh period of `--watch`.
 const PERIOD: Duration = Duration::from_secs(1);
-/// What makes a terminal begin anew at its top.
+/// ANSI sequence that clears the terminal and its scrollback.
 const CLEAR: &str = "\x1b[H\x1b[2J\x1b[3J";
 
-/// Show what drones' processes are doing.
+/// Show the status of drones' processes.
 ///
-/// A row a drone: its state, whom it obeys, how far from its master and where it is, how it is, and what was dropped of what
-/// it heard. Asked are those whose file has a table `[observe]`, each for two seconds at most; one that does not answer is a
-/// row that says so, and makes this command end with exit code 1.
+/// One row per drone: state, leader, hops, position, battery, restarts and dropped frames. Drones answer if their file has
+/// a table `[observe]`. The timeout is two seconds; the row of a silent drone says "no answer" and the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster status 127.0.0.1:9100 pi-3.local:9100
   muster status runs/swarm-short-swarm --watch")]
 pub(crate) struct Arguments {
-    /// Addresses with their ports, drones' files, or folders of flights as muster swarm makes them.
+    /// Addresses with ports, drone files, or output folders of muster swarm.
     #[arg(required = true, value_name = "ADDRESS|FILE|FOLDER")]
     drones: Vec<PathBuf>,
-    /// Print one JSON object with all that each drone tells, and nothing else.
+    /// Print the full status of all drones as one JSON object.
     #[arg(long)]
     json: bool,
-    /// Ask again each second, until interrupted.
+    /// Refresh every second until interrupted.
     #[arg(long)]
     watch: bool,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let targets = all_targets(arguments)?;
     loop {
         let answers = ask_all(&targets);
         show(arguments, &answers)?;
         if !arguments.watch {
             return match answers.iter().filter(|it| it.status.is_err()).count() {
-                0 => Ok(Ended::Well),
+                0 => Ok(Outcome::Success),
                 silent => Err(Failure::NoAnswer(silent, answers.len())),
             };
         }

@@ -10,37 +10,36 @@ use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario;
 
 use crate::sim::print;
-use crate::{Ended, Failure, folder, terminal};
+use crate::{Failure, Outcome, folder, terminal};
 
-/// Fly a scenario with a process for each drone, in real time.
+/// Fly a scenario in real time, with one process per drone.
 ///
-/// Each drone is a musterd of its own on this machine or, by --hosts, on others, which speaks UDP or QUIC with the others, signed; its
-/// vehicle is simulated.
-/// The scenario's faults befall the processes (one that is killed gets SIGKILL, one that hangs SIGSTOP), drones hear each
-/// other as the scenario's radio would carry, and the rules of a simulation are checked: all but those about what a drone
-/// is told. Ends as it began: with no process left, whatever happens to it.
+/// Each drone is a musterd process on this machine or, with --hosts, on others. The processes exchange signed frames over
+/// UDP or QUIC; the vehicles are simulated. The scenario's faults are injected into the processes: SIGKILL for a kill,
+/// SIGSTOP for a hang. The scenario's radio model limits who hears whom. The rules of the simulation are checked, except
+/// those about the input of a drone. No process is left at the end, even after an error.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   muster swarm scenarios/hardware/swarm-short.toml --unlimited-range --json | jq .mission_completed")]
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
-    /// How frames move: datagrams to each other drone, or a connection with each.
+    /// Transport: UDP datagrams, or a QUIC connection to each drone.
     #[arg(long, value_enum, default_value_t = Transport::Udp)]
     transport: Transport,
-    /// Let every drone hear every other, whatever the scenario's radio would carry.
+    /// Let every drone hear every other; ignore the scenario's radio range and losses.
     #[arg(long)]
     unlimited_range: bool,
-    /// A file that says which drones' processes run on which other machines, and how those are reached
+    /// Hosts file: assigns drones to other machines and says how to reach those
     #[arg(long, value_name = "FILE")]
     hosts: Option<PathBuf>,
-    /// Print one JSON object on standard output, and nothing else there.
+    /// Print the report as one JSON object instead of the table.
     #[arg(long)]
     json: bool,
-    /// The folder to write the report to, with a folder for each drone [default: runs/SCENARIO-swarm]
+    /// Output folder, with a subfolder per drone [default: runs/SCENARIO-swarm]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The program that drones run [default: the musterd beside this program]
+    /// Path of musterd [default: next to this program]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
 }
@@ -69,7 +68,7 @@ impl From<SwarmError> for Failure {
     }
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let scenario = scenario::load(&arguments.scenario, &[])?;
     let hosts = arguments.hosts.as_deref();
     let hosts = hosts.map(|path| Hosts::load(path, scenario.plan.nodes()));
@@ -77,8 +76,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| folder::of(&arguments.scenario, "swarm"));
-    folder::check(&out)?;
+        .unwrap_or_else(|| folder::default_for(&arguments.scenario, "swarm"));
+    folder::check_writable(&out)?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
     let mut watcher = |progress| show(&bar, progress);
@@ -91,9 +90,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         folder: &out.join("drones"),
         emulates_radio: !arguments.unlimited_range,
     };
-    // On a terminal only.
+    // The hidden bar, without a terminal, prints nothing.
     bar.println(format!(
-        "muster status {} --watch shows each drone meanwhile",
+        "Show the drones with: muster status {} --watch",
         out.display()
     ));
     let flown = swarm::fly(&request, Some(&mut watcher));
@@ -106,10 +105,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&report, &written)?;
     }
-    Ok(Ended::from(&report))
+    Ok(Outcome::from(&report))
 }
 
-/// The daemon, which stands beside this program wherever both were put.
+/// The daemon's program: the argument, or `musterd` next to this program.
 fn musterd(arguments: &Arguments) -> Result<PathBuf, BadInput> {
     let beside = || Some(std::env::current_exe().ok()?.with_file_name("musterd"));
     let found = arguments.musterd.clone().or_else(beside);
@@ -117,8 +116,9 @@ fn musterd(arguments: &Arguments) -> Result<PathBuf, BadInput> {
     if found.is_file() {
         return Ok(found);
     }
-    let help = "--musterd takes the path of the daemon's program, which is built with this one";
-    Err(BadInput::without_excerpt(&found, "is not there", help))
+    let help =
+        "--musterd takes the path of the program musterd, which is built together with muster";
+    Err(BadInput::without_excerpt(&found, "does not exist", help))
 }
 
 fn show(bar: &ProgressBar, progress: muster_scenarios::engine::Progress) {

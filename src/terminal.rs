@@ -1,4 +1,4 @@
-//! What commands show, and in which colours.
+//! Output on the terminal: progress bars, colours, printing.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use muster_scenarios::report::Colour;
 
-/// A bar on standard error; nothing at all where that is no terminal.
+/// A progress bar on standard error; hidden if that is no terminal.
 pub(crate) fn progress_bar(template: &'static str) -> ProgressBar {
     let target = if io::stderr().is_terminal() {
         ProgressDrawTarget::stderr()
@@ -19,7 +19,7 @@ pub(crate) fn progress_bar(template: &'static str) -> ProgressBar {
     bar
 }
 
-/// Colours for a terminal, unless its user wants none.
+/// Colours on a terminal, unless `NO_COLOR` is set.
 pub(crate) fn colour(out: &impl IsTerminal) -> Colour {
     if out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty()) {
         Colour::Always
@@ -28,8 +28,7 @@ pub(crate) fn colour(out: &impl IsTerminal) -> Colour {
     }
 }
 
-/// Prints on standard output. Whoever has stopped reading has seen enough: that is no failure, and what the command
-/// found out is told by its exit code all the same.
+/// Prints on standard output. A closed pipe is no error: the exit code still reports the result.
 pub(crate) fn print(text: &str) -> io::Result<()> {
     match io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),

@@ -9,21 +9,23 @@ use muster_scenarios::scenario::{Override, Scenario};
 use muster_scenarios::thesis::{self, Comparison, Flights};
 
 use crate::sim::EngineName;
-use crate::{Ended, Failure, folder, terminal};
+use crate::{Failure, Outcome, folder, terminal};
 
-/// Fly the thesis's five experiments and show them beside its tables and figures.
+/// Simulate the thesis's five experiments and compare the results with its tables and figures.
 ///
-/// The second is flown twice more with a master that waits at a waypoint only for the drones that it hears itself, once
-/// with vehicles that take as long to come to rest as those of the thesis's ancestor; their settling is set beside the
-/// ancestor's own measurement, in one hop. These waits scatter: they are the means of runs with 20 seeds, those after the
-/// first always on the events engine. Prints the thesis's tables 9 to 13 with ours, and writes thesis.html to look at and
-/// thesis.json for programs. The scenarios are a part of the program.
+/// Prints the thesis's tables 9 to 13 with ours. Writes thesis.html for people and thesis.json for programs. The scenarios
+/// are built in.
+///
+/// Experiment 2 runs in two more variants. In both, the master waits at a waypoint only for its direct neighbours; in one,
+/// the vehicles also settle as slowly as in the earlier project that the thesis extends. Their settling times are compared
+/// with that project's one-hop measurement. Waiting times are means over several seeds; runs after the first always use
+/// the events engine.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster thesis
   muster thesis --seed 7 --engine events --json | jq .waits")]
 pub(crate) struct Arguments {
-    /// Where every random draw of every run starts from; the waits take the seeds after it, too.
+    /// First random seed; the mean waiting times also use the seeds after it.
     #[arg(
         long,
         value_name = "N",
@@ -31,25 +33,26 @@ pub(crate) struct Arguments {
         allow_hyphen_values = true
     )]
     seed: String,
-    /// How many runs the waits are the means of.
+    /// Number of runs behind each mean waiting time.
     #[arg(long, value_name = "N", default_value_t = thesis::RUNS, value_parser = clap::value_parser!(u32).range(1..=i64::from(thesis::RUNS_MAX)))]
     runs: u32,
-    /// What runs the drones; both give the same flights.
+    /// Engine that runs the drones; both give the same flights.
     #[arg(long, value_enum, default_value_t = EngineName::Actors)]
     engine: EngineName,
-    /// Print one JSON object on standard output, and nothing else there.
+    /// Print the comparison as one JSON object instead of the tables.
     #[arg(long)]
     json: bool,
-    /// The folder to write to [default: runs/thesis-seed-N]
+    /// Output folder [default: runs/thesis-seed-N]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let flights = Flights::load(&[Override::seed(&arguments.seed)], arguments.runs)?;
-    let default = || folder::of(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
+    let default =
+        || folder::default_for(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
     let out = arguments.out.clone().unwrap_or_else(default);
-    folder::check(&out)?;
+    folder::check_writable(&out)?;
     let bar = terminal::progress_bar(
         "{msg:>32} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
@@ -61,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
         |done, total| {
             bar.set_length(total as u64);
             bar.set_position(done as u64);
-            bar.set_message("runs for the waits");
+            bar.set_message("runs for waiting times");
         },
     )?;
     bar.finish_and_clear();
@@ -72,8 +75,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Ended, Failure> {
     } else {
         print(&comparison, &written)?;
     }
-    let ended = comparison.reports().map(Ended::from);
-    Ok(ended.max().unwrap_or(Ended::Well))
+    let outcomes = comparison.reports().map(Outcome::from);
+    Ok(outcomes.max().unwrap_or(Outcome::Success))
 }
 
 fn watch(bar: &ProgressBar, scenario: &Scenario) -> Watcher {

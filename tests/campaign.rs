@@ -1,4 +1,4 @@
-//! Campaigns as a user meets them: divided, interrupted, refused, with broken rules.
+//! The commands `muster campaign` and `muster campaign-merge`.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -21,7 +21,8 @@ fn campaign(folder: &Path, out: &str, more: &[&str]) -> Output {
     muster(folder, &arguments)
 }
 
-fn flown(folder: &Path, out: &str, more: &[&str]) -> BTreeMap<String, Vec<u8>> {
+/// Runs a campaign, which must succeed, and returns its files.
+fn campaign_files(folder: &Path, out: &str, more: &[&str]) -> BTreeMap<String, Vec<u8>> {
     let run = campaign(folder, out, more);
     assert!(
         run.status.success(),
@@ -41,7 +42,7 @@ fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Names what differs, for the content is long.
+/// Asserts that two folders are the same. Names the differing file, since contents are long.
 fn assert_same(files: &BTreeMap<String, Vec<u8>>, others: &BTreeMap<String, Vec<u8>>) {
     assert!(
         files.keys().eq(others.keys()),
@@ -54,9 +55,9 @@ fn assert_same(files: &BTreeMap<String, Vec<u8>>, others: &BTreeMap<String, Vec<
     }
 }
 
-fn said(run: &Output) -> String {
+fn error_text(run: &Output) -> String {
     let text = String::from_utf8(run.stderr.clone()).unwrap();
-    // The message is wrapped to the width of a terminal.
+    // Messages are wrapped to the width of a terminal.
     text.replace("\n  │ ", " ")
         .split_whitespace()
         .collect::<Vec<_>>()
@@ -66,7 +67,7 @@ fn said(run: &Output) -> String {
 #[test]
 fn shards_merge_to_the_bytes_of_an_undivided_campaign() {
     let home = tempfile::tempdir().unwrap();
-    let whole = flown(home.path(), "whole", &[]);
+    let whole = campaign_files(home.path(), "whole", &[]);
     assert_eq!(
         whole.keys().map(String::as_str).collect::<Vec<_>>(),
         [
@@ -82,7 +83,7 @@ fn shards_merge_to_the_bytes_of_an_undivided_campaign() {
     assert_eq!(lines("runs.jsonl"), 14);
     assert_eq!(lines("summary.csv"), 3);
     for part in ["3/3", "1/3", "2/3"] {
-        flown(
+        campaign_files(
             home.path(),
             &format!("part-{}", &part[..1]),
             &["--shard", part],
@@ -95,48 +96,52 @@ fn shards_merge_to_the_bytes_of_an_undivided_campaign() {
         )
     };
     let merged = merge(&["part-2", "part-3", "part-1"], "merged");
-    assert!(merged.status.success(), "{}", said(&merged));
+    assert!(merged.status.success(), "{}", error_text(&merged));
     assert_same(&files(&home.path().join("merged")), &whole);
 
-    flown(
+    campaign_files(
         home.path(),
         "other",
         &["--shard", "3/3", "--set", "radio.range_m=310"],
     );
     let cases: &[(&[&str], &str, &str)] = &[
-        (&["part-1", "part-3"], "none", "one is not there: 2/3"),
+        (&["part-1", "part-3"], "none", "missing: 2/3"),
         (
             &["part-1", "part-2", "part-2", "part-3"],
             "none",
-            "is shard 2/3, as part-2 is",
+            "is shard 2/3, and so is part-2",
         ),
         (
             &["part-1", "part-2", "other"],
             "none",
-            "of another campaign than part-1 (set:",
+            "to another campaign than part-1 (set:",
         ),
         (&["part-1", "whole"], "none", "shard: 1/1, not of 3"),
-        (&["nowhere"], "none", "holds no campaign"),
+        (&["nowhere"], "none", "contains no campaign"),
         (
             &["part-1", "part-2", "part-3"],
             "part-1",
-            "folder of another campaign (shard: 1/3",
+            "belongs to another campaign (shard: 1/3",
         ),
     ];
-    for (parts, out, words) in cases {
+    for (parts, out, expected) in cases {
         let refused = merge(parts, out);
-        assert_eq!(refused.status.code(), Some(2), "{words}");
-        assert!(said(&refused).contains(words), "{}", said(&refused));
-        assert!(!home.path().join("none").exists(), "something was written");
+        assert_eq!(refused.status.code(), Some(2), "{expected}");
+        assert!(
+            error_text(&refused).contains(expected),
+            "{}",
+            error_text(&refused)
+        );
+        assert!(!home.path().join("none").exists(), "a file was written");
     }
 }
 
 #[test]
-fn jobs_and_engines_change_no_figure() {
+fn jobs_and_engines_do_not_change_results() {
     let home = tempfile::tempdir().unwrap();
-    let one = flown(home.path(), "one", &["--jobs", "1"]);
-    assert_same(&flown(home.path(), "two", &["--jobs", "2"]), &one);
-    let actors = flown(
+    let one = campaign_files(home.path(), "one", &["--jobs", "1"]);
+    assert_same(&campaign_files(home.path(), "two", &["--jobs", "2"]), &one);
+    let actors = campaign_files(
         home.path(),
         "actors",
         &["--jobs", "2", "--engine", "actors"],
@@ -147,9 +152,9 @@ fn jobs_and_engines_change_no_figure() {
 }
 
 #[test]
-fn a_killed_campaign_goes_on_to_the_same_bytes() {
+fn killed_campaign_resumes_to_the_same_bytes() {
     let home = tempfile::tempdir().unwrap();
-    let whole = flown(home.path(), "whole", &[]);
+    let whole = campaign_files(home.path(), "whole", &[]);
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("muster"))
         .current_dir(home.path())
         .args(["campaign", SCENARIO, "--out", "killed", "--jobs", "1"])
@@ -158,9 +163,9 @@ fn a_killed_campaign_goes_on_to_the_same_bytes() {
         .spawn()
         .unwrap();
     let journal = home.path().join("killed/runs.journal");
-    let patience = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + Duration::from_secs(60);
     while fs::metadata(&journal).map_or(0, |it| it.len()) < 1_000 {
-        assert!(Instant::now() < patience && child.try_wait().unwrap().is_none());
+        assert!(Instant::now() < deadline && child.try_wait().unwrap().is_none());
         std::thread::yield_now();
     }
     child.kill().unwrap();
@@ -168,10 +173,10 @@ fn a_killed_campaign_goes_on_to_the_same_bytes() {
     let rows = fs::read(&journal).unwrap();
     assert!(
         !home.path().join("killed/runs.jsonl").exists(),
-        "it got to its end"
+        "the campaign was killed too late"
     );
 
-    // What else a kill may leave: half a row, and half a file under another name.
+    // A kill may also leave half a row, and half a temporary file.
     let cut = &rows[..rows.len() - 7];
     fs::write(&journal, cut).unwrap();
     fs::write(home.path().join("killed/.muster-abc"), "half").unwrap();
@@ -186,12 +191,12 @@ fn a_killed_campaign_goes_on_to_the_same_bytes() {
     let again = campaign(home.path(), "killed", &[]);
     let printed = String::from_utf8_lossy(&again.stdout);
     assert!(printed.contains("flew 0 runs"), "{printed}");
-    assert!(printed.contains("14 were there already"), "{printed}");
+    assert!(printed.contains("14 were complete before"), "{printed}");
     assert_same(&files(&home.path().join("killed")), &whole);
 }
 
 #[test]
-fn the_folder_of_another_campaign_is_refused_and_left_alone() {
+fn folder_of_another_campaign_is_refused_and_not_changed() {
     let home = tempfile::tempdir().unwrap();
     let scenarios = home.path().join("missions");
     fs::create_dir(&scenarios).unwrap();
@@ -205,14 +210,14 @@ fn the_folder_of_another_campaign_is_refused_and_left_alone() {
         let base = ["campaign", "s.toml", "--out", "out"];
         muster(home.path(), &[&base, more].concat())
     };
-    let asked: &[&str] = &["--seeds", "0..2", "--vary", "radio.loss=0,0.1"];
+    let same: &[&str] = &["--seeds", "0..2", "--vary", "radio.loss=0,0.1"];
     write(scenario, mission);
-    assert!(run(asked).status.success());
+    assert!(run(same).status.success());
     let before = files(&home.path().join("out"));
-    let refused = |more: &[&str], words: &str| {
+    let refused = |more: &[&str], expected: &str| {
         let run = run(more);
-        assert_eq!(run.status.code(), Some(2), "{words}");
-        assert!(said(&run).contains(words), "{}", said(&run));
+        assert_eq!(run.status.code(), Some(2), "{expected}");
+        assert!(error_text(&run).contains(expected), "{}", error_text(&run));
         assert_same(&files(&home.path().join("out")), &before);
     };
     refused(
@@ -223,56 +228,56 @@ fn the_folder_of_another_campaign_is_refused_and_left_alone() {
         &["--seeds", "0..2", "--vary", "radio.loss=0.1,0"],
         "(vary: radio.loss=0,0.1,",
     );
-    refused(&["--seeds", "0..2"], "not nothing)");
+    refused(&["--seeds", "0..2"], "not none)");
     refused(
-        &[asked, &["--set", "radio.range_m=310"]].concat(),
-        "(set: nothing, not",
+        &[same, &["--set", "radio.range_m=310"]].concat(),
+        "(set: none, not",
     );
     refused(
-        &[asked, &["--engine", "actors"]].concat(),
+        &[same, &["--engine", "actors"]].concat(),
         "(engine: events, not actors)",
     );
     refused(
-        &[asked, &["--shard", "1/2"]].concat(),
+        &[same, &["--shard", "1/2"]].concat(),
         "(shard: 1/1, not 1/2)",
     );
     write(&scenario.replace("range_m = 300", "range_m = 310"), mission);
-    refused(asked, "said something else");
+    refused(same, "the scenario or its mission changed");
     let moved = mission.replacen("39.336211", "39.336311", 1);
     assert_ne!(moved, mission);
     write(scenario, &moved);
-    refused(asked, "said something else");
-    // A comment says nothing.
+    refused(same, "the scenario or its mission changed");
+    // A comment does not matter.
     write(&format!("# Mine.\n{scenario}"), mission);
-    assert!(run(asked).status.success());
+    assert!(run(same).status.success());
     assert_same(&files(&home.path().join("out")), &before);
-    // Another version may fly otherwise.
+    // Another version may give other results.
     let identity = home.path().join("out/campaign.json");
     let text = fs::read_to_string(&identity).unwrap();
     fs::write(&identity, text.replace("\"muster ", "\"muster 9.")).unwrap();
-    assert!(said(&run(asked)).contains("(program: muster 9."));
+    assert!(error_text(&run(same)).contains("(program: muster 9."));
     fs::remove_file(&identity).unwrap();
-    let stray = run(asked);
+    let stray = run(same);
     assert_eq!(stray.status.code(), Some(2));
     assert!(
-        said(&stray).contains("no campaign.json"),
+        error_text(&stray).contains("no campaign.json"),
         "{}",
-        said(&stray)
+        error_text(&stray)
     );
 }
 
 #[test]
-fn what_cannot_be_flown_is_refused_and_nothing_is_written() {
+fn unusable_arguments_are_refused_and_nothing_is_written() {
     let cases: &[(&[&str], &str)] = &[
         (&[], "--seeds"),
-        (&["--seeds", "5"], "no range of seeds"),
-        (&["--seeds", "a..b"], "no range of seeds"),
-        (&["--seeds", "-3..4"], "no range of seeds"),
-        (&["--seeds", "5..5"], "holds no seed"),
-        (&["--seeds", "9..=3"], "holds no seed"),
+        (&["--seeds", "5"], "is not a range of seeds"),
+        (&["--seeds", "a..b"], "is not a range of seeds"),
+        (&["--seeds", "-3..4"], "is not a range of seeds"),
+        (&["--seeds", "5..5"], "is an empty range"),
+        (&["--seeds", "9..=3"], "is an empty range"),
         (
             &["--seeds", "0..9223372036854775809"],
-            "beyond the highest seed",
+            "exceeds the highest seed",
         ),
         (&["--seeds", "0..10000001"], "more than 10000000 runs"),
         (&["--seeds", "0..2", "--vary", "radio.loss"], "has no `=`"),
@@ -291,9 +296,12 @@ fn what_cannot_be_flown_is_refused_and_nothing_is_written() {
         ),
         (
             &["--seeds", "0..2", "--vary", "seed=1,2"],
-            "varied by --seeds",
+            "use --seeds",
         ),
-        (&["--seeds", "0..2", "--set", "seed=1"], "the seed is set"),
+        (
+            &["--seeds", "0..2", "--set", "seed=1"],
+            "the seed is set by both",
+        ),
         (
             &[
                 "--seeds",
@@ -316,9 +324,9 @@ fn what_cannot_be_flown_is_refused_and_nothing_is_written() {
             ],
             "both set and varied",
         ),
-        (&["--seeds", "0..2", "--shard", "0/3"], "is no part"),
-        (&["--seeds", "0..2", "--shard", "4/3"], "is no part"),
-        (&["--seeds", "0..2", "--shard", "1/1001"], "is no part"),
+        (&["--seeds", "0..2", "--shard", "0/3"], "is not a shard"),
+        (&["--seeds", "0..2", "--shard", "4/3"], "is not a shard"),
+        (&["--seeds", "0..2", "--shard", "1/1001"], "is not a shard"),
         (&["--seeds", "0..2", "--jobs", "0"], "from 1 to 1024"),
         (&["--seeds", "0..2", "--engine", "steam"], "events"),
         (&["--seeds", "0..2", "--out", "taken"], "is a file"),
@@ -329,21 +337,26 @@ fn what_cannot_be_flown_is_refused_and_nothing_is_written() {
     ];
     let home = tempfile::tempdir().unwrap();
     fs::write(home.path().join("taken"), "mine").unwrap();
-    for (arguments, words) in cases {
+    for (arguments, expected) in cases {
         let run = muster(home.path(), &[&["campaign", SCENARIO], *arguments].concat());
-        assert_eq!(run.status.code(), Some(2), "{arguments:?}: {}", said(&run));
+        assert_eq!(
+            run.status.code(),
+            Some(2),
+            "{arguments:?}: {}",
+            error_text(&run)
+        );
         assert!(
-            said(&run).contains(words),
-            "`{words}` is missing in: {}",
-            said(&run)
+            error_text(&run).contains(expected),
+            "`{expected}` not in: {}",
+            error_text(&run)
         );
         assert!(run.stdout.is_empty());
-        assert_eq!(files(home.path()).len(), 1, "{arguments:?} wrote something");
+        assert_eq!(files(home.path()).len(), 1, "{arguments:?} wrote a file");
     }
 }
 
 #[test]
-fn broken_rules_have_their_rows_and_the_commands_that_repeat_them() {
+fn broken_rules_have_rows_and_commands_that_reproduce_them() {
     let home = tempfile::tempdir().unwrap();
     let broken = "limits.duration_s=60,3000";
     let arguments = ["--seeds", "4..6", "--vary", broken, "--out", "out"];
@@ -351,7 +364,7 @@ fn broken_rules_have_their_rows_and_the_commands_that_repeat_them() {
         home.path(),
         &[&["campaign", SCENARIO], &arguments[..]].concat(),
     );
-    assert_eq!(run.status.code(), Some(3), "{}", said(&run));
+    assert_eq!(run.status.code(), Some(3), "{}", error_text(&run));
     let printed = String::from_utf8(run.stdout).unwrap();
     assert!(printed.contains("broken in 2 runs"), "{printed}");
     let commands: Vec<_> = printed
@@ -367,28 +380,25 @@ fn broken_rules_have_their_rows_and_the_commands_that_repeat_them() {
         commands[0]
     );
     let rows = fs::read_to_string(home.path().join("out/runs.csv")).unwrap();
-    assert_eq!(rows.lines().count(), 5, "the campaign went on");
+    assert_eq!(rows.lines().count(), 5, "the campaign continued");
     assert!(rows.lines().nth(1).unwrap().contains(",1,5,"), "{rows}");
     let again = muster(
         home.path(),
         &[&["campaign", SCENARIO], &arguments[..]].concat(),
     );
-    assert_eq!(again.status.code(), Some(3), "it is told each time");
+    assert_eq!(again.status.code(), Some(3), "also without new runs");
 }
 
 #[test]
-fn runs_that_do_not_fly_the_mission_to_its_end_are_counted_and_told() {
+fn runs_with_an_incomplete_mission_are_counted_and_reported() {
     let home = tempfile::tempdir().unwrap();
-    // Every leg takes longer.
+    // Every leg takes longer than this.
     let limit = ["--set", "limits.leg_s=30"];
     let arguments = ["campaign", SCENARIO, "--seeds", "0..2", "--out", "out"];
     let run = muster(home.path(), &[&arguments[..], &limit].concat());
-    assert_eq!(run.status.code(), Some(4), "{}", said(&run));
+    assert_eq!(run.status.code(), Some(4), "{}", error_text(&run));
     let printed = String::from_utf8_lossy(&run.stdout);
-    assert!(
-        printed.contains("not flown to the end in 2 runs"),
-        "{printed}"
-    );
+    assert!(printed.contains("incomplete in 2 runs"), "{printed}");
     let summary = fs::read_to_string(home.path().join("out/summary.csv")).unwrap();
     let column = |line: usize, name: &str| {
         let at = summary.lines().next().unwrap().split(',');
@@ -407,20 +417,20 @@ fn runs_that_do_not_fly_the_mission_to_its_end_are_counted_and_told() {
 }
 
 #[test]
-fn a_campaign_whose_folder_is_not_named_takes_one_that_is_no_other_campaign_s() {
+fn default_folder_is_not_that_of_another_campaign() {
     let home = tempfile::tempdir().unwrap();
-    let flown = |more: &[&str]| {
+    let printed = |more: &[&str]| {
         let arguments = ["campaign", SCENARIO, "--seeds", "0..1"];
         let run = muster(home.path(), &[&arguments[..], more].concat());
-        assert!(run.status.success(), "{}", said(&run));
+        assert!(run.status.success(), "{}", error_text(&run));
         String::from_utf8(run.stdout).unwrap()
     };
     let other = ["--set", "radio.loss=0.1"];
-    assert!(flown(&[]).contains("thesis-1-campaign/runs.csv"));
-    assert!(flown(&other).contains("thesis-1-campaign-2/runs.csv"));
+    assert!(printed(&[]).contains("thesis-1-campaign/runs.csv"));
+    assert!(printed(&other).contains("thesis-1-campaign-2/runs.csv"));
     for (more, folder) in [(&[][..], "campaign/"), (&other[..], "campaign-2/")] {
-        let printed = flown(more);
+        let printed = printed(more);
         assert!(printed.contains(&format!("thesis-1-{folder}runs.csv")));
-        assert!(printed.contains("1 were there already"), "{printed}");
+        assert!(printed.contains("1 were complete before"), "{printed}");
     }
 }

@@ -1,4 +1,4 @@
-//! The command as a user and a program meet it.
+//! The commands `muster sim`, `muster check` and `muster completions`.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -21,7 +21,8 @@ fn scenario(name: &str) -> String {
     format!("{ROOT}/scenarios/{name}")
 }
 
-fn json_of(folder: &Path, arguments: &[&str]) -> Value {
+/// The report of `muster sim --json`.
+fn json_report(folder: &Path, arguments: &[&str]) -> Value {
     let run = muster(folder)
         .args(["sim", &scenario("thesis-1.toml"), "--json"])
         .args(arguments)
@@ -40,17 +41,17 @@ fn keys(object: &Value) -> BTreeSet<&str> {
 }
 
 #[test]
-fn json_has_the_keys_that_programs_rely_on() {
+fn json_has_stable_keys() {
     let folder = tempfile::tempdir().unwrap();
-    let report = json_of(folder.path(), &["--seed", "9"]);
-    let holds = |object: &Value, names: &[&str]| {
+    let report = json_report(folder.path(), &["--seed", "9"]);
+    let assert_keys = |object: &Value, names: &[&str]| {
         let missing: Vec<_> = names
             .iter()
             .filter(|name| !keys(object).contains(**name))
             .collect();
         assert!(missing.is_empty(), "{missing:?}");
     };
-    holds(
+    assert_keys(
         &report,
         &[
             "scenario",
@@ -66,7 +67,7 @@ fn json_has_the_keys_that_programs_rely_on() {
             "violations",
         ],
     );
-    holds(
+    assert_keys(
         &report["drones"][0],
         &[
             "id",
@@ -81,8 +82,8 @@ fn json_has_the_keys_that_programs_rely_on() {
             "state",
         ],
     );
-    holds(&report["means"], &["flight_time_s", "messages_received"]);
-    holds(
+    assert_keys(&report["means"], &["flight_time_s", "messages_received"]);
+    assert_keys(
         &report["barriers"][0],
         &["waypoint", "arrived_s", "moving_s", "transmissions"],
     );
@@ -94,9 +95,9 @@ fn json_has_the_keys_that_programs_rely_on() {
 }
 
 #[test]
-fn two_processes_and_both_engines_give_one_trace_and_another_seed_another() {
+fn trace_is_the_same_for_all_runs_and_engines_but_not_seeds() {
     let folder = tempfile::tempdir().unwrap();
-    let trace = |arguments: &[&str]| json_of(folder.path(), arguments)["trace"].clone();
+    let trace = |arguments: &[&str]| json_report(folder.path(), arguments)["trace"].clone();
     let first = trace(&["--engine", "actors"]);
     assert_eq!(trace(&["--engine", "actors"]), first);
     assert_eq!(trace(&["--engine", "events"]), first);
@@ -104,35 +105,32 @@ fn two_processes_and_both_engines_give_one_trace_and_another_seed_another() {
 }
 
 #[test]
-fn a_run_writes_its_report_where_it_says() {
+fn run_writes_its_report_to_the_printed_paths() {
     let folder = tempfile::tempdir().unwrap();
     let run = muster(folder.path())
         .args(["sim", &scenario("thesis-1.toml")])
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    assert!(
-        !printed.contains('\u{1b}'),
-        "no colour where there is no terminal"
-    );
+    assert!(!printed.contains('\u{1b}'), "no colour without a terminal");
     for name in ["report.html", "report.json", "tracks.csv"] {
         let path = format!("runs/thesis-1-1/{name}");
         assert!(printed.contains(&path), "{printed}");
         assert!(folder.path().join(&path).metadata().unwrap().len() > 1_000);
     }
-    let left: Vec<_> = fs::read_dir(folder.path().join("runs/thesis-1-1"))
+    let files: Vec<_> = fs::read_dir(folder.path().join("runs/thesis-1-1"))
         .unwrap()
         .collect();
-    assert_eq!(left.len(), 3, "nothing else is left behind");
-    let kept: Value = serde_json::from_slice(
+    assert_eq!(files.len(), 3, "no other file is written");
+    let report: Value = serde_json::from_slice(
         &fs::read(folder.path().join("runs/thesis-1-1/report.json")).unwrap(),
     )
     .unwrap();
-    assert_eq!(kept["drones"].as_array().unwrap().len(), 5);
+    assert_eq!(report["drones"].as_array().unwrap().len(), 5);
 }
 
 #[test]
-fn an_interrupted_run_leaves_no_report() {
+fn interrupted_run_leaves_no_report() {
     let folder = tempfile::tempdir().unwrap();
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("muster"))
         .current_dir(folder.path())
@@ -146,16 +144,16 @@ fn an_interrupted_run_leaves_no_report() {
         .stdout(std::process::Stdio::null())
         .spawn()
         .unwrap();
-    // With 1,000 frames a second and drone the run takes a minute; it can't have got to its end.
+    // With 1,000 frames per second and drone, the run takes a minute, so it can't be complete.
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!folder.path().join("out").exists());
 }
 
 #[test]
-fn a_broken_rule_ends_the_run_with_exit_code_3_and_its_name() {
+fn broken_rule_is_reported_with_exit_code_3() {
     let folder = tempfile::tempdir().unwrap();
-    // Nobody gets down within a minute.
+    // No drone lands within a minute.
     let run = muster(folder.path())
         .args([
             "sim",
@@ -175,9 +173,9 @@ fn a_broken_rule_ends_the_run_with_exit_code_3_and_its_name() {
 }
 
 #[test]
-fn a_broken_rule_comes_with_a_command_that_breaks_it_again() {
+fn broken_rule_comes_with_a_command_that_reproduces_it() {
     let folder = tempfile::tempdir().unwrap();
-    // A mast where drone 3 is to fly.
+    // A mast in the slot of drone 3.
     let mast = "relays=[{ north_m = 0, east_m = 160, altitude_m = 25 }]";
     let first = muster(folder.path())
         .args(["sim", &scenario("thesis-1.toml"), "--seed", "5"])
@@ -209,7 +207,7 @@ fn a_broken_rule_comes_with_a_command_that_breaks_it_again() {
 #[test]
 fn overrides_reach_the_drones() {
     let folder = tempfile::tempdir().unwrap();
-    let report = json_of(
+    let report = json_report(
         folder.path(),
         &[
             "--set",
@@ -225,7 +223,7 @@ fn overrides_reach_the_drones() {
         .iter()
         .map(|drone| drone["hops"].as_u64().unwrap())
         .collect();
-    assert_eq!(hops, [2, 1, 1, 0, 1, 1, 2], "two slots are within 330 m");
+    assert_eq!(hops, [2, 1, 1, 0, 1, 1, 2], "330 m reach two slots");
     assert_eq!(report["overrides"].as_array().unwrap().len(), 3);
 }
 
@@ -254,8 +252,12 @@ fn shipped_files_pass_their_check() {
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    for told in ["settles in ", "all down by ", "layers taking off: "] {
-        assert_eq!(printed.matches(told).count(), 2, "{told}: {printed}");
+    for line in [
+        "worst-case time to re-elect: ",
+        "all landed by ",
+        "layers taking off: ",
+    ] {
+        assert_eq!(printed.matches(line).count(), 2, "{line}: {printed}");
     }
     assert_eq!(
         printed
@@ -267,7 +269,7 @@ fn shipped_files_pass_their_check() {
 }
 
 #[test]
-fn a_mission_that_hovers_is_checked_and_flown() {
+fn hovering_mission_is_checked_and_flown() {
     let folder = tempfile::tempdir().unwrap();
     let hover = folder.path().join("hover.waypoints");
     fs::write(
@@ -282,7 +284,7 @@ fn a_mission_that_hovers_is_checked_and_flown() {
         .success();
     let printed = String::from_utf8_lossy(&check.get_output().stdout).into_owned();
     assert!(
-        printed.contains("a mission of a waypoint over 0 m"),
+        printed.contains("mission with 1 waypoint, length 0 m"),
         "{printed}"
     );
     for engine in ["events", "actors"] {
@@ -301,9 +303,9 @@ fn a_mission_that_hovers_is_checked_and_flown() {
 }
 
 #[test]
-fn an_unchecked_run_says_so_wherever_a_checked_one_would_have_passed() {
+fn unchecked_run_is_marked_everywhere() {
     let folder = tempfile::tempdir().unwrap();
-    let report = json_of(folder.path(), &["--engine", "events", "--unchecked"]);
+    let report = json_report(folder.path(), &["--engine", "events", "--unchecked"]);
     assert_eq!(report["unchecked"], true);
     assert!(
         report["command"]
@@ -311,9 +313,9 @@ fn an_unchecked_run_says_so_wherever_a_checked_one_would_have_passed() {
             .unwrap()
             .ends_with(" --unchecked")
     );
-    let checked = json_of(folder.path(), &["--engine", "events"]);
+    let checked = json_report(folder.path(), &["--engine", "events"]);
     assert!(checked.get("unchecked").is_none());
-    assert_eq!(report["trace"], checked["trace"], "it is the same flight");
+    assert_eq!(report["trace"], checked["trace"], "the flight is the same");
     let run = muster(folder.path())
         .args([
             "sim",

@@ -1,4 +1,4 @@
-//! The comparison with the thesis, as a user and a program meet it.
+//! The command `muster thesis`.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 
-/// In a folder without scenarios: they are a part of the program.
+/// The command in a folder without scenarios, since they are built in.
 fn thesis(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::cargo_bin("muster").unwrap();
     command
@@ -19,7 +19,7 @@ fn thesis(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// What is printed without arguments.
+/// Output of the command without arguments.
 fn printed() -> &'static str {
     static PRINTED: LazyLock<String> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -30,7 +30,7 @@ fn printed() -> &'static str {
 }
 
 #[test]
-fn all_experiments_are_flown_from_anywhere_and_written_where_a_run_would_be() {
+fn all_experiments_run_in_any_folder_and_write_to_the_default_folder() {
     let folder = tempfile::tempdir().unwrap();
     let run = thesis(folder.path(), &["--seed", "4", "--runs", "1"])
         .assert()
@@ -56,22 +56,22 @@ fn all_experiments_are_flown_from_anywhere_and_written_where_a_run_would_be() {
 }
 
 #[test]
-fn the_readme_shows_what_is_printed() {
+fn book_quotes_the_current_output() {
     let printed = printed();
-    let readme = include_str!("../README.md");
-    let shown = readme.split("```text\n").skip(1).take(2);
+    let page = include_str!("../docs/src/performance/thesis.md");
+    let shown = page.split("```text\n").skip(1).take(2);
     let shown: Vec<_> = shown.map(|it| it.split("```").next().unwrap()).collect();
     assert!(printed.starts_with(shown[0]), "{printed}");
     assert!(printed.contains(shown[1]), "{printed}");
 }
 
 #[test]
-fn the_waits_that_are_printed_are_means_of_20_runs_and_near_the_thesiss() {
+fn mean_waits_of_20_runs_are_near_those_of_the_thesis() {
     let printed = printed();
     assert!(printed.contains("20 runs, seeds 1 to 20"), "{printed}");
     for (row, least_s, most_s) in [
-        ("ours, for all drones", 1.0, 1.6),
-        ("likewise, settling like the ancestor", 0.344, 0.516),
+        ("ours, waiting for all drones", 1.0, 1.6),
+        ("ours, neighbours + settling time", 0.344, 0.516),
     ] {
         let row = printed
             .lines()
@@ -87,26 +87,26 @@ fn the_waits_that_are_printed_are_means_of_20_runs_and_near_the_thesiss() {
 }
 
 #[test]
-fn after_the_highest_seed_comes_0() {
+fn seeds_wrap_around_from_the_highest_to_0() {
     let folder = tempfile::tempdir().unwrap();
     let highest = i64::MAX.to_string();
     let arguments = ["--seed", &highest, "--runs", "2", "--json"];
     let run = thesis(folder.path(), &arguments).assert().success();
-    let said: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
-    assert_eq!(said["waits_runs"]["seeds"], json!([i64::MAX, 0]));
+    let output: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    assert_eq!(output["waits_runs"]["seeds"], json!([i64::MAX, 0]));
 }
 
 #[test]
-fn json_is_one_object_with_the_keys_that_programs_rely_on() {
+fn json_is_one_object_with_stable_keys() {
     let folder = tempfile::tempdir().unwrap();
     let run = thesis(folder.path(), &["--runs", "2", "--json", "--out", "out"])
         .assert()
         .success();
-    let said: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
-    let kept = fs::read(folder.path().join("out/thesis.json")).unwrap();
-    assert_eq!(said, serde_json::from_slice::<Value>(&kept).unwrap());
-    assert_eq!(said["seed"], 1);
-    let experiments = said["experiments"].as_array().unwrap();
+    let output: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let written = fs::read(folder.path().join("out/thesis.json")).unwrap();
+    assert_eq!(output, serde_json::from_slice::<Value>(&written).unwrap());
+    assert_eq!(output["seed"], 1);
+    let experiments = output["experiments"].as_array().unwrap();
     assert_eq!(experiments.len(), 5);
     for experiment in experiments {
         for quantity in experiment["quantities"].as_array().unwrap() {
@@ -116,39 +116,39 @@ fn json_is_one_object_with_the_keys_that_programs_rely_on() {
         }
         assert!(experiment["report"]["trace"].is_string());
     }
-    assert_eq!(said["waits_runs"]["seeds"], json!([1, 2]));
-    assert_eq!(said["waits_runs"]["engine_after_first"], "events");
-    for whose in ["thesis", "strict", "neighbours", "settling"] {
-        assert!(said["waits"][whose]["mean_s"].is_number());
+    assert_eq!(output["waits_runs"]["seeds"], json!([1, 2]));
+    assert_eq!(output["waits_runs"]["engine_after_first"], "events");
+    for variant in ["thesis", "strict", "neighbours", "settling"] {
+        assert!(output["waits"][variant]["mean_s"].is_number());
     }
-    let ours = ["strict", "neighbours", "settling"].map(|whose| &said["waits"][whose]);
-    for wait in ours.into_iter().chain([&said["single_hop"]["ours"]]) {
+    let ours = ["strict", "neighbours", "settling"].map(|variant| &output["waits"][variant]);
+    for wait in ours.into_iter().chain([&output["single_hop"]["ours"]]) {
         for run in ["lowest_run_s", "highest_run_s"] {
             assert!(wait[run].is_number());
         }
     }
-    for whose in ["ancestor", "ours"] {
+    for source in ["ancestor", "ours"] {
         for wait in ["mean_s", "longest_s"] {
-            assert!(said["single_hop"][whose][wait].is_number());
+            assert!(output["single_hop"][source][wait].is_number());
         }
     }
 }
 
 #[test]
-fn what_can_not_be_used_is_refused_before_anything_is_flown() {
+fn unusable_arguments_are_refused_before_a_run() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("taken"), "mine").unwrap();
-    for (arguments, word) in [
+    for (arguments, expected) in [
         (&["--seed", "-1"][..], "is not a whole number from 0"),
-        (&["--seed", "one"], "`seed` is a whole number"),
+        (&["--seed", "one"], "`seed` takes a whole number"),
         (&["--runs", "0"], "0 is not in 1..=1000"),
         (&["--out", "taken"], "is not a folder"),
         (&["scenarios/thesis-1.toml"], "unexpected argument"),
     ] {
         let run = thesis(folder.path(), arguments).output().unwrap();
-        let said = String::from_utf8(run.stderr).unwrap();
-        assert_eq!(run.status.code(), Some(2), "{arguments:?}: {said}");
-        assert!(said.contains(word), "{arguments:?}: {said}");
+        let output = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(2), "{arguments:?}: {output}");
+        assert!(output.contains(expected), "{arguments:?}: {output}");
         assert!(run.stdout.is_empty());
         assert!(!folder.path().join("runs").exists());
     }

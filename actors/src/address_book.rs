@@ -9,9 +9,9 @@ use thiserror::Error;
 
 use crate::seat::Message;
 
-/// Where the five actors of one drone are to be found, and how much may wait for each.
+/// References to a drone's five actors, with a limit on queued messages.
 ///
-/// An actor's own mailbox takes any number of messages, so admission happens here, before anything is cast.
+/// ractor's mailboxes are unbounded, so messages are admitted here before they are cast.
 #[derive(Debug, Clone)]
 pub struct AddressBook {
     entries: Arc<[Mutex<Option<Entry>>; 5]>,
@@ -24,24 +24,24 @@ struct Entry {
     waiting: Arc<AtomicUsize>,
 }
 
-/// Why a message was not handed to an actor; it is dropped.
+/// A message was not sent to an actor, and dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub enum Refused {
+pub enum CastError {
     /// The actor is not running.
     #[error("the {0} actor is not running")]
     Down(Address),
-    /// As many messages wait for it as may.
-    #[error("{waiting} messages wait for the {address} actor already")]
+    /// The actor's queue is full.
+    #[error("the queue of the {address} actor is full, with {waiting} messages")]
     Full {
-        /// Which actor.
+        /// The actor.
         address: Address,
-        /// How many wait.
+        /// Messages in its queue.
         waiting: usize,
     },
 }
 
 impl AddressBook {
-    /// An empty book; at most `waiting_max` messages are to wait for any actor.
+    /// An empty book. At most `waiting_max` messages may wait for each actor.
     #[must_use]
     pub fn new(waiting_max: usize) -> Self {
         Self {
@@ -50,41 +50,41 @@ impl AddressBook {
         }
     }
 
-    /// Hands a message to an actor.
+    /// Sends a message to an actor.
     ///
     /// # Errors
-    /// When the actor is down or has too much to do already; the message is dropped.
-    pub fn cast(&self, address: Address, message: Message) -> Result<(), Refused> {
+    /// If the actor is down or its queue is full; the message is dropped.
+    pub fn cast(&self, address: Address, message: Message) -> Result<(), CastError> {
         let entry = self.entry(address);
         let Some(entry) = &*entry else {
-            return Err(Refused::Down(address));
+            return Err(CastError::Down(address));
         };
         let waiting = entry.waiting.fetch_add(1, Ordering::Relaxed);
         if waiting >= self.waiting_max {
             entry.waiting.fetch_sub(1, Ordering::Relaxed);
-            return Err(Refused::Full { address, waiting });
+            return Err(CastError::Full { address, waiting });
         }
         entry
             .actor
             .cast(message)
-            .map_err(|_| Refused::Down(address))
+            .map_err(|_| CastError::Down(address))
     }
 
-    /// How many messages may wait for any actor.
+    /// The most messages that may wait for each actor.
     #[must_use]
     pub const fn waiting_max(&self) -> usize {
         self.waiting_max
     }
 
-    /// How many messages wait for an actor; nothing for one that is not running.
+    /// Messages in an actor's queue. `None` if the actor is not running.
     #[must_use]
     pub fn waiting(&self, address: Address) -> Option<usize> {
         let entry = self.entry(address);
         Some(entry.as_ref()?.waiting.load(Ordering::Relaxed))
     }
 
-    /// Enters an actor in the place of the one before; `waiting` is what it takes one from for each message.
-    pub(crate) fn enter(
+    /// Registers an actor and replaces the previous one. The actor decrements `waiting` for each message it handles.
+    pub(crate) fn register(
         &self,
         address: Address,
         actor: ActorRef<Message>,
@@ -93,8 +93,8 @@ impl AddressBook {
         *self.entry(address) = Some(Entry { actor, waiting });
     }
 
-    /// Strikes an actor out; which one it was.
-    pub(crate) fn strike_out(&self, id: ActorId) -> Option<Address> {
+    /// Removes an actor by its id and returns its address. `None` if it is not registered.
+    pub(crate) fn remove_by_id(&self, id: ActorId) -> Option<Address> {
         Address::ALL.into_iter().find(|address| {
             self.entry(*address)
                 .take_if(|entry| entry.actor.get_id() == id)
@@ -102,7 +102,7 @@ impl AddressBook {
         })
     }
 
-    /// Removes the actor at an address, and returns it.
+    /// Removes and returns the actor at an address. `None` if there is none.
     pub(crate) fn remove(&self, address: Address) -> Option<ActorRef<Message>> {
         Some(self.entry(address).take()?.actor)
     }

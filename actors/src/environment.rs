@@ -2,29 +2,29 @@ use muster_machines::node::{Address, Checkpoints, StepOutput};
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 
-/// All that a drone's actors have of the world: its clock, its random source, its journal, its timers, the way to
-/// each other, to the transport and to the vehicle, and whoever watches.
+/// A drone's connections to its world: clock, random seeds, journal, timers, message delivery, transport, vehicle and
+/// observers.
 ///
-/// A simulation and an aircraft differ in nothing but this.
+/// It is the only difference between a simulation and an aircraft.
 pub trait Environment: Send + Sync + 'static {
-    /// What time it is.
+    /// The current time.
     fn now(&self) -> Timestamp;
 
-    /// What a newly built machine draws its lots from.
+    /// The random seed of the next machine that is built.
     fn seed(&self) -> u64;
 
-    /// What outlived the machines before.
+    /// The newest checkpoints, which machines are rebuilt from.
     fn checkpoints(&self) -> Checkpoints;
 
-    /// Does what a step asks for, in order, and sets the machine's one timer; the reaction's memory is used again.
+    /// Executes a step's effects in order, and sets the machine's timer. Leaves `output` empty, for its memory is reused.
     fn carry_out(&self, from: Address, output: &mut StepOutput);
 
-    /// An actor failed: what it was told and is still waiting is dropped, its timer too; then the verdict is carried
-    /// out. A restart is asked for, when its time has come, by [`SupervisorMessage::Restart`].
+    /// Called when an actor failed. Drops its queued messages and its timer, and executes the decision. A restart is due when
+    /// the back-off has passed: the environment then sends [`SupervisorMessage::Restart`].
     ///
     /// [`SupervisorMessage::Restart`]: crate::SupervisorMessage::Restart
     fn failed(&self, address: Address, decision: RestartDecision);
 
-    /// An actor is about to be built anew, or for the first time.
+    /// Called before an actor is started or restarted.
     fn starting(&self, address: Address);
 }

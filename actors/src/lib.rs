@@ -1,15 +1,14 @@
-//! One drone as a supervision tree: five thin actors, each with one machine in its seat, and their supervisor.
+//! A drone as a supervision tree: five actors, each of which runs one node state machine, and their supervisor.
 //!
-//! An actor's handler reads the clock of its [`Environment`], steps its machine and hands over what came of it.
-//! Nothing about the protocol is decided here, and no actor asks the operating system or the asynchronous runtime
-//! for the time.
+//! A handler reads its [`Environment`]'s clock, steps its machine and passes the output on. Actors decide nothing about the
+//! protocol, and never read the time of the operating system or of the asynchronous runtime.
 
 mod address_book;
 mod environment;
 mod seat;
 mod supervisor;
 
-pub use address_book::{AddressBook, Refused};
+pub use address_book::{AddressBook, CastError};
 pub use environment::Environment;
 pub use seat::{InjectedCrash, Message, Stall};
 pub use supervisor::{Drone, DroneConfig, SupervisorMessage};

@@ -9,18 +9,18 @@ use ractor::{Actor, ActorProcessingErr, ActorRef};
 
 use crate::environment::Environment;
 
-/// What one of the five actors is told.
+/// A message to one of the five actors.
 #[derive(Debug)]
 pub enum Message {
     /// Step the machine.
     Step(Stimulus<Envelope>),
-    /// A fault plan's: panic now.
+    /// Injected fault: panic.
     Crash,
-    /// A fault plan's: do nothing until this is over.
+    /// Injected fault: handle no message until the stall ends.
     Stall(Stall),
 }
 
-/// For how long an actor does nothing.
+/// A future that an actor awaits to simulate a hang.
 pub struct Stall(pub Pin<Box<dyn Future<Output = ()> + Send>>);
 
 impl fmt::Debug for Stall {
@@ -29,14 +29,14 @@ impl fmt::Debug for Stall {
     }
 }
 
-/// What a fault plan makes an actor panic with; no panic hook is called for it.
+/// Panic payload of an injected crash. No panic hook is called for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct InjectedCrash;
 
-/// The actor that all five are: it has a machine in its seat and steps it.
+/// The actor type of all five actors: it steps its machine.
 pub(crate) struct Seat;
 
-/// What an actor is started with.
+/// Arguments of an actor's start.
 pub(crate) struct SeatConfig {
     pub(crate) address: Address,
     pub(crate) blueprint: Arc<Blueprint>,
@@ -44,14 +44,14 @@ pub(crate) struct SeatConfig {
     pub(crate) waiting: Arc<AtomicUsize>,
 }
 
-/// What an actor has.
-pub(crate) struct Occupied {
+/// An actor's state.
+pub(crate) struct SeatState {
     config: SeatConfig,
     machine: NodeMachine,
     output: StepOutput,
 }
 
-impl Occupied {
+impl SeatState {
     fn step(&mut self, stimulus: Stimulus<Envelope>) {
         let environment = &self.config.environment;
         self.machine
@@ -62,14 +62,14 @@ impl Occupied {
 
 impl Actor for Seat {
     type Msg = Message;
-    type State = Occupied;
+    type State = SeatState;
     type Arguments = SeatConfig;
 
     async fn pre_start(
         &self,
         _myself: ActorRef<Message>,
         config: SeatConfig,
-    ) -> Result<Occupied, ActorProcessingErr> {
+    ) -> Result<SeatState, ActorProcessingErr> {
         let environment = &config.environment;
         environment.starting(config.address);
         let machine = config.blueprint.build(
@@ -78,24 +78,24 @@ impl Actor for Seat {
             environment.now(),
             &environment.checkpoints(),
         );
-        let mut occupied = Occupied {
+        let mut state = SeatState {
             config,
             machine,
             output: StepOutput::default(),
         };
-        occupied.step(Stimulus::Timeout);
-        Ok(occupied)
+        state.step(Stimulus::Timeout);
+        Ok(state)
     }
 
     async fn handle(
         &self,
         _myself: ActorRef<Message>,
         message: Message,
-        occupied: &mut Occupied,
+        state: &mut SeatState,
     ) -> Result<(), ActorProcessingErr> {
-        occupied.config.waiting.fetch_sub(1, Ordering::Relaxed);
+        state.config.waiting.fetch_sub(1, Ordering::Relaxed);
         match message {
-            Message::Step(stimulus) => occupied.step(stimulus),
+            Message::Step(stimulus) => state.step(stimulus),
             Message::Crash => std::panic::resume_unwind(Box::new(InjectedCrash)),
             Message::Stall(stall) => stall.0.await,
         }

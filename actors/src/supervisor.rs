@@ -9,91 +9,91 @@ use crate::address_book::AddressBook;
 use crate::environment::Environment;
 use crate::seat::{Seat, SeatConfig};
 
-/// One running drone: its supervisor and where its five actors are to be found.
+/// A running drone: its supervisor and references to its five actors.
 #[derive(Debug, Clone)]
 pub struct Drone {
     supervisor: ActorRef<SupervisorMessage>,
     book: AddressBook,
 }
 
-/// What a drone is started with.
+/// Configuration of a drone's actors.
 pub struct DroneConfig {
-    /// What its machines are built with.
+    /// Configuration of the machines.
     pub blueprint: Blueprint,
-    /// When failed actors are restarted and when that is given up.
+    /// Limits and back-off for restarts of failed actors.
     pub restarts: RestartLimits,
-    /// The most messages that wait for any of its actors.
+    /// The most messages that may wait for each actor.
     pub waiting_max: usize,
 }
 
-/// What a drone's supervisor is told.
+/// A message to a drone's supervisor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SupervisorMessage {
-    /// By the environment: the time of a restart has come.
+    /// From the environment: a restart's back-off has passed.
     Restart(Address),
-    /// By the environment: an actor does nothing any more.
-    Hangs(Address),
-    /// By the environment: the drone's process has started anew, as far as the world outside can see.
+    /// From the environment: an actor hangs.
+    Hung(Address),
+    /// From the environment: simulate a restart of the drone's process.
     Boot,
 }
 
 impl Drone {
-    /// Starts the supervisor and under it the five, in the order of [`Address::ALL`].
+    /// Starts the supervisor and its five actors, in the order of [`Address::ALL`].
     ///
     /// # Errors
-    /// When an actor can't be started; those before it are stopped.
+    /// If an actor can't be started; those before it are stopped.
     pub async fn start(
         config: DroneConfig,
         environment: Arc<dyn Environment>,
     ) -> Result<Self, SpawnErr> {
         let book = AddressBook::new(config.waiting_max);
-        let tree = Tree {
+        let state = SupervisorState {
             blueprint: Arc::new(config.blueprint),
             environment,
             book: book.clone(),
             supervision: Supervision::new(config.restarts),
             restarts: config.restarts,
         };
-        let (supervisor, _) = Actor::spawn(None, Supervisor, tree).await?;
+        let (supervisor, _) = Actor::spawn(None, Supervisor, state).await?;
         Ok(Self { supervisor, book })
     }
 
-    /// Where its five actors are to be found.
+    /// References to the five actors.
     #[must_use]
     pub const fn book(&self) -> &AddressBook {
         &self.book
     }
 
-    /// Tells its supervisor that the time of a restart has come.
+    /// Asks the supervisor to restart an actor.
     pub fn restart(&self, address: Address) {
-        // A supervisor that is gone has nothing left to restart.
+        // Fails only after the supervisor has stopped.
         let _ = self.supervisor.cast(SupervisorMessage::Restart(address));
     }
 
-    /// Tells its supervisor that an actor does nothing any more: it is killed, and counts as failed.
-    pub fn hangs(&self, address: Address) {
-        // A supervisor that is gone has nothing left to mend.
-        let _ = self.supervisor.cast(SupervisorMessage::Hangs(address));
+    /// Reports an actor that hangs: the supervisor kills it and counts it as failed.
+    pub fn report_hung(&self, address: Address) {
+        // Fails only after the supervisor has stopped.
+        let _ = self.supervisor.cast(SupervisorMessage::Hung(address));
     }
 
-    /// Stops the five, forgets how often they have failed, and starts them again, as a new process would.
+    /// Stops the five actors, resets the restart counter, and starts them again, as a new process would.
     pub fn boot(&self) {
-        // A supervisor that is gone has nothing left to start.
+        // Fails only after the supervisor has stopped.
         let _ = self.supervisor.cast(SupervisorMessage::Boot);
     }
 
-    /// Stops the five and the supervisor and waits until they are gone.
+    /// Stops the five actors and the supervisor, and waits for their end.
     pub async fn stop(&self) {
-        // It can only fail because the supervisor has stopped already.
+        // Fails only if the supervisor has stopped already.
         let _ = self.supervisor.stop_children_and_wait(None, None).await;
         let _ = self.supervisor.stop_and_wait(None, None).await;
     }
 }
 
-/// One for one: a failed actor is built anew from its checkpoints, the others go on.
+/// One-for-one supervision: a failed actor is rebuilt from its checkpoints, the others continue.
 struct Supervisor;
 
-struct Tree {
+struct SupervisorState {
     blueprint: Arc<Blueprint>,
     environment: Arc<dyn Environment>,
     book: AddressBook,
@@ -101,8 +101,8 @@ struct Tree {
     restarts: RestartLimits,
 }
 
-impl Tree {
-    async fn seat(
+impl SupervisorState {
+    async fn start_actor(
         &self,
         address: Address,
         supervisor: &ActorRef<SupervisorMessage>,
@@ -115,57 +115,57 @@ impl Tree {
             waiting: Arc::clone(&waiting),
         };
         let (actor, _) = Actor::spawn_linked(None, Seat, config, supervisor.get_cell()).await?;
-        self.book.enter(address, actor, waiting);
+        self.book.register(address, actor, waiting);
         Ok(())
     }
 
-    fn failed(&mut self, address: Address) {
-        let decision = self.supervision.failed(self.environment.now());
+    fn handle_failure(&mut self, address: Address) {
+        let decision = self.supervision.failed(self.environment.now(), address);
         self.environment.failed(address, decision);
     }
 }
 
 impl Actor for Supervisor {
     type Msg = SupervisorMessage;
-    type State = Tree;
-    type Arguments = Tree;
+    type State = SupervisorState;
+    type Arguments = SupervisorState;
 
     async fn pre_start(
         &self,
         myself: ActorRef<SupervisorMessage>,
-        tree: Tree,
-    ) -> Result<Tree, ActorProcessingErr> {
+        state: SupervisorState,
+    ) -> Result<SupervisorState, ActorProcessingErr> {
         for address in Address::ALL {
-            tree.seat(address, &myself).await?;
+            state.start_actor(address, &myself).await?;
         }
-        Ok(tree)
+        Ok(state)
     }
 
     async fn handle(
         &self,
         myself: ActorRef<SupervisorMessage>,
         message: SupervisorMessage,
-        tree: &mut Tree,
+        state: &mut SupervisorState,
     ) -> Result<(), ActorProcessingErr> {
         let addresses = match message {
             SupervisorMessage::Restart(address) => vec![address],
-            SupervisorMessage::Hangs(address) => {
-                if let Some(actor) = tree.book.remove(address) {
+            SupervisorMessage::Hung(address) => {
+                if let Some(actor) = state.book.remove(address) {
                     actor.kill();
-                    tree.failed(address);
+                    state.handle_failure(address);
                 }
                 Vec::new()
             }
             SupervisorMessage::Boot => {
                 myself.stop_children_and_wait(None, None).await;
-                tree.supervision = Supervision::new(tree.restarts);
+                state.supervision = Supervision::new(state.restarts);
                 Address::ALL.into()
             }
         };
         for address in addresses {
-            if tree.seat(address, &myself).await.is_err() {
-                // It failed again while it was built.
-                tree.failed(address);
+            if state.start_actor(address, &myself).await.is_err() {
+                // The actor failed while it was rebuilt.
+                state.handle_failure(address);
             }
         }
         Ok(())
@@ -175,16 +175,16 @@ impl Actor for Supervisor {
         &self,
         _myself: ActorRef<SupervisorMessage>,
         event: SupervisionEvent,
-        tree: &mut Tree,
+        state: &mut SupervisorState,
     ) -> Result<(), ActorProcessingErr> {
         match event {
             SupervisionEvent::ActorFailed(actor, _) => {
-                if let Some(address) = tree.book.strike_out(actor.get_id()) {
-                    tree.failed(address);
+                if let Some(address) = state.book.remove_by_id(actor.get_id()) {
+                    state.handle_failure(address);
                 }
             }
             SupervisionEvent::ActorTerminated(actor, ..) => {
-                tree.book.strike_out(actor.get_id());
+                state.book.remove_by_id(actor.get_id());
             }
             _ => {}
         }

@@ -1,7 +1,7 @@
-//! What a waypoint costs, by formation, radio and policy: `cargo bench --bench barriers`. Each cell flies the mission of
-//! `scenarios/barriers.toml` with many seeds and is held against the bounds that `tree` is to keep.
+//! Cost of a barrier by formation, radio and policy: `cargo bench --bench barriers`. Each combination runs the mission of
+//! `scenarios/barriers.toml` with many seeds and is compared with the bounds of policy `tree`.
 //!
-//! `-- --seeds 0..20 --only csma --parameters fast --jobs 2` flies less, or with another set of parameters.
+//! `-- --seeds 0..20 --only csma --parameters fast --jobs 2` runs fewer seeds and combinations, with another parameter set.
 
 #![expect(
     clippy::print_stdout,
@@ -19,7 +19,7 @@ use muster_scenarios::engine::{self, Engine};
 use muster_scenarios::report::{Barrier, Report};
 use muster_scenarios::scenario::{self, Override};
 
-/// A name and the fields that it stands for.
+/// A name with its fields.
 type Named = (&'static str, &'static [&'static str]);
 
 const FORMATIONS: [Named; 7] = [
@@ -119,30 +119,30 @@ const RADIOS: [Named; 7] = [
 
 const POLICIES: [&str; 2] = ["tree", "flood"];
 
-/// What came of all flights of a cell by one policy.
+/// Results of all runs of a combination under one policy.
 #[derive(Debug, Default)]
-struct Cell {
-    /// Waits at waypoints, in milliseconds, in rising order, each with its seed.
+struct Measured {
+    /// Barrier waits in milliseconds with their seeds, in ascending order.
     waits_ms: Vec<(f64, u64)>,
     hops: Vec<u16>,
     drones: usize,
     received: f64,
-    flights: u64,
+    runs: u64,
     elections: usize,
     over_budget: u64,
-    /// Seeds of flights that broke a rule or did not fly their mission to its end, each with what was wrong.
+    /// Seeds of runs with a violation, an election or an incomplete mission, with the reason.
     broken: Vec<(u64, String)>,
 }
 
-impl Cell {
-    fn take(&mut self, seed: u64, report: &Report) {
+impl Measured {
+    fn add(&mut self, seed: u64, report: &Report) {
         let wait = |it: &Barrier| (it.wait_s() * 1e3, seed);
         self.waits_ms.extend(report.barriers.iter().map(wait));
         self.hops
             .extend(report.drones.iter().filter_map(|it| it.hops).max());
         self.drones = report.drones.len();
         self.received += report.means.messages_received;
-        self.flights += 1;
+        self.runs += 1;
         self.elections += report.elections.len();
         let over_budget = report
             .dropped
@@ -165,7 +165,7 @@ impl Cell {
         }
     }
 
-    /// The wait that this share of all waits do not exceed.
+    /// The wait that this share of all waits does not exceed.
     fn quantile(&self, share: f64) -> f64 {
         let last = self.waits_ms.len().saturating_sub(1);
         #[expect(
@@ -178,7 +178,7 @@ impl Cell {
         self.waits_ms.get(at).map_or(f64::NAN, |wait| wait.0)
     }
 
-    /// The hops of the farthest drone, in the median flight.
+    /// Hops of the farthest drone in the median run.
     fn hops(&self) -> f64 {
         let mut hops = self.hops.clone();
         hops.sort_unstable();
@@ -198,7 +198,7 @@ impl Cell {
 
     #[expect(clippy::cast_precision_loss, reason = "small counts")]
     fn received(&self) -> f64 {
-        self.received / self.flights as f64
+        self.received / self.runs as f64
     }
 }
 
@@ -207,7 +207,7 @@ struct Arguments {
     only: Vec<String>,
     set: Vec<String>,
     jobs: usize,
-    /// Whether `flood` is flown too, to compare with.
+    /// Whether `flood` is run too, for comparison.
     compares: bool,
 }
 
@@ -242,7 +242,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
             "--parameters" => arguments.set.push(format!("protocol.parameters={value}")),
             "--jobs" => arguments.jobs = value.parse()?,
             _ => return Err(format!(
-                "unknown argument {word}; accepted: --seeds, --only, --set, --parameters, --jobs"
+                "unknown argument {word}; accepted: --seeds, --only, --set, --parameters, --jobs, --tree-only"
             )
             .into()),
         }
@@ -250,7 +250,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
     Ok(arguments)
 }
 
-fn fly(arguments: &Arguments, set: &[String]) -> Result<Cell, Box<dyn Error>> {
+fn fly(arguments: &Arguments, set: &[String]) -> Result<Measured, Box<dyn Error>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/barriers.toml");
     let set: Vec<Override> = set
         .iter()
@@ -284,12 +284,12 @@ fn fly(arguments: &Arguments, set: &[String]) -> Result<Cell, Box<dyn Error>> {
     });
     let mut reports = reports.into_inner()?;
     reports.sort_by_key(|it| it.0);
-    let mut cell = Cell::default();
+    let mut measured = Measured::default();
     for (seed, report) in reports {
-        cell.take(seed, &report?);
+        measured.add(seed, &report?);
     }
-    cell.waits_ms.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(cell)
+    measured.waits_ms.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(measured)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -299,59 +299,65 @@ fn main() -> Result<(), Box<dyn Error>> {
         ""
     );
     let mut missed = 0;
-    for (formation, place) in FORMATIONS {
-        for (radio, model) in RADIOS {
-            let name = format!("{formation}, {radio}");
-            if !arguments.only.is_empty()
-                && !arguments.only.iter().all(|it| name.contains(it.as_str()))
-            {
-                continue;
+    for formation in FORMATIONS {
+        for radio in RADIOS {
+            let name = format!("{}, {}", formation.0, radio.0);
+            if arguments.only.iter().all(|it| name.contains(it.as_str())) {
+                missed += usize::from(!measure(&arguments, formation, radio)?);
             }
-            let mut cells = Vec::new();
-            for policy in &POLICIES[..1 + usize::from(arguments.compares)] {
-                eprint!("\r  {name}, {policy} …\x1b[K");
-                let policy = format!("protocol.policy={policy}");
-                let set = place
-                    .iter()
-                    .chain(model)
-                    .map(|it| (*it).to_owned())
-                    .chain([policy])
-                    .collect::<Vec<_>>();
-                cells.push(fly(&arguments, &set)?);
-            }
-            eprint!("\r\x1b[K");
-            let tree = &cells[0];
-            let unbound = Cell::default();
-            let flood = cells.get(1).unwrap_or(&unbound);
-            let [p50_max, p99_max] = tree.bounds_ms();
-            let quantiles = [tree, flood].map(|it| [it.quantile(0.5), it.quantile(0.99)]);
-            let [[p50, p99], [flood_p50, flood_p99]] = quantiles;
-            let holds = p50 <= p50_max.min(flood_p50)
-                && p99 <= p99_max.min(flood_p99)
-                && (!arguments.compares || tree.received() <= flood.received() / 2.0)
-                && tree.elections == 0
-                && tree.over_budget == 0
-                && tree.broken.is_empty();
-            missed += usize::from(!holds);
-            println!(
-                "{formation:<14} {radio:<15} {:>4} {p50:>6.1} {p50_max:>6.0} {p99:>7.1} {p99_max:>7.0} {flood_p50:>9.1} \
-                 {flood_p99:>9.1} {:>7.0} {:>7.0} {:>5} {:>6} {:>7.1}: {} {}{}",
-                tree.hops(),
-                tree.received(),
-                flood.received(),
-                tree.elections,
-                tree.over_budget,
-                tree.waits_ms.last().map_or(f64::NAN, |it| it.0),
-                tree.waits_ms.last().map_or(0, |it| it.1),
-                tree.broken
-                    .iter()
-                    .take(3)
-                    .map(|it| format!("{}: {}; ", it.0, it.1))
-                    .collect::<String>(),
-                if holds { "" } else { "MISSED" },
-            );
         }
     }
-    println!("{missed} cells miss a bound");
+    println!("{missed} combinations miss a bound");
     Ok(())
+}
+
+/// Runs one combination and prints its line. Returns whether it meets all bounds.
+fn measure(
+    arguments: &Arguments,
+    (formation, formation_fields): Named,
+    (radio, radio_fields): Named,
+) -> Result<bool, Box<dyn Error>> {
+    let mut results = Vec::new();
+    for policy in &POLICIES[..1 + usize::from(arguments.compares)] {
+        eprint!("\r  {formation}, {radio}, {policy} …\x1b[K");
+        let policy = format!("protocol.policy={policy}");
+        let set = formation_fields
+            .iter()
+            .chain(radio_fields)
+            .map(|it| (*it).to_owned())
+            .chain([policy])
+            .collect::<Vec<_>>();
+        results.push(fly(arguments, &set)?);
+    }
+    eprint!("\r\x1b[K");
+    let tree = &results[0];
+    let not_measured = Measured::default();
+    let flood = results.get(1).unwrap_or(&not_measured);
+    let [p50_max, p99_max] = tree.bounds_ms();
+    let quantiles = [tree, flood].map(|it| [it.quantile(0.5), it.quantile(0.99)]);
+    let [[p50, p99], [flood_p50, flood_p99]] = quantiles;
+    let holds = p50 <= p50_max.min(flood_p50)
+        && p99 <= p99_max.min(flood_p99)
+        && (!arguments.compares || tree.received() <= flood.received() / 2.0)
+        && tree.elections == 0
+        && tree.over_budget == 0
+        && tree.broken.is_empty();
+    println!(
+        "{formation:<14} {radio:<15} {:>4} {p50:>6.1} {p50_max:>6.0} {p99:>7.1} {p99_max:>7.0} {flood_p50:>9.1} \
+         {flood_p99:>9.1} {:>7.0} {:>7.0} {:>5} {:>6} {:>7.1}: {} {}{}",
+        tree.hops(),
+        tree.received(),
+        flood.received(),
+        tree.elections,
+        tree.over_budget,
+        tree.waits_ms.last().map_or(f64::NAN, |it| it.0),
+        tree.waits_ms.last().map_or(0, |it| it.1),
+        tree.broken
+            .iter()
+            .take(3)
+            .map(|it| format!("{}: {}; ", it.0, it.1))
+            .collect::<String>(),
+        if holds { "" } else { "MISSED" },
+    );
+    Ok(holds)
 }

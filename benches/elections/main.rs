@@ -1,9 +1,8 @@
-//! How long processes are without a master whose own is killed: `cargo bench --bench elections`. Fifty kills of five
-//! processes, fifty of fifteen, in real time; and, where it is at hand, etcd tuned to 10 and 100 ms, in the same run.
-//! Takes a quarter of an hour.
+//! Time from the kill of the master to the next one: `cargo bench --bench elections`. Fifty kills with five processes and
+//! fifty with fifteen, in real time. If available, etcd tuned to 10 and 100 ms, in the same run. Takes 15 minutes.
 //!
-//! A virtual machine's processor that has nothing to do may be woken tens of milliseconds late, as its host pleases. So that
-//! this is not what is measured, all processors are kept from sleeping meanwhile, for these as for those.
+//! An idle processor of a virtual machine may wake up tens of milliseconds late. So all processors are kept busy during all
+//! measurements.
 
 #![expect(
     clippy::print_stdout,
@@ -18,20 +17,20 @@ use std::thread;
 
 use serde_json::Value;
 
-/// How often etcd's leader is killed; as often as a scenario's.
+/// Number of kills of etcd's leader, as in the scenarios.
 const KILLS: &str = "50";
 
 fn main() -> Result<(), Box<dyn Error>> {
-    if let Err(why) = keep_awake() {
+    if let Err(why) = keep_processors_busy() {
         println!("Processors may sleep: {why}.\n");
     }
     println!(
         "Milliseconds from SIGKILL of the master\n\n{:<24}{:>7}{:>32}{:>32}",
-        "", "", "until another leads", "until all agree"
+        "", "", "until a new leader", "until all agree"
     );
     println!(
         "{:<24}{:>7}{:>12}{:>10}{:>10}{:>12}{:>10}{:>10}",
-        "", "kills", "median", "99th", "most", "median", "99th", "most"
+        "", "kills", "median", "99th", "max", "median", "99th", "max"
     );
     let mut broken = vec![];
     for processes in [5, 15] {
@@ -47,22 +46,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     match etcd() {
         Ok((led, agreed)) => row("etcd, 3 nodes, 10/100", &led, &agreed),
-        Err(why) => println!("etcd is left out: {why}."),
+        Err(why) => println!("etcd is skipped: {why}."),
     }
     println!(
-        "\nProcesses: a scenario's faults, late by up to 5 ms, which counts; as their logs say it. etcd: as its nodes tell \
-         when they are asked every 2 ms."
+        "\nProcesses: measured from their logs, including up to 5 ms of delay of the injected fault. etcd: its nodes are \
+         polled every 2 ms."
     );
     if broken.is_empty() {
         return Ok(());
     }
-    Err(format!("not all went well:\n{}", broken.join("\n")).into())
+    Err(format!("runs with violations or errors:\n{}", broken.join("\n")).into())
 }
 
-/// Keeps each processor busy, as long as this program runs, with what gives way to anything else there is to do.
-fn keep_awake() -> Result<(), Box<dyn Error>> {
+/// Keeps each processor busy with a thread of idle priority, until this program ends.
+fn keep_processors_busy() -> Result<(), Box<dyn Error>> {
     for _ in 0..thread::available_parallelism()?.get() {
-        let gives_way = thread::spawn(|| {
+        let spawner = thread::spawn(|| {
             let thread = std::fs::read_link("/proc/thread-self")?;
             let id = thread.file_name().unwrap_or_default();
             let policy = Command::new("chrt")
@@ -71,7 +70,7 @@ fn keep_awake() -> Result<(), Box<dyn Error>> {
                 .stderr(Stdio::null())
                 .status();
             if !policy?.success() {
-                return Err(std::io::Error::other("chrt refuses"));
+                return Err(std::io::Error::other("chrt failed"));
             }
             thread::spawn(|| {
                 loop {
@@ -80,20 +79,20 @@ fn keep_awake() -> Result<(), Box<dyn Error>> {
             });
             Ok(())
         });
-        gives_way.join().map_err(|_| "a thread ended")??;
+        spawner.join().map_err(|_| "a thread ended")??;
     }
     Ok(())
 }
 
-/// What a flight came to.
+/// Result of one scenario.
 struct Flight {
     led: Times,
     agreed: Times,
-    /// What did not go as it should.
+    /// Violations and errors.
     broken: Vec<String>,
 }
 
-/// Of one kind of times: the median, the 99th percentile and the longest, and how many there are.
+/// Number of times with their median, 99th percentile and maximum.
 struct Times {
     count: usize,
     ms: [f64; 3],
@@ -119,7 +118,7 @@ fn row(name: &str, led: &Times, agreed: &Times) {
     println!("{name:<24}{count:>7}{a:>12.1}{b:>10.1}{c:>10.1}{d:>12.1}{e:>10.1}{f:>10.1}");
 }
 
-/// Flies so many processes whose master is killed again and again.
+/// Runs a scenario with so many processes that kills the master repeatedly.
 fn fly(processes: u32) -> Result<Flight, Box<dyn Error>> {
     let scenario = format!("scenarios/hardware/elections-{processes}.toml");
     let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("elections-{processes}"));
@@ -130,31 +129,31 @@ fn fly(processes: u32) -> Result<Flight, Box<dyn Error>> {
         .arg(&out)
         .output()?;
     let report: Value = serde_json::from_slice(&run.stdout).map_err(|_| {
-        let said = String::from_utf8_lossy(&run.stderr);
-        format!("{scenario} was not flown: {said}")
+        let error = String::from_utf8_lossy(&run.stderr);
+        format!("{scenario} failed: {error}")
     })?;
     let elections = report["elections"].as_array().ok_or("no elections")?;
     let times = |field: &str| Times::of_seconds(elections.iter().map(|it| it[field].as_f64()));
     let violations = report["violations"].as_array().ok_or("no violations")?;
-    let words = |it: &Value| format!("{scenario}, {} s: {}", it["at_s"], it["what"]);
-    let mut broken: Vec<_> = violations.iter().map(words).collect();
+    let describe = |it: &Value| format!("{scenario}, {} s: {}", it["at_s"], it["what"]);
+    let mut broken: Vec<_> = violations.iter().map(describe).collect();
     if !run.status.success() {
         broken.push(format!("{scenario} ended with {}", run.status));
     }
     Ok(Flight {
         broken,
-        led: times("led_after_s").ok_or("a swarm was left without a master")?,
-        agreed: times("settled_after_s").ok_or("a swarm did not agree")?,
+        led: times("led_after_s").ok_or("an election found no master")?,
+        agreed: times("settled_after_s").ok_or("an election found no agreed master")?,
     })
 }
 
-/// The same of etcd, by a program that is no part of this project.
+/// The same for etcd, measured by a program outside this project.
 fn etcd() -> Result<(Times, Times), Box<dyn Error>> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/peers");
     let folder = std::env::var_os("MUSTER_PEERS").map_or(beside, PathBuf::from);
     let program = folder.join("etcd_kill.py");
     if !program.is_file() {
-        return Err(format!("{} is not there", program.display()).into());
+        return Err(format!("{} does not exist", program.display()).into());
     }
     Command::new("etcd")
         .arg("--version")

@@ -1,20 +1,20 @@
-//! Hostile traffic during a mission: `cargo bench --bench hostile`, with another number of datagrams as in
-//! `cargo bench --bench hostile -- 100000`. Five processes fly; the one that leads is sent random bytes, truncated,
-//! replayed, oversized and forged frames as fast as this machine can.
+//! Hostile traffic during a mission: `cargo bench --bench hostile`, or `cargo bench --bench hostile -- 100000` for another
+//! number of datagrams. Five processes fly. The master receives random bytes and truncated, replayed, oversized and forged
+//! frames as fast as this machine can send them.
 
 #![allow(
     clippy::unwrap_used,
-    reason = "it measures what a test checks, with the same code, and ends where it can't"
+    reason = "it shares the code of a test, and stops if it can't measure"
 )]
 #![expect(clippy::print_stdout, reason = "this is a program that prints a table")]
 
 #[path = "../../tests/processes/attack.rs"]
 mod attack;
 #[path = "../../tests/processes/fleet.rs"]
-#[expect(dead_code, reason = "tests of processes use all of it")]
+#[expect(dead_code, reason = "the process tests use all of it")]
 mod fleet;
 #[path = "../../tests/processes/network.rs"]
-#[expect(dead_code, reason = "its drones are on one machine")]
+#[expect(dead_code, reason = "all drones run on one machine")]
 mod network;
 
 use std::process::ExitCode;
@@ -22,11 +22,11 @@ use std::time::Duration;
 
 use self::attack::Attack;
 
-/// How many datagrams are sent, unless another number is given.
+/// Default number of datagrams.
 const DATAGRAMS: u64 = 1_000_000;
-/// The least share of what the other drones say that is to get through.
+/// Minimum delivery ratio of the other drones' frames.
 const DELIVERY_MIN: f64 = 0.9;
-/// How much more memory the drone may hold than before, in KiB.
+/// Maximum growth of the drone's memory, in KiB.
 const MEMORY_MAX_KIB: u64 = 4_096;
 
 fn main() -> ExitCode {
@@ -40,40 +40,45 @@ fn main() -> ExitCode {
     for (kind, n) in outcome.sent {
         println!(" {kind:<26}{n:>12}");
     }
-    #[expect(clippy::cast_precision_loss, reason = "it is told in thousands")]
-    let rate = outcome.hostile() as f64 / outcome.lasted.as_secs_f64();
-    let lasted = outcome.lasted.as_secs_f64();
+    #[expect(clippy::cast_precision_loss, reason = "only the thousands are shown")]
+    let rate = outcome.hostile() as f64 / outcome.duration.as_secs_f64();
+    let lasted = outcome.duration.as_secs_f64();
     println!(
-        " {:<26}{:>12}   in {lasted:.1} s, {rate:.0} a second",
-        "together",
+        " {:<26}{:>12}   in {lasted:.1} s, {rate:.0} per second",
+        "total",
         outcome.hostile()
     );
     let (least, most) = (outcome.genuine.start(), outcome.genuine.end());
     println!(" {:<26}{:>12}   to {most}", "by the other drones", least);
 
-    println!("\n counted by it");
+    println!("\n counted by the master");
     for (reason, n) in outcome.counted.iter().filter(|(_, n)| **n > 0) {
         println!(" {:<26}{n:>12}", reason.replace('_', " "));
     }
-    println!(" {:<26}{:>12}", "let in", outcome.let_in);
-    println!(" {:<26}{:>12}", "together", outcome.accounted());
+    println!(" {:<26}{:>12}", "accepted", outcome.let_in);
+    println!(" {:<26}{:>12}", "total", outcome.accounted());
 
-    let [calm, fire] = outcome.delivery.map(|it| it * 100.0);
-    println!("\n delivery of what the others say: {calm:.1} % before, {fire:.1} % under fire");
+    let [before, during] = outcome.delivery.map(|it| it * 100.0);
+    println!(
+        "\n delivery ratio of the others' frames: {before:.1} % before, {during:.1} % during the attack"
+    );
     let [before, after] = outcome.memory_kib;
-    println!(" memory: {before} KiB before, at most {after} KiB until after it");
-    let is_first_epoch = |leader: &Vec<_>| leader.len() == 1;
+    println!(" memory: {before} KiB before, at most {after} KiB during and after it");
+    let is_first_epoch = |ballots: &Vec<_>| ballots.len() == 1;
     let checks = [
-        ("what was sent is what was counted", outcome.is_balanced()),
-        ("nothing hostile was let in", outcome.let_in <= *most),
+        ("all sent datagrams are counted", outcome.is_balanced()),
+        ("no hostile frame was accepted", outcome.let_in <= *most),
         (
-            "nothing hostile was leader",
-            outcome.leader.iter().all(is_first_epoch) && outcome.orders_refused == 0,
+            "no hostile order was followed",
+            outcome.ballots.iter().all(is_first_epoch) && outcome.orders_refused == 0,
         ),
-        ("the others were heard", outcome.delivery[1] >= DELIVERY_MIN),
-        ("memory stayed flat", after < before + MEMORY_MAX_KIB),
         (
-            "all five flew their mission",
+            "the others were received",
+            outcome.delivery[1] >= DELIVERY_MIN,
+        ),
+        ("memory did not grow", after < before + MEMORY_MAX_KIB),
+        (
+            "all five completed the mission",
             outcome.exit_codes == [Some(0); 5],
         ),
     ];

@@ -1,4 +1,4 @@
-//! Two drones that say the same to each other again and again, with all five actors of each, over UDP.
+//! Two drones with all actors that exchange the same payload over UDP.
 
 use std::error::Error;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -25,14 +25,14 @@ use muster_transport::udp::UdpTransport;
 use muster_transport::{Destination, Event, Transport};
 use tokio::sync::Notify;
 
-/// In bytes.
+/// Payload length, in bytes.
 pub(super) const PAYLOAD_LEN: usize = 64;
-/// With its header, at the most, and its signature.
+/// Maximum frame length: header, payload and signature.
 pub(super) const FRAME_LEN: usize = wire::HEADER_MAX + PAYLOAD_LEN + wire::AUTHENTICATOR_LEN;
 
 const IDS: [NodeId; 2] = [NodeId(0), NodeId(1)];
 
-/// One of the two.
+/// One of the two drones.
 pub(super) struct End {
     pub(super) id: NodeId,
     pub(super) authenticator: Arc<Ed25519Authenticator>,
@@ -40,23 +40,23 @@ pub(super) struct End {
     drone: Drone,
 }
 
-/// All that a drone's actors have.
+/// Environment of a drone's actors.
 struct World {
     id: NodeId,
     peer: NodeId,
-    began: Instant,
+    started: Instant,
     transport: Mutex<UdpTransport>,
     drone: OnceLock<Drone>,
     payload: Vec<u8>,
     ballot: Ballot,
-    /// Whether what comes is answered.
+    /// Whether received payloads are answered.
     answers: bool,
-    /// The routing has taken a frame in.
-    taken_in: Notify,
+    /// Notified when the routing has processed a frame.
+    processed: Notify,
 }
 
 impl End {
-    /// Two drones that have not flown; the second answers the first.
+    /// Two drones; the second answers the first.
     pub(super) async fn pair(folder: &Path) -> Result<[Self; 2], Box<dyn Error>> {
         let fleet_folder = folder.join("fleet");
         let fleet = Fleet::create(&fleet_folder)?;
@@ -82,10 +82,6 @@ impl End {
         own: SocketAddr,
         other: SocketAddr,
     ) -> Result<Self, Box<dyn Error>> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let path = root.join("scenarios/hardware/swarm-short.toml");
-        let scenario = scenario::load(&path, &[])?;
-        let blueprint = scenario.plan.blueprint(SwarmId(1), id);
         let config = sockets::Config {
             id,
             bind: own,
@@ -93,14 +89,14 @@ impl End {
             interface: None,
             datagram_max: wire::DATAGRAM_MAX,
         };
-        let began = Instant::now();
-        let transport = UdpTransport::open(config, Arc::new(move || timestamp(began)))?;
-        let waiting = transport.waiting()?;
+        let started = Instant::now();
+        let transport = UdpTransport::open(config, Arc::new(move || timestamp(started)))?;
+        let waiting = transport.readiness()?;
         let peer = NodeId(1 - id.0);
         let world = Arc::new(World {
             id,
             peer,
-            began,
+            started,
             transport: Mutex::new(transport),
             drone: OnceLock::new(),
             payload: payload(),
@@ -110,29 +106,14 @@ impl End {
                 master: IDS[0],
             },
             answers: id == IDS[1],
-            taken_in: Notify::new(),
+            processed: Notify::new(),
         });
-        let actors = DroneConfig {
-            blueprint: Blueprint {
-                authenticator: Arc::clone(&authenticator) as _,
-                radio: radio::Config {
-                    budget: Budget {
-                        interval: Duration::from_nanos(1),
-                        burst: 1_000,
-                    },
-                    ..blueprint.radio.clone()
-                },
-                ..blueprint
-            },
-            restarts: scenario.plan.limits.restarts,
-            waiting_max: 1_000,
-        };
         let environment = Arc::clone(&world) as _;
-        let drone = Drone::start(actors, environment).await?;
+        let drone = Drone::start(config_of(id, &authenticator)?, environment).await?;
         let _ = world.drone.set(drone.clone());
         let listener = Arc::clone(&world);
         tokio::spawn(async move {
-            // All is taken each time.
+            // `drain` takes all datagrams each time.
             while waiting.datagrams(|| listener.drain()).await.is_ok() {}
         });
         Ok(Self {
@@ -143,10 +124,10 @@ impl End {
         })
     }
 
-    /// Says something to the other, and waits until its answer was taken in.
+    /// Sends a payload and waits until its answer is processed.
     pub(super) async fn round_trip(&mut self) {
-        self.world.speak();
-        self.world.taken_in.notified().await;
+        self.world.send_payload();
+        self.world.processed.notified().await;
     }
 
     pub(super) async fn stop(self) {
@@ -156,11 +137,13 @@ impl End {
 
 impl World {
     fn transport(&self) -> MutexGuard<'_, UdpTransport> {
-        self.transport.lock().expect("nobody panics meanwhile")
+        self.transport
+            .lock()
+            .expect("no thread panics with the lock")
     }
 
-    /// Lets the radio say it.
-    fn speak(&self) {
+    /// Sends the payload through the radio.
+    fn send_payload(&self) {
         self.cast(Envelope::Radio(radio::Input::Send {
             to: Some(self.peer),
             ballot: self.ballot,
@@ -174,11 +157,11 @@ impl World {
             let address = envelope.address();
             let message = Message::Step(Stimulus::Input(envelope));
             let cast = drone.book().cast(address, message);
-            cast.expect("its actors run and have little to do");
+            cast.expect("its actors run and have empty mailboxes");
         }
     }
 
-    /// Takes in what has come; whether that was all.
+    /// Passes all received datagrams to the radio. Returns whether none is left.
     fn drain(&self) -> bool {
         loop {
             let event = self.transport().poll_event();
@@ -199,7 +182,7 @@ impl World {
 
 impl Environment for World {
     fn now(&self) -> Timestamp {
-        timestamp(self.began)
+        timestamp(self.started)
     }
 
     fn seed(&self) -> u64 {
@@ -210,17 +193,17 @@ impl Environment for World {
         Checkpoints::default()
     }
 
-    /// What the routing would say by itself is left out: it would be measured, too.
+    /// Ignores the routing's own frames, which would distort the measurement.
     fn carry_out(&self, from: Address, output: &mut StepOutput) {
         for effect in output.effects.drain(..) {
             match effect {
                 Effect::Send { to, frame, .. } => {
                     let to = to.map_or(Destination::Broadcast, Destination::To);
                     let sent = self.transport().send(Timestamp::ZERO, self.id, to, &frame);
-                    sent.expect("it is a frame of its own");
+                    sent.expect("the frame is valid");
                 }
                 Effect::Locate { sender, source } => self.transport().learn(sender, source),
-                Effect::Post(envelope @ Envelope::Routing(routing::Input::Heard { .. })) => {
+                Effect::Post(envelope @ Envelope::Routing(routing::Input::Received { .. })) => {
                     self.cast(envelope);
                 }
                 _ => {}
@@ -228,25 +211,51 @@ impl Environment for World {
         }
         if from == Address::Routing && self.drone.get().is_some() {
             if self.answers {
-                self.speak();
+                self.send_payload();
             } else {
-                self.taken_in.notify_one();
+                self.processed.notify_one();
             }
         }
     }
 
-    fn failed(&self, address: Address, _verdict: RestartDecision) {
-        unreachable!("nothing makes the {address} actor fail");
+    fn failed(&self, address: Address, _decision: RestartDecision) {
+        unreachable!("the {address} actor failed without a fault");
     }
 
     fn starting(&self, _address: Address) {}
 }
 
-fn timestamp(began: Instant) -> Timestamp {
-    Timestamp::ZERO + began.elapsed()
+/// Configuration of a drone's actors, with a send budget that does not limit the measurement.
+fn config_of(
+    id: NodeId,
+    authenticator: &Arc<Ed25519Authenticator>,
+) -> Result<DroneConfig, Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = root.join("scenarios/hardware/swarm-short.toml");
+    let scenario = scenario::load(&path, &[])?;
+    let blueprint = scenario.plan.blueprint(SwarmId(1), id);
+    Ok(DroneConfig {
+        blueprint: Blueprint {
+            authenticator: Arc::clone(authenticator) as _,
+            radio: radio::Config {
+                budget: Budget {
+                    interval: Duration::from_nanos(1),
+                    burst: 1_000,
+                },
+                ..blueprint.radio.clone()
+            },
+            ..blueprint
+        },
+        restarts: scenario.plan.limits.restarts,
+        waiting_max: 1_000,
+    })
 }
 
-/// What a drone of policy `tree` says, of 64 bytes: an order makes it as long as that.
+fn timestamp(started: Instant) -> Timestamp {
+    Timestamp::ZERO + started.elapsed()
+}
+
+/// A payload of policy `tree` with an order that fills it to [`PAYLOAD_LEN`].
 fn payload() -> Vec<u8> {
     let with_order = |len: usize| {
         let own = NodeSet::from(0..1);
@@ -259,7 +268,7 @@ fn payload() -> Vec<u8> {
     };
     let mut lengths = (1..PAYLOAD_LEN).map(with_order);
     let payload = lengths.find(|payload| payload.len() == PAYLOAD_LEN);
-    payload.expect("a byte more of an order is a byte more")
+    payload.expect("each byte of the order adds one byte")
 }
 
 fn authenticator(

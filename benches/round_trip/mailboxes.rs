@@ -1,4 +1,4 @@
-//! As many mailboxes as a round trip goes through, of actors that do nothing but hand on.
+//! As many mailboxes as in a round trip, of actors that only forward.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -6,35 +6,35 @@ use std::sync::Arc;
 use ractor::{Actor, ActorProcessingErr, ActorRef};
 use tokio::sync::Notify;
 
-/// A payload goes to its drone's radio, and at the other end to the radio and to the routing; and back.
-const HANDED_ON: usize = 6;
+/// Mailboxes of a round trip: the sender's radio, the receiver's radio and routing; and back.
+const MAILBOXES: usize = 6;
 
-/// A row of actors, the last of which tells that a message has come through.
+/// A chain of actors; the last one notifies.
 pub(super) struct Mailboxes {
-    first: ActorRef<HandOn>,
-    came_through: Arc<Notify>,
+    first: ActorRef<Forward>,
+    finished: Arc<Notify>,
 }
 
-/// What is handed on, boxed as a drone's messages are.
+/// The forwarded message, boxed like a drone's messages.
 #[derive(Debug)]
-struct HandOn;
+struct Forward;
 
-/// To whom an actor hands on.
+/// Where an actor forwards to.
 enum Next {
-    Actor(ActorRef<HandOn>),
-    Nobody(Arc<Notify>),
+    Actor(ActorRef<Forward>),
+    End(Arc<Notify>),
 }
 
 struct Mailbox;
 
 impl Actor for Mailbox {
-    type Msg = HandOn;
+    type Msg = Forward;
     type State = Next;
     type Arguments = Next;
 
     async fn pre_start(
         &self,
-        _myself: ActorRef<HandOn>,
+        _myself: ActorRef<Forward>,
         next: Next,
     ) -> Result<Next, ActorProcessingErr> {
         Ok(next)
@@ -42,36 +42,33 @@ impl Actor for Mailbox {
 
     async fn handle(
         &self,
-        _myself: ActorRef<HandOn>,
-        message: HandOn,
+        _myself: ActorRef<Forward>,
+        message: Forward,
         next: &mut Next,
     ) -> Result<(), ActorProcessingErr> {
         match next {
             Next::Actor(next) => next.cast(message)?,
-            Next::Nobody(came_through) => came_through.notify_one(),
+            Next::End(finished) => finished.notify_one(),
         }
         Ok(())
     }
 }
 
 impl Mailboxes {
-    /// Starts them; they run as long as their runtime.
+    /// Starts the actors; they run until the runtime ends.
     pub(super) async fn open() -> Result<Self, Box<dyn Error>> {
-        let came_through = Arc::new(Notify::new());
-        let mut next = Next::Nobody(Arc::clone(&came_through));
-        for _ in 1..HANDED_ON {
+        let finished = Arc::new(Notify::new());
+        let mut next = Next::End(Arc::clone(&finished));
+        for _ in 1..MAILBOXES {
             next = Next::Actor(Actor::spawn(None, Mailbox, next).await?.0);
         }
         let (first, _) = Actor::spawn(None, Mailbox, next).await?;
-        Ok(Self {
-            first,
-            came_through,
-        })
+        Ok(Self { first, finished })
     }
 
-    /// Hands a message to the first and waits until it has come through.
+    /// Sends a message to the first actor and waits until the last one has received it.
     pub(super) async fn round_trip(&self) {
-        self.first.cast(HandOn).expect("it runs");
-        self.came_through.notified().await;
+        self.first.cast(Forward).expect("it runs");
+        self.finished.notified().await;
     }
 }

@@ -1,7 +1,8 @@
-//! What the way through radio and routing costs: `cargo bench --bench round_trip`. A payload goes from one drone to
-//! another and back, over UDP on the loopback interface: signed, checked, taken in by the routing, answered. Beside it the
-//! same number of bytes over two bare sockets of tokio, what signing and checking cost by themselves, and what it costs to
-//! hand as many messages to actors that do nothing; all on one thread, in one run.
+//! Round-trip time through radio and routing: `cargo bench --bench round_trip`. A payload goes from one drone to another
+//! and back over UDP on the loopback interface: signed, verified, processed by the routing and answered.
+//!
+//! For comparison: the same bytes over two plain tokio sockets, signing and verification alone, and the same number of
+//! messages through empty actors. All on one thread, in one run.
 
 #![expect(clippy::print_stdout, reason = "this is a program that prints a table")]
 
@@ -19,12 +20,12 @@ use tokio::net::UdpSocket;
 use self::ends::{End, FRAME_LEN, PAYLOAD_LEN};
 use self::mailboxes::Mailboxes;
 
-/// Round trips before any is measured: links are as they stay by then.
+/// Round trips before the measurement, so that the link tables are stable.
 const WARM_UP: u32 = 1_000;
-/// Round trips that are measured.
+/// Measured round trips.
 const MEASURED: u32 = 20_000;
-/// So many round trips of one kind are measured in a row, so that what else the machine does befalls all kinds.
-const IN_A_ROW: u32 = 500;
+/// Round trips of one kind in a row. The kinds alternate, so that other load on the machine affects all of them.
+const BLOCK: u32 = 500;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -35,17 +36,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     runtime.block_on(measure(&mut near, &far))?;
     let allocated = allocation_counter::measure(|| {
         runtime.block_on(async {
-            for _ in 0..IN_A_ROW {
+            for _ in 0..BLOCK {
                 near.round_trip().await;
             }
         });
     });
-    let frames = 2.0 * f64::from(IN_A_ROW);
+    let frames = 2.0 * f64::from(BLOCK);
     println!(
-        "Allocations a frame, from what its sender says to what its receiver's routing has made of it: {:.2}, of {:.0} \
-         bytes together.",
-        figure(allocated.count_total) / frames,
-        figure(allocated.bytes_total) / frames
+        "Allocations per frame, from the sender's routing to the receiver's routing: {:.2}, of {:.0} bytes in total.",
+        to_f64(allocated.count_total) / frames,
+        to_f64(allocated.bytes_total) / frames
     );
     runtime.block_on(async {
         near.stop().await;
@@ -54,51 +54,48 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "there are not that many")]
-const fn figure(count: u64) -> f64 {
+#[expect(clippy::cast_precision_loss, reason = "the counts are far below 2^52")]
+const fn to_f64(count: u64) -> f64 {
     count as f64
 }
 
 async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
-    let bare = Bare::open().await?;
+    let bare = PlainSockets::open().await?;
     let mailboxes = Mailboxes::open().await?;
     for _ in 0..WARM_UP {
         near.round_trip().await;
         mailboxes.round_trip().await;
         bare.round_trip().await?;
     }
-    let (mut ours, mut theirs, mut handing) = (vec![], vec![], vec![]);
-    let (mut signing, mut checking) = (vec![], vec![]);
+    let (mut ours, mut plain_times, mut mailbox_times) = (vec![], vec![], vec![]);
+    let (mut signing, mut verifying) = (vec![], vec![]);
     let covered = [7; FRAME_LEN];
-    for _ in 0..MEASURED / IN_A_ROW {
-        for _ in 0..IN_A_ROW {
+    for _ in 0..MEASURED / BLOCK {
+        for _ in 0..BLOCK {
             ours.push(timed(near.round_trip()).await);
         }
-        for _ in 0..IN_A_ROW {
-            theirs.push(timed(bare.round_trip()).await);
+        for _ in 0..BLOCK {
+            plain_times.push(timed(bare.round_trip()).await);
         }
-        for _ in 0..IN_A_ROW {
-            handing.push(timed(mailboxes.round_trip()).await);
+        for _ in 0..BLOCK {
+            mailbox_times.push(timed(mailboxes.round_trip()).await);
         }
-        for _ in 0..IN_A_ROW {
-            let began = Instant::now();
+        for _ in 0..BLOCK {
+            let started = Instant::now();
             let signature = near.authenticator.sign(&covered);
             let signed = Instant::now();
-            let is_right = far.authenticator.verify(near.id, &covered, &signature);
-            checking.push(signed.elapsed());
-            signing.push(signed - began);
-            assert!(is_right, "what one signs the other believes");
+            let is_valid = far.authenticator.verify(near.id, &covered, &signature);
+            verifying.push(signed.elapsed());
+            signing.push(signed - started);
+            assert!(is_valid, "the signature is valid");
         }
     }
     let rows = [
-        ("radio and routing, there and back", median_and_99th(ours)),
-        ("bare tokio UDP, there and back", median_and_99th(theirs)),
-        ("one signing", median_and_99th(signing)),
-        ("one checking", median_and_99th(checking)),
-        (
-            "six mailboxes, one after the other",
-            median_and_99th(handing),
-        ),
+        ("radio and routing, round trip", median_and_99th(ours)),
+        ("plain tokio UDP, round trip", median_and_99th(plain_times)),
+        ("signing", median_and_99th(signing)),
+        ("verification", median_and_99th(verifying)),
+        ("six mailboxes in sequence", median_and_99th(mailbox_times)),
     ];
     println!(
         "A payload of {PAYLOAD_LEN} bytes in a frame of {FRAME_LEN}, microseconds\n\n{:<36}{:>10}{:>10}",
@@ -107,12 +104,12 @@ async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
     for (name, [median, most]) in rows {
         println!("{name:<36}{median:>10.1}{most:>10.1}");
     }
-    let [ours, bare, signing, checking, mailboxes] = rows.map(|(_, [median, _])| median);
-    let cryptography = 2.0 * (signing + checking);
+    let [ours, bare, signing, verifying, mailboxes] = rows.map(|(_, [median, _])| median);
+    let cryptography = 2.0 * (signing + verifying);
     let bound = 2.5 * bare + cryptography;
     println!(
-        "\n2.5 bare round trips, two signings and two checkings: {bound:.1}; the median above is {:.2} of that.\nBeside \
-         signing and checking it takes {:.1}, of which the bare round trip and the mailboxes are {:.1}.",
+        "\nBound (2.5 plain round trips, two signings, two verifications): {bound:.1}; the median is {:.2} of it.\nWithout \
+         signing and verification: {:.1}, of which plain round trip and mailboxes take {:.1}.",
         ours / bound,
         ours - cryptography,
         bare + mailboxes
@@ -120,11 +117,11 @@ async fn measure(near: &mut End, far: &End) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// How long something takes, in time of the wall.
+/// Wall-clock duration of a future.
 async fn timed<T>(what: impl Future<Output = T>) -> Duration {
-    let began = Instant::now();
+    let started = Instant::now();
     what.await;
-    began.elapsed()
+    started.elapsed()
 }
 
 /// The median and the 99th percentile, in microseconds.
@@ -133,13 +130,13 @@ fn median_and_99th(mut times: Vec<Duration>) -> [f64; 2] {
     [50, 99].map(|percent| times[(times.len() - 1) * percent / 100].as_secs_f64() * 1e6)
 }
 
-/// Two sockets, one of which sends back what comes.
-struct Bare {
+/// A plain socket, and another one that echoes.
+struct PlainSockets {
     near: UdpSocket,
     far: SocketAddr,
 }
 
-impl Bare {
+impl PlainSockets {
     async fn open() -> Result<Self, Box<dyn Error>> {
         let near = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).await?;
         let far = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).await?;

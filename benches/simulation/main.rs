@@ -1,8 +1,7 @@
-//! What flying in simulation costs: `cargo bench`. Ours and, where they are at hand, others that do the like, in one run
-//! on one machine; then how what a drone costs grows with its swarm.
+//! Cost of the simulation: `cargo bench`. Compares it with other simulators, if available, in one run on one machine. Then
+//! shows how the cost per drone grows with the swarm.
 //!
-//! Each figure is taken in a process of its own: its processor time while a scenario is flown, read and reported apart,
-//! and the most memory that it held.
+//! Each figure is measured in a separate process: processor time of the run without loading and reporting, and peak memory.
 
 #![expect(
     clippy::print_stdout,
@@ -21,96 +20,96 @@ use muster_scenarios::engine::{self, Engine};
 use muster_scenarios::report::{Scaling, scaling};
 use muster_scenarios::scenario::{self, Override};
 
-/// What this program is told to measure one run in this process.
+/// Argument that measures one scenario in this process.
 const MEASURE: &str = "--measure";
-/// How such a process is told to fly: with all rules checked, with none, or with none and by the supervision tree.
+/// Modes of such a process: with rule checks, without, or without and on the actors engine.
 const CHECKED: &str = "checked";
 const UNCHECKED: &str = "unchecked";
 const ACTORS: &str = "actors";
-/// The sizes of the last table.
+/// Swarm sizes of the last table.
 const SIZES: [u32; 8] = [10, 15, 30, 100, 300, 1_000, 3_000, 10_000];
-/// Between which of them the growth is said.
+/// Two sizes between which the growth is printed.
 const GROWTH: [u32; 2] = [15, 10_000];
-/// How often each run is measured, the peers' too; the fastest counts.
+/// Repetitions of each measurement, also of the peers; the fastest counts.
 const TIMES: usize = 3;
-/// A scenario is flown again and again until the flights took as much together: the first few milliseconds of a process say
-/// little of what follows. In seconds of processor time.
-const LONG_S: f64 = 0.3;
+/// Minimum processor time of a measurement, in seconds. A scenario is repeated until then, because the first milliseconds
+/// of a process are not representative.
+const MEASUREMENT_MIN_S: f64 = 0.3;
 
-/// What one run cost.
+/// Cost of one run.
 #[derive(Debug, Clone, Copy)]
 struct Cost {
-    /// Seconds of processor time.
+    /// Processor time, in seconds.
     cpu_s: f64,
-    /// Simulated seconds, all drones together.
+    /// Simulated seconds of all drones.
     drone_s: f64,
     drones: u32,
-    /// KiB, at the most.
+    /// Peak memory, in KiB.
     memory_kib: f64,
-    /// Frames that the drones took in, all together.
-    heard: f64,
+    /// Frames received by all drones.
+    received: f64,
 }
 
 impl Cost {
-    /// Simulated seconds of a drone in a second of processor time.
+    /// Simulated drone-seconds per second of processor time.
     fn pace(&self) -> f64 {
         self.drone_s / self.cpu_s
     }
 
-    /// Microseconds of processor time a second of a drone.
+    /// Microseconds of processor time per drone-second.
     fn cpu_us(&self) -> f64 {
         self.cpu_s / self.drone_s * 1e6
     }
 
-    /// Frames that a drone takes in in a second.
-    fn heard_a_s(&self) -> f64 {
-        self.heard / self.drone_s
+    /// Frames received per drone-second.
+    fn received_per_s(&self) -> f64 {
+        self.received / self.drone_s
     }
 }
 
-/// What is flown: a file and what is set in it.
-struct Flown {
+/// A measured scenario: a file and its overrides.
+struct Measured {
     name: &'static str,
-    /// As the peers' programs call it: how many drones, and how they stand.
-    like: Option<(u32, &'static str)>,
+    /// Arguments of the peers' programs: number of drones and geometry; `None` if there is no equivalent.
+    peer: Option<(u32, &'static str)>,
     file: &'static str,
     set: &'static [&'static str],
 }
 
-const FLOWN: [Flown; 6] = [
-    Flown {
+const MEASURED: [Measured; 6] = [
+    Measured {
         name: "15 in line, flood, 200 ms",
-        like: Some((15, "line")),
+        peer: Some((15, "line")),
         file: "line-15-flood.toml",
         set: &[],
     },
-    Flown {
+    Measured {
         name: "15 in line, tree",
-        like: None,
+        peer: None,
         file: "line-15-tree.toml",
         set: &[],
     },
-    Flown {
+    Measured {
         name: "grid of 100, tree, 200 ms",
-        like: Some((100, "grid")),
+        peer: Some((100, "grid")),
         file: "grid-1000.toml",
         set: &["formation.drones=100", "protocol.heartbeat_ms=200"],
     },
-    Flown {
+    Measured {
         name: "grid of 100, tree",
-        like: None,
+        peer: None,
         file: "grid-1000.toml",
         set: &["formation.drones=100"],
     },
-    Flown {
+    Measured {
         name: "grid of 1,000, tree, 200 ms",
-        like: Some((1_000, "grid")),
+        peer: Some((1_000, "grid")),
         file: "grid-1000.toml",
         set: &["protocol.heartbeat_ms=200"],
     },
-    Flown {
+    Measured {
         name: "grid of 1,000, tree",
-        like: None,
+        peer: None,
         file: "grid-1000.toml",
         set: &[],
     },
@@ -122,14 +121,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         return measure(&arguments[at + 1..]);
     }
     compare()?;
-    fly_actors()?;
-    grow()
+    measure_actors()?;
+    measure_growth()
 }
 
-/// Flies a scenario in this process, more than once if it is short, and prints what one flight cost.
+/// Runs a scenario in this process, repeatedly if it is short, and prints the cost of one run.
 fn measure(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     let [mode, file, set @ ..] = arguments else {
-        return Err("nothing to measure".into());
+        return Err("missing arguments; accepted: MODE FILE [KEY=VALUE…]".into());
     };
     let set: Vec<Override> = set.iter().map(|it| it.parse()).collect::<Result<_, _>>()?;
     let mut scenario = scenario::load(Path::new(file), &set)?;
@@ -140,44 +139,44 @@ fn measure(arguments: &[String]) -> Result<(), Box<dyn Error>> {
         _ => Engine::Events,
     };
     let before_s = cpu_s()?;
-    let mut flights = 0.0;
+    let mut runs = 0.0;
     let (report, spent_s) = loop {
         let (report, _) = engine::run(&scenario, engine, None)?;
-        flights += 1.0;
+        runs += 1.0;
         let spent_s = cpu_s()? - before_s;
-        if spent_s >= LONG_S {
+        if spent_s >= MEASUREMENT_MIN_S {
             break (report, spent_s);
         }
     };
     if !report.violations.is_empty() || !report.mission_completed {
-        return Err(format!("{file} was not flown to its end").into());
+        return Err(format!("{file}: mission not completed or a rule broken").into());
     }
-    let heard: u64 = report.drones.iter().map(|it| it.messages_received).sum();
+    let received: u64 = report.drones.iter().map(|it| it.messages_received).sum();
     println!(
-        "{} {} {drones} {} {heard}",
-        spent_s / flights,
+        "{} {} {drones} {} {received}",
+        spent_s / runs,
         report.simulated_s,
         memory_kib()?
     );
     Ok(())
 }
 
-/// The processor time of this process's only busy thread so far, in seconds.
+/// Processor time of this process's main thread so far, in seconds.
 fn cpu_s() -> Result<f64, Box<dyn Error>> {
     let schedstat = fs::read_to_string("/proc/self/schedstat")?;
     let nanos: f64 = schedstat.split(' ').next().unwrap_or_default().parse()?;
     Ok(nanos / 1e9)
 }
 
-/// The most memory that this process has held, in KiB.
+/// Peak memory of this process, in KiB.
 fn memory_kib() -> Result<f64, Box<dyn Error>> {
     let status = fs::read_to_string("/proc/self/status")?;
-    let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let most = most.and_then(|line| line.split_whitespace().next());
-    Ok(most.ok_or("no VmHWM in /proc/self/status")?.parse()?)
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let peak = peak.and_then(|line| line.split_whitespace().next());
+    Ok(peak.ok_or("no VmHWM in /proc/self/status")?.parse()?)
 }
 
-/// What a run costs that is made by a process of its own.
+/// Cost of a run, measured in a separate process.
 fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut best: Option<Cost> = None;
@@ -195,7 +194,7 @@ fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
             .split_whitespace()
             .map(str::parse)
             .collect::<Result<_, _>>()?;
-        let [cpu_s, simulated_s, drones, memory_kib, heard] = numbers[..] else {
+        let [cpu_s, simulated_s, drones, memory_kib, received] = numbers[..] else {
             return Err(format!("not a measurement: {text}").into());
         };
         let cost = Cost {
@@ -203,34 +202,36 @@ fn cost(file: &str, set: &[&str], mode: &str) -> Result<Cost, Box<dyn Error>> {
             drone_s: simulated_s * drones,
             drones: text.split_whitespace().nth(2).unwrap_or_default().parse()?,
             memory_kib,
-            heard,
+            received,
         };
         if best.is_none_or(|best| cost.cpu_s < best.cpu_s) {
             best = Some(cost);
         }
     }
-    best.ok_or_else(|| "nothing was measured".into())
+    best.ok_or_else(|| "no measurement was made".into())
 }
 
 fn compare() -> Result<(), Box<dyn Error>> {
-    let peers = peers::ready();
-    println!("\nSimulated seconds of a drone in a second of processor time, on one core\n");
+    let peers = peers::prepare();
+    println!("\nSimulated drone-seconds per second of processor time, on one core\n");
     println!(
         "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}{:>16}",
-        "", "unchecked", "checked", "KiB/drone", "gradysim", "simulacra", "of simulacra's"
+        "", "unchecked", "checked", "KiB/drone", "gradysim", "simulacra", "vs simulacra"
     );
-    for flown in &FLOWN {
-        eprint!("\r  measuring {} …\x1b[K", flown.name);
-        let unchecked = cost(flown.file, flown.set, UNCHECKED)?;
-        let checked = cost(flown.file, flown.set, CHECKED)?;
-        let of_peers = flown.like.map(|(drones, shape)| peers.paces(drones, shape));
+    for measured in &MEASURED {
+        eprint!("\r  measuring {} …\x1b[K", measured.name);
+        let unchecked = cost(measured.file, measured.set, UNCHECKED)?;
+        let checked = cost(measured.file, measured.set, CHECKED)?;
+        let of_peers = measured
+            .peer
+            .map(|(drones, shape)| peers.paces(drones, shape));
         let [gradysim, simulacra] = of_peers.unwrap_or_default();
         let share = simulacra.map(|simulacra| unchecked.pace() / simulacra);
-        let [gradysim, simulacra] = [gradysim, simulacra].map(or_nothing);
+        let [gradysim, simulacra] = [gradysim, simulacra].map(or_dash);
         eprint!("\r\x1b[K");
         println!(
             "{:<30}{:>12}{:>12}{:>10}{:>12}{:>12}{:>16}",
-            flown.name,
+            measured.name,
             whole(unchecked.pace()),
             whole(checked.pace()),
             whole(unchecked.memory_kib / f64::from(unchecked.drones)),
@@ -240,31 +241,32 @@ fn compare() -> Result<(), Box<dyn Error>> {
         );
     }
     println!(
-        "\nEvery drone of the peers' says 64 bytes each 200 ms, as ours do in the rows with 200 ms; simulacra is a bare\n\
-         kernel of events, without places, losses or anything that a swarm does."
+        "\nEach drone of the peers sends 64 bytes every 200 ms, like ours in the rows with 200 ms. simulacra is an event\n\
+         kernel only: no positions, no losses, no swarm protocol."
     );
     Ok(())
 }
 
-/// What the supervision tree costs where nobody awaits it: a thousand drones in virtual time.
-fn fly_actors() -> Result<(), Box<dyn Error>> {
+/// Measures the actors engine: a thousand drones in virtual time.
+fn measure_actors() -> Result<(), Box<dyn Error>> {
     eprint!("\r  measuring the actors …\x1b[K");
     let cost = cost("grid-1000.toml", &[], ACTORS)?;
     eprint!("\r\x1b[K");
     println!(
-        "\nThe grid of 1,000 by the actors, no rules checked: {} a second, {:.1} times faster than real time",
+        "\nGrid of 1,000 on the actors engine, rule checks off: {} drone-seconds per second, {:.1} times faster than \
+         real time",
         whole(cost.pace()),
         cost.pace() / f64::from(cost.drones)
     );
     Ok(())
 }
 
-/// How what a drone costs grows with its swarm.
-fn grow() -> Result<(), Box<dyn Error>> {
-    println!("\nPolicy tree in a grid, no rules checked\n");
+/// Measures the cost per drone by swarm size.
+fn measure_growth() -> Result<(), Box<dyn Error>> {
+    println!("\nPolicy tree in a grid, rule checks off\n");
     println!(
         "{:>8}{:>16}{:>18}{:>18}{:>14}{:>12}",
-        "drones", "drone-s/CPU-s", "µs a drone-s", "heard a drone-s", "KiB a drone", "MiB"
+        "drones", "drone-s/CPU-s", "µs/drone-s", "frames/drone-s", "KiB/drone", "MiB"
     );
     let mut costs = Vec::new();
     for drones in SIZES {
@@ -276,7 +278,7 @@ fn grow() -> Result<(), Box<dyn Error>> {
             "{drones:>8}{:>16}{:>18.1}{:>18.1}{:>14.1}{:>12.1}",
             whole(cost.pace()),
             cost.cpu_us(),
-            cost.heard_a_s(),
+            cost.received_per_s(),
             cost.memory_kib / f64::from(drones),
             cost.memory_kib / 1_024.0
         );
@@ -297,31 +299,31 @@ fn grow() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Says how much more a drone costs in the largest of these swarms than in a small one, in a grid and in line.
+/// Prints the growth of the cost per drone from a small grid and from a line to the largest grid.
 fn print_growth(costs: &[Cost]) -> Result<(), Box<dyn Error>> {
     let line = cost("line-15-tree.toml", &[], UNCHECKED)?;
     let of = |drones: u32| costs.iter().find(|cost| cost.drones == drones);
     let [Some(small), Some(large)] = GROWTH.map(of) else {
-        return Err("a size between which the growth is said was not measured".into());
+        return Err("a size of GROWTH is not in SIZES".into());
     };
     for (from, cost) in [("grid", small), ("line", &line)] {
         println!(
-            "\nFrom {} in a {from} to {} in a grid a second of a drone costs {:.1} times as much; it hears {:.1} times as \
-             many frames.",
+            "\nFrom {} in a {from} to {} in a grid: {:.1} times the processor time per drone-second, {:.1} times the \
+             frames received.",
             cost.drones,
             whole(f64::from(large.drones)),
             large.cpu_us() / cost.cpu_us(),
-            large.heard_a_s() / cost.heard_a_s()
+            large.received_per_s() / cost.received_per_s()
         );
     }
     Ok(())
 }
 
-fn or_nothing(pace: Option<f64>) -> String {
+fn or_dash(pace: Option<f64>) -> String {
     pace.map_or_else(|| "–".to_owned(), whole)
 }
 
-/// A whole number with its thousands apart.
+/// A whole number with thousands separators.
 fn whole(value: f64) -> String {
     let digits = format!("{value:.0}");
     let mut text = String::new();

@@ -1,5 +1,5 @@
-//! What others do that simulate swarms: gradysim, from PyPI, and simulacra, from crates.io. Their programs for the same
-//! scene are no part of this project; they are looked for beside it, or where `MUSTER_PEERS` says.
+//! Other simulators: gradysim from PyPI and simulacra from crates.io. The programs that use them are outside this project,
+//! in `../shared/peers` or the folder `MUSTER_PEERS`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,20 +9,20 @@ use serde_json::Value;
 
 use super::TIMES;
 
-/// The peers that are there.
+/// The available peers.
 pub(super) struct Peers {
     gradysim: Option<(PathBuf, PathBuf)>,
     simulacra: Option<PathBuf>,
 }
 
-/// Gets the peers ready, as far as they are to be had; says in a sentence what is not.
-pub(super) fn ready() -> Peers {
+/// Installs and builds the available peers; prints why one is skipped.
+pub(super) fn prepare() -> Peers {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/peers");
     let folder = std::env::var_os("MUSTER_PEERS").map_or(beside, PathBuf::from);
     let into = Path::new(env!("CARGO_TARGET_TMPDIR")).join("peers");
     if !folder.is_dir() {
         println!(
-            "There are no peers to compare with: {} is no folder. MUSTER_PEERS may name one.",
+            "No peers to compare with: {} is not a folder. Set MUSTER_PEERS to the folder of the peers.",
             folder.display()
         );
         return Peers {
@@ -31,40 +31,40 @@ pub(super) fn ready() -> Peers {
         };
     }
     Peers {
-        gradysim: told("gradysim", gradysim(&folder, &into)),
-        simulacra: told("simulacra", simulacra(&folder, &into)),
+        gradysim: or_skip("gradysim", gradysim(&folder, &into)),
+        simulacra: or_skip("simulacra", simulacra(&folder, &into)),
     }
 }
 
-fn told<T>(name: &str, ready: Result<T, String>) -> Option<T> {
+fn or_skip<T>(name: &str, ready: Result<T, String>) -> Option<T> {
     ready
-        .map_err(|why| println!("{name} is left out: {why}."))
+        .map_err(|why| println!("{name} is skipped: {why}."))
         .ok()
 }
 
-/// Python with gradysim, and the program.
+/// Installs gradysim; returns Python and the program.
 fn gradysim(folder: &Path, into: &Path) -> Result<(PathBuf, PathBuf), String> {
     let program = folder.join("gradysim_line.py");
     if !program.is_file() {
-        return Err(format!("{} is not there", program.display()));
+        return Err(format!("{} does not exist", program.display()));
     }
     let environment = into.join("venv");
     let python = environment.join("bin/python3");
-    let is_there = || succeeds(Command::new(&python).args(["-c", "import gradysim"]));
-    if is_there().is_err() {
+    let is_installed = || run_command(Command::new(&python).args(["-c", "import gradysim"]));
+    if is_installed().is_err() {
         eprintln!("  installing gradysim …");
-        succeeds(
+        run_command(
             Command::new("python3")
                 .args(["-m", "venv"])
                 .arg(&environment),
         )?;
-        succeeds(Command::new(&python).args(["-m", "pip", "install", "--quiet", "gradysim"]))?;
-        is_there()?;
+        run_command(Command::new(&python).args(["-m", "pip", "install", "--quiet", "gradysim"]))?;
+        is_installed()?;
     }
     Ok((python, program))
 }
 
-/// The built program.
+/// Builds simulacra's program; returns its path.
 fn simulacra(folder: &Path, into: &Path) -> Result<PathBuf, String> {
     let copy = into.join("simulacra");
     fs::create_dir_all(copy.join("src")).map_err(|error| error.to_string())?;
@@ -73,7 +73,7 @@ fn simulacra(folder: &Path, into: &Path) -> Result<PathBuf, String> {
         fs::copy(&from, copy.join(file))
             .map_err(|error| format!("{} can't be read: {error}", from.display()))?;
     }
-    // It is no member of the workspace that its copy lies in.
+    // Its own workspace, because the copy lies in the folder of another one.
     let manifest =
         fs::read_to_string(copy.join("Cargo.toml")).map_err(|error| error.to_string())?;
     fs::write(
@@ -83,7 +83,7 @@ fn simulacra(folder: &Path, into: &Path) -> Result<PathBuf, String> {
     .map_err(|error| error.to_string())?;
     eprintln!("  building simulacra …");
     let target = into.join("target");
-    succeeds(
+    run_command(
         Command::new(env!("CARGO"))
             .args(["build", "--release", "--quiet", "--manifest-path"])
             .arg(copy.join("Cargo.toml"))
@@ -93,7 +93,7 @@ fn simulacra(folder: &Path, into: &Path) -> Result<PathBuf, String> {
     Ok(target.join("release/simu"))
 }
 
-fn succeeds(command: &mut Command) -> Result<Vec<u8>, String> {
+fn run_command(command: &mut Command) -> Result<Vec<u8>, String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let output = command
         .output()
@@ -101,22 +101,17 @@ fn succeeds(command: &mut Command) -> Result<Vec<u8>, String> {
     if output.status.success() {
         return Ok(output.stdout);
     }
-    let complaint = String::from_utf8_lossy(&output.stderr);
-    let last = complaint
-        .lines()
-        .last()
-        .unwrap_or_default()
-        .trim()
-        .to_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let last = errors.lines().last().unwrap_or_default().trim().to_owned();
     Err(format!("{program} failed: {last}"))
 }
 
 impl Peers {
-    /// Simulated seconds of a drone in a second of processor time, of gradysim (with steps of 0.2 s, its faster way) and
-    /// of simulacra.
+    /// Simulated drone-seconds per second of processor time of gradysim (with steps of 0.2 s, its faster mode) and of
+    /// simulacra.
     pub(super) fn paces(&self, drones: u32, shape: &str) -> [Option<f64>; 2] {
         let number = drones.to_string();
-        // A quarter of a second of processor time at the least, the fastest of as many runs as of ours.
+        // At least a quarter of a second of processor time; the fastest of as many repetitions as ours.
         let seconds = |drone_seconds: u32| (drone_seconds / drones).max(3).to_string();
         let gradysim = self.gradysim.as_ref().and_then(|(python, program)| {
             let mut command = Command::new(python);
@@ -136,7 +131,7 @@ impl Peers {
 }
 
 fn pace(command: &mut Command) -> Option<f64> {
-    let output = succeeds(command).ok()?;
+    let output = run_command(command).ok()?;
     let measured: Value = serde_json::from_slice(&output).ok()?;
     measured.get("drone_s_per_s")?.as_f64()
 }

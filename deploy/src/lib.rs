@@ -1,4 +1,4 @@
-//! Fleets of drones: whoever starts a whole swarm of processes on one machine or many, and asks them what they do.
+//! Operation of whole fleets: flies a swarm of processes on one or many machines, and queries their status.
 
 pub mod status;
 pub mod swarm;

@@ -1,4 +1,4 @@
-//! Asks drones' processes what they are doing, and shows it.
+//! Queries the status of drones' processes and formats it as a table.
 
 mod ask;
 mod table;

@@ -1,5 +1,5 @@
-//! Writes the kept corpus of the targets that read bytes, from what drones say to each other in a flight: run it in
-//! `fuzz/` when the frame changes, as CONTRIBUTING.md says.
+//! Writes the corpus of the targets that decode frames, from the frames of simulated flights. Run it in `fuzz/` when the
+//! frame format changes; see CONTRIBUTING.md.
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -11,13 +11,13 @@ use muster_fuzz::{Drone, Op, scenarios, scratch};
 use muster_machines::identity::NodeId;
 use muster_machines::wire::{PacketKind, decode_frame};
 
-/// How far the clock goes between two looks at what drones have sent.
+/// Time step after which sent frames are delivered.
 const STEP: Duration = Duration::from_millis(40);
-/// For how long they fly.
+/// Duration of a flight.
 const FLIGHT: Duration = Duration::from_secs(120);
-/// How long a kept piece of a flight is, at the most, in bytes.
+/// The largest piece of a flight in the corpus, in bytes.
 const PIECE_MAX: usize = 1_500;
-/// How many pieces of each flight are kept, and how many frames.
+/// Pieces of each flight in the corpus, and half the number of frames.
 const KEPT: usize = 5;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -25,13 +25,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for target in ["frames", "drone", "lists"] {
         fs::create_dir_all(corpus.join(target))?;
     }
-    for (which, _) in scenarios().iter().enumerate() {
-        let (pieces, frames) = fly(which);
+    for (index, _) in scenarios().iter().enumerate() {
+        let (pieces, frames) = fly(index);
         for (nth, piece) in pieces.iter().enumerate() {
-            fs::write(corpus.join(format!("drone/flight-{which}-{nth}")), piece)?;
+            fs::write(corpus.join(format!("drone/flight-{index}-{nth}")), piece)?;
         }
         for (nth, frame) in frames.iter().enumerate() {
-            fs::write(corpus.join(format!("frames/flight-{which}-{nth}")), frame)?;
+            fs::write(corpus.join(format!("frames/flight-{index}-{nth}")), frame)?;
         }
     }
     for list in ["roster", "revoked"] {
@@ -41,9 +41,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Flies a scenario's drones, all of whom hear each other; pieces of what befell one of them, and frames of all sizes.
-fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
-    let scenario = &scenarios()[which];
+/// Flies a scenario's drones, all in range of each other. Returns pieces of one drone's input, and frames of different kinds
+/// and sizes.
+fn fly(index: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
+    let scenario = &scenarios()[index];
     let leader = scenario.plan.centre();
     let ids: Vec<_> = (0..scenario.plan.nodes().min(8)).map(NodeId).collect();
     let watched = ids.iter().position(|id| *id != leader).unwrap_or(0);
@@ -53,11 +54,11 @@ fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
         .collect();
     for (id, drone) in ids.iter().zip(&mut drones) {
         if *id == leader {
-            drone.happen(Op::Fly);
+            drone.apply(Op::Fly);
         }
     }
     let head = [
-        u8::try_from(which).unwrap_or(0),
+        u8::try_from(index).unwrap_or(0),
         u8::try_from(ids[watched].0).unwrap_or(0),
     ];
     let (mut pieces, mut frames) = (Vec::new(), Vec::new());
@@ -67,7 +68,7 @@ fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
     for step in 0..steps {
         drones
             .iter_mut()
-            .for_each(|drone| drone.happen(Op::Wait(STEP)));
+            .for_each(|drone| drone.apply(Op::Wait(STEP)));
         Op::Wait(STEP).write(&mut piece);
         let sent: Vec<_> = drones
             .iter_mut()
@@ -76,7 +77,7 @@ fn fly(which: usize) -> (Vec<Vec<u8>>, Vec<Vec<u8>>) {
         for (from, frames_of_one) in sent.iter().enumerate() {
             for frame in frames_of_one {
                 for (to, drone) in drones.iter_mut().enumerate().filter(|(to, _)| *to != from) {
-                    drone.happen(Op::Datagram(frame.clone()));
+                    drone.apply(Op::Datagram(frame.clone()));
                     if to == watched && piece.len() + frame.len() < PIECE_MAX {
                         Op::Datagram(frame.clone()).write(&mut piece);
                     }

@@ -4,10 +4,12 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use bytes::Bytes;
-use muster_machines::node::{Address, Blueprint, NodeMachine, Checkpoints, Effect, Envelope, StepOutput};
 use muster_machines::identity::{Ballot, NodeId};
 use muster_machines::machine::Stimulus;
 use muster_machines::mission::LandingReason;
+use muster_machines::node::{
+    Address, Blueprint, Checkpoints, Effect, Envelope, NodeMachine, StepOutput,
+};
 use muster_machines::radio::{Authenticator, IdealAuthenticator, Incarnations};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
@@ -18,29 +20,29 @@ use muster_scenarios::scenario::{self, Override, Scenario};
 
 use crate::SCENARIOS;
 
-/// What one thing that happens to a drone may bring about at the most, in messages between its machines.
+/// The most messages between a drone's machines that one event may cause.
 const MESSAGES_MAX: usize = 10_000;
 
-/// Something that happens to a drone.
+/// An event that a drone handles.
 #[derive(Debug, Clone)]
 pub enum Op {
-    /// These bytes come in.
+    /// The drone receives these bytes.
     Datagram(Bytes),
-    /// A frame comes in that a member has signed.
+    /// The drone receives a frame with a valid signature of a member.
     Frame(Header, Vec<u8>),
     /// Time passes.
     Wait(Duration),
-    /// Its operator tells it to fly.
+    /// The operator starts the flight.
     Fly,
-    /// Its operator calls it down.
+    /// The operator recalls the drone.
     ComeDown,
 }
 
 impl Op {
-    /// As [`ops`] reads it; only what a drone's neighbours and its clock do.
+    /// Encodes a datagram, a wait or a start of flight for [`decode_ops`].
     ///
     /// # Panics
-    /// When it is something else.
+    /// For any other event.
     pub fn write(&self, out: &mut Vec<u8>) {
         match self {
             Self::Datagram(bytes) => {
@@ -60,8 +62,8 @@ impl Op {
     }
 }
 
-/// What happens to a drone, as bytes tell it; whatever they are.
-pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
+/// Decodes events from any bytes.
+pub fn decode_ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
     let mut counter = 0;
     std::iter::from_fn(move || {
         let (kind, rest) = bytes.split_first()?;
@@ -98,7 +100,7 @@ pub fn ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
     })
 }
 
-/// A length of two bytes, and so many bytes, or as many as there are.
+/// Takes a length of two bytes, and that many bytes or as many as are left. `None` without a length.
 fn take_run(bytes: &mut &[u8]) -> Option<Bytes> {
     let (len, rest) = bytes.split_first_chunk()?;
     let len = usize::from(u16::from_le_bytes(*len)).min(rest.len());
@@ -107,7 +109,7 @@ fn take_run(bytes: &mut &[u8]) -> Option<Bytes> {
     Some(Bytes::copy_from_slice(run))
 }
 
-/// A scenario for each policy and protocol, with five drones and a relay or without.
+/// Scenarios with each policy and protocol, with and without a relay.
 pub fn scenarios() -> &'static [Scenario] {
     static ALL: OnceLock<Vec<Scenario>> = OnceLock::new();
     ALL.get_or_init(|| {
@@ -126,7 +128,7 @@ pub fn scenarios() -> &'static [Scenario] {
     })
 }
 
-/// A drone's five machines and its vehicle, with a clock that stands still.
+/// A drone's five machines and its vehicle, with a clock that advances only with [`Op::Wait`].
 pub struct Drone {
     id: NodeId,
     machines: Vec<NodeMachine>,
@@ -136,15 +138,15 @@ pub struct Drone {
     output: StepOutput,
     now: Timestamp,
     queue: VecDeque<Envelope>,
-    /// The frames that it has sent.
+    /// The frames that the drone has sent.
     pub sent: Vec<Bytes>,
 }
 
 impl Drone {
-    /// One drone of a scenario, on the ground; whether it believes nobody who has not signed its nonce.
-    pub fn new(scenario: &Scenario, id: NodeId, asks: bool) -> Self {
+    /// A drone of a scenario, on the ground. With `draws_incarnation` it trusts only senders that have signed its nonce.
+    pub fn new(scenario: &Scenario, id: NodeId, draws_incarnation: bool) -> Self {
         let mut blueprint: Blueprint = scenario.plan.blueprint(Plan::FIRST_SWARM, id);
-        if asks {
+        if draws_incarnation {
             blueprint.radio.incarnations = Incarnations::Drawn(1);
         }
         let now = Timestamp::ZERO;
@@ -168,8 +170,8 @@ impl Drone {
         drone
     }
 
-    /// Lets something happen to it.
-    pub fn happen(&mut self, op: Op) {
+    /// Handles an event and all messages that follow from it.
+    pub fn apply(&mut self, op: Op) {
         let received = |datagram| {
             Envelope::Radio(radio::Input::Received {
                 datagram,
@@ -182,13 +184,13 @@ impl Drone {
             Op::Frame(header, mut payload) => {
                 payload.truncate(PAYLOAD_MAX);
                 let mut frame = wire::encode_covered(&header, &payload, Vec::new());
-                let word = IdealAuthenticator.sign(&frame);
-                frame.extend_from_slice(&word);
+                let authenticator = IdealAuthenticator.sign(&frame);
+                frame.extend_from_slice(&authenticator);
                 received(frame.into())
             }
             Op::Wait(time) => return self.wait(time),
             Op::Fly => Envelope::Mission(mission::Input::Fly),
-            Op::ComeDown => Envelope::Mission(mission::Input::ComeDown(LandingReason::Recalled)),
+            Op::ComeDown => Envelope::Mission(mission::Input::Abort(LandingReason::Recalled)),
         };
         self.queue.push_back(envelope);
         self.run();
@@ -197,8 +199,17 @@ impl Drone {
     fn wait(&mut self, time: Duration) {
         let end = self.now + time;
         for _ in 0..MESSAGES_MAX {
-            let vehicle = self.vehicle.as_ref().and_then(SimulatedVehicle::next_timeout);
-            let next = self.deadlines.iter().flatten().copied().chain(vehicle).min();
+            let vehicle = self
+                .vehicle
+                .as_ref()
+                .and_then(SimulatedVehicle::next_timeout);
+            let next = self
+                .deadlines
+                .iter()
+                .flatten()
+                .copied()
+                .chain(vehicle)
+                .min();
             let Some(next) = next.filter(|next| *next <= end) else {
                 self.now = end;
                 return;
@@ -214,10 +225,10 @@ impl Drone {
                 .vehicle
                 .as_mut()
                 .and_then(|it| it.handle_timeout(self.now));
-            self.tell(telemetry);
+            self.queue_telemetry(telemetry);
             self.run();
         }
-        panic!("drone {} wakes for ever within {time:?}", self.id);
+        panic!("drone {} has timeouts without end within {time:?}", self.id);
     }
 
     fn run(&mut self) {
@@ -228,7 +239,7 @@ impl Drone {
             self.step(envelope.address(), Stimulus::Input(envelope));
         }
         panic!(
-            "the machines of drone {} talk to each other for ever",
+            "the machines of drone {} exchange messages without end",
             self.id
         );
     }
@@ -247,8 +258,11 @@ impl Drone {
                     self.sent.push(frame);
                 }
                 Effect::Command(command) => {
-                    let telemetry = self.vehicle.as_mut().and_then(|it| it.obey(self.now, command));
-                    self.tell(telemetry);
+                    let telemetry = self
+                        .vehicle
+                        .as_mut()
+                        .and_then(|it| it.execute(self.now, command));
+                    self.queue_telemetry(telemetry);
                 }
                 Effect::Keep(checkpoint) => {
                     self.checkpoints.keep(checkpoint);
@@ -258,7 +272,7 @@ impl Drone {
         }
     }
 
-    fn tell(&mut self, telemetry: Option<msp::Telemetry>) {
+    fn queue_telemetry(&mut self, telemetry: Option<msp::Telemetry>) {
         if let Some(telemetry) = telemetry {
             let input = Box::new(msp::Input::Telemetry(telemetry));
             self.queue.push_back(Envelope::Msp(input));

@@ -5,10 +5,10 @@ use std::sync::OnceLock;
 use muster_machines::identity::NodeId;
 use muster_runtime::identity::Fleet;
 
-/// The shipped scenarios.
+/// Folder of the shipped scenarios.
 pub const SCENARIOS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios");
 
-/// A folder of this process's own with all that a file may name: missions, a scenario, a fleet's keys.
+/// This process's temporary folder, with the files that a fuzzed file may name: missions, a scenario and a fleet's keys.
 pub fn scratch() -> &'static Path {
     static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
     SCRATCH.get_or_init(|| {
@@ -32,7 +32,7 @@ pub fn scratch() -> &'static Path {
     })
 }
 
-/// Hands over the path of a file with these bytes.
+/// Writes a file with these bytes and passes its path to `read`.
 pub fn with_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(&Path) -> T) -> T {
     let path = scratch().join(name);
     fs::write(&path, bytes).expect("a temporary file");

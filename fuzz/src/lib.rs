@@ -1,7 +1,7 @@
-//! What the fuzz targets share: a drone made of its five machines, and files for whatever reads files.
+//! Shared code of the fuzz targets: a drone of five machines, and temporary files for readers of files.
 
 mod drone;
 mod files;
 
-pub use drone::{Drone, Op, ops, scenarios};
+pub use drone::{Drone, Op, decode_ops, scenarios};
 pub use files::{SCENARIOS, scratch, with_file};

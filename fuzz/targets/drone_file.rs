@@ -1,4 +1,4 @@
-//! Drones' files: whatever one says, it is a drone that can be flown or refused with its place.
+//! Drone files: any bytes are a valid configuration or refused with an error that can be shown.
 
 use muster_daemon::config::DroneConfig;
 use muster_fuzz::with_file;

@@ -1,5 +1,4 @@
-//! Frames and all that they carry: whatever the bytes, they are read or refused, and what is read is written as it was
-//! meant.
+//! Frames and their payloads: any bytes are decoded or refused, and re-encoding keeps the decoded value.
 
 use muster_machines::wire;
 
@@ -8,10 +7,13 @@ pub(crate) fn run(bytes: &[u8]) {
     if let Ok(frame) = wire::decode_frame(bytes) {
         assert_eq!(sender, Some(frame.header.sender));
         read_payload(frame.payload);
-        let mut again = wire::encode_covered(&frame.header, frame.payload, Vec::new());
-        again.extend_from_slice(frame.authenticator);
-        let read = wire::decode_frame(&again).expect("what was written is read");
-        assert_eq!((read.header, read.payload), (frame.header, frame.payload));
+        let mut encoded = wire::encode_covered(&frame.header, frame.payload, Vec::new());
+        encoded.extend_from_slice(frame.authenticator);
+        let decoded = wire::decode_frame(&encoded).expect("an encoded frame is decoded");
+        assert_eq!(
+            (decoded.header, decoded.payload),
+            (frame.header, frame.payload)
+        );
     }
     read_payload(bytes);
 }
@@ -21,15 +23,15 @@ fn read_payload(payload: &[u8]) {
         assert!(words.len() < payload.len());
     }
     if let Ok(packet) = wire::decode_packet(payload) {
-        let again = wire::encode_packet(&packet);
-        assert_eq!(wire::decode_packet(&again).as_ref(), Ok(&packet));
+        let encoded = wire::encode_packet(&packet);
+        assert_eq!(wire::decode_packet(&encoded).as_ref(), Ok(&packet));
     }
     if let Some(packet) = wire::decode_radio_packet(payload) {
-        let again = wire::encode_radio_packet(&packet);
-        assert_eq!(wire::decode_radio_packet(&again), Some(packet));
+        let encoded = wire::encode_radio_packet(&packet);
+        assert_eq!(wire::decode_radio_packet(&encoded), Some(packet));
     }
     if let Ok(order) = wire::decode_order(payload) {
-        let again = wire::encode_order(&order);
-        assert_eq!(wire::decode_order(&again).as_ref(), Ok(&order));
+        let encoded = wire::encode_order(&order);
+        assert_eq!(wire::decode_order(&encoded).as_ref(), Ok(&order));
     }
 }

@@ -1,14 +1,14 @@
-//! Rosters and lists of the expelled, from files and off the air: whatever they say is refused, for nobody else has the
-//! fleet's key.
+//! Rosters and revocation lists, from files and from frames: any bytes are refused, for they are not signed by the fleet's
+//! key.
 
 use std::sync::OnceLock;
 
 use muster_fuzz::{scratch, with_file};
 use muster_machines::identity::NodeId;
 use muster_machines::radio::{Authenticator, Offer};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, RevocationList, FleetKey, Roster};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 
-/// Drone 2 of a fleet.
+/// The authenticator of drone 2 of a fleet.
 fn drone() -> &'static Ed25519Authenticator {
     static DRONE: OnceLock<Ed25519Authenticator> = OnceLock::new();
     DRONE.get_or_init(|| {

@@ -1,5 +1,5 @@
-//! One program for all that reads bytes from outside, so that what they share is built once: which of it is fuzzed is told
-//! by the name by which the program is called.
+//! One program for all fuzz targets, so that shared code is built once. The name by which the program is called selects the
+//! target.
 #![no_main]
 
 mod drone;
@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 
 use libfuzzer_sys::fuzz_target;
 
-/// What is done with some bytes.
+/// Runs a target on an input.
 type Target = fn(&[u8]);
 
 const TARGETS: [(&str, Target); 7] = [
@@ -29,11 +29,11 @@ const TARGETS: [(&str, Target); 7] = [
 ];
 
 fuzz_target!(|bytes: &[u8]| {
-    static CALLED: OnceLock<Target> = OnceLock::new();
-    CALLED.get_or_init(called)(bytes);
+    static TARGET: OnceLock<Target> = OnceLock::new();
+    TARGET.get_or_init(selected_target)(bytes);
 });
 
-fn called() -> Target {
+fn selected_target() -> Target {
     let program = std::env::args_os().next().unwrap_or_default();
     let name = Path::new(&program).file_name().unwrap_or_default();
     let target = TARGETS.into_iter().find(|(target, _)| name == *target);

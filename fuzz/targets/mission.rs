@@ -1,4 +1,4 @@
-//! Missions, in each format: whatever a file says, it is a route within its bounds or refused with its place.
+//! Mission files of each format: any text is a route within its limits, or refused with an error that can be shown.
 
 use std::path::Path;
 
@@ -12,8 +12,8 @@ pub(crate) fn run(bytes: &[u8]) {
         Ok(mission) => {
             let waypoints = mission.waypoints();
             assert!((1..=WAYPOINTS_MAX).contains(&waypoints.len()));
-            let is_low = |height: f64| height > 0.0 && height <= HEIGHT_MAX_M;
-            assert!(waypoints.iter().all(|it| is_low(it.altitude_m())));
+            let is_valid = |height: f64| height > 0.0 && height <= HEIGHT_MAX_M;
+            assert!(waypoints.iter().all(|it| is_valid(it.altitude_m())));
         }
         Err(error) => assert!(!error.rendered().is_empty()),
     }

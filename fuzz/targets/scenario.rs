@@ -1,9 +1,9 @@
-//! Scenario files: whatever one says, it is a scenario or refused with its place.
+//! Scenario files: any bytes are a scenario, or refused with an error that can be shown.
 
 use muster_fuzz::with_file;
 use muster_scenarios::scenario;
 
-/// Thousands of drones are assigned to their slots in seconds, which is not what is looked for here.
+/// The most digits of a number, to skip scenarios with thousands of drones: assigning their slots takes seconds.
 const DIGITS_MAX: usize = 3;
 
 pub(crate) fn run(bytes: &[u8]) {

@@ -1,4 +1,4 @@
-//! What people see when a file they gave can't be used.
+//! Errors in input files: message, excerpt with the place marked, and what is accepted.
 
 mod fields;
 mod toml_file;
@@ -9,22 +9,21 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 
-pub use fields::{Fields, accepted};
+pub use fields::accepted;
 use miette::{
     Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode, SourceSpan,
 };
-pub use toml_file::{Form, TomlFile};
+pub use toml_file::{FileFormat, TomlFile};
 
 /// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
 pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;
 
-/// The longest excerpt that an error shows, in bytes: three lines of a hundred and fifty. Of a file that a program
-/// wrote on one line nothing is shown, its line and column are told instead.
+/// The longest excerpt that an error shows, in bytes: three lines of 150. A longer one is replaced by line and column.
 const EXCERPT_MAX: usize = 450;
 
-/// A file that can't be used: what is wrong, in which file and where, and what would be accepted.
+/// An input file that can't be used: what is wrong, where, and what is accepted.
 ///
-/// Its `Display` names the file only when there is no excerpt; the excerpt's heading names it otherwise.
+/// `Display` names the file only if there is no excerpt, for the excerpt's heading names it.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.message)]
 pub struct BadInput(Box<Report>);
@@ -43,7 +42,7 @@ struct Excerpt {
 }
 
 impl BadInput {
-    /// Something wrong at `span`, in bytes, of the file's text. The file is shown under the path as given.
+    /// An error at `span` of the text, in bytes. The file is shown under `path` as given.
     ///
     /// Only the span's first line is underlined. A span outside of the text is moved to its end.
     #[must_use]
@@ -73,7 +72,7 @@ impl BadInput {
         }))
     }
 
-    /// Something wrong with the file as a whole, or with one that has no text to show.
+    /// An error in the file as a whole, or in a file without text.
     #[must_use]
     pub fn without_excerpt(
         path: &Path,
@@ -89,7 +88,7 @@ impl BadInput {
 }
 
 impl BadInput {
-    /// As it is shown on a terminal: the excerpt with what is wrong marked, and the help.
+    /// The error for a terminal: message, excerpt with the place marked, and help.
     #[must_use]
     pub fn rendered(&self) -> String {
         let mut text = String::new();
@@ -119,7 +118,7 @@ impl Diagnostic for BadInput {
     }
 }
 
-/// A text without what a terminal would obey: a key or the name of a file may hold any character.
+/// Escapes control characters, except line feeds, which a terminal would interpret.
 fn printable(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in text.chars() {
@@ -132,24 +131,22 @@ fn printable(text: &str) -> String {
     shown
 }
 
-/// The text of a file, without the byte order mark that some editors put before it.
-///
-/// Reads at most [`FILE_SIZE_MAX`] bytes.
+/// The text of a file of at most [`FILE_SIZE_MAX`] bytes, without a byte order mark.
 ///
 /// # Errors
 ///
-/// When there is no such file, when it is a directory or a device, can't be read, is too large, is not UTF-8, has
-/// control characters as only binary files do, or has nothing but white space.
+/// If the file is missing, not a regular file, unreadable, too large, not UTF-8, empty, or has control characters other than
+/// tabs and line ends.
 pub fn read_text(path: &Path) -> Result<String, BadInput> {
-    text_of(path, read_bytes(path)?)
+    decode_text(path, read_bytes(path)?)
 }
 
-/// The text that bytes are, likewise; `path` is what errors call them.
+/// Decodes a file's bytes as [`read_text`] does. Errors name `path`.
 ///
 /// # Errors
 ///
-/// Those of [`read_text`], of what is read.
-pub fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, BadInput> {
+/// If the bytes are not UTF-8, are blank, or have control characters.
+pub fn decode_text(path: &Path, bytes: Vec<u8>) -> Result<String, BadInput> {
     let text = String::from_utf8(bytes).map_err(|error| {
         let place = error.utf8_error().valid_up_to();
         not_text(path, format_args!("byte {place} is not UTF-8"))
@@ -162,7 +159,7 @@ pub fn text_of(path: &Path, bytes: Vec<u8>) -> Result<String, BadInput> {
         return Err(BadInput::without_excerpt(
             path,
             "the file is empty",
-            "check that it was saved, and that it is the file you meant",
+            "check that the file was saved and that the path is right",
         ));
     }
     Ok(match text.strip_prefix('\u{feff}') {
@@ -176,12 +173,12 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
         io::ErrorKind::NotFound => BadInput::without_excerpt(
             path,
             "there is no such file",
-            "check the path; a relative one starts at the directory that the program runs in",
+            "check the path; a relative path starts at the current directory",
         ),
         _ => BadInput::without_excerpt(
             path,
             format_args!("the file can't be read: {error}"),
-            "give a file that this user may read",
+            "give a file that the current user can read",
         ),
     };
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
@@ -189,7 +186,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
         return Err(BadInput::without_excerpt(
             path,
             "this is a directory",
-            "give the path of a file inside it",
+            "give the path of a file in it",
         ));
     }
     if !metadata.is_file() {
@@ -203,7 +200,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
         BadInput::without_excerpt(
             path,
             format_args!("the file is larger than {FILE_SIZE_MAX} bytes"),
-            "check that it is the file you meant",
+            "check that the path is right",
         )
     };
     if metadata.len() > FILE_SIZE_MAX {
@@ -231,7 +228,7 @@ fn is_binary(c: char) -> bool {
     c.is_control() && !matches!(c, '\t' | '\n' | '\r')
 }
 
-/// The part of a span on its first line, inside the text and on its character boundaries.
+/// The part of a span on its first line, inside the text and at character boundaries.
 fn shown_span(text: &str, span: Range<usize>) -> Range<usize> {
     let boundary_from = |place: usize| {
         (place..text.len())
@@ -244,14 +241,14 @@ fn shown_span(text: &str, span: Range<usize>) -> Range<usize> {
     start..start + first_line.len()
 }
 
-/// How many bytes the lines before, at and after a place have.
+/// Bytes in the lines before, at and after a span's start.
 fn excerpt_length(text: &str, span: &Range<usize>) -> usize {
     let before: usize = text[..span.start].rsplit('\n').take(2).map(str::len).sum();
     let after: usize = text[span.start..].split('\n').take(2).map(str::len).sum();
     before + after
 }
 
-/// Both count from one; the column counts characters.
+/// Line and column of a byte offset, from 1; the column counts characters.
 fn line_and_column(text: &str, place: usize) -> (usize, usize) {
     let before = &text[..place];
     let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);

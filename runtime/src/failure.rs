@@ -1,24 +1,24 @@
-//! How both programs end that can't do what they were asked for: what is wrong is shown on standard error.
+//! Error output of the programs: what is wrong, on standard error, and the exit code.
 
 use std::error::Error;
 use std::process::ExitCode;
 
 use crate::diagnostic::BadInput;
 
-/// Shows what is wrong with files: where, and what would be accepted.
+/// Prints what is wrong in input files, where, and what is accepted. The exit code is 2.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
 #[must_use]
-pub fn refuse(inputs: &[BadInput]) -> ExitCode {
+pub fn report_bad_inputs(inputs: &[BadInput]) -> ExitCode {
     inputs
         .iter()
         .for_each(|input| eprint!("{}", input.rendered()));
     ExitCode::from(2)
 }
 
-/// Shows what went wrong, with what brought it about.
+/// Prints an error and its causes on one line, and returns `code`.
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
 #[must_use]
-pub fn complain(error: &dyn Error, code: u8) -> ExitCode {
+pub fn report_error(error: &dyn Error, code: u8) -> ExitCode {
     eprint!("Error: {error}");
     let mut cause = error.source();
     while let Some(error) = cause {

@@ -1,18 +1,17 @@
-//! Files that are there whole or not at all, and that outlive a loss of power.
+//! Atomic replacement of files that survives a power cut.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Puts bytes in the place of a file, in one piece and to last: whoever reads it, at whatever time, finds what was there
-/// before or all of them.
+/// Replaces a file's content atomically and durably: readers see the old content or all of the new one.
 ///
 /// # Errors
-/// When the system can't; either what was there before is there still, and perhaps a file beside it whose name ends in
-/// `.new`, or all of the bytes are, which may not outlive a loss of power.
+/// If the system refuses. Then the file has its old content, and a file with the suffix `.new` may stand beside it; or it
+/// has the new content, which may not survive a power cut.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let new = beside(path);
+    let new = temporary_path(path);
     let mut file = File::create(&new)?;
     file.write_all(bytes)?;
     file.sync_all()?;
@@ -20,10 +19,10 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     sync_folder_of(path)
 }
 
-/// Returns once a file's being there, under its name, will outlive a loss of power.
+/// Syncs the folder of a file, so that the file's name survives a power cut.
 ///
 /// # Errors
-/// When the system can't say so.
+/// If the system can't sync it.
 pub fn sync_folder_of(path: &Path) -> io::Result<()> {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
@@ -32,7 +31,7 @@ pub fn sync_folder_of(path: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 
-fn beside(path: &Path) -> PathBuf {
+fn temporary_path(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(".new");
     name.into()

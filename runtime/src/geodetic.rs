@@ -1,13 +1,13 @@
-//! From places on the Earth to places about the mission's home.
+//! Conversion of geodetic coordinates to local coordinates about the mission's home.
 //!
-//! Written here, over `libm`, since the swarm's drones must agree on each waypoint whatever processor they run on:
-//! the libraries of geodesy call the processor's own sines, whose last digit differs.
+//! Implemented here over `libm`, for all drones must compute identical waypoints on every processor. Geodesy libraries call
+//! the platform's sine, which differs in the last digit.
 
 use libm::{cos, round, sin, sqrt};
 use muster_machines::geometry::Ned;
 use nalgebra::Vector3;
 
-/// The furthest latitude from the equator, in degrees: beyond it "east" turns too fast for a swarm that lines up by it.
+/// The highest latitude, north or south, in degrees. Beyond it the direction of east changes too fast for a formation.
 pub const LATITUDE_MAX_DEG: f64 = 89.0;
 
 /// The lowest altitude above sea level, in metres: the shore of the Dead Sea is at -430.
@@ -16,7 +16,7 @@ pub const ALTITUDE_MIN_M: f64 = -500.0;
 /// The highest altitude above sea level, in metres: the summit of Everest is at 8,849.
 pub const ALTITUDE_MAX_M: f64 = 10_000.0;
 
-/// The furthest place from home, in metres, that the swarm's local frame takes in.
+/// The largest distance from home in the swarm's local frame, in metres.
 pub const HOME_DISTANCE_MAX_M: f64 = 100_000.0;
 
 /// The equatorial radius of WGS84, in metres (NIMA TR8350.2, table 3.1).
@@ -27,8 +27,8 @@ const FLATTENING: f64 = 1.0 / 298.257_223_563;
 
 /// A place on the Earth: WGS84 latitude and longitude in degrees, and altitude in metres above sea level.
 ///
-/// One exists only within [`LATITUDE_MAX_DEG`], 180 degrees of longitude, and the altitudes between
-/// [`ALTITUDE_MIN_M`] and [`ALTITUDE_MAX_M`].
+/// Always within [`LATITUDE_MAX_DEG`], 180 degrees of longitude, and altitudes from [`ALTITUDE_MIN_M`] to
+/// [`ALTITUDE_MAX_M`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geodetic {
     latitude_deg: f64,
@@ -36,40 +36,39 @@ pub struct Geodetic {
     altitude_m: f64,
 }
 
-/// Numbers that name no place where a swarm flies: the fault of whoever gave them.
+/// Coordinates out of range: the caller's fault.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum GeodeticError {
-    /// Too near a pole, beyond it, or not a number.
+    /// Out of range or not a number.
     #[error(
         "the latitude {latitude_deg} is not between -{LATITUDE_MAX_DEG} and {LATITUDE_MAX_DEG} degrees"
     )]
     Latitude {
-        /// As given.
+        /// The given value.
         latitude_deg: f64,
     },
-    /// Beyond half a turn, or not a number.
+    /// Out of range or not a number.
     #[error("the longitude {longitude_deg} is not between -180 and 180 degrees")]
     Longitude {
-        /// As given.
+        /// The given value.
         longitude_deg: f64,
     },
-    /// Below all land, above all of it, or not a number.
+    /// Out of range or not a number.
     #[error(
         "the altitude {altitude_m} is not between {ALTITUDE_MIN_M} and {ALTITUDE_MAX_M} metres above sea level"
     )]
     Altitude {
-        /// As given.
+        /// The given value.
         altitude_m: f64,
     },
 }
 
 impl Geodetic {
-    /// A place from its latitude and longitude in degrees, north and east positive, and its altitude in metres above
-    /// sea level.
+    /// Creates a place. Latitude and longitude in degrees, north and east positive; altitude in metres above sea level.
     ///
     /// # Errors
     ///
-    /// The first of the three that is out of its range or not a number.
+    /// The first of the three values that is out of range or not a number.
     pub fn new(
         latitude_deg: f64,
         longitude_deg: f64,
@@ -109,7 +108,7 @@ impl Geodetic {
         self.altitude_m
     }
 
-    /// Earth-centred, Earth-fixed metres, at another height above the ellipsoid.
+    /// Earth-centred, Earth-fixed coordinates in metres, at `height_m` above the ellipsoid.
     ///
     /// Source: EPSG coordinate operation method 9602, forward case.
     fn earth_centred_m(self, height_m: f64) -> Vector3<f64> {
@@ -134,7 +133,7 @@ impl Geodetic {
     }
 }
 
-/// A place too far from home for the swarm's local frame: the fault of whoever gave it.
+/// A place too far from home for the swarm's local frame: the caller's fault.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "the place is {:.1} km from home, further than {:.0} km",
@@ -146,26 +145,28 @@ pub struct TooFarFromHome {
     pub distance_m: f64,
 }
 
-/// Where `place` is in the swarm's local frame about `home`, to the whole millimetre.
+/// Converts `place` to the swarm's local NED frame about `home`, rounded to whole millimetres.
 ///
-/// North and east are measured in the plane square to the WGS84 ellipsoid's normal at home, at home's altitude.
-/// Height is not the plane's: it is the place's altitude less home's, as drones fly it. (The plane leaves the ground:
-/// at a distance d it is d²/2R above it, 8 cm at 1 km and 8 m at 10 km.)
+/// North and east are measured in the plane tangent to the WGS84 ellipsoid at home, at home's altitude.
+/// The height is the place's altitude minus home's, not the height above that plane. (At a distance d the plane is d²/2R
+/// above the ground: 8 cm at 1 km, 8 m at 10 km.)
 ///
 /// Source: EPSG coordinate operation method 9837 (geographic to topocentric), but for the height.
 ///
 /// # Accuracy
 ///
-/// Within 100 km of home, north and east are within half a millimetre of PROJ's `topocentric`, as the tests measure; all
-/// but 1 µm of it is the rounding. That rounding, and `libm`, make every processor give the same. Three
-/// approximations are in the frame itself: the plane shortens distances from home by d³/6R² (4 µm at 1 km, 4 mm at
-/// 10 km, 4 m at 100 km); altitudes above sea level are taken as if above the ellipsoid, which stretches distances by
-/// the geoid's height over R (under 17 mm a kilometre); and a place above home is put straight over its coordinates.
+/// Within 100 km of home, north and east are within half a millimetre of PROJ's `topocentric` (see the tests); all but 1 µm
+/// is rounding. Rounding and `libm` make the result equal on every processor. The frame has three approximations:
+///
+/// - The plane shortens distances from home by d³/6R²: 4 µm at 1 km, 4 mm at 10 km, 4 m at 100 km.
+/// - Altitudes above sea level are treated as heights above the ellipsoid. This stretches distances by the geoid's height
+///   over R, under 17 mm per kilometre.
+/// - A place above home is put vertically above its coordinates.
 ///
 /// # Errors
 ///
-/// When the place is further than [`HOME_DISTANCE_MAX_M`] from home.
-pub fn about_home(home: Geodetic, place: Geodetic) -> Result<Ned, TooFarFromHome> {
+/// If the place is further than [`HOME_DISTANCE_MAX_M`] from home.
+pub fn local_ned(home: Geodetic, place: Geodetic) -> Result<Ned, TooFarFromHome> {
     let offset_m = place.earth_centred_m(home.altitude_m) - home.earth_centred_m(home.altitude_m);
     let distance_m = offset_m.norm();
     if distance_m > HOME_DISTANCE_MAX_M {
@@ -185,7 +186,7 @@ pub fn about_home(home: Geodetic, place: Geodetic) -> Result<Ned, TooFarFromHome
     ))
 }
 
-/// A length as the swarm's drones agree on it. Adding zero turns a negative zero into a positive one.
+/// Rounds to whole millimetres, so that all drones agree. Adding zero turns a negative zero into a positive one.
 pub(crate) fn whole_millimetres(metres: f64) -> f64 {
     round(metres * 1_000.0) / 1_000.0 + 0.0
 }
@@ -228,7 +229,7 @@ mod tests {
     #[test]
     fn north_and_east_are_within_a_millimetre_of_proj() {
         for case in golden() {
-            let placed = about_home(case.home, case.place).unwrap();
+            let placed = local_ned(case.home, case.place).unwrap();
             let error_m = (placed.north_m() - case.north_m)
                 .abs()
                 .max((placed.east_m() - case.east_m).abs());
@@ -237,10 +238,10 @@ mod tests {
     }
 
     #[test]
-    fn height_is_the_difference_of_altitudes_however_far() {
+    fn height_is_the_difference_of_altitudes_at_any_distance() {
         let home = Geodetic::new(39.33, -0.3085, 2.0).unwrap();
         let far = Geodetic::new(40.0, -0.3085, 27.0).unwrap();
-        let placed = about_home(home, far).unwrap();
+        let placed = local_ned(home, far).unwrap();
         assert!(placed.north_m() > 70_000.0);
         assert!((placed.altitude_m() - 25.0).abs() < 1e-9);
     }
@@ -248,27 +249,27 @@ mod tests {
     #[test]
     fn home_is_the_origin() {
         let home = Geodetic::new(39.33, -0.3085, 2.0).unwrap();
-        assert_eq!(about_home(home, home), Ok(Ned::HOME));
+        assert_eq!(local_ned(home, home), Ok(Ned::HOME));
     }
 
     #[test]
-    fn the_date_line_is_no_border() {
+    fn coordinates_are_continuous_across_the_date_line() {
         let home = Geodetic::new(-17.0, 179.999, 10.0).unwrap();
         let place = Geodetic::new(-17.0, -179.999, 10.0).unwrap();
-        let east_m = about_home(home, place).unwrap().east_m();
+        let east_m = local_ned(home, place).unwrap().east_m();
         assert!((212.0..214.0).contains(&east_m), "{east_m}");
     }
 
     #[test]
-    fn the_other_side_of_the_earth_is_too_far() {
+    fn antipode_is_refused_as_too_far() {
         let home = Geodetic::new(39.33, -0.3085, 2.0).unwrap();
         let antipode = Geodetic::new(-39.33, 179.6915, 2.0).unwrap();
-        let refused = about_home(home, antipode).unwrap_err();
+        let refused = local_ned(home, antipode).unwrap_err();
         assert!(refused.distance_m > 12_000_000.0);
     }
 
     #[test]
-    fn what_is_not_a_place_on_the_map_is_refused() {
+    fn coordinates_out_of_range_are_refused() {
         let refused = |latitude, longitude, altitude| {
             Geodetic::new(latitude, longitude, altitude)
                 .unwrap_err()

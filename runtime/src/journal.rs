@@ -1,80 +1,87 @@
-//! A drone's journal: what its machines are built from after its process has ended, however it ended.
+//! A drone's journal: the checkpoints that its machines are rebuilt from after a restart of its process.
 //!
-//! It begins with [`MAGIC`], which ends with the version of its form. Records are only added, each with its length, a
-//! checksum, and a number that is one higher than that of the record before. Of each machine's checkpoints the newest counts.
-//! Each start of the process is a record of its own, so that no two lives have one number.
+//! # Format
 //!
-//! Reading ends at the first record that is not whole. Where nothing that is whole stands behind it and nothing is missing
-//! that was known to last, that is the torn end that a process leaves which was killed while it wrote, and a disk whose power
-//! failed. Otherwise it is damage. How far the records are known to last is written beside them, after they do, and is lost
-//! before they are. Damage, and a record that is whole and not understood, for it is another version's, are never passed over
-//! on the ground; in the air the drone comes down.
+//! The journal begins with [`MAGIC`], which ends with the format's version. Records follow, each with length, checksum, and a
+//! number that is one higher than the previous record's. The newest checkpoint of each machine counts. Each start of the
+//! process writes a boot record, so that every incarnation has its own number.
+//!
+//! # Damage
+//!
+//! Reading ends at the first incomplete record. This is a torn end, left by a kill or a power cut during a write, if no
+//! complete record follows and no synced record is missing. Otherwise the journal is damaged. The number of the last synced
+//! record is kept outside of the journal. It is written after the records are synced, so it never names a record that is not.
+//!
+//! A damaged journal, or a complete record of another version, is refused on the ground. In the air the drone lands.
 
+pub mod flights;
 mod folder;
+mod memory;
 mod writer;
 
 use std::path::Path;
 use std::{fs, io};
 
 pub use folder::{Folder, FolderError};
+pub use memory::MemoryStorage;
 use muster_machines::node::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
-pub use writer::{Writer, Written};
+pub use writer::{WriteReport, Writer};
 
-/// Where a journal's bytes are.
+/// Storage of a journal's bytes.
 pub trait Storage {
-    /// All bytes that are there.
+    /// Reads all bytes.
     ///
     /// # Errors
-    /// When the system can't read them.
+    /// If the system can't read them.
     fn read(&mut self) -> io::Result<Vec<u8>>;
 
-    /// Adds bytes to the end; they may be lost, or a part of them, until [`Self::sync`] has returned.
+    /// Appends bytes. Until [`Self::sync`] has returned, some or all of them may be lost.
     ///
     /// # Errors
-    /// When the system can't write them; a part of them may be there.
+    /// If the system can't write them; some of them may be stored.
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Returns once all that was added will outlive a loss of power.
+    /// Makes all appended bytes survive a power cut.
     ///
     /// # Errors
-    /// When the system can't say so.
+    /// If the system can't.
     fn sync(&mut self) -> io::Result<()>;
 
-    /// Puts bytes in the place of all that is there, in one piece and to last.
+    /// Replaces all bytes, atomically and durably.
     ///
     /// # Errors
-    /// When the system can't; then all is as it was.
+    /// If the system can't; then the old bytes are kept.
     fn replace(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// The number of the record up to which all were last known to last; 0 where that is not known.
+    /// The number of the last record known to be synced; 0 if unknown.
     ///
     /// # Errors
-    /// When the system can't read it.
-    fn lasting(&mut self) -> io::Result<u64>;
+    /// If the system can't read it.
+    fn last_synced(&mut self) -> io::Result<u64>;
 
-    /// Notes it, outside of the records. A loss of power may take the note back.
+    /// Stores the number of the last synced record, outside of the journal. A power cut may revert it.
     ///
     /// # Errors
-    /// When the system can't write it.
-    fn note_lasting(&mut self, number: u64) -> io::Result<()>;
+    /// If the system can't write it.
+    fn set_last_synced(&mut self, number: u64) -> io::Result<()>;
 }
 
-/// What a journal begins with: its kind, and the version of its form.
+/// First bytes of a journal: the file type and the format's version.
 pub const MAGIC: [u8; 8] = *b"musterJ\x01";
 
-/// The size from which on a journal is written anew with what still counts, in bytes.
+/// Size above which a journal is compacted to the newest checkpoints, in bytes.
 const COMPACT_ABOVE: usize = 256 * 1_024;
 
-/// How many bytes stand before each record: its length and its checksum, lowest byte first.
+/// Bytes before each record's body: its length and its checksum, little-endian.
 const HEADING_LEN: usize = 8;
 
-/// What a record begins with that keeps bytes which are not understood; no number of a record is encoded so.
+/// Prefix of a record that preserves damaged bytes. It is no valid encoding of a record's number.
 const DAMAGED: [u8; 11] = [0xff; 11];
 
 #[derive(Debug, Serialize, Deserialize)]
 enum Record {
-    /// The process started, for the nth time from 1.
+    /// Start of an incarnation, numbered from 1.
     Boot(u32),
     Checkpoint(Checkpoint),
 }
@@ -84,54 +91,55 @@ enum Record {
 pub struct Journal<S> {
     storage: S,
     len: usize,
-    /// That of the last record.
+    /// Number of the last record.
     number: u64,
-    /// Records that this version does not understand, as they were found, and what was damaged.
+    /// Records of other versions, unchanged, and records that preserve damaged bytes.
     unknown: Vec<u8>,
 }
 
 impl<S: Storage> Journal<S> {
-    /// Opens a journal for another life of the drone's process; what it is built from, and the number of that life.
+    /// Opens a journal and starts a new incarnation. Returns the newest checkpoints, with the incarnation's number.
     ///
     /// # Errors
-    /// When the storage fails, holds something that is no journal of this version, is damaged, or has a whole record that this
-    /// version does not understand: what a journal said must not be forgotten. The journal is as it was then.
+    /// If the storage fails, has no journal of this version, is damaged, or has a complete record of another version. The
+    /// journal is unchanged, so that no checkpoint is lost.
     pub fn open(storage: S) -> io::Result<(Self, Checkpoints)> {
-        Self::begin(storage, |found| match &found.trouble {
+        Self::start_incarnation(storage, |found| match &found.defect {
             None => Ok(()),
-            Some(trouble) => Err(refused(format!(
-                "{trouble}: what the drone has done can't be told (start it with the version that wrote it, or with another \
-                 journal)"
+            Some(defect) => Err(invalid_data(format!(
+                "{defect}: the drone's last state is unknown (start it with the version that wrote the journal, or with \
+                 another journal)"
             ))),
         })
     }
 
-    /// Likewise, for a drone in the air, which can't be refused: what is damaged or not understood is passed over, and kept as
-    /// it is, so that no later life takes the journal for whole. Where there is any ([`Self::is_understood`]) it is not known
-    /// what the drone was doing, and it is to come down.
+    /// Opens a journal as [`Self::open`] does, for a drone in the air: damaged and unknown records are skipped.
+    ///
+    /// They are preserved, so that no later incarnation takes the journal for intact. If there are any, [`Self::is_intact`]
+    /// is false: the drone's last state is unknown and it must land.
     ///
     /// # Errors
-    /// When the storage fails, or has no number left for another life.
+    /// If the storage fails, or no incarnation number is left.
     pub fn open_in_flight(storage: S) -> io::Result<(Self, Checkpoints)> {
-        Self::begin(storage, |_| Ok(()))
+        Self::start_incarnation(storage, |_| Ok(()))
     }
 
-    /// Whether all that it had when it was opened was understood.
+    /// Whether the journal had no damaged or unknown record when it was opened.
     #[must_use]
-    pub const fn is_understood(&self) -> bool {
+    pub const fn is_intact(&self) -> bool {
         self.unknown.is_empty()
     }
 
-    fn begin(
+    fn start_incarnation(
         mut storage: S,
-        check: impl FnOnce(&Found) -> io::Result<()>,
+        check: impl FnOnce(&Contents) -> io::Result<()>,
     ) -> io::Result<(Self, Checkpoints)> {
         let bytes = storage.read()?;
-        let found = Found::in_bytes(&bytes, storage.lasting()?);
+        let found = Contents::decode(&bytes, storage.last_synced()?);
         check(&found)?;
         let Some(boot) = found.boot.checked_add(1) else {
-            return Err(refused(
-                "it has no number left for another incarnation".to_owned(),
+            return Err(invalid_data(
+                "the journal has no incarnation number left".to_owned(),
             ));
         };
         let mut checkpoints = found.checkpoints;
@@ -146,33 +154,33 @@ impl<S: Storage> Journal<S> {
         Ok((journal, checkpoints))
     }
 
-    /// Adds a checkpoint, `all` being the newest of each machine with it. It will last once [`Self::sync`] has returned.
+    /// Adds a checkpoint, which is durable once [`Self::sync`] has returned. `all` are the newest checkpoints, with this one.
     ///
     /// # Errors
-    /// When the storage fails.
+    /// If the storage fails.
     pub fn add(&mut self, checkpoint: &Checkpoint, all: &Checkpoints) -> io::Result<()> {
         if self.len > COMPACT_ABOVE + self.unknown.len() {
             return self.compact(all);
         }
         let number = self.number + 1;
         let mut bytes = Vec::new();
-        write(number, &Record::Checkpoint(checkpoint.clone()), &mut bytes);
+        append_record(number, &Record::Checkpoint(checkpoint.clone()), &mut bytes);
         self.storage.append(&bytes)?;
         self.len += bytes.len();
         self.number = number;
         Ok(())
     }
 
-    /// Returns once all that was added outlives a loss of power.
+    /// Makes all added checkpoints durable.
     ///
     /// # Errors
-    /// When the storage fails.
+    /// If the storage fails.
     pub fn sync(&mut self) -> io::Result<()> {
         self.storage.sync()?;
-        self.storage.note_lasting(self.number)
+        self.storage.set_last_synced(self.number)
     }
 
-    /// Closes it and hands its storage back.
+    /// Closes the journal and returns its storage.
     #[must_use]
     pub fn into_storage(self) -> S {
         self.storage
@@ -181,162 +189,172 @@ impl<S: Storage> Journal<S> {
     fn compact(&mut self, all: &Checkpoints) -> io::Result<()> {
         let mut number = self.number + 1;
         let mut bytes = MAGIC.to_vec();
-        write(number, &Record::Boot(all.boot()), &mut bytes);
+        append_record(number, &Record::Boot(all.boot()), &mut bytes);
         bytes.extend_from_slice(&self.unknown);
         for checkpoint in all.iter() {
             number += 1;
-            write(number, &Record::Checkpoint(checkpoint), &mut bytes);
+            append_record(number, &Record::Checkpoint(checkpoint), &mut bytes);
         }
         self.storage.replace(&bytes)?;
         self.len = bytes.len();
         self.number = number;
-        self.storage.note_lasting(number)
+        self.storage.set_last_synced(number)
     }
 }
 
-/// What the journal in a folder says, as far as it is understood; nothing where there is none. No life begins.
+/// Reads the checkpoints of the journal in a folder, as far as it is intact, without starting an incarnation. `None` if there
+/// is no journal.
 ///
 /// # Errors
-/// When the system can't read it.
+/// If the system can't read it.
 pub fn peek(folder: &Path) -> io::Result<Option<Checkpoints>> {
     match fs::read(folder.join(folder::FILE)) {
-        Ok(bytes) => Ok((!bytes.is_empty()).then(|| Found::in_bytes(&bytes, 0).checkpoints)),
+        Ok(bytes) => Ok((!bytes.is_empty()).then(|| Contents::decode(&bytes, 0).checkpoints)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     }
 }
 
-fn refused(why: String) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, why)
+fn invalid_data(message: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, message)
 }
 
-/// What is read of a journal.
+/// A journal's decoded contents.
 #[derive(Default)]
-struct Found {
+struct Contents {
     checkpoints: Checkpoints,
-    /// The number of the last life; 0 where no life has begun.
+    /// Number of the last incarnation; 0 before the first.
     boot: u32,
-    /// That of the last record.
+    /// Number of the last record.
     number: u64,
-    /// What is not understood, as records.
+    /// Records of other versions, and records that preserve damaged bytes.
     unknown: Vec<u8>,
-    /// What is wrong with the first of it, in words.
-    trouble: Option<String>,
+    /// Description of the first defect.
+    defect: Option<String>,
 }
 
-impl Found {
-    /// What bytes say of which the records up to that number are known to last.
-    fn in_bytes(bytes: &[u8], lasting: u64) -> Self {
+impl Contents {
+    /// Decodes a journal; records up to number `last_synced` must be present.
+    fn decode(bytes: &[u8], last_synced: u64) -> Self {
         let mut found = Self::default();
         if bytes.is_empty() {
-            found.misses(lasting);
+            found.require_record(last_synced);
             return found;
         }
         let Some(records) = bytes.strip_prefix(&MAGIC) else {
-            found.gives_up(
+            found.preserve_damaged(
                 bytes,
-                "it does not begin as a journal of this version does".to_owned(),
+                "the file does not begin like a journal of this version".to_owned(),
             );
             return found;
         };
+        let Some(rest) = found.decode_records(records) else {
+            return found;
+        };
+        if has_sound_record(rest) {
+            let defect = format!(
+                "the record at byte {} is damaged, and intact records follow",
+                bytes.len() - rest.len()
+            );
+            found.preserve_damaged(rest, defect);
+        }
+        if found.boot == 0 && found.defect.is_none() {
+            found.preserve_damaged(rest, "the first record is damaged".to_owned());
+        }
+        found.require_record(last_synced);
+        found
+    }
+
+    /// Decodes complete records. Returns the bytes after the last one; `None` after a gap in the numbers, where decoding ends.
+    fn decode_records<'a>(&mut self, records: &'a [u8]) -> Option<&'a [u8]> {
         let mut at = 0;
-        while let Some(body) = whole(&records[at..]) {
+        while let Some(body) = complete_record(&records[at..]) {
             let end = at + HEADING_LEN + body.len();
-            let before = found.number;
+            let previous = self.number;
             let is_next = |number: u64| {
-                number == before + 1 || before == 0 || !found.unknown.is_empty() && number > before
+                number == previous + 1
+                    || previous == 0
+                    || !self.unknown.is_empty() && number > previous
             };
-            // A longer one than this version's is another version's.
+            // A record with bytes left over is another version's.
             match postcard::take_from_bytes::<(u64, Record)>(body) {
                 Ok(((number, record), [])) if is_next(number) => {
-                    found.number = number;
+                    self.number = number;
                     match record {
-                        Record::Boot(number) => found.boot = number,
+                        Record::Boot(number) => self.boot = number,
                         Record::Checkpoint(checkpoint) => {
-                            found.checkpoints.keep(checkpoint);
+                            self.checkpoints.keep(checkpoint);
                         }
                     }
                 }
                 Ok(((number, _), [])) => {
-                    let trouble = format!(
-                        "the record at byte {} has number {number} behind {before}",
+                    let defect = format!(
+                        "the record at byte {} has number {number} after {previous}",
                         MAGIC.len() + at
                     );
-                    found.gives_up(&records[at..], trouble);
-                    return found;
+                    self.preserve_damaged(&records[at..], defect);
+                    return None;
                 }
                 Ok(_) | Err(_) => {
-                    found.trouble.get_or_insert_with(|| {
-                        format!("the record at byte {} is whole, and none that this version understands", MAGIC.len() + at)
+                    self.defect.get_or_insert_with(|| {
+                        format!(
+                            "the record at byte {} is of another version",
+                            MAGIC.len() + at
+                        )
                     });
-                    found.unknown.extend_from_slice(&records[at..end]);
+                    self.unknown.extend_from_slice(&records[at..end]);
                 }
             }
             at = end;
         }
-        let rest = &records[at..];
-        if has_sound_record(rest) {
-            let trouble = format!(
-                "the record at byte {} is damaged, and sound ones stand behind it",
-                MAGIC.len() + at
-            );
-            found.gives_up(rest, trouble);
-        }
-        if found.boot == 0 && found.trouble.is_none() {
-            found.gives_up(rest, "its beginning is damaged".to_owned());
-        }
-        found.misses(lasting);
-        found
+        Some(&records[at..])
     }
 
-    /// What is left is damaged: it is kept as a record that no version understands.
-    fn gives_up(&mut self, rest: &[u8], trouble: String) {
-        self.trouble.get_or_insert(trouble);
-        frame(&[&DAMAGED, rest].concat(), &mut self.unknown);
+    /// Preserves damaged bytes in a record that no version decodes.
+    fn preserve_damaged(&mut self, rest: &[u8], defect: String) {
+        self.defect.get_or_insert(defect);
+        frame_record(&[&DAMAGED, rest].concat(), &mut self.unknown);
     }
 
-    /// It is damaged if records are missing that were known to last.
-    fn misses(&mut self, lasting: u64) {
-        if self.number < lasting {
+    /// Marks the journal as damaged if synced records are missing.
+    fn require_record(&mut self, last_synced: u64) {
+        if self.number < last_synced {
             let last = self.number;
-            self.gives_up(
+            self.preserve_damaged(
                 &[],
-                format!(
-                    "it ends with record {last}, though record {lasting} had been written to last"
-                ),
+                format!("the journal ends with record {last}, but record {last_synced} was synced"),
             );
-            self.number = lasting;
+            self.number = last_synced;
         }
     }
 }
 
-/// Whether a record that is whole and understood begins anywhere in bytes that don't begin with one.
+/// Whether a complete record of this version begins anywhere after the first byte.
 fn has_sound_record(bytes: &[u8]) -> bool {
     (1..bytes.len()).any(|at| {
-        let body = whole(&bytes[at..]);
+        let body = complete_record(&bytes[at..]);
         body.is_some_and(|it| postcard::from_bytes::<(u64, Record)>(it).is_ok())
     })
 }
 
-fn write(number: u64, record: &Record, bytes: &mut Vec<u8>) {
+fn append_record(number: u64, record: &Record, bytes: &mut Vec<u8>) {
     let body = postcard::to_stdvec(&(number, record)).expect("a checkpoint has a binary form");
-    frame(&body, bytes);
+    frame_record(&body, bytes);
 }
 
-/// Adds a record to a journal's bytes as it stands there: `body` behind its length and its checksum.
+/// Appends a record to a journal's bytes: length, checksum and `body`.
 ///
 /// # Panics
-/// When it is longer than 4 GiB.
-pub fn frame(body: &[u8], bytes: &mut Vec<u8>) {
+/// If the body is longer than 4 GiB.
+pub fn frame_record(body: &[u8], bytes: &mut Vec<u8>) {
     let len = u32::try_from(body.len()).expect("a checkpoint is far below 4 GiB");
     bytes.extend_from_slice(&len.to_le_bytes());
     bytes.extend_from_slice(&crc32fast::hash(body).to_le_bytes());
     bytes.extend_from_slice(body);
 }
 
-/// What the first record says, if it is whole. None is empty: zeros are what a disk may have in the place of what was
-/// not written yet.
-fn whole(bytes: &[u8]) -> Option<&[u8]> {
+/// The body of the first record, if it is complete. An empty body is not: a disk may have zeros in unwritten places.
+fn complete_record(bytes: &[u8]) -> Option<&[u8]> {
     let (heading, rest) = bytes.split_at_checked(HEADING_LEN)?;
     let number = |at: usize| heading[at..at + 4].try_into().map(u32::from_le_bytes).ok();
     let body = rest.get(..number(0)? as usize)?;

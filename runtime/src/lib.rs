@@ -1,4 +1,4 @@
-//! A drone on a machine: its configuration and the files it is given.
+//! Input files of a drone and of a swarm: plans, missions, keys and journals; and the simulated vehicle.
 
 pub mod diagnostic;
 pub mod failure;

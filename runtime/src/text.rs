@@ -1,9 +1,9 @@
-//! How figures and lists are written for a person.
+//! Formatting of numbers and lists for people.
 
-/// What stands where there is no figure.
-pub const NOTHING: &str = "–";
+/// Shown where there is no value.
+pub const NO_VALUE: &str = "–";
 
-/// `value` with `decimals` digits after the point, thousands apart, and a minus sign that is one.
+/// `value` with `decimals` digits after the point, commas between thousands, and a true minus sign.
 #[must_use]
 pub fn figure(value: f64, decimals: usize) -> String {
     let digits = format!("{:.decimals$}", value.abs());
@@ -21,7 +21,7 @@ pub fn figure(value: f64, decimals: usize) -> String {
     text + fraction
 }
 
-/// `value` with `decimals` digits after the point, and never more than it is: for what falls short of a limit.
+/// `value` rounded down to `decimals` digits, so that a value below a limit is not shown as the limit.
 #[must_use]
 pub fn rounded_down(value: f64, decimals: usize) -> String {
     let nearest = format!("{value:.decimals$}");
@@ -32,7 +32,7 @@ pub fn rounded_down(value: f64, decimals: usize) -> String {
     format!("{:.decimals$}", value - digit)
 }
 
-/// Likewise, and never less than it is: for what exceeds a limit.
+/// `value` rounded up to `decimals` digits, so that a value above a limit is not shown as the limit.
 #[must_use]
 pub fn rounded_up(value: f64, decimals: usize) -> String {
     let down = rounded_down(-value, decimals);
@@ -40,20 +40,20 @@ pub fn rounded_up(value: f64, decimals: usize) -> String {
         .map_or_else(|| format!("-{down}"), str::to_owned)
 }
 
-/// Likewise, or [`NOTHING`].
+/// As [`figure`]; [`NO_VALUE`] for `None`.
 #[must_use]
-pub fn figure_or_nothing(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| NOTHING.to_owned(), |value| figure(value, decimals))
+pub fn figure_or_dash(value: Option<f64>, decimals: usize) -> String {
+    value.map_or_else(|| NO_VALUE.to_owned(), |value| figure(value, decimals))
 }
 
-/// `number` of `thing`, which takes an s for other than one.
+/// A count with its noun: "1 relay", "2 relays".
 #[must_use]
 pub fn plural(number: usize, thing: &str) -> String {
     let ending = if number == 1 { "" } else { "s" };
     format!("{number} {thing}{ending}")
 }
 
-/// Who was in something: "drone 3", "drones 3 and 4", "drones 3–5, 9".
+/// Drones by their ids: "drone 3", "drones 3 and 4", "drones 3–5, 9".
 #[must_use]
 pub fn drones(ids: &[u32]) -> String {
     match ids {
@@ -64,7 +64,7 @@ pub fn drones(ids: &[u32]) -> String {
     }
 }
 
-/// Ids in rising order, three and more in a row as a range: "0–6, 9".
+/// Ids in rising order; three or more consecutive ones become a range: "0–6, 9".
 #[must_use]
 pub fn ranges(ids: &[u32]) -> String {
     let mut ids = ids.to_vec();
@@ -78,7 +78,7 @@ pub fn ranges(ids: &[u32]) -> String {
         })
         .collect();
     if runs.is_empty() {
-        NOTHING.to_owned()
+        NO_VALUE.to_owned()
     } else {
         runs.join(", ")
     }
@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_have_their_thousands_apart() {
+    fn figures_have_commas_between_thousands() {
         assert_eq!(figure(1_234_567.25, 1), "1,234,567.2");
         assert_eq!(figure(999.0, 0), "999");
         assert_eq!(figure(-1000.0, 0), "−1,000");
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_breaks_a_limit_is_not_rounded_to_it() {
+    fn values_beyond_a_limit_are_not_rounded_to_it() {
         for (value, down, up) in [
             (1.997, "1.99", "2.00"),
             (2.0, "2.00", "2.00"),
@@ -113,14 +113,14 @@ mod tests {
     }
 
     #[test]
-    fn drones_are_named_in_words() {
+    fn drones_are_listed_by_id() {
         assert_eq!(drones(&[3]), "drone 3");
         assert_eq!(drones(&[3, 4]), "drones 3 and 4");
         assert_eq!(drones(&[3, 4, 5]), "drones 3–5");
     }
 
     #[test]
-    fn ids_in_a_row_are_a_range() {
+    fn consecutive_ids_become_a_range() {
         assert_eq!(ranges(&[0, 1, 2, 3, 6, 9, 8]), "0–3, 6, 8, 9");
         assert_eq!(ranges(&[]), "–");
     }

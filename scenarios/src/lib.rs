@@ -1,5 +1,5 @@
-//! Worlds for drones: scenario files, the two engines that run them, vehicles, checkers, reports, campaigns and
-//! the comparison with the thesis.
+//! Simulation of swarms: scenario files, two engines, vehicles, rule checkers, reports, campaigns, fault searches and the
+//! comparison with the thesis.
 
 pub mod campaign;
 pub mod chaos;
@@ -12,7 +12,7 @@ pub mod thesis;
 pub mod twin;
 mod world;
 
-/// The examples of the page for contributors.
+/// Runs the examples of the book's page on protocols as documentation tests.
 #[cfg(doctest)]
-#[doc = include_str!("../../CONTRIBUTING.md")]
-struct Contributing;
+#[doc = include_str!("../../docs/src/extend/protocol.md")]
+struct ProtocolPage;

@@ -1,4 +1,4 @@
-//! Which drones are connected by radio, and since when nothing of that has changed.
+//! Which drones are connected by radio, and since when that has not changed.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -9,29 +9,31 @@ use muster_transport::sim::Medium;
 
 /// A link is up if it loses at most this share of frames each way.
 pub(crate) const UP_LOSS_MAX: f64 = 0.4;
-/// And down if it loses at least this share either way, so that next to nothing gets through; in between it is grey. A
-/// drone that hears its master over several links now and then, however much each of them loses, is led by it.
+/// It is down if it loses at least this share either way; in between it is grey. Grey links count, since a drone may hear
+/// its master now and then over several links that each lose most frames.
 const DOWN_LOSS_MIN: f64 = 0.999;
 
-/// Up to how many members a part's diameter is found exactly, which takes a search from each.
+/// Up to this many members, a segment's diameter is computed exactly, by a search from each.
 const EXACT_DIAMETER_MAX: usize = 256;
 
-/// The parts of a swarm as they were when last looked at: whoever is connected by links that are up.
+/// The segments of a swarm at the last look: the groups of nodes that links which are up connect.
+///
+/// Invariant: `segments`, `segment_of` and `reach` follow from `live`, `links` and `changed`.
 #[derive(Debug, Default)]
 pub(crate) struct Segments {
-    /// Each node that takes part in the radio's work, with a number that changes whenever it has failed.
+    /// For each node that relays frames, a number that changes whenever it has failed; `None` for others.
     live: Vec<Option<u32>>,
     /// Between live nodes, each once, sorted.
     links: Vec<Link>,
     /// When each node, or a link of it, last changed.
     changed: Vec<Timestamp>,
     segments: Vec<Segment>,
-    /// Which of the parts each node is in.
+    /// The index of each node's segment.
     segment_of: Vec<Option<usize>>,
-    /// The first of those that each node is connected with by links that are not down.
+    /// For each node, the lowest one connected with it by links that are up or grey.
     reach: Vec<NodeId>,
-    /// In which of the parts each node was lately, from when on; the newest last.
-    lately: VecDeque<(Timestamp, Vec<Option<usize>>)>,
+    /// Past values of `segment_of`, and from when on each held; the newest last.
+    history: VecDeque<(Timestamp, Vec<Option<usize>>)>,
 }
 
 /// A link that is not down.
@@ -43,7 +45,7 @@ pub(crate) struct Link {
 }
 
 impl Link {
-    /// Between two nodes, by the share of frames that is lost on the worse way; nothing if that makes it down.
+    /// The link between two nodes, by its loss in the worse direction; `None` if it is down.
     pub(crate) fn between(a: NodeId, b: NodeId, loss: f64) -> Option<Self> {
         (loss < DOWN_LOSS_MIN).then(|| Self {
             ends: (a.min(b), a.max(b)),
@@ -51,13 +53,12 @@ impl Link {
         })
     }
 
-    /// All that a medium has as it is now, where `spoilt` is the share of a sender's frames that arrive and are good for
-    /// nothing.
-    pub(crate) fn all(medium: &mut Medium, spoilt: impl Fn(NodeId) -> f64) -> Vec<Self> {
+    /// All links of a medium at present; `corrupted` is the share of a sender's frames that are altered on their way.
+    pub(crate) fn all(medium: &mut Medium, corrupted: impl Fn(NodeId) -> f64) -> Vec<Self> {
         let mut links = Vec::new();
-        medium.each_link(|a, b, [there, back]| {
-            let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - spoilt(from));
-            links.extend(Self::between(a, b, lost(a, there).max(lost(b, back))));
+        medium.each_link(|a, b, [forward, backward]| {
+            let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - corrupted(from));
+            links.extend(Self::between(a, b, lost(a, forward).max(lost(b, backward))));
         });
         links
     }
@@ -68,15 +69,15 @@ impl Link {
 pub(crate) struct Segment {
     /// Lowest first.
     pub(crate) members: Vec<NodeId>,
-    /// Whether no grey link decides who is in it.
+    /// Whether no grey link connects it with others.
     pub(crate) is_decided: bool,
-    /// Since when neither its members nor their links have changed.
-    pub(crate) still_since: Timestamp,
+    /// When a member or a link of one last changed.
+    pub(crate) unchanged_since: Timestamp,
 }
 
 impl Segments {
-    /// Takes in how things are now. What `live` says of a node is any number that changes when it has failed in between,
-    /// and nothing for one that passes nothing on. Links of nodes that are not live are left out.
+    /// Updates the segments. `live` has, for each node that relays frames, any number that changes when it fails or does
+    /// something else; `None` for others, whose links are left out.
     pub(crate) fn look(&mut self, now: Timestamp, live: Vec<Option<u32>>, mut links: Vec<Link>) {
         let is_live = |id: NodeId| live.get(id.0 as usize).is_some_and(Option::is_some);
         links.retain(|link| is_live(link.ends.0) && is_live(link.ends.1));
@@ -101,35 +102,34 @@ impl Segments {
         self.live = live;
         self.links = links;
         self.divide();
-        self.lately.push_back((now, self.segment_of.clone()));
+        self.history.push_back((now, self.segment_of.clone()));
     }
 
-    /// Forgets what was longer ago than that, but for how things were just then.
+    /// Drops history older than `ago`, but for what held at that time.
     pub(crate) fn forget_older(&mut self, now: Timestamp, ago: Duration) {
-        while self.lately.get(1).is_some_and(|it| now.since(it.0) >= ago) {
-            self.lately.pop_front();
+        while self.history.get(1).is_some_and(|it| now.since(it.0) >= ago) {
+            self.history.pop_front();
         }
     }
 
-    /// Whether links that are up have connected two nodes, over others too, for as long as `ago`, or since it was looked
-    /// at first.
+    /// Whether two nodes have been in the same segment for the time `ago`, or since the first look.
     pub(crate) fn have_been_together(
         &self,
         (a, b): (NodeId, NodeId),
         now: Timestamp,
         ago: Duration,
     ) -> bool {
-        let before = self.lately.partition_point(|it| now.since(it.0) >= ago);
+        let before = self.history.partition_point(|it| now.since(it.0) >= ago);
         let together = |(_, segment_of): &(Timestamp, Vec<Option<usize>>)| {
             let segment = |id: NodeId| segment_of.get(id.0 as usize).copied().flatten();
             segment(a).is_some() && segment(a) == segment(b)
         };
-        let mut since = self.lately.iter().skip(before.saturating_sub(1));
+        let mut since = self.history.iter().skip(before.saturating_sub(1));
         since.all(together)
     }
 
-    /// Something about the links of these nodes is another than before, though none came or went.
-    pub(crate) fn stir(&mut self, now: Timestamp, ids: impl Iterator<Item = NodeId>) {
+    /// The losses of these nodes' links have changed, though no link came or went.
+    pub(crate) fn links_changed(&mut self, now: Timestamp, ids: impl Iterator<Item = NodeId>) {
         for id in ids {
             if let Some(changed) = self.changed.get_mut(id.0 as usize) {
                 *changed = now;
@@ -155,7 +155,7 @@ impl Segments {
                 None => self.segments.push(Segment {
                     members: vec![id],
                     is_decided: true,
-                    still_since: Timestamp::ZERO,
+                    unchanged_since: Timestamp::ZERO,
                 }),
             }
         }
@@ -168,7 +168,7 @@ impl Segments {
         }
         for segment in &mut self.segments {
             let changes = segment.members.iter().map(|id| self.changed[id.0 as usize]);
-            segment.still_since = changes.max().unwrap_or_default();
+            segment.unchanged_since = changes.max().unwrap_or_default();
         }
     }
 
@@ -176,19 +176,19 @@ impl Segments {
         self.segments.iter()
     }
 
-    /// Whom links that are up connect with a node, over others too; itself among them.
+    /// The members of a node's segment, itself included.
     pub(crate) fn segment_of(&self, id: NodeId) -> BTreeSet<NodeId> {
         let segment = self.segment_of.get(id.0 as usize).copied().flatten();
         let members = segment.map_or(&[][..], |segment| &self.segments[segment].members);
         members.iter().copied().chain([id]).collect()
     }
 
-    /// The first node that links which are up or grey connect with a node, over others too; perhaps itself.
+    /// The lowest node that links which are up or grey connect with a node, over others too; may be itself.
     pub(crate) fn first_connected_with(&self, id: NodeId) -> NodeId {
         self.reach.get(id.0 as usize).copied().unwrap_or(id)
     }
 
-    /// Whether such links connect two nodes; each is with itself.
+    /// Whether links that are up or grey connect two nodes, over others too. A node is connected with itself.
     pub(crate) fn are_connected(&self, a: NodeId, b: NodeId) -> bool {
         a == b
             || self.first_connected_with(a) == self.first_connected_with(b)
@@ -200,8 +200,8 @@ impl Segments {
         self.live.get(id.0 as usize).is_some_and(Option::is_some)
     }
 
-    /// The most hops between any two members of a part, over links that are up; of a large part at most twice as many
-    /// as there are.
+    /// The most hops between any two members of a segment, over links that are up; of a large segment an upper bound, at
+    /// most twice that.
     pub(crate) fn diameter(&self, segment: &Segment) -> u32 {
         let mut neighbours = vec![Vec::new(); self.live.len()];
         for link in self.links.iter().filter(|link| link.is_up) {
@@ -216,30 +216,30 @@ impl Segments {
     }
 }
 
-/// How many hops it takes from a node to whoever takes the most.
+/// The most hops from a node to any other.
 fn farthest(neighbours: &[Vec<NodeId>], from: NodeId) -> u32 {
     let mut hops = vec![None; neighbours.len()];
     hops[from.0 as usize] = Some(0);
-    let mut to_look_at = VecDeque::from([(from, 0)]);
+    let mut to_visit = VecDeque::from([(from, 0)]);
     let mut most = 0;
-    while let Some((id, so_far)) = to_look_at.pop_front() {
+    while let Some((id, so_far)) = to_visit.pop_front() {
         most = so_far;
         for other in &neighbours[id.0 as usize] {
             let known = &mut hops[other.0 as usize];
             if known.is_none() {
                 *known = Some(so_far + 1);
-                to_look_at.push_back((*other, so_far + 1));
+                to_visit.push_back((*other, so_far + 1));
             }
         }
     }
     most
 }
 
-/// For each of `nodes` the lowest that `links` connect it with.
+/// For each of `nodes`, the lowest node that `links` connect it with.
 fn first_connected<'a>(nodes: usize, links: impl Iterator<Item = &'a Link>) -> Vec<NodeId> {
     fn first(of: &mut [NodeId], mut id: NodeId) -> NodeId {
         while of[id.0 as usize] != id {
-            // Shortens the way for whoever asks next.
+            // Path compression.
             of[id.0 as usize] = of[of[id.0 as usize].0 as usize];
             id = of[id.0 as usize];
         }
@@ -256,7 +256,7 @@ fn first_connected<'a>(nodes: usize, links: impl Iterator<Item = &'a Link>) -> V
     of
 }
 
-/// What is in one of two sorted lists only.
+/// The links that are in only one of two sorted lists.
 fn differing<'a>(a: &'a [Link], b: &'a [Link]) -> impl Iterator<Item = &'a Link> {
     let only = |these: &'a [Link], those: &'a [Link]| {
         let is_only_here = move |link: &&Link| those.binary_search(link).is_err();
@@ -277,7 +277,7 @@ pub(crate) mod tests {
         Link::between(NodeId(a), NodeId(b), loss).unwrap()
     }
 
-    /// A line of so many nodes, all of whose links lose nothing.
+    /// A line of nodes whose links lose no frames.
     pub(crate) fn line(nodes: u32) -> Vec<Link> {
         (1..nodes).map(|id| link(id - 1, id, 0.0)).collect()
     }
@@ -296,7 +296,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_link_that_loses_two_fifths_is_up_and_one_that_carries_next_to_nothing_is_down() {
+    fn links_are_up_grey_or_down_by_their_loss() {
         let is_up = |loss| Link::between(NodeId(1), NodeId(0), loss).map(|link| link.is_up);
         assert_eq!(is_up(0.4), Some(true));
         assert_eq!(is_up(0.41), Some(false));
@@ -305,7 +305,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn parts_are_what_links_that_are_up_connect() {
+    fn segments_are_connected_by_links_that_are_up() {
         let mut segments = Segments::default();
         let links = vec![link(3, 1, 0.3), link(1, 0, 0.0), link(4, 2, 0.4)];
         segments.look(at(1.0), live(6), links);
@@ -315,7 +315,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_grey_link_decides_only_where_nothing_else_connects() {
+    fn a_grey_link_decides_only_where_no_other_connects() {
         let mut segments = Segments::default();
         let mut links = line(3);
         links.extend([link(0, 2, 0.6), link(2, 3, 0.6), link(4, 5, 0.0)]);
@@ -327,7 +327,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn whoever_passes_nothing_on_connects_nobody() {
+    fn a_node_that_relays_nothing_connects_no_others() {
         let mut segments = Segments::default();
         let mut live = live(3);
         live[1] = None;
@@ -338,50 +338,51 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_part_is_still_until_one_of_its_links_changes_or_one_of_it_fails() {
+    fn a_segment_is_unchanged_until_a_link_changes_or_a_member_fails() {
         let mut segments = Segments::default();
         let mut links = line(3);
         links.push(link(3, 4, 0.0));
-        let still_since =
-            |segments: &Segments| -> Vec<_> { segments.iter().map(|it| it.still_since).collect() };
+        let unchanged_since = |segments: &Segments| -> Vec<_> {
+            segments.iter().map(|it| it.unchanged_since).collect()
+        };
         segments.look(at(1.0), live(5), links.clone());
         links.reverse();
         segments.look(at(2.0), live(5), links.clone());
-        assert_eq!(
-            still_since(&segments),
-            [at(1.0), at(1.0)],
-            "nothing changed"
-        );
+        assert_eq!(unchanged_since(&segments), [at(1.0), at(1.0)], "no change");
         links.push(link(0, 2, 0.7));
         segments.look(at(3.0), live(5), links.clone());
-        assert_eq!(still_since(&segments), [at(3.0), at(1.0)], "a link more");
+        assert_eq!(unchanged_since(&segments), [at(3.0), at(1.0)], "a new link");
         links.pop();
         segments.look(at(4.0), live(5), links.clone());
-        assert_eq!(still_since(&segments), [at(4.0), at(1.0)], "a link less");
+        assert_eq!(
+            unchanged_since(&segments),
+            [at(4.0), at(1.0)],
+            "a lost link"
+        );
         let mut failed = live(5);
         failed[4] = Some(1);
         segments.look(at(5.0), failed, links);
         assert_eq!(
-            still_since(&segments),
+            unchanged_since(&segments),
             [at(4.0), at(5.0)],
             "an actor was restarted"
         );
     }
 
     #[test]
-    fn what_splits_is_new_on_both_sides() {
+    fn a_split_changes_both_segments() {
         let mut segments = Segments::default();
         segments.look(at(1.0), live(4), line(4));
         segments.look(at(2.0), live(4), vec![link(0, 1, 0.0), link(2, 3, 0.0)]);
         assert!(
             segments
                 .iter()
-                .all(|segment| segment.still_since == at(2.0))
+                .all(|segment| segment.unchanged_since == at(2.0))
         );
     }
 
     #[test]
-    fn two_have_been_together_since_the_last_time_that_nothing_connected_them() {
+    fn two_nodes_are_together_since_they_were_last_apart() {
         let mut segments = Segments::default();
         let (ends, second) = ((NodeId(0), NodeId(2)), Duration::from_secs(1));
         segments.look(at(1.0), live(3), line(3));
@@ -395,12 +396,12 @@ pub(crate) mod tests {
         segments.forget_older(at(5.0), second / 2);
         assert!(
             segments.have_been_together(ends, at(5.0), 3 * second),
-            "it knows no more"
+            "older history is dropped"
         );
     }
 
     #[test]
-    fn the_diameter_is_the_most_hops_between_two() {
+    fn diameter_is_the_most_hops_between_two_members() {
         let mut segments = Segments::default();
         let mut links = line(6);
         links.push(link(0, 3, 0.0));

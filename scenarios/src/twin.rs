@@ -1,9 +1,8 @@
-//! The twin of a swarm whose drones run as processes: the same world that a simulation has, told in real time what the
-//! drones do. It knows where their vehicles are, so who would hear whom, when which fault of the plan befalls whom, and
-//! which rules hold.
+//! The twin of a swarm whose drones run as processes: the world of a simulation, which follows their reports in real time.
+//! It knows the positions of their vehicles, the losses of their links, the faults of the plan, and checks the rules.
 //!
-//! What drones are told stays in their processes, so of the rules those about it are not checked: who is obeyed (2) and
-//! how much waits (8); that nobody takes off untold (6) as far as drones show that they wait to.
+//! The messages to actors stay in their processes, so rules 2 and 8 are not checked. Rule 6 is checked as far as drones
+//! report that they wait to take off.
 
 use std::time::Duration;
 
@@ -11,53 +10,51 @@ use muster_machines::identity::NodeId;
 use muster_machines::msp::FlightCommand;
 use muster_machines::node::Observation;
 use muster_machines::time::Timestamp;
+use muster_runtime::vehicle::VehicleState;
 
 use crate::engine::Progress;
 use crate::report::{Flight, Report, summary};
-use crate::scenario::Scenario;
-use crate::scenario::{DroneFault, Fault, FaultKind};
+use crate::scenario::{DroneFault, Fault, FaultKind, Scenario};
+use crate::world::Mirror;
 pub use crate::world::ProcessState;
-use crate::world::World;
-use muster_runtime::vehicle::VehicleState;
 
 /// The twin of a swarm.
 #[derive(Debug)]
 pub struct Twin {
-    world: World,
+    mirror: Mirror,
     nodes: u32,
     steps: u64,
 }
 
-/// What a drone's process says of its drone.
+/// A message of a drone's process about its drone.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Said {
-    /// Something was seen of it.
-    Seen(Observation),
-    /// It told its vehicle something.
+pub enum ProcessReport {
+    /// An observation of its state machines.
+    Observed(Observation),
+    /// A command to its flight controller.
     Commanded(FlightCommand),
-    /// It has sent and let in this many frames more.
-    Talked {
-        /// Sent because something had changed or was missed.
+    /// Frames sent and admitted since the last message of this kind.
+    Traffic {
+        /// Sent because of a change or a loss.
         news: u64,
-        /// Sent only because the time had come.
+        /// Sent because a period elapsed.
         keep_alives: u64,
-        /// Let in.
+        /// Admitted by the radio.
         let_in: u64,
     },
-    /// Its process has started, and its actors are about to be built.
+    /// The process has started and is about to start its actors.
     Started,
-    /// Its process has ended.
+    /// The process has ended.
     Ended,
 }
 
 impl Twin {
-    /// Of the drones of a scenario, before any of them has done anything. It is to be so far `behind` their clocks, so that
-    /// what several of them say is told in the order in which it happened; what a fault makes of a process is to be done
-    /// at once.
+    /// The twin at the start of a flight. It runs `delay` behind the processes' clocks, so that reports of several processes
+    /// are taken in the order of their times. A new [`ProcessState`] must be put into effect at once.
     #[must_use]
-    pub fn new(scenario: &Scenario, behind: Duration) -> Self {
+    pub fn new(scenario: &Scenario, delay: Duration) -> Self {
         Self {
-            world: World::mirroring(scenario, behind),
+            mirror: Mirror::new(scenario, delay),
             nodes: scenario.plan.nodes(),
             steps: scenario.steps(),
         }
@@ -68,92 +65,93 @@ impl Twin {
         (0..self.nodes).map(NodeId)
     }
 
-    /// Takes in that a drone said something at `at`, since the flight began; later than the twin's time, or now.
-    pub fn hear(&mut self, at: Timestamp, drone: NodeId, said: Said) {
-        match said {
-            Said::Seen(seen) => self.world.was_seen(at, drone, seen),
-            Said::Commanded(command) => self.world.was_commanded(at, drone, command),
-            Said::Started => self.world.process_started(at, drone),
-            Said::Ended => self.world.process_ended(at, drone),
-            Said::Talked {
+    /// Takes a report of `at`, since the start of the flight; one of before the twin's time is taken as of now.
+    pub fn receive(&mut self, at: Timestamp, drone: NodeId, report: ProcessReport) {
+        match report {
+            ProcessReport::Observed(seen) => self.mirror.observed(at, drone, seen),
+            ProcessReport::Commanded(command) => self.mirror.commanded(at, drone, command),
+            ProcessReport::Started => self.mirror.process_started(at, drone),
+            ProcessReport::Ended => self.mirror.process_ended(at, drone),
+            ProcessReport::Traffic {
                 news,
                 keep_alives,
                 let_in,
             } => {
-                self.world.advance(at);
-                self.world.has_talked(drone, [news, keep_alives, let_in]);
+                self.mirror.advance(at);
+                let frames = [news, keep_alives, let_in];
+                self.mirror.count_frames(drone, frames);
             }
         }
     }
 
-    /// Lets everything happen that happens up to `now`, since the flight began.
+    /// Moves time to `now`, since the start of the flight, and handles all events until then.
     pub fn advance(&mut self, now: Timestamp) {
-        self.world.advance(now);
+        self.mirror.advance(now);
     }
 
-    /// How a drone's process is to be by now.
+    /// The state that a drone's process must be in.
     #[must_use]
     pub fn process(&self, drone: NodeId) -> ProcessState {
-        self.world.process(drone)
+        self.mirror.process(drone)
     }
 
-    /// Whether a drone's vehicle does something else than its process told it, which hung meanwhile; told once.
-    pub fn is_overruled(&mut self, drone: NodeId) -> bool {
-        self.world.is_overruled(drone)
+    /// Whether a drone's flight controller has landed it while its process hung. Answers `true` once.
+    pub fn take_overruled(&mut self, drone: NodeId) -> bool {
+        self.mirror.take_overruled(drone)
     }
 
-    /// What a drone's vehicle is doing, for a process that is started again or was overruled.
+    /// The state of a drone's vehicle, for a process that is started again or was overruled.
     #[must_use]
     pub fn vehicle(&self, drone: NodeId) -> VehicleState {
-        self.world.vehicle(drone)
+        self.mirror.vehicle(drone)
     }
 
     /// The faults to inject into actors of processes since the last call, and how long each lasts.
     pub fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
-        self.world.take_actor_faults()
+        self.mirror.take_actor_faults()
     }
 
-    /// The chance that a frame from one drone would not reach another where they are, 0 to 1.
+    /// The chance that a frame from one drone does not reach another at their present positions, 0 to 1.
     #[must_use]
     pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
-        self.world.loss(from, to)
+        self.mirror.loss(from, to)
     }
 
-    /// A number that rises whenever those chances may be others than before.
+    /// A number that rises whenever a loss may have changed.
     #[must_use]
     pub const fn loss_changes(&self) -> u64 {
-        self.world.loss_changes()
+        self.mirror.loss_changes()
     }
 
-    /// Whether the flight is over: nobody is in the air any more, or the time is up.
+    /// Whether the flight is over: no vehicle is in the air any more, or the time is up.
     #[must_use]
     pub fn is_flown(&self) -> bool {
-        self.world.is_flown()
+        self.mirror.is_flown()
     }
 
     /// How far the flight is.
     #[must_use]
     pub fn progress(&self) -> Progress {
         Progress {
-            done: self.world.steps_done().min(self.steps),
+            done: self.mirror.steps_done().min(self.steps),
             total: self.steps,
-            simulated_s: self.world.now().as_nanos() / 1_000_000_000,
+            simulated_s: self.mirror.now().as_nanos() / 1_000_000_000,
         }
     }
 
-    /// What came of the flight.
+    /// The report of the flight.
     #[must_use]
     pub fn finish(self, scenario: &Scenario, wall: Duration) -> (Report, Flight) {
-        summary(scenario, None, &self.world.finish(), wall)
+        summary(scenario, None, &self.mirror.finish(), wall)
     }
 }
 
-/// Why a fault can't befall a process whose vehicle is simulated in it; nothing if it can.
+/// Why a fault can't be injected into a process that simulates its vehicle; `None` if it can.
 #[must_use]
 pub fn refuses(fault: &Fault) -> Option<&'static str> {
     let FaultKind::Drone(_, fault) = fault.kind else {
         return match fault.kind {
-            FaultKind::Tamper(_) => Some("nobody tampers with frames between processes"),
+            FaultKind::Tamper(_) => Some("frames between processes can't be tampered with"),
             FaultKind::Drone(..) | FaultKind::Links(..) | FaultKind::Jam { .. } => None,
         };
     };
@@ -163,10 +161,12 @@ pub fn refuses(fault: &Fault) -> Option<&'static str> {
         | DroneFault::Hang(_)
         | DroneFault::CrashActor(_) => None,
         DroneFault::CrashAircraft | DroneFault::Drain(_) | DroneFault::LoseGps => {
-            Some("a vehicle that is simulated in a process does not fail")
+            Some("the vehicle simulated in a process can't fail")
         }
-        DroneFault::Replay | DroneFault::Forge => Some("nobody speaks in the name of a process"),
-        DroneFault::Skew(_) => Some("a process has its machine's clock"),
+        DroneFault::Replay | DroneFault::Forge => {
+            Some("frames of a process can't be replayed or forged")
+        }
+        DroneFault::Skew(_) => Some("a process uses the clock of its computer"),
     }
 }
 
@@ -186,43 +186,49 @@ mod tests {
         load(&path, &changes).unwrap()
     }
 
-    /// What a simulation makes of a scenario, and what a twin does that is so far behind and told what the simulated drones
-    /// say, and when their processes end: `faults` befall it, in the place of the scenario's.
-    fn both(scenario: &Scenario, behind: Duration, faults: &[Fault]) -> [Report; 2] {
+    /// The report of a simulation, and that of a twin that receives the simulated drones' reports with this delay. The twin
+    /// injects `faults` instead of the scenario's.
+    fn both(scenario: &Scenario, delay: Duration, faults: &[Fault]) -> [Report; 2] {
         let mut world = engine::flown(scenario);
-        let mut said = std::mem::take(&mut world.said);
-        let finished = Said::Seen(Observation::Mission(Event::State(State::Finished)));
-        let ends: Vec<_> = (said.iter())
-            .filter(|(_, _, said)| *said == finished)
-            .map(|(at, drone, _)| (*at + Duration::from_millis(500), *drone, Said::Ended))
+        let mut reports = std::mem::take(&mut world.reports);
+        let finished = ProcessReport::Observed(Observation::Mission(Event::State(State::Finished)));
+        let ends: Vec<_> = (reports.iter())
+            .filter(|(.., report)| *report == finished)
+            .map(|(at, drone, _)| {
+                (
+                    *at + Duration::from_millis(500),
+                    *drone,
+                    ProcessReport::Ended,
+                )
+            })
             .collect();
-        said.extend(ends);
-        said.sort_by_key(|(at, ..)| *at);
+        reports.extend(ends);
+        reports.sort_by_key(|(at, ..)| *at);
         let (simulated, _) = summary(scenario, None, &world.finish(), Duration::ZERO);
-        let mut told = scenario.clone();
-        told.faults = faults.to_vec();
-        let mut twin = Twin::new(&told, behind);
-        let (mut now, mut stood) = (
+        let mut followed = scenario.clone();
+        followed.faults = faults.to_vec();
+        let mut twin = Twin::new(&followed, delay);
+        let (mut now, mut states) = (
             Timestamp::ZERO,
             vec![ProcessState::Runs; twin.nodes().count()],
         );
-        let mut said = said.into_iter().peekable();
-        // It is over at the very time at which the last is down, as in the simulation.
+        let mut reports = reports.into_iter().peekable();
+        // It ends at the instant at which the last drone is down, as the simulation does.
         'flight: while !twin.is_flown() {
             now += Duration::from_millis(10);
-            while let Some((at, drone, said)) = said.next_if(|(at, ..)| *at <= now) {
-                twin.hear(at, drone, said);
+            while let Some((at, drone, report)) = reports.next_if(|(at, ..)| *at <= now) {
+                twin.receive(at, drone, report);
                 if twin.is_flown() {
                     break 'flight;
                 }
             }
             twin.advance(now);
-            for (drone, stood) in twin.nodes().zip(&mut stood) {
+            for (drone, state) in twin.nodes().zip(&mut states) {
                 let process_state = twin.process(drone);
-                if std::mem::replace(stood, process_state) != process_state
+                if std::mem::replace(state, process_state) != process_state
                     && process_state == ProcessState::Ended
                 {
-                    twin.hear(now, drone, Said::Ended);
+                    twin.receive(now, drone, ProcessReport::Ended);
                 }
             }
         }
@@ -231,12 +237,12 @@ mod tests {
     }
 
     fn compare(scenario: &Scenario) {
-        compare_behind(scenario, Duration::ZERO, &scenario.faults);
+        compare_delayed(scenario, Duration::ZERO, &scenario.faults);
     }
 
-    /// Without what a twin is not told: frames.
-    fn compare_behind(scenario: &Scenario, behind: Duration, faults: &[Fault]) {
-        let [simulated, twin] = both(scenario, behind, faults).map(|mut report| {
+    /// Compares all but the counts of frames, which a twin gets apart.
+    fn compare_delayed(scenario: &Scenario, delay: Duration, faults: &[Fault]) {
+        let [simulated, twin] = both(scenario, delay, faults).map(|mut report| {
             for drone in &mut report.drones {
                 (drone.messages_sent, drone.messages_received) = (0, 0);
             }
@@ -255,45 +261,49 @@ mod tests {
     }
 
     #[test]
-    fn a_twin_that_hears_what_drones_say_reports_what_they_do() {
+    fn twin_reports_the_same_flight_as_the_simulation() {
         compare(&scenario("thesis-1.toml", &[]));
     }
 
     #[test]
-    fn a_twin_kills_and_judges_as_the_simulation_does() {
+    fn twin_injects_faults_and_checks_rules_as_the_simulation_does() {
         for name in ["kill-at-waypoint.toml", "cut-in-two.toml"] {
             compare(&scenario(name, &[]));
         }
     }
 
     #[test]
-    fn a_twin_follows_processes_that_start_again() {
+    fn twin_follows_restarted_processes() {
         for name in ["returning-drone.toml", "hardware/swarm-restart.toml"] {
             compare(&scenario(name, &[]));
         }
     }
 
     #[test]
-    fn what_befalls_a_process_befalls_its_drone_once_the_twin_that_is_behind_is_there() {
-        let behind = Duration::from_millis(50);
-        for fault in ["kill=1", "restart=1,for_s=2", "hang=1,for_s=0.5"] {
+    fn faults_affect_a_delayed_twin_at_the_time_of_the_process() {
+        let delay = Duration::from_millis(50);
+        for fault in [
+            "kind=\"kill\",drone=1",
+            "kind=\"restart\",drone=1,for_s=2",
+            "kind=\"hang\",drone=1,for_s=0.5",
+        ] {
             let faults = |at_s: f64| format!("faults=[{{at_s={at_s},{fault}}}]");
-            let affects = scenario("hardware/swarm-short.toml", &[&faults(9.05)]);
-            let told = scenario("hardware/swarm-short.toml", &[&faults(9.0)]);
-            compare_behind(&affects, behind, &told.faults);
+            let affected = scenario("hardware/swarm-short.toml", &[&faults(9.05)]);
+            let injected = scenario("hardware/swarm-short.toml", &[&faults(9.0)]);
+            compare_delayed(&affected, delay, &injected.faults);
         }
     }
 
     #[test]
-    fn a_process_that_ends_in_mid_flight_though_nothing_befell_it_breaks_a_rule() {
+    fn a_process_that_ends_in_flight_without_a_fault_breaks_rule_9() {
         let scenario = scenario("hardware/swarm-short.toml", &[]);
-        let said = engine::flown(&scenario).said;
+        let reports = engine::flown(&scenario).reports;
         let mut twin = Twin::new(&scenario, Duration::from_millis(50));
         let end = Timestamp::from_secs_f64(9.0);
-        for (at, drone, said) in said.into_iter().filter(|(at, ..)| *at < end) {
-            twin.hear(at, drone, said);
+        for (at, drone, report) in reports.into_iter().filter(|(at, ..)| *at < end) {
+            twin.receive(at, drone, report);
         }
-        twin.hear(end, NodeId(3), Said::Ended);
+        twin.receive(end, NodeId(3), ProcessReport::Ended);
         let (report, _) = twin.finish(&scenario, Duration::ZERO);
         let broken: Vec<_> = (report.violations.iter())
             .map(|it| (it.rule, &it.drones[..]))
@@ -302,13 +312,13 @@ mod tests {
     }
 
     #[test]
-    fn a_hang_that_is_over_when_the_next_begins_does_not_let_the_process_run_in_between() {
-        let hang = "faults=[{at_s=3,hang=0,for_s=1,times=3,every_s=1}]";
+    fn process_hangs_on_when_one_hang_ends_as_the_next_begins() {
+        let hang = "faults=[{at_s=3,kind=\"hang\",drone=0,for_s=1,times=3,every_s=1}]";
         let scenario = scenario("hardware/swarm-short.toml", &[hang]);
-        for behind in [0, 50] {
-            let behind = Duration::from_millis(behind);
-            let mut twin = Twin::new(&scenario, behind);
-            let end = Timestamp::from_secs_f64(6.0) + behind;
+        for delay in [0, 50] {
+            let delay = Duration::from_millis(delay);
+            let mut twin = Twin::new(&scenario, delay);
+            let end = Timestamp::from_secs_f64(6.0) + delay;
             let mut now = Timestamp::ZERO;
             while now < end + Duration::from_secs(1) {
                 let hangs = now >= Timestamp::from_secs_f64(3.0) && now < end;
@@ -321,7 +331,7 @@ mod tests {
                 assert_eq!(
                     twin.process(NodeId(0)),
                     process_state,
-                    "{now:?}, behind {behind:?}"
+                    "{now:?}, delayed by {delay:?}"
                 );
                 now += Duration::from_millis(5);
             }

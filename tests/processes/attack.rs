@@ -1,5 +1,5 @@
-//! Hostile traffic at the rate that this machine can send, to the drone that leads a swarm in flight, and what becomes of
-//! it: every datagram is to be counted by whoever dropped it, and what the others say is to get through.
+//! Hostile traffic to the leader of a flying swarm, at the full rate of this machine. Every datagram must be counted by the
+//! layer that dropped it, and genuine frames must get through.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,14 +14,14 @@ use serde_json::{Value, json};
 
 use super::fleet::{Fleet, MASTER, Process, SCENARIO, replace};
 
-/// Five drones; the others talk to the one that leads.
+/// The drones other than the leader.
 const OTHERS: [u32; 4] = [0, 1, 3, 4];
-/// For how long delivery is measured before the attack: each drone speaks ten times a second.
+/// Duration of the measurement before the attack. Each drone sends ten frames a second.
 const CALM: Duration = Duration::from_secs(2);
-/// How many datagrams of a kind are made; they are sent again and again.
+/// Number of different datagrams of each kind, which are sent repeatedly.
 const VARIANTS: usize = 1_024;
 
-/// What is sent, by kind.
+/// Kinds of hostile datagrams.
 const KINDS: [&str; 7] = [
     "random bytes",
     "truncated frames",
@@ -32,50 +32,50 @@ const KINDS: [&str; 7] = [
     "of strangers",
 ];
 
-/// What became of an attack.
+/// Result of an attack.
 #[derive(Debug)]
 pub(crate) struct Outcome {
-    /// Datagrams that were sent, by kind.
+    /// Hostile datagrams sent, by kind.
     pub(crate) sent: [(&'static str, u64); 7],
-    /// How long that took.
-    pub(crate) lasted: Duration,
-    /// What the drone counted meanwhile: frames not let in by reason, too long, lost by the system.
+    /// Duration of the attack.
+    pub(crate) duration: Duration,
+    /// Datagrams that the leader dropped during the attack, by reason: frames refused, too long, dropped by the kernel.
     pub(crate) counted: BTreeMap<String, u64>,
-    /// Frames that it let in meanwhile.
+    /// Frames that it admitted during the attack.
     pub(crate) let_in: u64,
-    /// Frames that the other drones sent meanwhile: they are not asked at the very same time.
+    /// Bounds of the genuine frames sent during the attack; a range, since the drones are not queried at the same time.
     pub(crate) genuine: RangeInclusive<u64>,
-    /// The share of those that were let in, at least: before the attack, and while it lasted.
+    /// Smallest possible share of genuine frames that were admitted: before and during the attack.
     pub(crate) delivery: [f64; 2],
-    /// The memory of the drone's process: before the attack, and the most until after it, in KiB.
+    /// Memory of the leader's process in KiB: before the attack, and its peak.
     pub(crate) memory_kib: [u64; 2],
-    /// How each process ended.
+    /// Exit code of each process.
     pub(crate) exit_codes: Vec<Option<i32>>,
-    /// Whom each drone obeyed, in order.
-    pub(crate) leader: Vec<Vec<Value>>,
-    /// Orders that a mission could not read or not obey.
+    /// The ballots that each drone accepted, in order.
+    pub(crate) ballots: Vec<Vec<Value>>,
+    /// Orders that a mission refused.
     pub(crate) orders_refused: u64,
 }
 
 impl Outcome {
-    /// All that was sent to the drone in hostile intent.
+    /// Number of hostile datagrams sent.
     pub(crate) fn hostile(&self) -> u64 {
         self.sent.iter().map(|(_, n)| n).sum()
     }
 
-    /// All that the drone accounts for.
+    /// Number of datagrams that the leader counted.
     pub(crate) fn accounted(&self) -> u64 {
         self.let_in + self.counted.values().sum::<u64>()
     }
 
-    /// Whether that is what was sent, by friend and foe.
+    /// Whether the leader counted all hostile and genuine datagrams.
     pub(crate) fn is_balanced(&self) -> bool {
-        let friends = self.accounted().checked_sub(self.hostile());
-        friends.is_some_and(|n| self.genuine.contains(&n))
+        let genuine = self.accounted().checked_sub(self.hostile());
+        genuine.is_some_and(|n| self.genuine.contains(&n))
     }
 }
 
-/// What a drone has counted of what came in.
+/// Counters of a drone's incoming datagrams.
 struct Tally {
     counted: BTreeMap<String, u64>,
     let_in: u64,
@@ -93,8 +93,8 @@ impl Tally {
         let datagrams = &status["datagrams"];
         counted.insert("too_long".to_owned(), number(&datagrams["too_long"]));
         let overflowed = datagrams["overflowed"].as_u64();
-        let overflowed = overflowed.expect("Linux tells what it dropped");
-        counted.insert("lost by the system".to_owned(), overflowed);
+        let overflowed = overflowed.expect("Linux reports its drops");
+        counted.insert("dropped by the kernel".to_owned(), overflowed);
         Self {
             counted,
             let_in: sum(&status["frames"]["let_in"]),
@@ -111,9 +111,9 @@ impl Tally {
         self
     }
 
-    /// Whether all that was taken in was looked at.
+    /// Whether all received datagrams are handled.
     fn is_settled(&self) -> bool {
-        let unread = ["too_long", "lost by the system"];
+        let unread = ["too_long", "dropped by the kernel"];
         let read = self
             .counted
             .iter()
@@ -126,43 +126,43 @@ impl Tally {
     }
 }
 
-/// How an attack is made: in volleys, each as fast as this machine can send, with a pause behind each.
+/// Parameters of an attack: volleys at full rate, with a pause after each.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Attack {
-    /// How many volleys.
+    /// Number of volleys.
     pub(crate) volleys: u64,
-    /// How many datagrams each has.
+    /// Datagrams of a volley.
     pub(crate) datagrams: u64,
-    /// How long the pauses are.
+    /// Pause after a volley.
     pub(crate) pause: Duration,
 }
 
-/// Flies a mission by policy `flood`, in which all that a drone says is for all, and attacks the master in mid-flight.
+/// Flies a mission with policy `flood`, in which all frames are broadcasts, and attacks the master in flight.
 pub(crate) fn fly(attack: Attack) -> Outcome {
     let fleet = Fleet::new();
-    let ear = UdpSocket::bind("127.0.0.1:0").unwrap();
-    prepare(&fleet, &ear);
+    let tap = UdpSocket::bind("127.0.0.1:0").unwrap();
+    prepare(&fleet, &tap);
     let mut drones = fleet.fly();
-    let under_way = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
-    drones[MASTER as usize].wait_for_mission(&under_way);
-    let heard = eavesdrop(&ear);
+    let in_flight = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
+    drones[MASTER as usize].wait_for_mission(&in_flight);
+    let recorded = record(&tap);
 
     let sent_least = sent_by_others(&fleet).0;
     let at_first = Tally::of(&fleet.status(MASTER));
     std::thread::sleep(CALM);
-    let ammunition = ammunition(&heard);
+    let hostile_datagrams = hostile_datagrams(&recorded);
     let (least_before, sent_most) = sent_by_others(&fleet);
     let memory_before = drones[MASTER as usize].memory_kib("VmRSS");
     let before = Tally::of(&fleet.status(MASTER));
     let calm = delivery(before.let_in - at_first.let_in, sent_most - sent_least);
     let most_before = sent_by_others(&fleet).1;
 
-    let (sent, lasted) = shoot(&fleet.address(MASTER), &ammunition, attack);
+    let (sent, duration) = send_all(&fleet.address(MASTER), &hostile_datagrams, attack);
     let hostile: u64 = sent.iter().map(|(_, n)| n).sum();
 
     let least_after = sent_by_others(&fleet).0;
     let genuine_least = least_after - most_before;
-    let status = fleet.wait_for_status(MASTER, "done with all of it", |status| {
+    let status = fleet.wait_for_status(MASTER, "all datagrams handled", |status| {
         let tally = Tally::of(status).since(&before);
         tally.is_settled() && tally.total() >= hostile + genuine_least
     });
@@ -176,14 +176,14 @@ pub(crate) fn fly(attack: Attack) -> Outcome {
     let orders_refused = orders_refused.sum();
     Outcome {
         sent,
-        lasted,
+        duration,
         let_in: tally.let_in,
         delivery: [calm, delivery(tally.let_in, genuine_most)],
         counted: tally.counted,
         genuine: genuine_least..=genuine_most,
         memory_kib: [memory_before, memory_after],
         exit_codes: drones.iter_mut().map(Process::end).collect(),
-        leader: drones.iter().map(Process::leader).collect(),
+        ballots: drones.iter().map(Process::ballots).collect(),
         orders_refused,
     }
 }
@@ -193,8 +193,8 @@ fn delivery(let_in: u64, sent: u64) -> f64 {
     let_in as f64 / sent as f64
 }
 
-/// The drones' files name the attacker among the peers, which is how it hears them.
-fn prepare(fleet: &Fleet, ear: &UdpSocket) {
+/// Changes the scenario, and adds the attacker to the peers in the drones' files, so that it receives their frames.
+fn prepare(fleet: &Fleet, tap: &UdpSocket) {
     let scenario = fs::read_to_string(SCENARIO).unwrap();
     let mission = fleet.path("mission.waypoints").display().to_string();
     let scenario = scenario
@@ -202,7 +202,7 @@ fn prepare(fleet: &Fleet, ear: &UdpSocket) {
         .replace("policy = \"tree\"", "policy = \"flood\"\nperiod_ms = 100")
         .replace("parameters = \"fast\"\n", "");
     fs::write(fleet.path("scenario.toml"), scenario).unwrap();
-    // Its first leg is a hundred metres long, which takes as long as the attack does.
+    // Its first leg becomes a hundred metres long, so that it lasts as long as the attack.
     let hop = SCENARIO.replace("hardware/swarm-short.toml", "missions/hop.waypoints");
     fs::copy(hop, &mission).unwrap();
     replace(
@@ -210,31 +210,31 @@ fn prepare(fleet: &Fleet, ear: &UdpSocket) {
         "41.76518000\t-0.81500000",
         "41.76590000\t-0.81500000",
     );
-    let ear = ear.local_addr().unwrap();
+    let tap = tap.local_addr().unwrap();
     for id in 0..5 {
         let file = fleet.file(id);
         replace(&file, SCENARIO, "scenario.toml");
-        replace(&file, "peers = [", &format!("peers = [\"{ear}\", "));
+        replace(&file, "peers = [", &format!("peers = [\"{tap}\", "));
     }
 }
 
-/// Frames of all drones, as they come in for somebody who is none of them.
-fn eavesdrop(ear: &UdpSocket) -> Vec<Vec<u8>> {
-    ear.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-    let mut heard = Vec::new();
-    while heard.len() < 100 {
+/// Records frames of the other drones.
+fn record(tap: &UdpSocket) -> Vec<Vec<u8>> {
+    tap.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let mut recorded = Vec::new();
+    while recorded.len() < 100 {
         let mut buffer = [0; DATAGRAM_MAX];
-        let len = ear.recv(&mut buffer).unwrap();
+        let len = tap.recv(&mut buffer).unwrap();
         let frame = wire::decode_frame(&buffer[..len]).unwrap();
-        // A frame of its own tells the master nothing that it did not know.
+        // The master ignores its own frames.
         if frame.header.sender != NodeId(MASTER) {
-            heard.push(buffer[..len].to_vec());
+            recorded.push(buffer[..len].to_vec());
         }
     }
-    heard
+    recorded
 }
 
-/// How many frames the other drones have sent: before they were asked, and after.
+/// Frames that the other drones have sent, counted twice in a row, as bounds for the time in between.
 fn sent_by_others(fleet: &Fleet) -> (u64, u64) {
     let sent = |id| {
         let status = fleet.status(id);
@@ -247,7 +247,7 @@ fn sent_by_others(fleet: &Fleet) -> (u64, u64) {
     (all(), all())
 }
 
-/// Numbers that look like chance, the same each time.
+/// A reproducible random generator.
 struct Rng(u64);
 
 impl Rng {
@@ -268,13 +268,13 @@ impl Rng {
     }
 }
 
-/// The datagrams of each kind, made of what was heard.
-fn ammunition(heard: &[Vec<u8>]) -> [Vec<Vec<u8>>; 7] {
+/// The hostile datagrams of each kind, made from recorded frames.
+fn hostile_datagrams(recorded: &[Vec<u8>]) -> [Vec<Vec<u8>>; 7] {
     let mut rng = Rng(1);
     std::array::from_fn(|kind| {
         let variants = 0..VARIANTS;
         let datagrams = variants.map(|nth| {
-            let genuine = &heard[nth % heard.len()];
+            let genuine = &recorded[nth % recorded.len()];
             let header = wire::decode_frame(genuine).unwrap().header;
             let later = u64::try_from(nth).unwrap() * 100;
             match kind {
@@ -300,7 +300,7 @@ fn ammunition(heard: &[Vec<u8>]) -> [Vec<Vec<u8>>; 7] {
     })
 }
 
-/// A frame with another header, and the signature that it had.
+/// A frame with a changed header and its original signature.
 fn altered(genuine: &[u8], alter: impl FnOnce(&mut Header)) -> Vec<u8> {
     let frame = wire::decode_frame(genuine).unwrap();
     let mut header = frame.header;
@@ -310,10 +310,10 @@ fn altered(genuine: &[u8], alter: impl FnOnce(&mut Header)) -> Vec<u8> {
     altered
 }
 
-/// Sends the kinds in turn; what the system did not take is not counted.
-fn shoot(
+/// Sends all kinds in turn. Datagrams that the kernel refuses are not counted. Returns the counts and the duration.
+fn send_all(
     at: &str,
-    ammunition: &[Vec<Vec<u8>>; 7],
+    datagrams: &[Vec<Vec<u8>>; 7],
     attack: Attack,
 ) -> ([(&'static str, u64); 7], Duration) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -325,7 +325,7 @@ fn shoot(
         while sent.iter().map(|(_, n)| n).sum::<u64>() < volley * attack.datagrams {
             let variant = nth / KINDS.len() % VARIANTS;
             let kind = nth % KINDS.len();
-            if socket.send_to(&ammunition[kind][variant], target).is_ok() {
+            if socket.send_to(&datagrams[kind][variant], target).is_ok() {
                 sent[kind].1 += 1;
             }
             nth += 1;

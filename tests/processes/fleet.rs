@@ -1,4 +1,4 @@
-//! A fleet's folder, its drones' files and their processes.
+//! A fleet for tests: its folder, its drones' files and their processes.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -14,13 +14,13 @@ use tempfile::TempDir;
 
 use super::network::{GROUP, Network};
 
-/// How long a test waits for what must happen: several times what it takes; only a failing one does.
-pub(super) const PATIENCE: Duration = Duration::from_secs(120);
+/// Time limit for a condition that must come true; several times the usual time.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(120);
 
-/// The daemon's program, which `cargo test --workspace` builds beside the other one.
+/// The daemon's program, which `cargo test --workspace` builds next to `muster`.
 pub(crate) static MUSTERD: LazyLock<String> = LazyLock::new(|| {
     let program = Path::new(env!("CARGO_BIN_EXE_muster")).with_file_name("musterd");
-    assert!(program.is_file(), "is built by: cargo build --workspace");
+    assert!(program.is_file(), "build it with: cargo build --workspace");
     program.to_str().unwrap().to_owned()
 });
 
@@ -29,23 +29,23 @@ pub(crate) const SCENARIO: &str = concat!(
     "/scenarios/hardware/swarm-short.toml"
 );
 
-/// Who leads in that scenario.
+/// The first leader in that scenario.
 pub(crate) const MASTER: u32 = 2;
 
-/// Five drones on paper: keys and files.
+/// The keys and files of five drones.
 pub(crate) struct Fleet {
     folder: TempDir,
-    /// Held so that no other test gets it; the drones' addresses are made of it. None where they talk over a network.
+    /// Reserves the port from which the drones' addresses are derived; `None` for drones on a [`Network`].
     _port: Option<UdpSocket>,
 }
 
 impl Fleet {
-    /// On this machine, with addresses that nobody else uses.
+    /// On this machine, with unused addresses, over UDP.
     pub(crate) fn new() -> Self {
         Self::over("udp")
     }
 
-    /// Likewise, drones that speak over this transport.
+    /// On this machine, with unused addresses, over this transport.
     pub(crate) fn over(transport: &str) -> Self {
         let port = free_port();
         let number = port.local_addr().unwrap().port();
@@ -57,7 +57,7 @@ impl Fleet {
         })
     }
 
-    /// On the hosts of a network, one each.
+    /// On the hosts of a [`Network`], one drone per host.
     pub(crate) fn on_hosts() -> Self {
         Self::with("udp", None, |_| {
             format!("group = \"{GROUP}\"\ninterface = \"eth0\"")
@@ -85,12 +85,12 @@ impl Fleet {
         self.path(&format!("drone-{id}.toml"))
     }
 
-    /// A drone's own address and port.
+    /// Address and port of a drone.
     pub(crate) fn address(&self, id: u32) -> String {
         bind_of(&self.file(id))
     }
 
-    /// Runs `muster keys`, which must do what it is asked for.
+    /// Runs `muster keys`, which must succeed.
     pub(crate) fn keys(&self, arguments: &[&str]) {
         let run = Command::new(env!("CARGO_BIN_EXE_muster"))
             .current_dir(self.folder.path())
@@ -101,8 +101,8 @@ impl Fleet {
         assert!(run.status.success(), "{run:?}");
     }
 
-    /// Gives each drone a list of the expelled of its own, as it is now; where that of a drone is.
-    pub(crate) fn divide_lists(&self) -> impl Fn(u32) -> PathBuf {
+    /// Gives each drone its own copy of the revocation list. Returns the path of a drone's copy.
+    pub(crate) fn separate_revocation_lists(&self) -> impl Fn(u32) -> PathBuf {
         let path = |id| format!("revoked-{id}.toml");
         for id in 0..5 {
             fs::copy(self.path("ours/revoked.toml"), self.path(&path(id))).unwrap();
@@ -113,10 +113,10 @@ impl Fleet {
     }
 
     pub(crate) fn command(&self, id: u32) -> Command {
-        self.told(Command::new(&*MUSTERD), id)
+        self.with_config(Command::new(&*MUSTERD), id)
     }
 
-    fn told(&self, mut command: Command, id: u32) -> Command {
+    fn with_config(&self, mut command: Command, id: u32) -> Command {
         command.arg("--config").arg(self.file(id));
         command
     }
@@ -130,12 +130,12 @@ impl Fleet {
     /// Starts a drone on the host of its number.
     pub(crate) fn start_on(&self, network: &Network, id: u32, arguments: &[&str]) -> Process {
         let command = network.command(id, &MUSTERD);
-        let mut command = self.told(command, id);
+        let mut command = self.with_config(command, id);
         command.args(arguments);
         Process::start(id, command)
     }
 
-    /// Starts a drone that can write no file longer than 2 KiB, which is as good as a full disk.
+    /// Starts a drone that can't write files longer than 2 KiB, which simulates a full disk.
     pub(crate) fn start_with_little_disk(&self, id: u32) -> Process {
         let script = r#"trap "" XFSZ; ulimit -f 4; exec "$0" --config "$1""#;
         let mut command = Command::new("sh");
@@ -144,10 +144,10 @@ impl Fleet {
         Process::start(id, command)
     }
 
-    /// Asks a drone for one of its pages; the code and the text of the answer.
-    pub(crate) fn ask(&self, id: u32, page: &str) -> (u16, String) {
+    /// Requests a page of a drone over HTTP. Returns the status code and the text.
+    pub(crate) fn get(&self, id: u32, page: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(self.address(id)).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         write!(stream, "GET {page} HTTP/1.1\r\nHost: drone\r\n\r\n").unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
@@ -156,82 +156,81 @@ impl Fleet {
         (code, text.to_owned())
     }
 
-    /// What a drone tells of itself.
+    /// The status of a drone.
     pub(crate) fn status(&self, id: u32) -> Value {
-        let (code, text) = self.ask(id, "/status");
+        let (code, text) = self.get(id, "/status");
         assert_eq!(code, 200, "{text}");
         serde_json::from_str(&text).unwrap()
     }
 
-    /// Asks a drone until what it tells of itself is as is said.
+    /// Waits until a drone's status satisfies a condition.
     pub(crate) fn wait_for_status(
         &self,
         id: u32,
-        what: &str,
-        is_it: impl Fn(&Value) -> bool,
+        name: &str,
+        condition: impl Fn(&Value) -> bool,
     ) -> Value {
         let began = Instant::now();
         loop {
             let status = self.status(id);
-            if is_it(&status) {
+            if condition(&status) {
                 return status;
             }
             assert!(
-                began.elapsed() < PATIENCE,
-                "drone {id} is never {what}: {status:#}"
+                began.elapsed() < TIMEOUT,
+                "drone {id}: never `{name}`: {status:#}"
             );
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    /// All five, in the order of their numbers; the one that leads is told to fly.
+    /// Starts all five drones by number. The leader gets the order to fly.
     pub(crate) fn fly(&self) -> Vec<Process> {
-        (0..5).map(|id| self.start(id, told(id))).collect()
+        (0..5).map(|id| self.start(id, arguments(id))).collect()
     }
 
-    /// Likewise, each on the host of its number.
+    /// Starts all five drones, each on the host of its number.
     pub(crate) fn fly_on(&self, network: &Network) -> Vec<Process> {
         (0..5)
-            .map(|id| self.start_on(network, id, told(id)))
+            .map(|id| self.start_on(network, id, arguments(id)))
             .collect()
     }
 }
 
-/// Runs a command to its end: its exit code, and what it says, without the ends of lines at which that is wrapped for a
-/// terminal.
-pub(crate) fn said_by(command: &mut Command) -> (Option<i32>, String) {
+/// Runs a command. Returns its exit code and its output, with line breaks replaced since messages are wrapped.
+pub(crate) fn run_command(command: &mut Command) -> (Option<i32>, String) {
     let run = command.output().unwrap();
-    let said = String::from_utf8([run.stdout, run.stderr].concat()).unwrap();
-    let words: Vec<_> = said.split_whitespace().collect();
+    let output = String::from_utf8([run.stdout, run.stderr].concat()).unwrap();
+    let words: Vec<_> = output.split_whitespace().collect();
     (run.status.code(), words.join(" "))
 }
 
-/// Runs a command that is given something that can't be used: it says so, and what would be accepted, and does nothing.
-pub(crate) fn assert_refused(command: &mut Command, says: &str) {
-    let (code, said) = said_by(command);
-    assert_eq!(code, Some(2), "{command:?}: {said}");
-    assert!(said.contains(says), "{command:?}: {said}");
-    assert!(!said.contains("panicked"), "{said}");
+/// Runs a command that must refuse its input with exit code 2 and this text.
+pub(crate) fn assert_refused(command: &mut Command, expected: &str) {
+    let (code, output) = run_command(command);
+    assert_eq!(code, Some(2), "{command:?}: {output}");
+    assert!(output.contains(expected), "{command:?}: {output}");
+    assert!(!output.contains("panicked"), "{output}");
 }
 
-/// What a drone is told at its start.
-fn told(id: u32) -> &'static [&'static str] {
+/// Arguments of a drone's process.
+fn arguments(id: u32) -> &'static [&'static str] {
     if id == MASTER { &["--fly"] } else { &[] }
 }
 
-/// What a file of a drone has as its own address.
+/// The address `bind` in a drone's file.
 fn bind_of(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix("bind = "));
     line.unwrap().trim_matches('"').to_owned()
 }
 
-/// A port of a test of its own, as long as it is held.
+/// Reserves an unused port while the socket is open.
 pub(crate) fn free_port() -> UdpSocket {
     UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap()
 }
 
-/// An address of a test of its own: 127.0.0.0/16 is for others.
+/// An unused loopback address derived from a reserved port; never in 127.0.0.0/16, which other programs use.
 pub(crate) fn address(number: u16, id: u32) -> String {
     let [high, low] = number.to_be_bytes();
     format!("127.{}.{low}.{}:{number}", high.max(1), id + 1)
@@ -259,12 +258,13 @@ revoked = "ours/revoked.toml"
     )
 }
 
-/// A drone's process, and what it has said so far. It ends with this value.
+/// A drone's process and its log. Dropping it kills the process.
 pub(crate) struct Process {
     id: u32,
     child: Child,
     lines: Receiver<String>,
-    pub(crate) said: Vec<Value>,
+    /// The log lines read so far.
+    pub(crate) log: Vec<Value>,
 }
 
 impl Process {
@@ -274,7 +274,7 @@ impl Process {
         let (sender, lines) = mpsc::channel();
         std::thread::spawn(move || {
             for line in errors.lines().map_while(Result::ok) {
-                // Nobody listens any more once the test is over.
+                // The receiver is gone once the test is over.
                 let _ = sender.send(line);
             }
         });
@@ -282,44 +282,44 @@ impl Process {
             id,
             child,
             lines,
-            said: Vec::new(),
+            log: Vec::new(),
         }
     }
 
-    /// Waits until the process says something of this kind.
-    pub(crate) fn wait_for(&mut self, what: &str, is_it: impl Fn(&Value) -> bool) {
+    /// Waits for a log line that satisfies a condition.
+    pub(crate) fn wait_for(&mut self, name: &str, condition: impl Fn(&Value) -> bool) {
         let began = Instant::now();
-        if self.said.iter().any(&is_it) {
+        if self.log.iter().any(&condition) {
             return;
         }
-        while let Some(left) = PATIENCE.checked_sub(began.elapsed()) {
+        while let Some(left) = TIMEOUT.checked_sub(began.elapsed()) {
             let line = self.lines.recv_timeout(left);
             let Ok(line) = line else { break };
             let line = serde_json::from_str(&line).unwrap();
-            let is_found = is_it(&line);
-            self.said.push(line);
+            let is_found = condition(&line);
+            self.log.push(line);
             if is_found {
                 return;
             }
         }
-        panic!("drone {} never says {what}: {:#?}", self.id, self.said);
+        panic!("drone {}: no line `{name}`: {:#?}", self.id, self.log);
     }
 
-    /// Waits until the process says something of this kind once more than so many times.
+    /// Waits until more than `count` log lines satisfy a condition.
     pub(crate) fn wait_for_more(
         &mut self,
-        times: usize,
-        what: &str,
-        is_it: impl Fn(&Value) -> bool,
+        count: usize,
+        name: &str,
+        condition: impl Fn(&Value) -> bool,
     ) {
-        let seen = std::cell::Cell::new(0);
-        self.wait_for(what, |line| {
-            seen.set(seen.get() + usize::from(is_it(line)));
-            seen.get() > times
+        let found = std::cell::Cell::new(0);
+        self.wait_for(name, |line| {
+            found.set(found.get() + usize::from(condition(line)));
+            found.get() > count
         });
     }
 
-    /// Waits until its mission is seen to do something, as in `{"State":"TakingOff"}`.
+    /// Waits for an event of the mission, for example `{"State":"TakingOff"}`.
     pub(crate) fn wait_for_mission(&mut self, event: &Value) {
         self.wait_for(&event.to_string(), |line| {
             mission(line).as_ref() == Some(event)
@@ -333,52 +333,52 @@ impl Process {
         assert!(kill.status().unwrap().success());
     }
 
-    /// Waits until it has ended by itself; its exit code, if no signal ended it.
+    /// Waits until the process ends. Returns its exit code; `None` if a signal ended it.
     pub(crate) fn end(&mut self) -> Option<i32> {
         let began = Instant::now();
-        // What it says is read meanwhile; its standard error closes when it ends.
-        while let Some(left) = PATIENCE.checked_sub(began.elapsed()) {
+        // Reads the log meanwhile; standard error closes at the end.
+        while let Some(left) = TIMEOUT.checked_sub(began.elapsed()) {
             match self.lines.recv_timeout(left) {
-                Ok(line) => self.said.push(serde_json::from_str(&line).unwrap()),
+                Ok(line) => self.log.push(serde_json::from_str(&line).unwrap()),
                 Err(mpsc::RecvTimeoutError::Disconnected) => {
                     return self.child.wait().unwrap().code();
                 }
                 Err(mpsc::RecvTimeoutError::Timeout) => break,
             }
         }
-        panic!("drone {} does not end: {:#?}", self.id, self.said);
+        panic!("drone {} does not end: {:#?}", self.id, self.log);
     }
 
-    /// So much of its memory as the system tells, in KiB: `VmRSS` now, `VmHWM` at the most until now.
-    pub(crate) fn memory_kib(&self, what: &str) -> u64 {
+    /// Memory of the process in KiB: `VmRSS` for the current, `VmHWM` for the peak use.
+    pub(crate) fn memory_kib(&self, field: &str) -> u64 {
         let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
-        let line = status.lines().find(|line| line.starts_with(what)).unwrap();
+        let line = status.lines().find(|line| line.starts_with(field)).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
-    /// Takes in what it has said meanwhile.
-    pub(crate) fn take_in(&mut self) {
+    /// Reads the log lines that are available.
+    pub(crate) fn read_available(&mut self) {
         let lines = self.lines.try_iter();
-        self.said
+        self.log
             .extend(lines.map(|line| serde_json::from_str::<Value>(&line).unwrap()));
     }
 
-    /// How many frames its radio has dropped for this reason, as it says at its end and at each HUP.
+    /// Number of frames dropped for a reason, from the last "counted" line. It is logged at the end and on SIGHUP.
     pub(crate) fn dropped(&self, reason: &str) -> u64 {
         let counted = |line: &&Value| line["message"] == "counted";
-        let counted = self.said.iter().rfind(counted).unwrap();
+        let counted = self.log.iter().rfind(counted).unwrap();
         let all = counted["dropped"].as_str().unwrap().split(", ");
         let numbers = all.filter_map(|it| it.strip_prefix(reason)?.trim().parse::<u64>().ok());
         numbers.sum()
     }
 
-    /// All that its mission was seen to do.
+    /// All events of the mission.
     pub(crate) fn missions(&self) -> Vec<Value> {
-        self.said.iter().filter_map(mission).collect()
+        self.log.iter().filter_map(mission).collect()
     }
 
-    /// The ballots that it has obeyed, in order.
-    pub(crate) fn leader(&self) -> Vec<Value> {
+    /// The ballots that it has accepted, in order.
+    pub(crate) fn ballots(&self) -> Vec<Value> {
         let events = self.missions();
         events
             .iter()
@@ -389,41 +389,41 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It has ended by itself otherwise.
+        // It fails if the process has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// What a line of a log says of the drone's mission.
+/// The event of the mission in a log line, if any.
 fn mission(line: &Value) -> Option<Value> {
-    seen(line)?.get("Mission").cloned()
+    observation(line)?.get("Mission").cloned()
 }
 
-/// What a line of a log says that was seen of the drone.
-pub(crate) fn seen(line: &Value) -> Option<Value> {
+/// The observation in a log line, if any.
+pub(crate) fn observation(line: &Value) -> Option<Value> {
     Some(serde_json::from_str(line.get("seen")?.as_str()?).unwrap())
 }
 
-/// Waits until what drones say together comes true.
+/// Waits until a condition on several drones' logs holds.
 pub(crate) fn wait_until(
-    what: &str,
+    condition: &str,
     drones: &mut [&mut Process],
     holds: impl Fn(&[&mut Process]) -> bool,
 ) {
     let began = Instant::now();
     while !holds(drones) {
-        let said: Vec<_> = drones.iter().map(|it| it.missions()).collect();
+        let events: Vec<_> = drones.iter().map(|it| it.missions()).collect();
         assert!(
-            began.elapsed() < PATIENCE,
-            "it never comes true that {what}: {said:#?}"
+            began.elapsed() < TIMEOUT,
+            "never `{condition}`: {events:#?}"
         );
         std::thread::sleep(Duration::from_millis(10));
-        drones.iter_mut().for_each(|drone| drone.take_in());
+        drones.iter_mut().for_each(|drone| drone.read_available());
     }
 }
 
-/// A file's text with something in it replaced, which must be there.
+/// Replaces a text in a file, which must contain it.
 pub(crate) fn replace(path: &Path, from: &str, to: &str) {
     let text = fs::read_to_string(path).unwrap();
     assert!(text.contains(from), "{text}");

@@ -15,9 +15,9 @@ pub(crate) fn others(
     (0..).zip(fleet).filter(move |(id, _)| *id != than)
 }
 
-/// The very last ballot that each has obeyed is one and the same.
-pub(crate) fn agreed(drones: &[&Process]) -> Value {
-    let last = |drone: &&Process| drone.leader().last().cloned();
+/// The last ballot of all drones, which must be the same.
+pub(crate) fn common_ballot(drones: &[&Process]) -> Value {
+    let last = |drone: &&Process| drone.ballots().last().cloned();
     let ballots: Vec<_> = drones.iter().map(last).collect();
     assert!(
         ballots.iter().all(|ballot| *ballot == ballots[0]),
@@ -27,7 +27,7 @@ pub(crate) fn agreed(drones: &[&Process]) -> Value {
 }
 
 #[test]
-fn five_processes_fly_a_mission_and_end_well() {
+fn five_processes_complete_a_mission() {
     let fleet = Fleet::new();
     let mut drones = fleet.fly();
     for drone in &mut drones {
@@ -42,11 +42,11 @@ fn five_processes_fly_a_mission_and_end_well() {
         }
     }
     let all: Vec<_> = drones.iter().collect();
-    assert_eq!(agreed(&all)["master"], MASTER);
+    assert_eq!(common_ballot(&all)["master"], MASTER);
 }
 
 #[test]
-fn when_their_master_is_killed_the_others_elect_one_and_fly_on_and_it_does_not_take_off_again() {
+fn killed_master_is_replaced_and_does_not_take_off_again() {
     let fleet = Fleet::new();
     let mut drones = fleet.fly();
     let master = &mut drones[MASTER as usize];
@@ -58,7 +58,7 @@ fn when_their_master_is_killed_the_others_elect_one_and_fly_on_and_it_does_not_t
     assert_eq!(
         again.end(),
         Some(4),
-        "it is down, and its mission was not flown"
+        "on the ground, with an incomplete mission"
     );
     assert!(!again.missions().contains(&state("TakingOff")));
 
@@ -71,38 +71,38 @@ fn when_their_master_is_killed_the_others_elect_one_and_fly_on_and_it_does_not_t
         );
     }
     let survivors: Vec<_> = others(&mut drones, MASTER).map(|(_, it)| &*it).collect();
-    let ballot = agreed(&survivors);
+    let ballot = common_ballot(&survivors);
     assert!(ballot["term"].as_u64().unwrap() > 1, "{ballot}");
 }
 
-/// One flight for three, for a flight takes half a minute: of drones that come down each for its own reason.
+/// Three cases in one flight, since a flight takes half a minute.
 #[test]
-fn drones_that_are_called_down_or_expelled_or_can_not_write_come_down_and_the_others_fly_on() {
+fn recalled_revoked_and_diskless_drones_land_and_the_others_continue() {
     let fleet = Fleet::new();
     let unable = fleet.start_with_little_disk(1);
     let mut drones: Vec<_> = [0, 3, 4].map(|id| fleet.start(id, &[])).into();
     drones.insert(1, unable);
     drones.insert(MASTER as usize, fleet.start(MASTER, &["--fly"]));
 
-    let under_way = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
-    let called = &mut drones[4];
-    called.wait_for_mission(&under_way);
-    called.signal("TERM");
-    called.wait_for_mission(&state("Landing"));
-    called.signal("TERM");
+    let in_flight = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
+    let recalled = &mut drones[4];
+    recalled.wait_for_mission(&in_flight);
+    recalled.signal("TERM");
+    recalled.wait_for_mission(&state("Landing"));
+    recalled.signal("TERM");
 
-    drones[0].wait_for_mission(&under_way);
+    drones[0].wait_for_mission(&in_flight);
     fleet.keys(&["revoke", "ours", "0"]);
-    // The expelled drone itself hears of it last.
+    // The revoked drone reads the list last.
     for id in [MASTER as usize, 3, 0] {
         drones[id].signal("HUP");
-        drones[id].wait_for("that it read its files again", |line| line["number"] == 2);
+        drones[id].wait_for("files reloaded", |line| line["number"] == 2);
     }
 
-    drones[1].wait_for("that it can't write", |line| line["level"] == "ERROR");
-    let (code, said) = fleet.ask(1, "/health");
+    drones[1].wait_for("a write error", |line| line["level"] == "ERROR");
+    let (code, output) = fleet.get(1, "/health");
     assert_eq!(code, 503);
-    assert!(said.contains("the journal can't be written"), "{said}");
+    assert!(output.contains("the journal can't be written"), "{output}");
 
     let codes: Vec<_> = drones.iter_mut().map(Process::end).collect();
     assert_eq!(codes, [0, 1, 0, 0, 0].map(Some));

@@ -1,4 +1,4 @@
-//! `muster swarm --hosts`: drones that are started on other hosts, over ssh or in namespaces of this machine.
+//! The command `muster swarm --hosts`, over ssh and in namespaces of this machine.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,23 +9,23 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::fleet::{Process, SCENARIO, address, assert_refused, free_port, said_by};
+use super::fleet::{Process, SCENARIO, address, assert_refused, free_port, run_command};
 use super::network::{Network, skip};
-use super::swarm::{hanging, processes_of, stopped, swarm, wait_until, with_faults};
+use super::swarm::{hanging, is_stopped, processes_of, swarm, wait_until, with_faults};
 
 use super::fleet::MUSTERD;
 
-/// Who flies on which of the three hosts.
-const PLACES: [&str; 3] = ["[0, 1]", "[2]", "[3, 4]"];
+/// The drones of each of the three hosts.
+const DRONES_OF_HOSTS: [&str; 3] = ["[0, 1]", "[2]", "[3, 4]"];
 
-/// The host of whoever starts them all.
+/// The operator's host.
 const OPERATOR: u32 = 3;
 
-/// Three hosts to which ssh leads, and one from which it does.
+/// Three hosts with an ssh server, and the operator's host.
 struct Fleet {
     network: Network,
     folder: TempDir,
-    /// What runs there before and after a flight.
+    /// Processes without a flight.
     idle: BTreeSet<u32>,
     _sshd: Vec<Process>,
 }
@@ -34,7 +34,7 @@ impl Fleet {
     fn new() -> Option<Self> {
         let tools = ["/usr/sbin/sshd", "/usr/bin/ssh", "/usr/bin/ssh-keygen"];
         if let Some(missing) = tools.iter().find(|tool| !Path::new(tool).exists()) {
-            return skip(&format!("there is no {missing}"));
+            return skip(&format!("{missing} is missing"));
         }
         let network = Network::new(4)?;
         let folder = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ impl Fleet {
         );
         fs::write(path("ssh_config"), client).unwrap();
         let mut hosts = String::new();
-        for (host, drones) in (1..).zip(PLACES) {
+        for (host, drones) in (1..).zip(DRONES_OF_HOSTS) {
             let files = path(&format!("host-{host}"));
             fs::create_dir(&files).unwrap();
             let run = [
@@ -91,8 +91,10 @@ impl Fleet {
             connect.args([&format!("10.77.0.{}", host + 1), "true"]);
             connect.stderr(Stdio::null()).status().unwrap().success()
         };
-        wait_until("ssh leads to all hosts", || (0..3).all(is_up));
-        wait_until("nobody is there", || network.processes(0..4).len() == 3);
+        wait_until("all ssh servers answer", || (0..3).all(is_up));
+        wait_until("all sessions have ended", || {
+            network.processes(0..4).len() == 3
+        });
         Some(Self {
             idle: network.processes(0..4),
             network,
@@ -105,7 +107,7 @@ impl Fleet {
         self.folder.path().join(name)
     }
 
-    /// `muster swarm`, on the operator's host.
+    /// The command `muster swarm` on the operator's host.
     fn swarm(&self, scenario: &Path) -> Command {
         let mut command = self.network.command(OPERATOR, env!("CARGO_BIN_EXE_muster"));
         command
@@ -117,8 +119,8 @@ impl Fleet {
         command
     }
 
-    /// Nothing is left on any host: no process, and no file.
-    fn wait_until_left(&self) {
+    /// Waits until no process is left on any host, and asserts that no file is.
+    fn wait_until_clean(&self) {
         wait_until("no process is left", || {
             self.network.processes(0..4) == self.idle
         });
@@ -136,7 +138,7 @@ fn host_table(run: &[String], drones: &str) -> String {
     )
 }
 
-/// A file of hosts that are the first namespaces of a network, a drone each.
+/// A hosts file for a network, with one drone per host.
 pub(crate) fn in_namespaces(network: &Network, drones: u32) -> String {
     let mut hosts = "broadcast = \"10.77.0.255:4700\"\n".to_owned();
     for host in 0..drones {
@@ -151,7 +153,7 @@ fn scenario(name: &str) -> PathBuf {
     Path::new(SCENARIO).with_file_name(name)
 }
 
-/// What a flight in which the master is killed came to.
+/// The report of a flight in which the master was killed and replaced.
 fn assert_master_was_replaced(output: &std::process::Output) -> Value {
     assert!(output.status.success(), "{output:?}");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -173,35 +175,39 @@ fn assert_master_was_replaced(output: &std::process::Output) -> Value {
 }
 
 #[test]
-fn a_swarm_flies_on_three_hosts_over_ssh_loses_its_master_and_leaves_nothing_there() {
+fn swarm_on_three_hosts_over_ssh_replaces_its_master_and_leaves_nothing() {
     let Some(fleet) = Fleet::new() else { return };
     let mut swarm = fleet.swarm(&scenario("swarm-kill-master.toml"));
     let output = swarm.arg("--json").output().unwrap();
     assert_master_was_replaced(&output);
-    fleet.wait_until_left();
+    fleet.wait_until_clean();
     let log = fs::read_to_string(fleet.path("out/drones/drone-4/log.jsonl")).unwrap();
     assert!(log.contains("\"ready\""), "{log}");
 }
 
 #[test]
-fn nothing_is_left_on_any_host_when_whoever_started_it_is_killed_and_a_drone_stands_still() {
+fn killed_starter_leaves_nothing_on_any_host_even_with_a_stopped_drone() {
     let Some(fleet) = Fleet::new() else { return };
     for signal in ["KILL", "TERM"] {
         let mut swarm = fleet.swarm(&hanging(fleet.folder.path()));
         let mut operator = swarm.stderr(Stdio::null()).spawn().unwrap();
-        wait_until("a drone stands still", || {
-            fleet.network.processes([0]).iter().any(|pid| stopped(*pid))
+        wait_until("a drone is stopped", || {
+            fleet
+                .network
+                .processes([0])
+                .iter()
+                .any(|pid| is_stopped(*pid))
         });
         let mut kill = Command::new("kill");
         kill.args([format!("-{signal}"), operator.id().to_string()]);
         assert!(kill.status().unwrap().success());
         operator.wait().unwrap();
-        fleet.wait_until_left();
+        fleet.wait_until_clean();
     }
 }
 
 #[test]
-fn a_flight_ends_everywhere_when_a_host_is_cut_off_and_there_too() {
+fn disconnected_host_ends_the_flight_on_all_hosts() {
     let Some(fleet) = Fleet::new() else { return };
     let mut swarm = fleet.swarm(Path::new(SCENARIO));
     let swarm = swarm.stderr(Stdio::piped()).spawn().unwrap();
@@ -209,20 +215,20 @@ fn a_flight_ends_everywhere_when_a_host_is_cut_off_and_there_too() {
     wait_until("it takes off", || {
         fs::read_to_string(&log).is_ok_and(|log| log.contains("TakingOff"))
     });
-    (fleet.network).let_hear(|from, to| from != 2 && to != 2);
+    (fleet.network).set_links(|from, to| from != 2 && to != 2);
     let output = swarm.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    let said = String::from_utf8(output.stderr).unwrap();
-    let says = format!(
-        "10.77.0.3 env TMPDIR={}` is not heard any more",
+    let output = String::from_utf8(output.stderr).unwrap();
+    let expected = format!(
+        "10.77.0.3 env TMPDIR={}` lost",
         fleet.path("host-3").display()
     );
-    assert!(said.contains(&says), "{said}");
-    fleet.wait_until_left();
+    assert!(output.contains(&expected), "{output}");
+    fleet.wait_until_clean();
 }
 
 #[test]
-fn the_same_scenario_flies_over_a_network_whose_line_is_real() {
+fn swarm_in_namespaces_replaces_its_master_over_real_hops() {
     let Some(network) = Network::line(5) else {
         return;
     };
@@ -241,8 +247,8 @@ fn the_same_scenario_flies_over_a_network_whose_line_is_real() {
     assert_eq!(network.processes(0..5), BTreeSet::new());
 }
 
-/// A file of two hosts that are this machine, the first reached by a command, the second too; who has drones 0 and 1, and
-/// 2 to 4.
+/// Writes a hosts file with two hosts on this machine, reached by these commands. The first has drones 0 and 1, the second
+/// drones 2 to 4.
 fn two_hosts(folder: &Path, runs: [&[&str]; 2]) -> (PathBuf, UdpSocket) {
     let port = free_port();
     let number = port.local_addr().unwrap().port();
@@ -257,9 +263,9 @@ fn two_hosts(folder: &Path, runs: [&[&str]; 2]) -> (PathBuf, UdpSocket) {
 }
 
 #[test]
-fn a_host_waits_for_another_that_is_slow_to_start_and_to_be_handed_its_files() {
+fn slow_host_delays_the_start_without_losing_the_others() {
     let folder = tempfile::tempdir().unwrap();
-    // It takes seven seconds to be there, and a quarter for each line, until it has got its files.
+    // Starts after seven seconds, and takes a quarter of a second for each of the first 80 lines.
     let slow = "sleep 7; n=0
         while IFS= read -r line; do
             printf '%s\\n' \"$line\"; n=$((n + 1)); [ $n -gt 80 ] || sleep 0.25
@@ -282,55 +288,52 @@ fn a_host_waits_for_another_that_is_slow_to_start_and_to_be_handed_its_files() {
     }
     run.kill().unwrap();
     run.wait().unwrap();
-    wait_until("none is left", || processes_of(&out).is_empty());
+    wait_until("no process is left", || processes_of(&out).is_empty());
 }
 
 #[test]
-fn what_a_host_was_handed_is_removed_when_another_starts_no_drones() {
+fn uploaded_files_are_removed_if_another_host_fails() {
     let folder = tempfile::tempdir().unwrap();
     let files = folder.path().join("files");
     fs::create_dir(&files).unwrap();
-    let place = format!("TMPDIR={}", files.display());
+    let temporary = format!("TMPDIR={}", files.display());
     let fails = format!(
-        "until [ -e {}/muster-*/scenario ]; do sleep 0.05; done; echo no way there >&2; exit 1",
+        "until [ -e {}/muster-*/scenario ]; do sleep 0.05; done; echo no route >&2; exit 1",
         files.display()
     );
-    let runs: [&[&str]; 2] = [&["env", &place], &["sh", "-c", &fails, "--"]];
+    let runs: [&[&str]; 2] = [&["env", &temporary], &["sh", "-c", &fails, "--"]];
     let (hosts, _port) = two_hosts(folder.path(), runs);
     let out = folder.path().join("out");
     let mut command = swarm("hardware/swarm-short.toml", &out);
-    let (code, said) = said_by(command.arg("--hosts").arg(hosts));
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("no way there"), "{said}");
+    let (code, output) = run_command(command.arg("--hosts").arg(hosts));
+    assert_eq!(code, Some(1), "{output}");
+    assert!(output.contains("no route"), "{output}");
     assert_eq!(fs::read_dir(&files).unwrap().count(), 0);
     assert_eq!(processes_of(&out), [0; 0]);
 }
 
 #[test]
-fn a_host_that_starts_no_drones_is_told_with_what_it_said() {
+fn failure_of_a_host_is_reported_with_its_last_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hosts.toml");
-    let refused = |run: &str, says: &str| {
-        let here = "[[hosts]]\ndrones = [0, 1]\naddress = \"127.0.0.1:4700\"\n";
-        let there = "[[hosts]]\ndrones = [2, 3, 4]\naddress = \"127.0.0.2:4700\"\n";
+    let refused = |run: &str, expected: &str| {
+        let local = "[[hosts]]\ndrones = [0, 1]\naddress = \"127.0.0.1:4700\"\n";
+        let remote = "[[hosts]]\ndrones = [2, 3, 4]\naddress = \"127.0.0.2:4700\"\n";
         let musterd = format!("musterd = \"{}\"\n", *MUSTERD);
-        fs::write(&file, format!("{here}{musterd}{there}run = {run}\n")).unwrap();
+        fs::write(&file, format!("{local}{musterd}{remote}run = {run}\n")).unwrap();
         let mut run = swarm("hardware/swarm-short.toml", &folder.path().join("out"));
-        let (code, said) = said_by(run.arg("--hosts").arg(&file));
-        assert_eq!(code, Some(1), "{said}");
-        assert!(said.contains(says), "{said}");
+        let (code, output) = run_command(run.arg("--hosts").arg(&file));
+        assert_eq!(code, Some(1), "{output}");
+        assert!(output.contains(expected), "{output}");
     };
-    refused(
-        r#"["sh", "-c", "echo no way there >&2", "--"]"#,
-        "no way there",
-    );
+    refused(r#"["sh", "-c", "echo no route >&2", "--"]"#, "no route");
     refused(r#"["no-such-program"]"#, "can't start no-such-program");
-    let other = r#"["sh", "-c", "echo '{\"Here\":{\"version\":\"0.0.9\"}}'", "--"]"#;
-    refused(other, "is of version 0.0.9");
+    let other = r#"["sh", "-c", "echo '{\"Hello\":{\"version\":\"0.0.9\"}}'", "--"]"#;
+    refused(other, "runs musterd 0.0.9");
 }
 
 #[test]
-fn what_is_wrong_with_a_hosts_file_is_shown_with_what_would_be_accepted() {
+fn errors_in_a_hosts_file_show_what_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hosts.toml");
     let right = r#"group = "239.77.0.1:4700"
@@ -345,50 +348,54 @@ run = ["ssh", "pi@10.0.0.8"]
 drones = [2, 3, 4]
 interface = "wlan0"
 "#;
-    for (from, to, says) in [
-        ("[0, 1]", "[0, 5]", "have numbers up to 4"),
-        ("[0, 1]", "[0, 2]", "drone 2 is at a host already"),
-        ("[0, 1]", "[0]", "no host has drone 1 of the scenario"),
-        ("[0, 1]", "[]", "no drone flies here"),
+    for (from, to, expected) in [
+        ("[0, 1]", "[0, 5]", "drones and relays 0 to 4, found 5"),
+        ("[0, 1]", "[0, 2]", "drone 2 is listed twice"),
+        ("[0, 1]", "[0]", "drone 1 of the scenario is on no host"),
+        ("[0, 1]", "[]", "the host has no drone"),
         (
             "[0, 1]",
             "\"all\"",
-            "`hosts.drones` is the numbers of the drones",
+            "`hosts.drones` takes a list of numbers",
         ),
         (
             "drones = [0, 1]",
             "",
-            "`hosts.drones` is the numbers of the drones",
+            "`hosts.drones` takes a list of numbers",
         ),
         ("interface", "port", "unknown field `port`"),
         (
             "[\"ssh\", \"pi@10.0.0.7\"]",
             "\"ssh\"",
-            "`hosts.run` is the command, with its arguments",
+            "`hosts.run` takes a list of a command",
         ),
-        ("[\"ssh\", \"pi@10.0.0.7\"]", "[]", "this names no command"),
+        ("[\"ssh\", \"pi@10.0.0.7\"]", "[]", "the command is empty"),
         (
             "bin/musterd",
             "bin/muster d",
-            "would not take this for the path of a program",
+            "the path needs quoting in a shell",
         ),
         (
             "bin/musterd",
             "bin/$HOME",
-            "would not take this for the path of a program",
+            "the path needs quoting in a shell",
         ),
         ("239.77", "10.77", "not a multicast group"),
-        (":4700", ":0", "needs a port that all know"),
+        (":4700", ":0", "needs a fixed port (1–65535), found 0"),
         (
             ":4700\"",
             ":4700\"\nbroadcast = \"10.0.0.255:1\"",
-            "one of them",
+            "exclude each other",
         ),
-        ("group = \"239.77.0.1:4700\"", "", "this one has none"),
+        (
+            "group = \"239.77.0.1:4700\"",
+            "",
+            "the host needs an `address`",
+        ),
         (
             "interface =",
             "address = \"10.0.0.8:1\"\ninterface =",
-            "take a port of their own",
+            "can't be combined with `group` or `broadcast`",
         ),
         ("group", "groups", "unknown field `groups`"),
     ] {
@@ -397,7 +404,7 @@ interface = "wlan0"
         let out = folder.path().join("out");
         let mut run = swarm("hardware/swarm-short.toml", &out);
         let run = run.arg("--hosts").arg(&file);
-        assert_refused(run, says);
+        assert_refused(run, expected);
         assert_refused(run, "hosts.toml");
         assert!(!out.exists(), "{from} made {to}");
     }

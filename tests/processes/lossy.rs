@@ -1,5 +1,4 @@
-//! What waypoints cost processes whose radio loses a fifth of all frames: emulated, or on the network of hosts that are
-//! namespaces.
+//! Waiting times at waypoints with 20 % frame loss, over an emulated radio and over a lossy network of namespaces.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,20 +8,19 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::hosts::in_namespaces;
-use super::network::{Network, next_to};
-use super::swarm::{flown, scenario_with, swarm};
+use super::network::{Network, are_adjacent};
+use super::swarm::{complete_report, scenario_with, swarm};
 
-/// How many drones the scenario has.
+/// Number of drones in the scenario.
 const DRONES: u32 = 5;
-/// Waits of a flight: where the take-off ends, and at each waypoint.
+/// Barriers of a flight: one after take-off and one per waypoint.
 const BARRIERS: usize = 21;
-/// What is lost on the network, in percent; the scenario's radio loses as much.
+/// Frame loss on the network, in percent; the same as the scenario's.
 const LOSS: u32 = 20;
-/// How often a flight is flown whose waits are too long, since others may have kept the machine busy. Nothing else is tried
-/// again.
+/// Most attempts if waits are too long, since other processes may slow the machine down. Other failures are not retried.
 const FLIGHTS_MAX: u32 = 3;
 
-/// Who hears whom: the scenario's line, or everybody everybody.
+/// Topology: the scenario's line, or a full mesh.
 #[derive(Debug, Clone, Copy)]
 enum Shape {
     Line,
@@ -30,7 +28,7 @@ enum Shape {
 }
 
 impl Shape {
-    /// From the master to the farthest drone.
+    /// Hops from the master to the farthest drone.
     const fn hops(self) -> u32 {
         match self {
             Self::Line => 2,
@@ -40,12 +38,12 @@ impl Shape {
 
     const fn hears(self, from: u32, to: u32) -> bool {
         match self {
-            Self::Line => next_to(from, to),
+            Self::Line => are_adjacent(from, to),
             Self::Mesh => true,
         }
     }
 
-    /// The scenario for it with a set of parameters, in a folder.
+    /// Writes the scenario with this topology and a parameter set into a folder.
     fn scenario(self, parameters: &str, folder: &Path) -> PathBuf {
         let parameters = format!("parameters = \"{parameters}\"");
         let range = match self {
@@ -59,8 +57,8 @@ impl Shape {
         scenario_with("swarm-lossy.toml", &lossy, folder)
     }
 
-    /// The median wait and the longest that are accepted, in milliseconds. The longest of a flight stands for the 99th
-    /// percentile, for which its waits are too few.
+    /// Accepted median and longest wait, in milliseconds. A flight has too few waits for a 99th percentile, so the longest
+    /// stands for it.
     fn bounds_ms(self) -> [f64; 2] {
         let (hops, drones) = (f64::from(self.hops()), f64::from(DRONES));
         [
@@ -70,7 +68,7 @@ impl Shape {
     }
 }
 
-/// The median and the longest wait at a waypoint.
+/// Median and longest wait at a waypoint, in milliseconds.
 fn waits_ms(report: &Value) -> [f64; 2] {
     let barriers = report["barriers"].as_array().unwrap();
     assert_eq!(barriers.len(), BARRIERS, "{barriers:#?}");
@@ -81,8 +79,8 @@ fn waits_ms(report: &Value) -> [f64; 2] {
     [waits[BARRIERS / 2], waits[BARRIERS - 1]]
 }
 
-/// A folder in memory, where there is such: a drone says nothing before its journal has been written, and a disk that others
-/// keep busy may take seconds for that.
+/// A folder in memory, if available. A drone sends nothing before its journal is written, which may take seconds on a busy
+/// disk.
 fn folder() -> TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() {
@@ -92,13 +90,13 @@ fn folder() -> TempDir {
     }
 }
 
-/// Flies into a folder until a flight's waits are within their bounds.
+/// Repeats the flight until its waits are within the bounds, up to [`FLIGHTS_MAX`] times.
 fn assert_waits_are_short(shape: Shape, folder: &Path, fly: impl Fn(&Path) -> Command) {
     let bounds = shape.bounds_ms();
     let mut waits = Vec::new();
     for nth in 0..FLIGHTS_MAX {
         let out = folder.join(format!("flight-{nth}"));
-        let report = flown(&fly(&out).arg("--json").output().unwrap(), &out);
+        let report = complete_report(&fly(&out).arg("--json").output().unwrap(), &out);
         assert_eq!(report["elections"], Value::Array(Vec::new()));
         let flight = waits_ms(&report);
         if flight
@@ -125,7 +123,7 @@ fn assert_waits_are_short_in_namespaces(shape: Shape, parameters: &str) {
     let Some(network) = Network::new(DRONES) else {
         return;
     };
-    network.lose(|from, to| if shape.hears(from, to) { LOSS } else { 100 });
+    network.set_losses(|from, to| if shape.hears(from, to) { LOSS } else { 100 });
     let folder = folder();
     let scenario = shape.scenario(parameters, folder.path());
     let hosts = folder.path().join("hosts.toml");
@@ -133,7 +131,7 @@ fn assert_waits_are_short_in_namespaces(shape: Shape, parameters: &str) {
     assert_waits_are_short(shape, folder.path(), |out| {
         let mut command = swarm(scenario.to_str().unwrap(), out);
         command.arg("--unlimited-range").arg("--hosts").arg(&hosts);
-        // Where hosts keep their drones' journals.
+        // The folder of the hosts' journals.
         command.env("TMPDIR", folder.path());
         command
     });
@@ -141,21 +139,21 @@ fn assert_waits_are_short_in_namespaces(shape: Shape, parameters: &str) {
 }
 
 #[test]
-fn a_line_over_an_emulated_radio_that_loses_a_fifth_elects_nobody_and_waits_briefly() {
+fn line_over_a_lossy_emulated_radio_waits_briefly_without_election() {
     assert_waits_are_short_by_emulation(Shape::Line, "fast");
 }
 
 #[test]
-fn a_mesh_over_an_emulated_radio_that_loses_a_fifth_elects_nobody_and_waits_briefly() {
+fn mesh_over_a_lossy_emulated_radio_waits_briefly_without_election() {
     assert_waits_are_short_by_emulation(Shape::Mesh, "quiet");
 }
 
 #[test]
-fn a_line_over_a_network_that_loses_a_fifth_elects_nobody_and_waits_briefly() {
+fn line_over_a_lossy_network_waits_briefly_without_election() {
     assert_waits_are_short_in_namespaces(Shape::Line, "quiet");
 }
 
 #[test]
-fn a_mesh_over_a_network_that_loses_a_fifth_elects_nobody_and_waits_briefly() {
+fn mesh_over_a_lossy_network_waits_briefly_without_election() {
     assert_waits_are_short_in_namespaces(Shape::Mesh, "fast");
 }

@@ -1,9 +1,9 @@
-//! Drones as real processes, over real sockets of this machine. Every process ends with its test, however that ends, and
-//! none shares an address with another test's.
+//! Tests with real processes and real sockets. Every process ends with its test, even after a failure. No two tests share an
+//! address.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-/// What is named so flies in real time: it mostly waits, so that `.ci/run` lets it run beside all else.
+/// Tests in real time. They mostly wait, so `.ci/run` runs them in parallel with everything else; it selects them by this name.
 #[path = "."]
 mod real_time {
     mod attack;

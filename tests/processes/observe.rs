@@ -1,4 +1,4 @@
-//! What can be asked of a drone's process while it flies, and what of that a person is shown.
+//! Status, metrics and health of drones in flight, and the command `muster status`.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -16,7 +16,7 @@ fn status(arguments: &[String]) -> Output {
     command.arg("status").args(arguments).output().unwrap()
 }
 
-/// The samples of a page of metrics, each of which is described.
+/// Parses a page of metrics. Asserts that each metric has a description and a type.
 fn samples(page: &str) -> BTreeMap<&str, f64> {
     assert!(page.ends_with("# EOF\n"), "{page}");
     let mut samples = BTreeMap::new();
@@ -24,12 +24,12 @@ fn samples(page: &str) -> BTreeMap<&str, f64> {
         let (name, value) = line.rsplit_once(' ').unwrap();
         let bare = name.split('{').next().unwrap();
         let described = bare.strip_suffix("_total").unwrap_or(bare);
-        for what in ["HELP", "TYPE"] {
-            let description = format!("# {what} {described} ");
+        for keyword in ["HELP", "TYPE"] {
+            let description = format!("# {keyword} {described} ");
             assert!(page.contains(&description), "{description} is missing");
         }
         let is_first = samples.insert(name, value.parse().unwrap()).is_none();
-        assert!(is_first, "{name} is there twice");
+        assert!(is_first, "{name} appears twice");
     }
     samples
 }
@@ -51,14 +51,14 @@ fn dropped(status: &Value, reason: &str) -> u64 {
 }
 
 #[test]
-fn drones_in_flight_tell_programs_and_people_what_they_do_and_count_what_they_drop() {
+fn drones_in_flight_report_metrics_status_and_dropped_frames() {
     let fleet = Fleet::new();
     let mut drones = fleet.fly();
-    let under_way = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
-    drones[0].wait_for_mission(&under_way);
+    let in_flight = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
+    drones[0].wait_for_mission(&in_flight);
 
     for id in 0..5 {
-        let (code, page) = fleet.ask(id, "/metrics");
+        let (code, page) = fleet.get(id, "/metrics");
         assert_eq!(code, 200);
         let samples = samples(&page);
         let leads = id == MASTER;
@@ -84,45 +84,45 @@ fn drones_in_flight_tell_programs_and_people_what_they_do_and_count_what_they_dr
         assert!((states - 1.0).abs() < 1e-9, "{samples:#?}");
         assert!(samples["muster_altitude_meters"] > 5.0, "{samples:#?}");
         assert!(samples["muster_frames_let_in_total{kind=\"tree\"}"] > 10.0);
-        assert_eq!(fleet.ask(id, "/health"), (200, "well\n".to_owned()));
+        assert_eq!(fleet.get(id, "/health"), (200, "healthy\n".to_owned()));
     }
-    assert_eq!(fleet.ask(0, "/elsewhere").0, 404);
+    assert_eq!(fleet.get(0, "/elsewhere").0, 404);
 
     let before = fleet.status(0);
     junk(&fleet, 0, 100);
     let expected = dropped(&before, "other_version") + 100;
-    fleet.wait_for_status(0, "hit by all of it", |status| {
+    fleet.wait_for_status(0, "all junk dropped", |status| {
         dropped(status, "other_version") == expected
     });
 
     let files: Vec<_> = (0..5)
         .map(|id| fleet.file(id).display().to_string())
         .collect();
-    let asked = status(&files);
-    let table = String::from_utf8(asked.stdout).unwrap();
-    assert!(asked.status.success(), "{table}");
+    let run = status(&files);
+    let table = String::from_utf8(run.stdout).unwrap();
+    assert!(run.status.success(), "{table}");
     assert!(table.contains("▸ 2"), "{table}");
     let mut arguments: Vec<_> = (0..5).map(|id| fleet.address(id)).collect();
     arguments.push("--json".to_owned());
-    let asked = status(&arguments);
-    let told: Value = serde_json::from_slice(&asked.stdout).unwrap();
-    let told = told["drones"].as_array().unwrap();
-    let numbers: Vec<_> = told
+    let run = status(&arguments);
+    let answers: Value = serde_json::from_slice(&run.stdout).unwrap();
+    let answers = answers["drones"].as_array().unwrap();
+    let numbers: Vec<_> = answers
         .iter()
         .map(|it| it["status"]["drone"].as_u64())
         .collect();
     assert_eq!(numbers, [0, 1, 2, 3, 4].map(Some));
 
     drones[4].signal("STOP");
-    let asked = status(&files);
-    assert_eq!(asked.status.code(), Some(1));
-    let table = String::from_utf8(asked.stdout).unwrap();
+    let run = status(&files);
+    assert_eq!(run.status.code(), Some(1));
+    let table = String::from_utf8(run.stdout).unwrap();
     assert!(table.contains("no answer"), "{table}");
     drones[4].signal("CONT");
 }
 
 #[test]
-fn a_drone_whose_log_nobody_reads_goes_on_and_counts_what_is_lost() {
+fn unread_log_does_not_stop_a_drone_and_lost_lines_are_counted() {
     let fleet = Fleet::new();
     replace(
         &fleet.file(1),
@@ -140,17 +140,17 @@ fn a_drone_whose_log_nobody_reads_goes_on_and_counts_what_is_lost() {
         );
         std::thread::sleep(Duration::from_millis(10));
     }
-    fleet.wait_for_status(1, "unheard", |status| {
+    fleet.wait_for_status(1, "log lines lost", |status| {
         junk(&fleet, 1, 200);
         status["log_lines_lost"].as_u64() > Some(0)
     });
-    assert_eq!(fleet.ask(1, "/health").0, 200);
+    assert_eq!(fleet.get(1, "/health").0, 200);
 
-    // Once somebody reads, all that was not lost comes out, and its last words too.
+    // Once the log is read, the kept lines and the last line arrive.
     let mut errors = drone.stderr.take().unwrap();
     let reader = std::thread::spawn(move || {
-        let mut said = String::new();
-        errors.read_to_string(&mut said).map(|_| said)
+        let mut output = String::new();
+        errors.read_to_string(&mut output).map(|_| output)
     });
     let pid = drone.id();
     let mut kill = Command::new("sh");
@@ -161,17 +161,17 @@ fn a_drone_whose_log_nobody_reads_goes_on_and_counts_what_is_lost() {
             .success()
     );
     assert_eq!(drone.wait().unwrap().code(), Some(0));
-    let said = reader.join().unwrap().unwrap();
-    let last: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    let output = reader.join().unwrap().unwrap();
+    let last: Value = serde_json::from_str(output.lines().last().unwrap()).unwrap();
     assert_eq!(last["message"], "counted", "{last}");
     assert!(last["lines_lost"].as_u64() > Some(0), "{last}");
 }
 
 #[test]
-fn those_who_ask_nothing_are_sent_away_and_others_are_answered() {
+fn idle_connections_are_closed_and_others_are_answered() {
     let fleet = Fleet::new();
     let mut drone = fleet.start(3, &[]);
-    drone.wait_for("that it is there", |line| line["message"] == "ready");
+    drone.wait_for("ready", |line| line["message"] == "ready");
     let mut idle: Vec<_> = (0..20)
         .map(|_| TcpStream::connect(fleet.address(3)).unwrap())
         .collect();
@@ -181,7 +181,7 @@ fn those_who_ask_nothing_are_sent_away_and_others_are_answered() {
             .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
         let mut rest = Vec::new();
-        // Closed or reset: in any case it ends.
+        // Closed or reset.
         if let Err(error) = stream.read_to_end(&mut rest) {
             assert_ne!(error.kind(), std::io::ErrorKind::WouldBlock);
         }
@@ -190,15 +190,15 @@ fn those_who_ask_nothing_are_sent_away_and_others_are_answered() {
 }
 
 #[test]
-fn whom_nobody_can_ask_is_refused_by_name() {
+fn unusable_targets_of_status_are_refused() {
     let fleet = Fleet::new();
-    let refused = |argument: String, says: &str| {
+    let refused = |argument: String, expected: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
-        assert_refused(command.arg("status").arg(argument), says);
+        assert_refused(command.arg("status").arg(argument), expected);
     };
     refused(
         "nobody".to_owned(),
-        "neither a file nor a folder, nor an address",
+        "neither a file nor a folder nor an address",
     );
     let empty = fleet.path("empty");
     std::fs::create_dir(&empty).unwrap();
@@ -206,24 +206,21 @@ fn whom_nobody_can_ask_is_refused_by_name() {
     let text = std::fs::read_to_string(fleet.file(1)).unwrap();
     let (quiet, _) = text.split_once("[observe]").unwrap();
     std::fs::write(fleet.file(1), quiet).unwrap();
-    refused(
-        fleet.file(1).display().to_string(),
-        "tells nobody what it does",
-    );
+    refused(fleet.file(1).display().to_string(), "no table `[observe]`");
 
-    // An address at which nobody is: a row, and a failure.
+    // An unused address: a row, and exit code 1.
     let run = status(&[fleet.address(1)]);
     assert_eq!(run.status.code(), Some(1));
     let table = String::from_utf8(run.stdout).unwrap();
     assert!(table.contains("no answer"), "{table}");
 
-    // Two drones can't be asked at one address.
+    // The address for the status is in use.
     let taken = TcpListener::bind(fleet.address(2)).unwrap();
     let mut command = Command::new(&*super::fleet::MUSTERD);
     command.arg("--config").arg(fleet.file(2));
     let run = command.output().unwrap();
-    let said = String::from_utf8(run.stderr).unwrap();
-    assert_eq!(run.status.code(), Some(1), "{said}");
-    assert!(said.contains("can't be asked at"), "{said}");
+    let output = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(1), "{output}");
+    assert!(output.contains("can't listen at"), "{output}");
     drop(taken);
 }

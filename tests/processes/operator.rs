@@ -1,4 +1,4 @@
-//! `muster drone`: an operator and one drone.
+//! The command `muster drone`.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader};
@@ -12,12 +12,12 @@ use muster_machines::identity::NodeId;
 use muster_machines::radio::Authenticator;
 use muster_transport::quic::{Distrust, Identities, Operator, Peer, PublicKey};
 
-use super::fleet::{Fleet, MASTER, PATIENCE, Process, SCENARIO, replace, said_by};
+use super::fleet::{Fleet, MASTER, Process, SCENARIO, TIMEOUT, replace, run_command};
 
-/// The drone whose files are replaced.
+/// The drone under test.
 const DRONE: u32 = 1;
 
-/// A fleet over QUIC whose drone has a scenario and a mission of its own, and its process.
+/// A fleet over QUIC and the process of its drone, which has its own scenario and mission.
 fn started() -> (Fleet, Process) {
     let fleet = Fleet::over("quic");
     let mission = SCENARIO.replace("hardware/swarm-short.toml", "missions/hop.waypoints");
@@ -26,14 +26,14 @@ fn started() -> (Fleet, Process) {
     replace(&fleet.path("own.toml"), "../missions/hop", "own");
     replace(&fleet.file(DRONE), SCENARIO, "own.toml");
     let mut drone = fleet.start(DRONE, &[]);
-    drone.wait_for("that it is ready", |line| line["message"] == "ready");
+    drone.wait_for("ready", |line| line["message"] == "ready");
     (fleet, drone)
 }
 
-/// Runs `muster drone`; its exit code, and what it says.
+/// Runs `muster drone`. Returns its exit code and output.
 fn drone(fleet: &Fleet, arguments: &[&str]) -> (Option<i32>, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
-    said_by(
+    run_command(
         command
             .current_dir(fleet.path(""))
             .arg("drone")
@@ -42,7 +42,7 @@ fn drone(fleet: &Fleet, arguments: &[&str]) -> (Option<i32>, String) {
 }
 
 #[test]
-fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
+fn drone_on_the_ground_accepts_only_usable_uploads() {
     let (fleet, mut process) = started();
     let at = fleet.address(DRONE);
     let upload = |file: &str| drone(&fleet, &["upload", "ours", &at, file]);
@@ -51,21 +51,21 @@ fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
 
     let faster = read("own.toml").replace("climb_mps = 8", "climb_mps = 4");
     fs::write(fleet.path("new.toml"), &faster).unwrap();
-    let (code, said) = upload("new.toml");
-    assert_eq!(code, Some(0), "{said}");
+    let (code, output) = upload("new.toml");
+    assert_eq!(code, Some(0), "{output}");
     assert!(
-        said.contains("drone 1 has it as") && said.contains("own.toml"),
-        "{said}"
+        output.contains("drone 1 stored it as") && output.contains("own.toml"),
+        "{output}"
     );
     assert_eq!(read("own.toml"), faster);
 
     let longer = mission.replace("\t8.000000\t", "\t9.000000\t");
     fs::write(fleet.path("new.waypoints"), &longer).unwrap();
-    let (code, said) = upload("new.waypoints");
-    assert_eq!(code, Some(0), "{said}");
+    let (code, output) = upload("new.waypoints");
+    assert_eq!(code, Some(0), "{output}");
     assert_eq!(read("own.waypoints"), longer);
 
-    // What it could not start with is not taken, nor what names a mission elsewhere or is too much.
+    // Unusable files, missions in another folder, and too long files are refused.
     let short = faster.replace("drones = 5", "drones = 1");
     let shipped = SCENARIO.replace("hardware/swarm-short.toml", "missions/hop.waypoints");
     let elsewhere = faster.replace("own.waypoints", &shipped);
@@ -79,8 +79,8 @@ fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
     let round_about = faster.replace("own.waypoints", &format!("../{folder}/own.waypoints"));
     let long = format!("{faster}# {}", "long ".repeat(100_000));
     let longer_still = format!("{longer}# {}", "long ".repeat(800_000));
-    for (name, text, says) in [
-        ("bad.toml", "seed = \"one\"", "`seed` is"),
+    for (name, text, expected) in [
+        ("bad.toml", "seed = \"one\"", "`seed` takes"),
         ("few.toml", &short, "numbers up to 0"),
         (
             "elsewhere.toml",
@@ -92,16 +92,20 @@ fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
             &round_about,
             "own.waypoints: is not in the folder",
         ),
-        ("long.toml", &long, "takes up to 65536 bytes"),
-        ("bad.waypoints", "nonsense", "no mission"),
-        ("long.waypoints", &longer_still, "takes up to 1048576 bytes"),
+        ("long.toml", &long, "accepts up to 65536 bytes"),
+        ("bad.waypoints", "nonsense", "not a mission file"),
+        (
+            "long.waypoints",
+            &longer_still,
+            "accepts up to 1048576 bytes",
+        ),
     ] {
         fs::write(fleet.path(name), text).unwrap();
-        let (code, said) = upload(name);
-        assert_eq!(code, Some(2), "{said}");
+        let (code, output) = upload(name);
+        assert_eq!(code, Some(2), "{output}");
         assert!(
-            said.contains("drone 1 can't use") && said.contains(says),
-            "{said}"
+            output.contains("drone 1 can't use") && output.contains(expected),
+            "{output}"
         );
     }
     assert_eq!((read("own.toml"), read("own.waypoints")), (faster, longer));
@@ -109,7 +113,7 @@ fn an_operator_hands_a_drone_on_the_ground_a_file_that_it_could_start_with() {
     assert_eq!(process.end(), Some(0));
 }
 
-/// What a drone is, as `musterd --check` tells it: what it would fly at its next start.
+/// Output of `musterd --check`: the flight of the next start.
 fn checked(fleet: &Fleet, id: u32) -> String {
     let run = fleet.command(id).arg("--check").output().unwrap();
     assert!(run.status.success(), "{run:?}");
@@ -117,17 +121,17 @@ fn checked(fleet: &Fleet, id: u32) -> String {
 }
 
 #[test]
-fn a_drone_that_starts_again_in_flight_flies_what_it_flew_and_what_was_uploaded_after_that() {
+fn restart_in_flight_ignores_an_upload_until_the_next_flight() {
     let (fleet, first) = started();
     let before = checked(&fleet, DRONE);
     let text = fs::read_to_string(fleet.path("own.toml")).unwrap();
     let new = text + "\n[limits]\nduration_s = 777\n";
     fs::write(fleet.path("new.toml"), new).unwrap();
-    let (code, said) = drone(
+    let (code, output) = drone(
         &fleet,
         &["upload", "ours", &fleet.address(DRONE), "new.toml"],
     );
-    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(code, Some(0), "{output}");
     assert!(checked(&fleet, DRONE).contains("777"));
 
     let mut drones: Vec<_> = [0, 3, 4].map(|id| fleet.start(id, &[])).into();
@@ -141,7 +145,7 @@ fn a_drone_that_starts_again_in_flight_flies_what_it_flew_and_what_was_uploaded_
     assert_eq!(
         again.end(),
         Some(4),
-        "its simulated vehicle stands on the ground"
+        "the new simulated vehicle is on the ground"
     );
     assert!(checked(&fleet, DRONE).contains("777"));
     drones.iter().for_each(|it| it.signal("TERM"));
@@ -151,7 +155,7 @@ fn a_drone_that_starts_again_in_flight_flies_what_it_flew_and_what_was_uploaded_
 }
 
 #[test]
-fn files_of_any_size_do_not_take_the_memory_that_a_service_gives_a_drone() {
+fn uploads_of_any_size_stay_within_the_memory_limit() {
     let (fleet, process) = started();
     let at = fleet.address(DRONE);
     let fields = |bytes: usize| "a=1\n".repeat(bytes / 4);
@@ -163,14 +167,13 @@ fn files_of_any_size_do_not_take_the_memory_that_a_service_gives_a_drone() {
         ("too-long.waypoints", fields(4_000_000)),
     ] {
         fs::write(fleet.path(name), text).unwrap();
-        // As many at once as there may be operators. One file is taken at a time, and connections of the files before may
-        // not have ended yet.
-        let is_looked_at = || {
+        // As many uploads as there may be operators. The drone handles one at a time, and earlier connections may still be open.
+        let is_handled = || {
             let uploads = || {
-                let (code, said) = drone(&fleet, &["upload", "ours", &at, name]);
-                let is_busy = said.contains("is being handed another file")
-                    || said.contains("closed by peer: busy");
-                assert_eq!(code, Some(if is_busy { 1 } else { 2 }), "{said}");
+                let (code, output) = drone(&fleet, &["upload", "ours", &at, name]);
+                let is_busy = output.contains("is busy with another upload")
+                    || output.contains("closed by peer: busy");
+                assert_eq!(code, Some(if is_busy { 1 } else { 2 }), "{output}");
                 !is_busy
             };
             std::thread::scope(|scope| {
@@ -178,20 +181,20 @@ fn files_of_any_size_do_not_take_the_memory_that_a_service_gives_a_drone() {
                 uploads.map(|upload| upload.join().unwrap()).contains(&true)
             })
         };
-        let asked_at = Instant::now();
-        while !is_looked_at() {
-            assert!(asked_at.elapsed() < PATIENCE, "{name} is not looked at");
+        let since = Instant::now();
+        while !is_handled() {
+            assert!(since.elapsed() < TIMEOUT, "{name} is not handled");
         }
     }
-    let most_kib = process.memory_kib("VmHWM");
-    assert!(most_kib < 48 * 1_024, "{most_kib} KiB");
+    let peak_kib = process.memory_kib("VmHWM");
+    assert!(peak_kib < 48 * 1_024, "{peak_kib} KiB");
 }
 
 #[test]
-fn those_who_follow_a_log_and_are_gone_keep_nobody_out() {
+fn dead_followers_of_a_log_do_not_block_others() {
     let (fleet, process) = started();
     let at = fleet.address(DRONE);
-    // As many as are answered at once.
+    // As many as there may be operators.
     let followers = [(); 4].map(|()| {
         let mut follow = Command::new(env!("CARGO_BIN_EXE_muster"));
         follow.current_dir(fleet.path(""));
@@ -200,28 +203,28 @@ fn those_who_follow_a_log_and_are_gone_keep_nobody_out() {
         follow.spawn().unwrap()
     });
     for mut follower in followers {
-        // It is let in once it reads something, and has no time to say that it goes.
+        // It is connected once it reads a line, and dies without closing the connection.
         let mut line = String::new();
-        let mut said = BufReader::new(follower.stdout.take().unwrap());
-        said.read_line(&mut line).unwrap();
+        let mut output = BufReader::new(follower.stdout.take().unwrap());
+        output.read_line(&mut line).unwrap();
         assert!(line.contains("starts"), "{line}");
         follower.kill().unwrap();
         follower.wait().unwrap();
     }
-    // The drone says nothing meanwhile, on which it would notice.
+    // The drone logs nothing meanwhile, so it can't notice by a failed write.
     let since = Instant::now();
     while drone(&fleet, &["logs", "ours", &at]).0 != Some(0) {
         let waited = since.elapsed();
         assert!(
             waited < Duration::from_secs(60),
-            "nobody is let in any more"
+            "a further operator is refused"
         );
     }
     drop(process);
 }
 
 #[test]
-fn a_relay_takes_no_file_from_when_it_has_heard_of_a_master() {
+fn relay_refuses_uploads_once_it_knows_a_master() {
     let fleet = Fleet::over("quic");
     let mission = SCENARIO.replace("hardware/swarm-short.toml", "missions/hop.waypoints");
     let relay = "\n[[relays]]\nnorth_m = 5\neast_m = 5\naltitude_m = 3\n";
@@ -233,19 +236,21 @@ fn a_relay_takes_no_file_from_when_it_has_heard_of_a_master() {
     fs::copy(mission, fleet.path("own.waypoints")).unwrap();
     (0..5).for_each(|id| replace(&fleet.file(id), SCENARIO, "own.toml"));
     let mut relay = fleet.start(4, &[]);
-    relay.wait_for("that it is ready", |line| line["message"] == "ready");
+    relay.wait_for("ready", |line| line["message"] == "ready");
     let upload = || drone(&fleet, &["upload", "ours", &fleet.address(4), "own.toml"]);
     assert_eq!(upload().0, Some(0));
     let leads = (0..4)
         .find(|id| checked(&fleet, *id).contains("leads"))
         .unwrap();
     let mut leader = fleet.start(leads, &["--fly"]);
-    fleet.wait_for_status(4, "led", |status| status["ballot"]["master"] == leads);
-    let (code, said) = upload();
-    assert_eq!(code, Some(1), "{said}");
+    fleet.wait_for_status(4, "has a leader", |status| {
+        status["ballot"]["master"] == leads
+    });
+    let (code, output) = upload();
+    assert_eq!(code, Some(1), "{output}");
     assert!(
-        said.contains("drone 4 flies, or has heard of a master"),
-        "{said}"
+        output.contains("drone 4 takes part in a flight"),
+        "{output}"
     );
     for process in [&mut relay, &mut leader] {
         process.signal("TERM");
@@ -254,24 +259,27 @@ fn a_relay_takes_no_file_from_when_it_has_heard_of_a_master() {
 }
 
 #[test]
-fn an_operator_of_another_fleet_believes_no_drone_of_this_one() {
+fn operator_refuses_drones_of_another_fleet() {
     let (fleet, _process) = started();
     fleet.keys(&["fleet", "theirs"]);
     let at = fleet.address(DRONE);
-    for what in [
+    for arguments in [
         &["upload", "theirs", &at, "own.toml"][..],
         &["logs", "theirs", &at],
     ] {
-        let (code, said) = drone(&fleet, what);
-        assert_eq!(code, Some(1), "{said}");
-        assert!(said.contains("is not believed: stranger"), "{said}");
+        let (code, output) = drone(&fleet, arguments);
+        assert_eq!(code, Some(1), "{output}");
+        assert!(output.contains("is not trusted: stranger"), "{output}");
     }
-    let (code, said) = drone(&fleet, &["logs", "ours", "127.0.0.1:1"]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("no drone answers at 127.0.0.1:1"), "{said}");
+    let (code, output) = drone(&fleet, &["logs", "ours", "127.0.0.1:1"]);
+    assert_eq!(code, Some(1), "{output}");
+    assert!(
+        output.contains("no drone answers at 127.0.0.1:1"),
+        "{output}"
+    );
 }
 
-/// Somebody who believes whomever it speaks with, and has a key that is not the fleet's.
+/// An operator that trusts everyone, with a given key.
 struct Impostor(SigningKey);
 
 impl Authenticator for Impostor {
@@ -294,7 +302,7 @@ impl Identities for Impostor {
     }
 }
 
-/// A secret key as its file has it.
+/// Reads a secret key from its file.
 fn key_of(path: &Path) -> SigningKey {
     let text = fs::read_to_string(path).unwrap();
     let digits = text.trim().rsplit(' ').next().unwrap().as_bytes();
@@ -304,7 +312,7 @@ fn key_of(path: &Path) -> SigningKey {
 }
 
 #[test]
-fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
+fn drone_refuses_operators_without_the_fleets_key() {
     let (fleet, process) = started();
     fleet.keys(&["fleet", "theirs"]);
     let at = fleet.address(DRONE).parse().unwrap();
@@ -318,28 +326,28 @@ fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
         .enable_all()
         .build()
         .unwrap();
-    let ask = async |key: &SigningKey, asked: &str| {
+    let send = async |key: &SigningKey, request: &str| {
         let impostor = Arc::new(Impostor(key.clone()));
-        // A drone proves its key first, and so is connected with; then it looks at the other one.
+        // The drone authenticates first, so the connection opens; then it checks the operator.
         let operator = Operator::connect(at, impostor).await.unwrap();
         let mut stream = operator.open().await.map_err(io::Error::other)?;
-        stream.write(asked.as_bytes()).await?;
+        stream.write(request.as_bytes()).await?;
         stream.finish();
         stream.read_to_end(1_000_000).await
     };
-    // Another fleet's operator, and a drone of this fleet that was captured.
+    // Another fleet's operator, and a captured drone of this fleet.
     for key in ["theirs/fleet.key", "ours/drone-3.key"] {
         let key = key_of(&fleet.path(key));
-        for asked in [&upload, logs] {
-            let answer = runtime.block_on(ask(&key, asked));
+        for request in [&upload, logs] {
+            let answer = runtime.block_on(send(&key, request));
             assert!(answer.is_err(), "{answer:?}");
         }
     }
     assert_eq!(fs::read_to_string(fleet.path("own.toml")).unwrap(), before);
-    // Whoever has the key is answered, asking in the very same words.
+    // The same requests with the fleet's key are answered.
     let key = key_of(&fleet.path("ours/fleet.key"));
-    for asked in [logs, &upload] {
-        let answer = runtime.block_on(ask(&key, asked)).unwrap();
+    for request in [logs, &upload] {
+        let answer = runtime.block_on(send(&key, request)).unwrap();
         assert!(!answer.is_empty());
     }
     assert_eq!(fs::read_to_string(fleet.path("own.toml")).unwrap(), other);
@@ -347,12 +355,12 @@ fn nobody_without_the_fleets_key_hands_a_drone_a_file_or_reads_its_log() {
 }
 
 #[test]
-fn an_operator_reads_what_a_drone_has_said_and_follows_what_it_goes_on_to_say() {
+fn operator_reads_and_follows_the_log_of_a_drone() {
     let (fleet, mut process) = started();
     let at = fleet.address(DRONE);
-    let (code, said) = drone(&fleet, &["logs", "ours", &at]);
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("\"message\":\"ready\""), "{said}");
+    let (code, output) = drone(&fleet, &["logs", "ours", &at]);
+    assert_eq!(code, Some(0), "{output}");
+    assert!(output.contains("\"message\":\"ready\""), "{output}");
     let following = Command::new(env!("CARGO_BIN_EXE_muster"))
         .current_dir(fleet.path(""))
         .args(["drone", "logs", "ours", &at, "--follow"])
@@ -360,29 +368,29 @@ fn an_operator_reads_what_a_drone_has_said_and_follows_what_it_goes_on_to_say() 
         .spawn()
         .unwrap();
     process.signal("HUP");
-    process.wait_for("that it counted", |line| line["message"] == "counted");
+    process.wait_for("counted", |line| line["message"] == "counted");
     process.signal("TERM");
     assert_eq!(process.end(), Some(0));
     let followed = following.wait_with_output().unwrap();
-    let said = String::from_utf8(followed.stdout).unwrap();
-    assert!(followed.status.success(), "{said}");
+    let output = String::from_utf8(followed.stdout).unwrap();
+    assert!(followed.status.success(), "{output}");
     for message in ["ready", "counted"] {
         assert!(
-            said.contains(&format!("\"message\":\"{message}\"")),
-            "{said}"
+            output.contains(&format!("\"message\":\"{message}\"")),
+            "{output}"
         );
     }
 }
 
 #[test]
-fn a_drone_that_flies_takes_no_file() {
+fn flying_drone_refuses_uploads() {
     let fleet = Fleet::over("quic");
     let mut drones = fleet.fly();
     let flying = &mut drones[DRONE as usize];
     flying.wait_for_mission(&serde_json::json!({ "State": "TakingOff" }));
-    let (code, said) = drone(&fleet, &["upload", "ours", &fleet.address(DRONE), SCENARIO]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("drone 1 flies"), "{said}");
+    let (code, output) = drone(&fleet, &["upload", "ours", &fleet.address(DRONE), SCENARIO]);
+    assert_eq!(code, Some(1), "{output}");
+    assert!(output.contains("drone 1 takes part in a flight"), "{output}");
     drones.iter().for_each(|it| it.signal("TERM"));
     for drone in &mut drones {
         assert_eq!(drone.end(), Some(0));

@@ -1,4 +1,4 @@
-//! What a service manager and an operator see of one process.
+//! One process under a service manager.
 
 use std::os::unix::net::UnixDatagram;
 use std::process::Command;
@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::fleet::{Fleet, Process};
 
 #[test]
-fn the_service_manager_is_told_that_a_drone_runs_what_it_does_and_that_it_is_alive() {
+fn service_manager_is_notified_of_readiness_status_and_watchdog() {
     let fleet = Fleet::new();
     let path = fleet.path("notify");
     let manager = UnixDatagram::bind(&path).unwrap();
@@ -20,38 +20,79 @@ fn the_service_manager_is_told_that_a_drone_runs_what_it_does_and_that_it_is_ali
         .env("NOTIFY_SOCKET", &path)
         .env("WATCHDOG_USEC", "200000");
     let mut drone = Process::start(1, command);
-    let mut told = Vec::new();
-    let mut is_told = |what: &str| {
+    let mut notifications = Vec::new();
+    let mut wait_for = |notification: &str| {
         let mut buffer = [0; 512];
-        while !told.iter().any(|it: &String| it.contains(what)) {
+        let found = |it: &String| it.contains(notification);
+        while !notifications.iter().any(found) {
             let len = manager.recv(&mut buffer).unwrap();
-            told.push(String::from_utf8(buffer[..len].to_vec()).unwrap());
+            notifications.push(String::from_utf8(buffer[..len].to_vec()).unwrap());
         }
-        told.clear();
+        notifications.clear();
     };
-    is_told("READY=1");
-    is_told("WATCHDOG=1");
-    is_told("WATCHDOG=1");
+    wait_for("READY=1");
+    wait_for("WATCHDOG=1");
+    wait_for("WATCHDOG=1");
     drone.signal("TERM");
-    is_told("STATUS=finished");
-    is_told("STOPPING=1");
-    assert_eq!(
-        drone.end(),
-        Some(0),
-        "it was on the ground, and stayed there"
+    wait_for("STATUS=finished");
+    wait_for("STOPPING=1");
+    assert_eq!(drone.end(), Some(0), "it stayed on the ground");
+}
+
+#[test]
+fn higher_flight_number_starts_a_new_flight_and_keeps_the_old_journal() {
+    let fleet = Fleet::new();
+    let flight = |number: u32| {
+        let file = std::fs::read_to_string(fleet.file(3)).unwrap();
+        let lines = file.lines().filter(|line| !line.starts_with("flight = "));
+        let rest: Vec<_> = lines.collect();
+        std::fs::write(
+            fleet.file(3),
+            format!("flight = {number}\n{}\n", rest.join("\n")),
+        )
+        .unwrap();
+    };
+    let run = |flag: &str, value: &std::path::Path| {
+        let mut command = Command::new(&*super::fleet::MUSTERD);
+        let output = command.arg(flag).arg(value).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    };
+    for number in [1, 2] {
+        flight(number);
+        let mut drone = fleet.start(3, &[]);
+        drone.wait_for("ready", |line| line["message"] == "ready");
+        drone.signal("TERM");
+        assert_eq!(drone.end(), Some(0));
+        let (code, output) = run("--config", &fleet.file(3));
+        assert_eq!(code, Some(0), "{output}");
+        assert!(output.contains("this flight is over"), "{output}");
+    }
+    let (code, output) = run("--show-journal", &fleet.path("journal-3/flight-1"));
+    assert_eq!(code, Some(0), "{output}");
+    assert!(output.contains("\"Finished\""), "{output}");
+    flight(1);
+    let (code, output) = run("--config", &fleet.file(3));
+    assert_eq!(code, Some(2), "{output}");
+    assert!(
+        output.contains("the journal has flight 2 already"),
+        "{output}"
     );
 }
 
 #[test]
-fn a_journal_is_for_one_process() {
+fn journal_is_locked_by_its_process() {
     let fleet = Fleet::new();
     let mut first = fleet.start(3, &[]);
-    first.wait_for("that it starts", |line| line["message"] == "starts");
+    first.wait_for("starts", |line| line["message"] == "starts");
     let mut second = Command::new(&*super::fleet::MUSTERD);
     let second = second.arg("--config").arg(fleet.file(3)).output().unwrap();
     assert_eq!(second.status.code(), Some(1));
-    let said = String::from_utf8(second.stderr).unwrap();
-    assert!(said.contains("another process has the journal"), "{said}");
+    let output = String::from_utf8(second.stderr).unwrap();
+    assert!(
+        output.contains("another process has the journal"),
+        "{output}"
+    );
     first.signal("TERM");
     assert_eq!(first.end(), Some(0));
 }

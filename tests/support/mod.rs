@@ -1,11 +1,11 @@
-//! What tests of the program share.
+//! Shared by the tests of the command.
 
 use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
 
-/// What the program does that is started in `folder`.
+/// Runs `muster` in a folder.
 pub(crate) fn muster(folder: &Path, arguments: &[&str]) -> Output {
     Command::cargo_bin("muster")
         .unwrap()

@@ -1,8 +1,8 @@
-//! Prints what the simulated medium delivers beside what ns-3.37 does: by distance, and by load.
+//! Compares the delivery of the simulated medium with ns-3.37, by distance and by load.
 //!
 //! `cargo run --release -p muster-transport --example radio`
 
-#![allow(clippy::print_stdout, reason = "it is there to print")]
+#![allow(clippy::print_stdout, reason = "printing is its purpose")]
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -11,32 +11,32 @@ fn main() {
     println!("Delivery by distance, Nakagami fading (ns-3.37: 802.11a, 6 Mb/s, 64 B)\n");
     println!(
         "{:>4} {:>6} {:>8} {:>8} {:>8}",
-        "m", "d (m)", "ns-3", "here", "differs"
+        "m", "d (m)", "ns-3", "muster", "error"
     );
     for row in support::distance_rows() {
-        let here = support::measure_distance(&row, 50_000, 1);
+        let delivery = support::measure_distance(&row, 50_000, 1);
         println!(
-            "{:>4} {:>6} {:>8.3} {here:>8.3} {:>+8.3}",
+            "{:>4} {:>6} {:>8.3} {delivery:>8.3} {:>+8.3}",
             row.shape,
             row.distance_m,
             row.delivery,
-            here - row.delivery
+            delivery - row.delivery
         );
     }
-    println!("\nDelivery by load, medium shared as in 802.11a\n");
+    println!("\nDelivery by load, medium access of 802.11a\n");
     println!(
         "{:>8} {:>6} {:>10} {:>8} {:>8} {:>8}",
-        "geometry", "drones", "frames/s", "ns-3", "here", "differs"
+        "geometry", "drones", "frames/s", "ns-3", "muster", "error"
     );
     for row in support::load_rows() {
-        let here = support::measure_load(&row, 20.0, 1);
+        let delivery = support::measure_load(&row, 20.0, 1);
         println!(
-            "{:>8} {:>6} {:>10} {:>8.4} {here:>8.4} {:>+8.4}",
+            "{:>8} {:>6} {:>10} {:>8.4} {delivery:>8.4} {:>+8.4}",
             row.geometry,
             row.drones,
             row.rate_hz,
             row.delivery,
-            here - row.delivery
+            delivery - row.delivery
         );
     }
 }

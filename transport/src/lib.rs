@@ -1,4 +1,4 @@
-//! How a drone's datagrams move: one trait, and what stands behind it.
+//! Transports for datagrams between drones: the trait [`Transport`] and its implementations.
 
 pub mod quic;
 pub mod sim;
@@ -11,19 +11,18 @@ use muster_machines::radio::Source;
 use muster_machines::time::Timestamp;
 use thiserror::Error;
 
-/// A way for datagrams between drones.
+/// Carries datagrams between drones.
 ///
-/// Datagrams may be lost, doubled or reordered; none is ever altered or cut short. A transport knows nothing of
-/// what they say. One value stands for a whole simulated medium, or for one drone's end of a real network.
+/// Datagrams may be lost, duplicated or reordered, but are never altered or truncated. A transport does not read their
+/// content. One value is a whole simulated medium, or one drone's end of a real network.
 pub trait Transport {
-    /// The largest datagram that it takes, in bytes.
+    /// Largest accepted datagram, in bytes.
     fn datagram_max(&self) -> usize;
 
-    /// Sends one datagram from `from`: to whoever can hear it, or to one drone. Whether it gets there is told by
-    /// what [`Self::poll_event`] hands out, if at all.
+    /// Sends one datagram. Its fate, if known, follows as an event of [`Self::poll_event`].
     ///
     /// # Errors
-    /// When the datagram can't be sent; nothing was sent then.
+    /// If the datagram can't be sent; nothing was sent then.
     fn send(
         &mut self,
         now: Timestamp,
@@ -32,45 +31,43 @@ pub trait Transport {
         datagram: &Bytes,
     ) -> Result<(), SendError>;
 
-    /// When [`Self::handle_timeout`] is to be called next; nothing when no time is waited for. Ask again after every
-    /// call that changes the transport.
+    /// Next deadline for [`Self::handle_timeout`]; `None` if there is none. Every call that changes the transport may change
+    /// the deadline.
     fn next_timeout(&self) -> Option<Timestamp> {
         None
     }
 
-    /// Does whatever was due by `now`; early or repeated calls do nothing.
+    /// Handles everything due by `now`; early or repeated calls do nothing.
     fn handle_timeout(&mut self, _now: Timestamp) {}
 
-    /// The next event that is known of, in the order in which they became known. One that lies in the future is for
-    /// the caller to keep until then; a transport over a real network knows of none before it is there.
+    /// The next known event. A simulated medium also returns future events; the caller keeps those until their time.
     fn poll_event(&mut self) -> Option<Event>;
 
-    /// Takes in that a drone is to be found where a datagram came from: it has proved that it sent it. A medium that
-    /// finds drones by their numbers does nothing.
+    /// Learns the address of a drone from the source of an authenticated datagram. A medium without addresses ignores it.
     fn learn(&mut self, _node: NodeId, _source: Source) {}
 }
 
-/// For whom a datagram is.
+/// The destination of a datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Destination {
-    /// For whoever can hear it. Nobody acknowledges it, and nothing is known of what became of it.
+    /// All drones in reach. Never acknowledged.
     Broadcast,
-    /// For one drone. Others may hear it too. Where the medium has acknowledgements of its own, an [`Event::Outcome`]
-    /// follows, whatever becomes of it; where it has none, as UDP, nothing is known and nothing follows.
+    /// Unicast to one drone; others may overhear it. A medium with acknowledgements reports an [`Event::Outcome`] for each;
+    /// UDP and QUIC report none.
     To(NodeId),
 }
 
-/// What came of datagrams.
+/// An event of a transport.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// A datagram comes in.
+    /// A datagram arrives.
     Arrival(Arrival),
-    /// What became of a datagram for one drone, as its sender knows.
+    /// The sender learns the fate of a unicast datagram.
     Outcome(Outcome),
 }
 
 impl Event {
-    /// When.
+    /// Time of the event.
     #[must_use]
     pub const fn at(&self) -> Timestamp {
         match self {
@@ -83,58 +80,58 @@ impl Event {
 /// A datagram that arrives.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Arrival {
-    /// When.
+    /// Time of arrival.
     pub at: Timestamp,
-    /// At whom.
+    /// The receiver.
     pub to: NodeId,
-    /// What.
+    /// The content.
     pub datagram: Bytes,
-    /// From where, on a network whose drones have addresses; good for [`Transport::learn`] soon after. What comes from where
-    /// a drone was found by that has one name, as long as it is to be found there.
+    /// The address that it came from, for [`Transport::learn`]; `None` on a medium without addresses. The name of an address
+    /// stays the same while a learned drone has that address.
     pub source: Option<Source>,
-    /// Which drone has proved to be at the other end of the connection that it came by, where there are connections.
+    /// The authenticated drone at the other end of the connection; `None` without connections.
     pub peer: Option<NodeId>,
 }
 
-/// What a sender learns of a datagram that it sent to one drone.
+/// The fate of a unicast datagram, as its sender learns it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outcome {
-    /// When it learns that.
+    /// When the sender learns it.
     pub at: Timestamp,
-    /// Who sent it.
+    /// The sender.
     pub from: NodeId,
-    /// For whom it was.
+    /// The intended receiver.
     pub to: NodeId,
-    /// What was sent.
+    /// The content.
     pub datagram: Bytes,
-    /// What became of it.
+    /// The fate.
     pub fate: Fate,
 }
 
-/// What became of a datagram for one drone.
+/// The fate of a unicast datagram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
-    /// It arrived, and the sender knows.
+    /// It arrived and was acknowledged.
     Delivered,
-    /// The sender stopped trying; it may have arrived all the same, where only the acknowledgements were lost.
+    /// The sender gave up. The datagram may have arrived if only acknowledgements were lost.
     GivenUp,
 }
 
-/// Why a datagram was not sent: the caller's fault each. What the network does not take is lost, and counted.
+/// Why a datagram was not sent; always an error of the caller. Datagrams that the network refuses are counted instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// It is larger than the transport takes.
-    #[error("a datagram of {len} bytes, where {max} is the most")]
+    /// The datagram is too long.
+    #[error("datagram of {len} bytes exceeds the maximum of {max}")]
     TooLong {
         /// Its size in bytes.
         len: usize,
-        /// The largest that is taken.
+        /// Largest accepted size, in bytes.
         max: usize,
     },
-    /// The transport knows no such sender.
-    #[error("drone {0} has no place in this medium")]
+    /// The transport does not know the sender.
+    #[error("unknown sender: drone {0}")]
     UnknownSender(NodeId),
-    /// The transport knows no such receiver.
-    #[error("drone {0}, for whom it is, has no place in this medium")]
+    /// The transport does not know the receiver.
+    #[error("unknown receiver: drone {0}")]
     UnknownReceiver(NodeId),
 }

@@ -1,15 +1,14 @@
-//! Compares the model of who may be where (`formation/phases.rs`, `formation/exposure.rs`) with motion that is sampled at
-//! 20 Hz, with random delays, stops and descents; prints what there was to it and ends with exit code 1 if two drones came
-//! nearer than the model says.
+//! Compares the separation model (`formation/phases.rs`, `formation/exposure.rs`) with motion sampled at 20 Hz, with
+//! random delays, stops and landings. Prints a summary; exit code 1 if two drones came closer than predicted.
 //!
 //! ```sh
 //! cargo run --release -p muster-machines --example apart
 //! cargo run --release -p muster-machines --example apart -- 4000 100
 //! ```
 //!
-//! Arguments: the first seed (0) and how many plans (10000).
+//! Arguments: first seed (default 0) and number of plans (default 10000).
 
-#![allow(clippy::print_stdout, reason = "it is there to print")]
+#![allow(clippy::print_stdout, reason = "a command-line program")]
 
 #[path = "../tests/apart/sampled/mod.rs"]
 mod sampled;
@@ -25,7 +24,7 @@ fn main() -> ExitCode {
         Some(number) => number.ok(),
     };
     let (Some(first), Some(plans)) = (next(0), next(10_000)) else {
-        println!("takes the first seed and how many plans, two whole numbers");
+        println!("the arguments must be two whole numbers: first seed and number of plans");
         return ExitCode::from(2);
     };
     let mut tally = Tally::default();
@@ -33,10 +32,10 @@ fn main() -> ExitCode {
         tally.add(&sampled::compare(seed));
     }
     println!("{tally}");
-    for broken in tally.broken.iter().take(20) {
-        println!("{broken}");
+    for violations in tally.violations.iter().take(20) {
+        println!("{violations}");
     }
-    if tally.broken.is_empty() {
+    if tally.violations.is_empty() {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE

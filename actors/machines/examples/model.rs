@@ -1,20 +1,20 @@
-//! Searches the model of election and merging, prints how much there was to it and which rules hold, and ends with
-//! exit code 1 if one does not.
+//! Searches the model of elections and merging partitions. Prints the size of each search and the rules that hold; exit
+//! code 1 if a rule is violated.
 //!
 //! ```sh
 //! cargo run --release -p muster-machines --example model
 //! cargo run --release -p muster-machines --example model -- --nodes 4 --depth 12 --crashes 1 --splits 1
 //! ```
 //!
-//! Without arguments: the cases below, and what is broken on purpose. Others are composed of `--nodes N` (3),
-//! `--depth STEPS` (all), `--crashes N`, `--failures N` (of actors), `--splits N`, `--one-way N`, `--suspicions N` (0
-//! each), `--mailboxes`: each actor takes its messages when it comes to it, and `--settling`: every state is followed
-//! until nothing changes any more, too.
+//! Without arguments it runs the cases below and the deliberate flaws. With arguments it runs one case: `--nodes N`
+//! (3), `--depth STEPS` (all), `--crashes N`, `--failures N` (of actors), `--splits N`, `--one-way N`, `--suspicions N`
+//! (0 each), `--mailboxes` (actors handle their messages in any order), `--settling` (also follows every state until
+//! nothing changes).
 
-#![allow(clippy::print_stdout, reason = "it is there to print")]
+#![allow(clippy::print_stdout, reason = "a command-line program")]
 #![allow(
     clippy::disallowed_methods,
-    reason = "how long a search takes is no part of the model"
+    reason = "the duration of a search is not part of the model"
 )]
 
 #[path = "../tests/model/swarm/mod.rs"]
@@ -38,7 +38,7 @@ struct Case {
     settles: bool,
 }
 
-/// Searched to the end, the last two apart; the whole takes some minutes.
+/// All searched completely, except the last two; takes some minutes in all.
 const CASES: [&str; 14] = [
     "--nodes 3 --splits 1 --settling",
     "--nodes 3 --crashes 1 --splits 1",
@@ -94,10 +94,10 @@ fn parse<'a>(mut arguments: impl Iterator<Item = &'a str>) -> Result<Case, Strin
             _ => {}
         }
         let number = arguments.next().and_then(|it| it.parse::<u8>().ok());
-        let number = number.ok_or_else(|| format!("{name}: a number from 0 to 255 is missing"))?;
+        let number = number.ok_or_else(|| format!("{name} needs a number from 0 to 255"))?;
         match name {
             "--nodes" if (2..=8).contains(&number) => case.nodes = number.into(),
-            "--nodes" => return Err("--nodes: from 2 to 8".to_owned()),
+            "--nodes" => return Err(format!("--nodes must be from 2 to 8, found {number}")),
             "--depth" => case.depth = NonZeroUsize::new(number.into()),
             "--crashes" => case.faults.crashes = number,
             "--failures" => case.faults.failures = number,
@@ -106,7 +106,7 @@ fn parse<'a>(mut arguments: impl Iterator<Item = &'a str>) -> Result<Case, Strin
             "--suspicions" => case.faults.suspicions = number,
             _ => {
                 return Err(format!(
-                    "{name}: not an argument; they are named at the head of examples/model.rs"
+                    "unknown argument {name}; arguments are listed at the top of examples/model.rs"
                 ));
             }
         }
@@ -114,7 +114,7 @@ fn parse<'a>(mut arguments: impl Iterator<Item = &'a str>) -> Result<Case, Strin
     Ok(case)
 }
 
-/// Prints a line for each search as it ends.
+/// Runs all searches and prints a line for each.
 fn run(cases: &[Case], flaws: &[(Flaw, Faults, Pace, &str)]) -> ExitCode {
     println!(
         "{:>5} {:<36} {:<9} {:>10} {:>10} {:>5} {:<9} {:>7}  rules",
@@ -127,21 +127,22 @@ fn run(cases: &[Case], flaws: &[(Flaw, Faults, Pace, &str)]) -> ExitCode {
             swarm = swarm.that_settles();
         }
         let found = print(*case, swarm);
-        let holds = found.broken.is_empty() && (found.missing.is_empty() || !found.is_exhausted);
+        let holds =
+            found.violated.is_empty() && (found.unreached.is_empty() || !found.is_exhausted);
         all_hold &= holds;
         println!(
             "{}",
             match (holds, case.settles) {
                 (true, true) => "1a 1b 1c hold; settles",
                 (true, false) => "1a 1b 1c hold",
-                (false, _) => "BROKEN",
+                (false, _) => "VIOLATED",
             }
         );
-        for (name, steps) in &found.broken {
+        for (name, steps) in &found.violated {
             println!("      {name}: {steps}");
         }
-        for name in &found.missing {
-            println!("      not met with: {name}");
+        for name in &found.unreached {
+            println!("      never reached: {name}");
         }
     }
     for (flaw, faults, pace, rule) in flaws {
@@ -153,10 +154,10 @@ fn run(cases: &[Case], flaws: &[(Flaw, Faults, Pace, &str)]) -> ExitCode {
             settles: false,
         };
         let found = print(case, Swarm::new(3, *faults, *pace).with(*flaw));
-        let is_found = found.broken.iter().any(|(name, _)| name == rule);
+        let is_found = found.violated.iter().any(|(name, _)| name == rule);
         all_hold &= is_found;
-        let verdict = if is_found { "is found" } else { "IS NOT FOUND" };
-        println!("{flaw:?}, broken on purpose, {verdict}: {rule}");
+        let result = if is_found { "detected" } else { "NOT DETECTED" };
+        println!("deliberate flaw {flaw:?} {result}: {rule}");
     }
     if all_hold {
         ExitCode::SUCCESS

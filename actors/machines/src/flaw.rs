@@ -1,71 +1,71 @@
-//! Guards of the protocol that can be taken out on purpose, one at a time, to see that a scenario finds it.
+//! Flaws that tests plant: each disables one guard of the protocol, to check that a scenario detects it.
 //!
-//! Only the feature `flaws` makes that possible, and only tests switch it on. Without it every guard is known to be in
-//! when a machine is compiled, so that nothing of a flaw is left in whatever flies.
+//! Only the feature `flaws` allows that, and only tests enable it. Without it [`has`] is a constant, so flight code
+//! contains no flaw.
 
-/// A guard that is taken out: what a drone does wrong without it.
+/// What a drone does wrong while a guard is disabled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flaw {
-    /// Nobody mends an actor that has failed or hangs.
-    LeavesWhatFails,
-    /// A master hears that a member is back and does not wait for it.
-    OverlooksWhoReturns,
-    /// A master, by policy `tree`, does not turn to a better ballot.
+    /// Failed or hung actors are not restarted.
+    IgnoresFailedActors,
+    /// A master does not wait for a member that has returned.
+    IgnoresReturnedMembers,
+    /// A master with policy `tree` does not adopt a better ballot.
     NeverStepsDown,
-    /// Whoever hears of another ballot turns to it, better or not.
-    ObeysAnyMaster,
-    /// Frames of another swarm are let in.
-    HeedsOtherSwarms,
-    /// Frames are let in that are not signed by the sender that they name.
-    BelievesAnySender,
-    /// On the way to a waypoint nobody looks whether the master lives.
-    MissesMasterAtWaypointsOnly,
-    /// A master waits for whoever does not get ready, on the ground too, for as long as that takes.
-    WaitsForEver,
+    /// A drone adopts any other ballot, better or worse.
+    FollowsAnyBallot,
+    /// Frames of other swarms are accepted.
+    AcceptsOtherSwarms,
+    /// Frames without a valid signature of their sender are accepted.
+    SkipsSignatureCheck,
+    /// A lost master is not detected on a leg.
+    DetectsMasterLossAtWaypointsOnly,
+    /// A master waits without limit for members that do not get ready, on the ground, too.
+    WaitsForever,
     /// All drones have the same landing place.
     LandsOnOnePoint,
-    /// A ring of a compact matrix has the places of the rings within it once more.
-    RepeatsPlaces,
-    /// Drones that are left over when clusters are of the same size have no slot.
+    /// A ring of a compact matrix contains the places of its inner rings again.
+    RepeatsInnerRings,
+    /// Drones that do not fill a cluster have no slot.
     DropsRemainder,
-    /// A cluster is as far out along an axis as it is to be in all, and so farther out on a diagonal.
+    /// The distance of a cluster applies to each axis, so clusters on a diagonal are farther out.
     StretchesDiagonals,
-    /// Who stands where on the ground goes by numbers, and not by the way to the slot.
-    TakesSlotsByNumber,
-    /// Whoever repeats the master's number proves that the master lives.
-    CountsEchoes,
-    /// A master does not wait for the member with the highest number.
-    ForgetsOneMember,
-    /// What is kept of a mission is not, once its master was elected.
+    /// Places on the ground are assigned by id, not by the distance to the slot.
+    AssignsSlotsById,
+    /// A repeated heartbeat sequence counts as proof that the master lives.
+    AcceptsRepeatedHeartbeats,
+    /// A master does not wait for the member with the highest id.
+    IgnoresLastMember,
+    /// The mission of an elected master stores no checkpoints.
     LosesCheckpoints,
-    /// Nobody takes to a layer of its own.
-    ForgetsLayers,
-    /// A drone takes off at the height of its slot, not in its layer.
+    /// No drone moves to its own altitude layer.
+    SkipsLayers,
+    /// A drone takes off at the altitude of its slot, not in its layer.
     TakesOffInOneLayer,
-    /// A drone goes to land at the height of the last waypoint, not in its layer.
-    GoesToLandInOneLayer,
-    /// A drone crosses to its new slot at the height of the waypoint, not in its sector.
+    /// A drone flies to its landing place at the altitude of the last waypoint, not in its layer.
+    FliesToLandingInOneLayer,
+    /// A drone crosses to its new slot at the altitude of the waypoint, not in its sector.
     CrossesInOneSector,
-    /// A neighbour that does not hear a drone leads it all the same.
-    ObeysOneWayNeighbours,
-    /// Frames of a sender's earlier lives are let in.
-    AcceptsEarlierLives,
-    /// A radio that was started anew lets frames in of senders that have not signed its nonce.
-    BelievesTheUnproven,
-    /// Of two ballots of masters that were elected the worse one wins.
-    TurnsToWorseBallots,
-    /// A master that was elected opens again the waypoint that the swarm is at.
+    /// A neighbour that does not hear a drone may still change its leader.
+    AcceptsOneWayLinks,
+    /// Frames of a sender's earlier incarnations are accepted.
+    AcceptsEarlierIncarnations,
+    /// A restarted radio accepts frames of senders that have not signed its nonce.
+    SkipsFreshnessProof,
+    /// Of two elected ballots the worse one wins.
+    PrefersWorseBallots,
+    /// An elected master opens the current waypoint again.
     ReopensWaypoints,
-    /// A drone that goes to land alone follows orders again.
+    /// A drone that lands alone follows orders again.
     RejoinsWhileLanding,
-    /// A drone that has lost its master never leads.
+    /// A drone that has lost its master never claims leadership.
     NeverClaims,
-    /// Routes go by hops, however much their links lose.
+    /// Routes are chosen by hops, whatever their links lose.
     RoutesByHops,
-    /// A drone takes a parent however far the route is that it announces.
-    TakesFartherParents,
-    /// A mission does nothing when it is to take over from a silent master, and asks to be woken for that again.
-    DeadlineInThePast,
+    /// A drone takes a parent without checking the feasibility condition.
+    SkipsFeasibilityCondition,
+    /// A mission that should replace a silent master does nothing and sets a deadline in the past.
+    SetsPastDeadline,
 }
 
 #[cfg(feature = "flaws")]
@@ -74,7 +74,7 @@ pub use planted::{Planted, plant};
 #[cfg(feature = "flaws")]
 pub(crate) use planted::has;
 
-/// Whether this guard is out: never.
+/// Whether this flaw is planted: never.
 #[cfg(not(feature = "flaws"))]
 pub(crate) const fn has(_: Flaw) -> bool {
     false
@@ -91,13 +91,13 @@ mod planted {
         static PLANTED: Cell<Option<Flaw>> = const { Cell::new(None) };
     }
 
-    /// A guard is out for as long as this is kept, on the thread that took it out.
+    /// Keeps a flaw planted on its thread until it is dropped.
     #[derive(Debug)]
-    #[must_use = "the guard is there again once this is dropped"]
+    #[must_use = "dropping it removes the flaw"]
     pub struct Planted(PhantomData<*const ()>);
 
-    /// Takes a guard out, for all machines on this thread, and puts in the one that was out. Either engine runs a
-    /// simulation on the thread that asks for it; a campaign does so on threads of its own, where all guards are in.
+    /// Plants a flaw for all machines on this thread; replaces the one before. Both engines run a simulation on the
+    /// calling thread. A campaign uses its own threads, which have no flaw.
     pub fn plant(flaw: Flaw) -> Planted {
         PLANTED.set(Some(flaw));
         Planted(PhantomData)
@@ -109,7 +109,7 @@ mod planted {
         }
     }
 
-    /// Whether this guard is out.
+    /// Whether this flaw is planted on this thread.
     pub(crate) fn has(flaw: Flaw) -> bool {
         PLANTED.get() == Some(flaw)
     }
@@ -119,9 +119,9 @@ mod planted {
         use super::*;
 
         #[test]
-        fn a_guard_is_out_until_it_is_dropped_and_on_one_thread_only() {
+        fn flaw_is_planted_on_one_thread_until_dropped() {
             let planted = plant(Flaw::NeverStepsDown);
-            assert!(has(Flaw::NeverStepsDown) && !has(Flaw::WaitsForEver));
+            assert!(has(Flaw::NeverStepsDown) && !has(Flaw::WaitsForever));
             let elsewhere = std::thread::spawn(|| has(Flaw::NeverStepsDown));
             assert!(!elsewhere.join().unwrap());
             drop(planted);

@@ -1,17 +1,17 @@
-//! Places and displacements, each in a frame that its type names.
+//! Positions and displacements, each in a frame that its type names.
 
 use std::ops::{Add, Sub};
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// A place or a displacement in the swarm's local frame: metres north, east and down of the mission's home.
+/// A position or a displacement in the swarm's local frame: metres north, east and down of the mission's home.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Ned(pub Vector3<f64>);
 
 impl Ned {
-    /// The home of the mission, on the ground.
+    /// The mission's home, on the ground.
     pub const HOME: Self = Self(Vector3::new(0.0, 0.0, 0.0));
 
     /// Metres north, east and down of home.
@@ -38,32 +38,32 @@ impl Ned {
         -self.0.z
     }
 
-    /// The same place at another height above home.
+    /// The same position at another altitude above home, in metres.
     #[must_use]
     pub fn at_altitude(self, altitude_m: f64) -> Self {
         Self::new(self.0.x, self.0.y, -altitude_m)
     }
 
-    /// The distance over ground, in metres.
+    /// Horizontal distance in metres.
     #[must_use]
     pub fn horizontal_distance_m(self, other: Self) -> f64 {
         (self.0.xy() - other.0.xy()).norm()
     }
 
-    /// The difference in height, in metres, never negative.
+    /// Absolute difference in altitude, in metres.
     #[must_use]
     pub fn vertical_distance_m(self, other: Self) -> f64 {
         (self.0.z - other.0.z).abs()
     }
 
-    /// The straight distance, in metres.
+    /// Distance in metres.
     #[must_use]
     #[inline]
     pub fn distance_m(self, other: Self) -> f64 {
         (self.0 - other.0).norm()
     }
 
-    /// Turned clockwise, as seen from above, about the vertical through home.
+    /// Rotated about the vertical through home, clockwise as seen from above.
     #[must_use]
     pub fn turned(self, heading_rad: f64) -> Self {
         let (sin, cos) = (libm::sin(heading_rad), libm::cos(heading_rad));
@@ -75,7 +75,7 @@ impl Ned {
     }
 }
 
-/// A velocity in the swarm's local frame: metres a second north, east and down.
+/// A velocity in the swarm's local frame: metres per second north, east and down.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Velocity(pub Vector3<f64>);
@@ -84,7 +84,7 @@ impl Velocity {
     /// At rest.
     pub const ZERO: Self = Self(Vector3::new(0.0, 0.0, 0.0));
 
-    /// Metres a second north, east and down.
+    /// Metres per second north, east and down.
     #[must_use]
     pub const fn new(north_mps: f64, east_mps: f64, down_mps: f64) -> Self {
         Self(Vector3::new(north_mps, east_mps, down_mps))

@@ -1,4 +1,4 @@
-//! Who is who in a swarm.
+//! Identities of drones, swarms and leaders, and sets of drones.
 
 use std::fmt;
 use std::ops::Range;
@@ -8,7 +8,7 @@ use serde::ser::SerializeSeq;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use smallvec::SmallVec;
 
-/// A drone, unique within its swarm; also the index of its slot in the formation.
+/// A drone's id, unique in its swarm; also the index of its slot in the formation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct NodeId(pub u32);
 
@@ -18,35 +18,35 @@ impl fmt::Display for NodeId {
     }
 }
 
-/// A swarm: frames of another one are not obeyed.
+/// A swarm's id. Frames of other swarms are dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SwarmId(pub u32);
 
-/// The name of a leader epoch: which master, by which right.
+/// Identifies a leader epoch.
 ///
-/// Of two ballots the later term wins, then the smaller rank; ranks are unique in a swarm, the centre slot first,
-/// so two parts of a swarm may share a term but never a ballot.
+/// Of two ballots the later term wins, then the smaller rank. Ranks are unique in a swarm, and the centre slot has rank
+/// 0. So two segments of a swarm may share a term, but never a ballot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Ballot {
     /// Rises with each election.
     pub term: u32,
-    /// The master's place in the order of succession.
+    /// The master's rank in the order of succession; 0 is first.
     pub rank: u32,
     /// The master.
     pub master: NodeId,
 }
 
 impl Ballot {
-    /// The term of the leader epoch that the operator starts.
+    /// Term of the leader epoch that the operator starts.
     pub const FIRST_TERM: u32 = 1;
 
-    /// Whether the leader epoch began by an election, and not by the operator.
+    /// Whether an election started the leader epoch, not the operator.
     #[must_use]
     pub const fn is_elected(&self) -> bool {
         self.term > Self::FIRST_TERM
     }
 
-    /// Whether a drone that obeys `other` must turn to this one.
+    /// Whether a drone under `other` must adopt this ballot.
     #[must_use]
     pub fn beats(&self, other: &Self) -> bool {
         self.term > other.term || (self.term == other.term && self.rank < other.rank)
@@ -59,30 +59,30 @@ impl fmt::Display for Ballot {
     }
 }
 
-/// A set of drones, kept as the bounds of its runs of consecutive ids: a set costs what it has runs, not members, and few
-/// runs cost no memory of their own. `u32::MAX` is nobody's id and never in a set.
+/// A set of drones, stored as the bounds of its runs of consecutive ids. Memory grows with the number of runs; up to
+/// two runs need no heap. `u32::MAX` is no valid id and never in a set.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub struct NodeSet(
-    /// In rising order: the first id of a run, the first one behind it, the first id of the next run, and so on.
+    /// Rising: first id of a run, first id after it, first id of the next run, and so on.
     SmallVec<[u32; 4]>,
 );
 
 impl NodeSet {
-    /// Of nobody.
+    /// The empty set.
     #[must_use]
     pub const fn new() -> Self {
         Self(SmallVec::new_const())
     }
 
-    /// Of bounds that rise and come in pairs, `most` of them at the most.
-    pub(crate) fn of_bounds(most: usize, bounds: impl Iterator<Item = u32>) -> Self {
+    /// From rising bounds in pairs, at most `most` of them.
+    pub(crate) fn from_bounds(most: usize, bounds: impl Iterator<Item = u32>) -> Self {
         let mut set = Self(SmallVec::with_capacity(most));
         set.0.extend(bounds);
         debug_assert!(set.0.is_sorted_by(|a, b| a < b) && set.0.len().is_multiple_of(2));
         set
     }
 
-    /// Leaves out whoever is not below `end`.
+    /// Removes ids of `end` and above.
     pub fn truncate(&mut self, end: u32) {
         if self.0.last().is_some_and(|last| *last > end) {
             let kept = self.0.partition_point(|bound| *bound < end);
@@ -98,7 +98,7 @@ impl NodeSet {
         let Some(behind) = id.0.checked_add(1) else {
             return;
         };
-        // Beyond all others, as is the rule.
+        // The common case: the id lies after all others.
         match self.0.last_mut() {
             Some(end) if *end == id.0 => {
                 *end = behind;
@@ -121,7 +121,7 @@ impl NodeSet {
         }
     }
 
-    /// Adds all of another set.
+    /// Adds all members of another set.
     pub fn extend_from(&mut self, other: &Self) {
         if self.is_empty() {
             self.clone_from(other);
@@ -130,18 +130,18 @@ impl NodeSet {
         }
     }
 
-    /// Whether it has this drone.
+    /// Whether the drone is a member.
     #[must_use]
     pub fn contains(&self, id: NodeId) -> bool {
         self.bounds_up_to(id) % 2 == 1
     }
 
-    /// How many bounds are at `id` or below.
+    /// Number of bounds at or below `id`.
     fn bounds_up_to(&self, id: NodeId) -> usize {
         self.0.partition_point(|bound| *bound <= id.0)
     }
 
-    /// Whether it has all of another set.
+    /// Whether all members of another set are members.
     #[must_use]
     pub fn is_superset(&self, other: &Self) -> bool {
         let mut own = self.runs().peekable();
@@ -152,7 +152,7 @@ impl NodeSet {
         })
     }
 
-    /// The members that another set has not.
+    /// Members that are not in another set.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Self {
         if self.is_empty() || other.is_empty() {
@@ -161,19 +161,20 @@ impl NodeSet {
         self.combined(other, |own, others| own && !others)
     }
 
-    /// The members that another set has, too.
+    /// Members that are in another set, too.
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
         self.combined(other, |own, others| own && others)
     }
 
-    /// Whoever one of the two sets has, and the other has not.
+    /// Drones that are in exactly one of the two sets.
     #[must_use]
     pub fn symmetric_difference(&self, other: &Self) -> Self {
         self.combined(other, |own, others| own != others)
     }
 
-    /// Whoever is to be kept, given whether they are in this set and in the other; nobody may be kept who is in neither.
+    /// The ids for which `keep` is true, given whether they are in this set and in the other. `keep(false, false)` must
+    /// be false.
     fn combined(&self, other: &Self, keep: impl Fn(bool, bool) -> bool) -> Self {
         let mut bounds = SmallVec::with_capacity(self.0.len() + other.0.len());
         let (mut own_at, mut other_at) = (0, 0);
@@ -192,7 +193,8 @@ impl NodeSet {
         }
     }
 
-    /// Whether there is anybody who is wanted, given which of some sets have them; nobody may be wanted who is in none.
+    /// Whether `is_wanted` is true for some id, given which of `sets` contain it. It must be false for an id that is in
+    /// none.
     pub(crate) fn any_where<const N: usize>(
         sets: [&Self; N],
         is_wanted: impl Fn([bool; N]) -> bool,
@@ -216,24 +218,24 @@ impl NodeSet {
         }
     }
 
-    /// Whether it has nobody.
+    /// Whether the set has no member.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// How many it has.
+    /// Number of members.
     #[must_use]
     pub fn len(&self) -> usize {
         self.runs().map(|run| run.len()).sum()
     }
 
-    /// Its runs of consecutive ids, lowest first.
+    /// Runs of consecutive ids, lowest first.
     pub fn runs(&self) -> impl ExactSizeIterator<Item = Range<u32>> + '_ {
         self.0.chunks_exact(2).map(|run| run[0]..run[1])
     }
 
-    /// The distances from each bound of its runs to the next, the first one from 0.
+    /// Distances from each bound to the next, the first one from 0.
     pub(crate) fn distances(&self) -> impl Iterator<Item = u32> + '_ {
         let before = std::iter::once(0).chain(self.0.iter().copied());
         self.0
@@ -242,7 +244,7 @@ impl NodeSet {
             .map(|(bound, before)| bound - before)
     }
 
-    /// Its members, lowest first.
+    /// Members, lowest first.
     pub fn iter(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.runs().flatten().map(NodeId)
     }
@@ -279,7 +281,7 @@ impl FromIterator<NodeId> for NodeSet {
     }
 }
 
-/// As the distances from each bound to the next, the first one from 0.
+/// Serialised as the distances from each bound to the next, the first one from 0.
 impl Serialize for NodeSet {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut seq = serializer.serialize_seq(Some(self.0.len()))?;
@@ -295,7 +297,7 @@ impl<'de> Deserialize<'de> for NodeSet {
     }
 }
 
-/// Reads a set, and refuses what is none: bounds that do not rise or are not in pairs.
+/// Reads a set. Rejects bounds that do not rise or are not in pairs.
 struct Bounds;
 
 impl<'de> Visitor<'de> for Bounds {

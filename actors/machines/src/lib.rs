@@ -1,5 +1,5 @@
-//! What each actor of a drone decides, as pure state machines: no socket, no clock, no task, no random source of
-//! the machine it runs on.
+//! State machines that take every decision of a drone. They use no socket, no clock, no task and no random source of
+//! the host.
 
 pub mod flaw;
 pub mod formation;
@@ -11,8 +11,8 @@ pub mod mission;
 pub mod msp;
 pub mod navigation;
 pub mod node;
+mod node_map;
 pub mod radio;
-mod roster;
 pub mod routing;
 mod stall;
 pub mod supervision;

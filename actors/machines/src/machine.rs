@@ -1,32 +1,32 @@
-//! The shape of every decision a drone takes.
+//! The interface of all state machines.
 
 use std::collections::VecDeque;
 
 use crate::time::Timestamp;
 
-/// A state machine that owns no socket, no clock, no task and no random source but its own seeded one.
+/// A state machine without socket, clock or task; its only random source is seeded by its creator.
 ///
-/// Whatever drives it calls [`step`] and nothing else.
+/// Drivers call [`step`] and nothing else.
 pub trait Machine {
-    /// What it can be told.
+    /// Inputs.
     type Input;
-    /// What it sends: to the machines beside it, or out of the drone.
+    /// Outputs to other machines, or out of the drone.
     type Transmit;
-    /// What can be seen of it from outside: telemetry, and the checkpoints it is rebuilt from.
+    /// Observable outputs: telemetry, and the checkpoints from which a machine is rebuilt.
     type Event;
-    /// Our own fault in an input; a peer's fault is counted as an event instead.
+    /// An input that breaks one of our own invariants. A peer's fault is an event instead.
     type Rejection: std::error::Error;
 
-    /// Takes one input at `now`.
+    /// Handles one input at `now`.
     ///
     /// # Errors
-    /// When the input breaks one of our own invariants; the state is then unchanged.
+    /// The input breaks one of our own invariants. The state is unchanged.
     fn handle_input(&mut self, now: Timestamp, input: Self::Input) -> Result<(), Self::Rejection>;
 
-    /// Fires every deadline `<= now`, after which the next deadline lies after `now`; early or repeated calls do nothing.
+    /// Fires every deadline `<= now`. The next deadline is then after `now`. Early or repeated calls do nothing.
     fn handle_timeout(&mut self, now: Timestamp);
 
-    /// What is to be done next; to be called until [`Output::Idle`] before anything else is handled.
+    /// The next output. Call until [`Output::Idle`] before handling the next input.
     fn poll_output(&mut self) -> Output<Self::Transmit, Self::Event>;
 }
 
@@ -36,11 +36,11 @@ pub trait Machine {
 pub enum Output<T, E> {
     /// Send this.
     Transmit(T),
-    /// Let this be seen.
+    /// Publish this.
     Event(E),
-    /// Nothing now; call [`Machine::handle_timeout`] at the deadline.
+    /// Nothing is left; call [`Machine::handle_timeout`] at the deadline.
     Idle {
-        /// When the machine next wants to act by itself.
+        /// The next deadline; `None` if there is none.
         deadline: Option<Timestamp>,
     },
 }
@@ -48,16 +48,16 @@ pub enum Output<T, E> {
 /// Why a machine is stepped.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Stimulus<I> {
-    /// It was told something.
+    /// It has an input.
     Input(I),
-    /// Its deadline has come, or it has just been built and may have something to say.
+    /// Its deadline has come, or it was just built and may have outputs.
     Timeout,
 }
 
-/// Changes the machine once, drains what it has to say into `sink` and returns its next deadline.
+/// Handles one stimulus, passes all outputs to `sink` and returns the next deadline.
 ///
 /// # Errors
-/// As [`Machine::handle_input`]; nothing has reached the sink then.
+/// As [`Machine::handle_input`]; `sink` was not called then.
 pub fn step<M: Machine + ?Sized>(
     machine: &mut M,
     now: Timestamp,
@@ -86,12 +86,12 @@ pub enum Emitted<M: Machine + ?Sized> {
     Event(M::Event),
 }
 
-/// The outputs of a machine that wait to be polled. Most steps have one at most, which is kept within the machine; the memory
-/// that more take is given back, for the next machine to use while it is at hand.
+/// Queue of outputs. Most steps have at most one, which is stored inline. Memory for more is freed once they are
+/// polled.
 #[derive(Debug, Clone)]
 pub(crate) struct Outbox<T, E> {
     first: Option<Output<T, E>>,
-    /// Nothing as long as there is no first.
+    /// Empty while `first` is `None`.
     others: VecDeque<Output<T, E>>,
 }
 
@@ -113,14 +113,14 @@ impl<T, E> Outbox<T, E> {
         self.push(Output::Event(event));
     }
 
-    /// Puts an event ahead of everything that waits.
+    /// Puts an event before all other outputs.
     pub(crate) fn event_first(&mut self, event: E) {
         if let Some(first) = self.first.replace(Output::Event(event)) {
             self.others.push_front(first);
         }
     }
 
-    /// Whether nothing waits.
+    /// Whether no output waits.
     pub(crate) const fn is_empty(&self) -> bool {
         self.first.is_none()
     }

@@ -1,7 +1,6 @@
-//! The flight controller's link, as the drone sees it: what it is asked for and what it tells.
+//! Flight-controller link: commands to the vehicle and telemetry from it.
 //!
-//! The machine behind it is either the link to a real flight controller or a simulated one, which only the scenario
-//! runner has.
+//! The machine behind it is the link to a real flight controller, or a simulated one in the scenario runner.
 
 use std::time::Duration;
 
@@ -10,117 +9,117 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
 
-/// What a link is asked for.
+/// Command to the flight controller.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum FlightCommand {
-    /// Tell how the vehicle is.
+    /// Report telemetry.
     Report,
     /// Arm, on the ground.
     Arm,
-    /// Leave the vehicle to the pilot again, from whom a [`Setpoint::Hold`] has taken it.
+    /// Return control to the pilot after a [`Setpoint::Hold`].
     Yield,
-    /// Fly so.
+    /// Fly to a setpoint.
     Fly(Setpoint),
-    /// Come down on the spot and disarm there.
+    /// Land on the spot and disarm.
     Land,
 }
 
-/// How a vehicle is to fly.
+/// Setpoint of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Setpoint {
-    /// For vehicles that fly legs: straight there, from rest to rest.
+    /// For vehicles that fly legs: fly straight, from rest to rest.
     Leg {
-        /// The end of the leg.
+        /// End of the leg.
         to: Ned,
-        /// The highest speed along it, in m/s.
+        /// Maximum speed along the leg, in m/s.
         speed_mps: f64,
-        /// Along the leg, in m/s².
+        /// Acceleration along the leg, in m/s².
         acceleration_mps2: f64,
     },
-    /// For vehicles that take moving targets: get to a place that moves, and move along with it.
+    /// For vehicles that accept moving targets: reach a moving place and follow it.
     Track {
-        /// Where the place is now.
+        /// Current position of the place.
         to: Ned,
-        /// How it moves.
+        /// Velocity of the place.
         velocity: Velocity,
-        /// The highest speed, in m/s.
+        /// Maximum speed, in m/s.
         speed_mps: f64,
-        /// The highest acceleration, in m/s².
+        /// Maximum acceleration, in m/s².
         acceleration_mps2: f64,
-        /// For how long it may be thought to move so; the vehicle comes to rest then unless it is told more.
+        /// How long the velocity is valid; then the vehicle comes to rest unless it gets a new setpoint.
         hold: Duration,
     },
-    /// Come to rest, whoever flies it, and climb or descend to a height meanwhile. It takes no position over ground.
+    /// Come to rest, also in manual control, and climb or descend to an altitude. Needs no horizontal position.
     Hold {
-        /// In metres above home.
+        /// Altitude, in metres above home.
         altitude_m: f64,
-        /// The highest speed upwards or downwards, in m/s.
+        /// Maximum vertical speed, in m/s.
         vertical_mps: f64,
-        /// Over ground and in height, each, in m/s².
+        /// Horizontal and vertical acceleration each, in m/s².
         acceleration_mps2: f64,
     },
 }
 
-/// How a vehicle is.
+/// State of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
-    /// Where it is; over ground, where it last knew that it was.
+    /// Position; horizontally the last known one.
     pub position: Ned,
-    /// For how long it has not known where it is over ground; nothing while it knows.
+    /// Time without a horizontal position; `None` if it is known.
     pub position_lost_for: Option<Duration>,
-    /// How it moves.
+    /// Velocity.
     pub velocity: Velocity,
-    /// Where it would be at rest if it braked now; its position when it is at rest.
+    /// Position at rest if it braked now; equal to `position` at rest.
     pub stop: Ned,
-    /// Whether it stands still.
+    /// Whether it is stationary.
     pub at_rest: bool,
-    /// Whether its motors are armed.
+    /// Whether the motors are armed.
     pub armed: bool,
-    /// Whether it is coming down to land.
+    /// Whether it is landing.
     pub landing: bool,
-    /// The end of the leg that it flies.
+    /// End of the current leg.
     pub target: Option<Ned>,
-    /// What is left in its battery, as a share of a full one.
+    /// Battery charge, as a fraction of a full one.
     pub charge: f64,
 }
 
-/// What a link is told.
+/// Input of a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Input {
-    /// By the navigation.
+    /// From the navigation.
     FlightCommand(FlightCommand),
-    /// By the vehicle.
+    /// From the vehicle.
     Telemetry(Telemetry),
-    /// By the supervisor: an actor can't be kept alive, so land and obey nobody any more.
+    /// From the supervisor: an actor can't be kept alive, so land and ignore all commands.
     GiveUp,
 }
 
-/// What a link sends.
+/// Output of a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transmit {
     /// To the vehicle.
     Command(FlightCommand),
     /// To the navigation.
     Telemetry(Telemetry),
-    /// To the navigation: this link restarted, tell it again what it should do.
+    /// To the navigation: this link restarted, repeat the command.
     Resync,
 }
 
-/// What can be seen of a link.
+/// Event of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
-    /// What a restarted link is built from.
+    /// Checkpoint for a restart.
     Checkpoint(Checkpoint),
 }
 
-/// What outlives a link.
+/// Persistent state of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Whether the supervisor has told it to land and to obey nobody.
+    /// Whether the supervisor has made it land and ignore all commands.
     pub gave_up: bool,
 }
 
-/// Any machine that can hold a drone's link.
+/// A machine that can be a drone's flight-controller link.
 pub trait Link:
     Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = std::convert::Infallible>
     + Send

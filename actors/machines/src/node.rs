@@ -189,13 +189,13 @@ impl Checkpoints {
             Checkpoint::Routing(checkpoint) => {
                 let before = self.routing.replace(checkpoint);
                 before.is_none_or(|before| {
-                    self.routing.as_ref().is_some_and(|it| it.is_news(&before))
+                    self.routing.as_ref().is_some_and(|it| it.has_advanced_since(&before))
                 })
             }
             Checkpoint::Mission(checkpoint) => {
                 let before = self.mission.replace(checkpoint);
                 before.is_none_or(|before| {
-                    self.mission.as_ref().is_some_and(|it| it.is_news(&before))
+                    self.mission.as_ref().is_some_and(|it| it.has_advanced_since(&before))
                 })
             }
             Checkpoint::Navigation(checkpoint) => {
@@ -220,7 +220,8 @@ impl Checkpoints {
         (self.mission.as_ref()).map_or(mission::State::default(), |it| it.state)
     }
 
-    /// Whether the drone takes part in a flight that is not over: on the ground too, from when it has heard of a master.
+    /// Whether the drone takes part in a flight that is not over: on the ground too, from when it has heard of a
+    /// master.
     #[must_use]
     pub fn are_of_a_flight(&self) -> bool {
         match self.state() {
@@ -377,7 +378,8 @@ pub struct StepOutput {
     pub deadline: Option<Timestamp>,
     /// How full its fullest table is.
     pub occupancy: Occupancy,
-    /// Whether it handled a timeout and its deadline still is not after now. It would be woken at once, again and again.
+    /// Whether it handled a timeout and its deadline still is not after now. It would be woken at once, again and
+    /// again.
     pub is_overdue: bool,
 }
 
@@ -441,9 +443,9 @@ impl NodeMachine {
         output.is_overdue = is_timeout && output.deadline.is_some_and(|deadline| deadline <= now);
     }
 
-    /// Reads what its next step will touch of what lies in it, and changes nothing. Whoever runs many cells does so with all
-    /// that will soon be stepped, one after another: then their memory is waited for side by side, and is at hand when they
-    /// are. After that, [`Self::read_further_ahead`].
+    /// Reads what its next step will touch of what lies in it, and changes nothing. Whoever runs many cells does so
+    /// with all that will soon be stepped, one after another: then their memory is waited for side by side, and is at
+    /// hand when they are. After that, [`Self::read_further_ahead`].
     pub fn read_ahead(&self) {
         match self {
             Self::Radio(machine) => machine.read_ahead(),
@@ -452,8 +454,8 @@ impl NodeMachine {
         }
     }
 
-    /// As [`Self::read_ahead`], of what lies elsewhere, where what lies in it says: what a frame of `sender` will touch there,
-    /// or without one what a timer will.
+    /// As [`Self::read_ahead`], of what lies elsewhere, where what lies in it says: what a frame of `sender` will touch
+    /// there, or without one what a timer will.
     pub fn read_further_ahead(&self, sender: Option<NodeId>) {
         match self {
             Self::Radio(machine) => machine.read_further_ahead(sender),
@@ -513,22 +515,22 @@ impl From<radio::Transmit> for Effect {
                 })))
             }
             radio::Transmit::Resync => {
-                Self::Post(Envelope::Navigation(Box::new(navigation::Input::SayWay)))
+                Self::Post(Envelope::Navigation(Box::new(navigation::Input::ResendIntent)))
             }
-            radio::Transmit::Outcome {
+            radio::Transmit::Delivery {
                 to,
                 payload,
                 delivered,
-            } => Self::Post(Envelope::Routing(routing::Input::Outcome {
+            } => Self::Post(Envelope::Routing(routing::Input::Delivery {
                 to,
                 payload,
                 delivered,
             })),
-            radio::Transmit::Heard {
+            radio::Transmit::Received {
                 sender,
                 ballot,
                 payload,
-            } => Self::Post(Envelope::Routing(routing::Input::Heard {
+            } => Self::Post(Envelope::Routing(routing::Input::Received {
                 sender,
                 ballot,
                 payload,
@@ -574,7 +576,7 @@ impl From<mission::Transmit> for Effect {
                 routing::Input::Acknowledge { ballot, sequence }
             }
             Transmit::Discover => routing::Input::Discover,
-            Transmit::Scatter => routing::Input::Scatter,
+            Transmit::TopologyChanges => routing::Input::TopologyChanges,
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,
@@ -600,8 +602,8 @@ impl From<navigation::Transmit> for Effect {
             navigation::Transmit::Inform(notice) => {
                 Envelope::Mission(mission::Input::Navigation(notice))
             }
-            navigation::Transmit::Intend { intent, at_once } => {
-                Envelope::Radio(radio::Input::Intend { intent, at_once })
+            navigation::Transmit::AnnounceIntent { intent, immediately } => {
+                Envelope::Radio(radio::Input::AnnounceIntent { intent, immediately })
             }
         })
     }

@@ -1,79 +1,77 @@
-//! What a supervisor does when an actor fails: one for one, with back-off, up to an intensity limit.
+//! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::flaw::{self, Flaw};
+use crate::node::Address;
 use crate::time::Timestamp;
 
-/// When failed actors are restarted and when that is given up.
+/// Limits of restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RestartLimits {
-    /// The most restarts of a drone's actors within the window.
+    /// The most restarts of one actor within the window.
     pub restarts_max: u32,
-    /// How long a restart counts.
+    /// How long a restart counts towards the limit.
     pub window: Duration,
-    /// The first pause before a restart that follows another; doubled for each further one within the window.
+    /// The pause before the second restart within the window; doubled for each further one.
     pub back_off: Duration,
     /// The longest pause.
     pub back_off_max: Duration,
 }
 
-/// What is to be done about a failed actor.
+/// What to do about a failed actor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RestartDecision {
-    /// Restart it then.
+    /// Restart the actor.
     Restart {
-        /// When.
+        /// When to restart it.
         at: Timestamp,
     },
-    /// It can't be kept alive: land.
+    /// It failed too often: land the drone.
     GiveUp,
 }
 
-/// The restarts of one drone's actors.
+/// The restarts of one drone's actors, counted for each actor.
 #[derive(Debug, Clone)]
 pub struct Supervision {
     limits: RestartLimits,
-    recent: VecDeque<Timestamp>,
+    /// Restarts within the window, by actor.
+    recent: [VecDeque<Timestamp>; 5],
     given_up: bool,
 }
 
 impl Supervision {
-    /// A supervision that has seen no failure yet.
+    /// A supervision without failures.
     #[must_use]
     pub const fn new(limits: RestartLimits) -> Self {
         Self {
             limits,
-            recent: VecDeque::new(),
+            recent: [const { VecDeque::new() }; 5],
             given_up: false,
         }
     }
 
-    /// Decides about an actor that failed at `now`.
-    ///
-    /// The first failure in a window is mended at once. Once it has given up it never restarts anything again.
-    pub fn failed(&mut self, now: Timestamp) -> RestartDecision {
-        while self
-            .recent
-            .front()
-            .is_some_and(|restart| now.since(*restart) > self.limits.window)
-        {
-            self.recent.pop_front();
+    /// Decides what to do about an actor that failed at `now`: its first failure in a window is answered with a restart
+    /// at once, each further one later. After the first [`RestartDecision::GiveUp`] no actor is restarted again.
+    pub fn failed(&mut self, now: Timestamp, actor: Address) -> RestartDecision {
+        let recent = &mut self.recent[actor as usize];
+        while (recent.front()).is_some_and(|restart| now.since(*restart) > self.limits.window) {
+            recent.pop_front();
         }
-        if self.given_up || self.recent.len() >= self.limits.restarts_max as usize {
+        if self.given_up || recent.len() >= self.limits.restarts_max as usize {
             self.given_up = true;
             return RestartDecision::GiveUp;
         }
-        let pause = match self.recent.len() {
-            _ if flaw::has(Flaw::LeavesWhatFails) => Duration::MAX,
+        let pause = match recent.len() {
+            _ if flaw::has(Flaw::IgnoresFailedActors) => Duration::MAX,
             0 => Duration::ZERO,
             before => {
                 let doublings = u32::try_from(before - 1).unwrap_or(u32::MAX).min(30);
                 (self.limits.back_off * 2_u32.pow(doublings)).min(self.limits.back_off_max)
             }
         };
-        self.recent.push_back(now);
+        recent.push_back(now);
         RestartDecision::Restart { at: now + pause }
     }
 }
@@ -94,10 +92,10 @@ mod tests {
     }
 
     #[test]
-    fn the_first_failure_is_mended_at_once_and_later_ones_wait_longer() {
+    fn first_restart_is_immediate_and_later_ones_back_off() {
         let mut supervision = Supervision::new(LIMITS);
         let pauses: Vec<_> = [1.0, 2.0, 3.0]
-            .map(|now| match supervision.failed(at(now)) {
+            .map(|now| match supervision.failed(at(now), Address::Radio) {
                 RestartDecision::Restart { at: then } => then - at(now),
                 RestartDecision::GiveUp => panic!("within the limit"),
             })
@@ -106,22 +104,46 @@ mod tests {
     }
 
     #[test]
-    fn too_many_failures_in_a_window_are_given_up_for_good() {
+    fn too_many_failures_of_one_actor_give_up_for_good() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now)), RestartDecision::GiveUp);
+            assert_ne!(
+                supervision.failed(at(now), Address::Radio),
+                RestartDecision::GiveUp
+            );
         }
-        assert_eq!(supervision.failed(at(4.0)), RestartDecision::GiveUp);
-        assert_eq!(supervision.failed(at(400.0)), RestartDecision::GiveUp);
+        assert_eq!(
+            supervision.failed(at(4.0), Address::Radio),
+            RestartDecision::GiveUp
+        );
+        assert_eq!(
+            supervision.failed(at(400.0), Address::Radio),
+            RestartDecision::GiveUp
+        );
     }
 
     #[test]
-    fn restarts_older_than_the_window_do_not_count() {
+    fn restarts_count_for_each_actor() {
+        let mut supervision = Supervision::new(LIMITS);
+        for actor in Address::ALL {
+            for now in [1.0, 2.0, 3.0] {
+                assert_ne!(supervision.failed(at(now), actor), RestartDecision::GiveUp);
+            }
+        }
+        let [.., last] = Address::ALL;
+        assert_eq!(supervision.failed(at(4.0), last), RestartDecision::GiveUp);
+    }
+
+    #[test]
+    fn restarts_outside_the_window_do_not_count() {
         let mut supervision = Supervision::new(LIMITS);
         for now in [1.0, 2.0, 3.0] {
-            assert_ne!(supervision.failed(at(now)), RestartDecision::GiveUp);
+            assert_ne!(
+                supervision.failed(at(now), Address::Radio),
+                RestartDecision::GiveUp
+            );
         }
-        let verdict = supervision.failed(at(14.0));
+        let verdict = supervision.failed(at(14.0), Address::Radio);
         assert_eq!(verdict, RestartDecision::Restart { at: at(14.0) });
     }
 }

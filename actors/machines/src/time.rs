@@ -1,4 +1,4 @@
-//! Instants that machines are told, never read.
+//! Time as machines see it: an input, never read from a clock.
 
 use std::fmt;
 use std::ops::{Add, AddAssign, Sub};
@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// An instant, in nanoseconds since an origin that whoever drives the machines chooses: the start of the run
-/// in a simulation, the Unix epoch on an aircraft.
+/// Nanoseconds since an origin that the driver of the machines chooses: the start of the run in a simulation, the Unix
+/// epoch on an aircraft.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
@@ -23,7 +23,7 @@ impl Timestamp {
         Self(nanos)
     }
 
-    /// The instant `seconds` after the origin, to the nearest nanosecond; the origin for a negative or NaN value.
+    /// The instant `seconds` after the origin, rounded to a nanosecond; the origin for a negative or NaN value.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,
@@ -50,14 +50,14 @@ impl Timestamp {
         self.0 as f64 / 1e9
     }
 
-    /// The time from `earlier` to here; zero when `earlier` is later.
+    /// Time since `earlier`; zero if `earlier` is later.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
 }
 
-/// The first of those that there are; the last instant that there is counts as never.
+/// The earliest of `times`; `None` if there is none. The last representable instant counts as never.
 #[inline]
 pub(crate) fn first_of<const N: usize>(times: [Option<Timestamp>; N]) -> Option<Timestamp> {
     let never = Timestamp(u64::MAX);

@@ -1,4 +1,4 @@
-//! Asks drones' processes what they are doing, all beside each other.
+//! Queries the status of drones' processes over HTTP, in parallel.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,37 +11,37 @@ use ureq::Agent;
 
 use super::Answer;
 
-/// How long a drone may take to answer.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// The longest answer that is read, in bytes: that of a drone that has heard a thousand others is some 50 KB.
+/// Time limit of a query.
+const TIMEOUT: Duration = Duration::from_secs(2);
+/// Largest accepted answer, in bytes. A drone with a thousand neighbours sends about 50 KB.
 const ANSWER_MAX: u64 = 1_024 * 1_024;
-/// How many are asked at once.
-const AT_ONCE: usize = 64;
+/// Number of parallel queries.
+const PARALLEL_MAX: usize = 64;
 
-/// Whom to ask.
+/// A drone to query.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Target {
-    /// The drone's number, where it is known before it answers.
+    /// The drone's number, if known before it answers.
     pub drone: Option<u32>,
-    /// Where it is to be asked: an address and a port.
+    /// Host and port of its status page.
     pub address: String,
 }
 
-/// Why there is no answer.
+/// Why a query failed.
 #[derive(Debug, Error)]
 pub enum AskError {
-    /// Nobody is there, or does not answer in time.
+    /// No connection, or no answer in time.
     #[error("no answer: {0}")]
     NoAnswer(#[source] Box<ureq::Error>),
-    /// Whoever answers is no drone of this version.
-    #[error("whoever answers is no drone of this version")]
-    NoDrone(#[source] serde_json::Error),
+    /// The answer is not the status of a drone of this version.
+    #[error("the answer is not the status of a drone of this version")]
+    NotADrone(#[source] serde_json::Error),
 }
 
-/// Whom an argument means: an address, a drone's file, or the folder of a flight, which is that of all its drones.
+/// The drones that an argument names: by an address, a drone's file, or the folder of a flight (all its drones).
 ///
 /// # Errors
-/// When it is none of these, or a drone tells nobody what it does.
+/// If it is none of these, or a drone's file has no `[observe]` table.
 pub fn targets(argument: &Path) -> Result<Vec<Target>, BadInput> {
     if argument.is_dir() {
         return files_in(argument)?.iter().map(|it| of_file(it)).collect();
@@ -54,8 +54,9 @@ pub fn targets(argument: &Path) -> Result<Vec<Target>, BadInput> {
         !host.is_empty() && !host.contains('/') && port.parse::<u16>().is_ok()
     });
     if !is_address {
-        let message = "is neither a file nor a folder, nor an address";
-        let help = "an address with its port, as in 127.0.0.1:9100, a drone's file, or the folder of a flight";
+        let message = "is neither a file nor a folder nor an address";
+        let help = "accepted are an address with a port, for example 127.0.0.1:9100, a drone's file, or the folder of a \
+                    flight";
         return Err(BadInput::without_excerpt(argument, message, help));
     }
     let address = text.into_owned();
@@ -73,7 +74,7 @@ fn of_file(path: &Path) -> Result<Target, BadInput> {
     })
 }
 
-/// The drones' files of a flight, in the order of their numbers.
+/// The drones' files of a flight, ordered by number.
 fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BadInput> {
     let inner = folder.join("drones");
     let drones = if inner.is_dir() {
@@ -94,34 +95,32 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BadInput> {
     let mut files: Vec<_> = paths.collect();
     files.sort();
     if files.is_empty() {
-        let message =
-            "is not the folder of a flight: there is no drone-0/drone.toml in it, nor in drones";
-        let help =
-            "`muster swarm` makes such a folder, runs/SCENARIO-swarm if it is not told otherwise";
+        let message = "is not the folder of a flight: it has neither drone-0/drone.toml nor drones/drone-0/drone.toml";
+        let help = "`muster swarm` creates such a folder, by default runs/SCENARIO-swarm";
         return Err(BadInput::without_excerpt(folder, message, help));
     }
     Ok(files.into_iter().map(|(_, file)| file).collect())
 }
 
-/// Asks all of them, many at once; the answers are in the order of the questions.
+/// Queries all targets in parallel. The answers are in the order of the targets.
 #[must_use]
 pub fn ask_all(targets: &[Target]) -> Vec<Answer> {
     let agent: Agent = Agent::config_builder()
-        .timeout_global(Some(PATIENCE))
+        .timeout_global(Some(TIMEOUT))
         .build()
         .into();
     let ask = |target: &Target| Answer {
         target: target.clone(),
         status: ask(&agent, &target.address),
     };
-    let chunks = targets.chunks(AT_ONCE);
+    let chunks = targets.chunks(PARALLEL_MAX);
     let answers = chunks.flat_map(|chunk| {
         std::thread::scope(|scope| {
             let asked = chunk.iter().map(|target| scope.spawn(|| ask(target)));
             let asked: Vec<_> = asked.collect();
             let answers = asked.into_iter().map(|it| it.join());
             answers
-                .map(|it| it.expect("asking does not panic"))
+                .map(|it| it.expect("a query does not panic"))
                 .collect::<Vec<_>>()
         })
     });
@@ -134,7 +133,7 @@ fn ask(agent: &Agent, address: &str) -> Result<Status, AskError> {
     let mut answer = answer.map_err(no_answer)?;
     let body = answer.body_mut().with_config().limit(ANSWER_MAX);
     let text = body.read_to_string().map_err(no_answer)?;
-    serde_json::from_str(&text).map_err(AskError::NoDrone)
+    serde_json::from_str(&text).map_err(AskError::NotADrone)
 }
 
 #[cfg(test)]
@@ -142,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_argument_is_an_address_or_a_file_or_a_folder_or_is_refused() {
+    fn arguments_are_addresses_files_or_folders() {
         for address in ["127.0.0.1:9100", "[::1]:9100", "pi-3.local:9100"] {
             let expected = Target {
                 drone: None,

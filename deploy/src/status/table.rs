@@ -1,4 +1,4 @@
-//! What drones tell of themselves, as a table for people.
+//! The status of drones as a table for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
 use muster_daemon::status::{LeaderEpoch, Role, Status};
@@ -6,35 +6,36 @@ use muster_scenarios::report::{Colour, TABLE_STYLE};
 
 use super::{AskError, Target};
 
-/// What came of asking a drone.
+/// The result of a query.
 #[derive(Debug)]
 pub struct Answer {
-    /// Who was asked.
+    /// The drone that was queried.
     pub target: Target,
-    /// What it said.
+    /// Its status, or why there is none.
     pub status: Result<Status, AskError>,
 }
 
-/// The columns, named in two lines, and whether each holds numbers.
+/// The columns: a header of two lines, and whether the cells are numbers.
 const COLUMNS: [(&str, bool); 13] = [
     ("\ndrone", true),
     ("\nstate", false),
     ("\nrole", false),
-    ("\nobeys", true),
+    ("\nleader", true),
     ("\nterm", true),
     ("\nhops", true),
     ("neigh-\nbours", true),
-    ("height\nm", true),
+    ("altitude\nm", true),
     ("north, east\nm", true),
     ("battery\n%", true),
     ("\nrestarts", true),
     ("frames\ndropped", true),
-    ("\nup", true),
+    ("\nuptime", true),
 ];
 
-const NOTHING: &str = "–";
+/// A cell without a value.
+const EMPTY: &str = "–";
 
-/// A row a drone, the lowest number first, and a remark on each that asks for one; it ends with a line feed.
+/// One row per drone, ordered by number, then the faults and failed queries. Ends with a line feed.
 #[must_use]
 pub fn table(answers: &[Answer], colour: Colour) -> String {
     let mut answers: Vec<_> = answers.iter().collect();
@@ -63,8 +64,8 @@ pub fn table(answers: &[Answer], colour: Colour) -> String {
     if !remarks.is_empty() {
         text.push('\n');
     }
-    for (who, remark) in remarks {
-        text.push_str(&format!(" {who:<11}  {remark}\n"));
+    for (name, remark) in remarks {
+        text.push_str(&format!(" {name:<11}  {remark}\n"));
     }
     text
 }
@@ -83,20 +84,20 @@ fn row(status: &Status) -> Vec<String> {
         ""
     };
     let vehicle = &status.vehicle;
-    let of_ballot = |it: fn(&LeaderEpoch) -> u32| or_nothing(status.ballot.as_ref().map(it));
+    let of_ballot = |it: fn(&LeaderEpoch) -> u32| or_empty(status.ballot.as_ref().map(it));
     vec![
         format!("{leads}{}", status.drone),
         status.state.words.clone(),
         status.role.name().to_owned(),
         of_ballot(|it| it.master),
         of_ballot(|it| it.term),
-        or_nothing(status.hops),
+        or_empty(status.hops),
         status.neighbours().count().to_string(),
-        format!("{:.1}", shown(vehicle.altitude_m)),
+        format!("{:.1}", without_negative_zero(vehicle.altitude_m)),
         format!(
             "{:.1}, {:.1}",
-            shown(vehicle.north_m),
-            shown(vehicle.east_m)
+            without_negative_zero(vehicle.north_m),
+            without_negative_zero(vehicle.east_m)
         ),
         format!("{:.0}", vehicle.charge * 100.0),
         status.restarts().to_string(),
@@ -105,41 +106,41 @@ fn row(status: &Status) -> Vec<String> {
     ]
 }
 
-/// Without a sign where nothing but zeros is shown.
-fn shown(metres: f64) -> f64 {
+/// Zero instead of a value that would print as "-0.0".
+fn without_negative_zero(metres: f64) -> f64 {
     if metres.abs() < 0.05 { 0.0 } else { metres }
 }
 
 fn without_answer(answer: &Answer) -> Vec<String> {
-    let mut cells = vec![NOTHING.to_owned(); COLUMNS.len()];
-    cells[0] = or_nothing(answer.target.drone);
+    let mut cells = vec![EMPTY.to_owned(); COLUMNS.len()];
+    cells[0] = or_empty(answer.target.drone);
     cells[1] = "no answer".to_owned();
     cells
 }
 
-/// What is wrong with a drone, or with asking it.
+/// The faults of a drone or the failure of its query, each with the drone's name.
 fn remarks(answer: &Answer) -> Vec<(String, String)> {
-    let who =
+    let name =
         number(answer).map_or_else(|| answer.target.address.clone(), |id| format!("drone {id}"));
-    let said = match &answer.status {
+    let remarks = match &answer.status {
         Ok(status) => status.faults.clone(),
         Err(error) if number(answer).is_some() => {
             vec![format!("{}: {error}", answer.target.address)]
         }
         Err(error) => vec![error.to_string()],
     };
-    said.into_iter().map(|it| (who.clone(), it)).collect()
+    remarks.into_iter().map(|it| (name.clone(), it)).collect()
 }
 
-fn or_nothing(value: Option<impl ToString>) -> String {
-    value.map_or_else(|| NOTHING.to_owned(), |it| it.to_string())
+fn or_empty(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| EMPTY.to_owned(), |it| it.to_string())
 }
 
-/// As in "42 s", "12 min" and "3 h 20 min".
+/// For example "42 s", "12 min", "3 h 20 min".
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "saturates, whatever a drone says"
+    reason = "the cast saturates"
 )]
 fn duration(seconds: f64) -> String {
     match seconds.max(0.0) as u64 {

@@ -1,4 +1,4 @@
-//! The folder of a flight: a fleet's keys, and for each drone its file, its journal and its log.
+//! The folder of a flight: keys of the fleet, and the file, journal and log of each drone.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
@@ -16,18 +16,18 @@ use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
 use muster_daemon::config::TransportName;
 
-/// The file that tells the folder of a flight from any other; locked while the flight is under way.
-const MARK: &str = "flight.lock";
+/// The file that marks the folder of a flight; locked during the flight.
+const LOCK_FILE: &str = "flight.lock";
 
-/// What one drone's process has in the folder of a flight.
+/// The files of one drone in the folder of a flight.
 #[derive(Debug)]
 pub(super) struct DroneFolder {
     pub(super) id: NodeId,
-    /// Its file, as seen from the folder of the flight.
+    /// The drone's file, relative to the folder of the flight.
     pub(super) config: PathBuf,
-    /// All that its process needs, its file too, likewise.
+    /// All files that its process needs, including `config`; relative to the folder of the flight.
     pub(super) files: Vec<PathBuf>,
-    /// Where what its process says is kept.
+    /// The log of its process's output.
     pub(super) log: PathBuf,
 }
 
@@ -70,13 +70,13 @@ struct Observe {
     http: SocketAddr,
 }
 
-/// Makes all that drones need to start, each at its host.
+/// Creates the keys, drone files and other files of all drones.
 pub(super) fn prepare(
     request: &Request<'_>,
     hosts: &Hosts,
 ) -> Result<(Vec<DroneFolder>, File), SwarmError> {
     let folder = request.folder;
-    let lock = take(folder)?;
+    let lock = lock(folder)?;
     let fleet = Fleet::create(&folder.join("fleet"))?;
     let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
         .map(|name| Path::new("fleet").join(name))
@@ -88,7 +88,7 @@ pub(super) fn prepare(
         shared.push(file);
     }
     let mut drones = Vec::new();
-    let mut endpoints = hosts.endpoints().map_err(SwarmError::Ports)?;
+    let mut status_addresses = hosts.status_addresses().map_err(SwarmError::Ports)?;
     for (id, network) in hosts.networks() {
         let key = fleet.add_drone(id)?;
         let key = key.file_name().unwrap_or_default().to_string_lossy();
@@ -113,9 +113,9 @@ pub(super) fn prepare(
             },
             udp,
             quic,
-            observe: endpoints.remove(&id).map(|http| Observe { http }),
+            observe: status_addresses.remove(&id).map(|http| Observe { http }),
         };
-        let text = toml::to_string(&file).expect("a drone's file has a form in TOML");
+        let text = toml::to_string(&file).expect("every drone file has a form in TOML");
         let config = own.join("drone.toml");
         write(&folder.join(&config), &text)?;
         let mut files = shared.clone();
@@ -130,10 +130,11 @@ pub(super) fn prepare(
     Ok((drones, lock))
 }
 
-/// Writes a file, in a folder that is made if it is not there.
+/// Writes a file and creates its folder if needed.
 fn write(path: &Path, text: &str) -> Result<(), SwarmError> {
-    let made = path.parent().map_or(Ok(()), fs::create_dir_all);
-    made.and_then(|()| fs::write(path, text))
+    let created = path.parent().map_or(Ok(()), fs::create_dir_all);
+    created
+        .and_then(|()| fs::write(path, text))
         .map_err(|source| SwarmError::Write {
             path: path.to_owned(),
             source,
@@ -141,15 +142,15 @@ fn write(path: &Path, text: &str) -> Result<(), SwarmError> {
 }
 
 impl Hosts {
-    /// All drones and relays of a swarm at this machine, at addresses of its own at which nobody listens.
-    pub(super) fn here(nodes: u32, musterd: &Path) -> io::Result<Self> {
+    /// All drones and relays on this machine, at free UDP ports of the loopback interface.
+    pub(super) fn local(nodes: u32, musterd: &Path) -> io::Result<Self> {
         let sockets = (0..nodes).map(|_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)));
-        // Held until all are there, so that no two are the same.
+        // Kept open until all are bound, so that the ports differ.
         let sockets = sockets.collect::<io::Result<Vec<_>>>()?;
         let addresses = sockets.iter().map(UdpSocket::local_addr);
         let drones = (0..).map(NodeId).zip(addresses);
         let drones = drones.map(|(id, address)| Ok((id, Some(address?))));
-        let here = Host {
+        let host = Host {
             run: Vec::new(),
             musterd: musterd.to_owned(),
             drones: drones.collect::<io::Result<_>>()?,
@@ -157,16 +158,16 @@ impl Hosts {
         };
         Ok(Self {
             reach: Reach::Peers,
-            hosts: vec![here],
+            hosts: vec![host],
         })
     }
 
-    /// Where drones of this machine can be asked what they do: addresses of its own at which nobody is asked anything.
-    fn endpoints(&self) -> io::Result<BTreeMap<NodeId, SocketAddr>> {
-        let here = self.hosts.iter().filter(|host| host.is_here());
-        let drones = here.flat_map(|host| host.drones.keys().copied());
+    /// HTTP addresses for the status of this machine's drones: free TCP ports of the loopback interface.
+    fn status_addresses(&self) -> io::Result<BTreeMap<NodeId, SocketAddr>> {
+        let local = self.hosts.iter().filter(|host| host.is_local());
+        let drones = local.flat_map(|host| host.drones.keys().copied());
         let listeners = drones.map(|id| Ok((id, TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?)));
-        // Held until all are there, so that no two are the same.
+        // Kept open until all are bound, so that the ports differ.
         let listeners = listeners.collect::<io::Result<Vec<_>>>()?;
         let addresses = listeners.iter();
         addresses
@@ -174,7 +175,7 @@ impl Hosts {
             .collect()
     }
 
-    /// How each drone talks, in the order of their numbers.
+    /// The network settings of each drone.
     fn networks(&self) -> BTreeMap<NodeId, Network> {
         let drones = |host: &'_ Host| host.drones.clone();
         let all: Vec<_> = self.hosts.iter().flat_map(drones).collect();
@@ -202,8 +203,8 @@ impl Hosts {
     }
 }
 
-/// Has the folder for this flight alone, empty but for a mark: what an earlier flight left is removed, and nothing else.
-fn take(folder: &Path) -> Result<File, SwarmError> {
+/// Creates and locks the folder for this flight, and removes the subfolders of an earlier flight. Refuses any other folder.
+fn lock(folder: &Path) -> Result<File, SwarmError> {
     let write = |source| SwarmError::Write {
         path: folder.to_owned(),
         source,
@@ -211,17 +212,17 @@ fn take(folder: &Path) -> Result<File, SwarmError> {
     let refuse = |message: &str, help: &str| {
         SwarmError::Refused(BadInput::without_excerpt(folder, message, help))
     };
-    let mark = folder.join(MARK);
-    if folder.exists() && !mark.exists() {
-        let message = "is there already and is not of an earlier flight, so it is left as it is";
-        return Err(refuse(message, "--out takes another folder"));
+    let lock_file = folder.join(LOCK_FILE);
+    if folder.exists() && !lock_file.exists() {
+        let message = "exists and does not belong to an earlier flight";
+        return Err(refuse(message, "give another folder with --out"));
     }
     fs::create_dir_all(folder).map_err(write)?;
-    let lock = File::create(&mark).map_err(write)?;
+    let lock = File::create(&lock_file).map_err(write)?;
     lock.try_lock().map_err(|error| match error {
         TryLockError::WouldBlock => {
             let help = "wait for its end, or give another folder with --out";
-            refuse("another flight is under way in this folder", help)
+            refuse("is in use by another flight", help)
         }
         TryLockError::Error(source) => write(source),
     })?;

@@ -1,4 +1,4 @@
-//! A host on which drones fly, and the agent there that does what is to be done (see [`muster_daemon::agent`]).
+//! The agents on the hosts, as the starter sees them (see [`muster_daemon::agent`]).
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -12,65 +12,65 @@ use muster_machines::time::Timestamp;
 use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::{JoinHandle, JoinSet};
 
-use super::child::News;
 use super::folder::DroneFolder;
 use super::hosts::Host;
 use super::link::Link;
-use super::offset::ahead;
+use super::offset::add_nanos;
+use super::process::HostEvent;
 use super::{Request, SwarmError};
 use muster_daemon::agent::protocol::Order;
 
-/// How many orders may wait for a connection that does not take them. More are not given.
-const WAITING_MAX: usize = 4_096;
+/// Most orders that queue for a slow connection. Further orders are dropped.
+const QUEUED_ORDERS_MAX: usize = 4_096;
 
-/// An agent on a host, as its starter holds it. It ends what it started, and itself, once nobody has orders for it.
+/// The starter's handle of an agent. The agent ends its processes and itself once all senders of orders are dropped.
 #[derive(Debug)]
 pub(super) struct Agent {
     orders: mpsc::Sender<Order>,
-    /// How sure its clock was when it was least so.
-    attended: JoinHandle<Duration>,
-    /// Whether it is on this machine, so that its clock is ours, and finds its drones' files where they are.
-    is_here: bool,
-    /// How far ahead of ours its clock is, in nanoseconds.
+    /// Runs the connection; returns the largest uncertainty of the host's clock.
+    connection: JoinHandle<Duration>,
+    /// Whether it runs on this machine: with the same clock, and with the drones' files in place.
+    is_local: bool,
+    /// How far the host's clock is ahead of ours, in nanoseconds.
     ahead_ns: Arc<AtomicI64>,
-    /// How long it takes to hear of it, and how sure its clock is.
+    /// Longest round trip to the host plus the uncertainty of its clock.
     pub(super) lag: Duration,
 }
 
 impl Agent {
-    /// Starts an agent on a host, hands it what its drones need, and hears it from then on: `news` gets what comes of them.
+    /// Starts an agent on a host, uploads its drones' files, and forwards its events to `events` from then on.
     ///
     /// # Errors
-    /// When there is none, or another version of it, or it is lost again.
+    /// If the agent does not start, has another version, or its connection is lost.
     async fn start(
         host: &Host,
-        load: Load,
-        news: UnboundedSender<News>,
+        files: HostFiles,
+        events: UnboundedSender<HostEvent>,
     ) -> Result<Self, SwarmError> {
         let mut link = Link::open(host).await?;
-        for (path, text) in &load.files {
-            link = link.carry(path, text).await?;
+        for (path, text) in &files.uploads {
+            link = link.upload(path, text).await?;
         }
-        let link = link.measure().await?;
-        let (orders, given) = mpsc::channel(WAITING_MAX);
+        let link = link.measure_offset().await?;
+        let (orders, queued) = mpsc::channel(QUEUED_ORDERS_MAX);
         let (lag, ahead_ns) = (link.lag(), link.ahead_ns());
         Ok(Self {
             orders,
-            attended: tokio::spawn(link.attend(given, load.logs, news)),
-            is_here: host.is_here(),
+            connection: tokio::spawn(link.run(queued, files.logs, events)),
+            is_local: host.is_local(),
             ahead_ns,
             lag,
         })
     }
 
-    /// Starts a drone's process with these arguments, unless the host is lost.
+    /// Orders the start of a drone's process with these arguments. Does nothing if the host is lost.
     pub(super) fn start_drone(
         &self,
         request: &Request<'_>,
         folder: &DroneFolder,
         arguments: &[&str],
     ) {
-        let config = if self.is_here {
+        let config = if self.is_local {
             request.folder.join(&folder.config)
         } else {
             folder.config.clone()
@@ -83,70 +83,75 @@ impl Agent {
         });
     }
 
-    /// What its clock says when ours does.
-    pub(super) fn theirs(&self, ours: Timestamp) -> Timestamp {
-        if self.is_here {
-            return ours;
+    /// Converts a time of our clock into one of the host's clock.
+    pub(super) fn host_time(&self, local: Timestamp) -> Timestamp {
+        if self.is_local {
+            return local;
         }
-        ahead(ours, self.ahead_ns.load(Ordering::Relaxed))
+        add_nanos(local, self.ahead_ns.load(Ordering::Relaxed))
     }
 
-    /// What is to be asked of it.
+    /// A sender of orders to it.
     pub(super) fn orders(&self) -> mpsc::Sender<Order> {
         self.orders.clone()
     }
 }
 
-/// What an agent is handed, and what is kept of what its drones say.
-struct Load {
-    /// By path, as seen from its folder; none where it finds them where they are.
-    files: BTreeMap<PathBuf, String>,
+/// The files that a host needs, and the logs of its drones on this machine.
+struct HostFiles {
+    /// Contents by path relative to the agent's folder; empty on this machine.
+    uploads: BTreeMap<PathBuf, String>,
     logs: BTreeMap<NodeId, File>,
 }
 
-impl Load {
-    fn of(request: &Request<'_>, host: &Host, drones: &[DroneFolder]) -> Result<Self, SwarmError> {
-        let (mut files, mut logs) = (BTreeMap::new(), BTreeMap::new());
+impl HostFiles {
+    /// Reads the files for a host and creates the logs.
+    fn open(
+        request: &Request<'_>,
+        host: &Host,
+        drones: &[DroneFolder],
+    ) -> Result<Self, SwarmError> {
+        let (mut uploads, mut logs) = (BTreeMap::new(), BTreeMap::new());
         for drone in drones.iter().filter(|it| host.drones.contains_key(&it.id)) {
             let log = File::create(&drone.log).map_err(|source| SwarmError::Write {
                 path: drone.log.clone(),
                 source,
             })?;
             logs.insert(drone.id, log);
-            for path in drone.files.iter().filter(|_| !host.is_here()) {
+            for path in drone.files.iter().filter(|_| !host.is_local()) {
                 let from = request.folder.join(path);
                 let text = fs::read_to_string(&from)
                     .map_err(|source| SwarmError::Read { path: from, source })?;
-                files.insert(path.clone(), text);
+                uploads.insert(path.clone(), text);
             }
         }
-        Ok(Self { files, logs })
+        Ok(Self { uploads, logs })
     }
 }
 
-/// Starts an agent on each host, all at once, and hands each what its drones need; in the order of the hosts. However long
-/// some of them take, the others hear of their starter meanwhile.
+/// Starts an agent on each host in parallel and uploads its files. The result is in the order of the hosts. A slow host does
+/// not keep the starter from pinging the others.
 ///
 /// # Errors
-/// When there is none somewhere, or another version of it, or a file can't be read or written. None is left then, nor what
-/// it was handed.
+/// If an agent does not start or has another version, or a file can't be read or written. No agent and no uploaded file is
+/// left then.
 pub(super) async fn start_agents(
     request: &Request<'_>,
     hosts: &[Host],
     drones: &[DroneFolder],
-    news: &UnboundedSender<News>,
+    events: &UnboundedSender<HostEvent>,
 ) -> Result<Vec<Agent>, SwarmError> {
-    let load = |host| Load::of(request, host, drones);
-    let loads = hosts.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+    let open = |host| HostFiles::open(request, host, drones);
+    let files = hosts.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let mut starting = JoinSet::new();
-    for (nth, (host, load)) in hosts.iter().cloned().zip(loads).enumerate() {
-        let news = news.clone();
-        starting.spawn(async move { (nth, Agent::start(&host, load, news).await) });
+    for (nth, (host, files)) in hosts.iter().cloned().zip(files).enumerate() {
+        let events = events.clone();
+        starting.spawn(async move { (nth, Agent::start(&host, files, events).await) });
     }
     let (mut agents, mut failure) = (BTreeMap::new(), None);
-    // To the last, though one has failed: what has begun is ended only by whoever has it whole.
+    // Wait for all, even after a failure: only a started agent can be ended in order.
     while let Some(started) = starting.join_next().await {
-        let (nth, started) = started.expect("nobody calls it off, and it does not panic");
+        let (nth, started) = started.expect("the task is neither cancelled nor panics");
         match started {
             Ok(agent) => drop(agents.insert(nth, agent)),
             Err(error) => drop(failure.get_or_insert(error)),
@@ -162,21 +167,21 @@ pub(super) async fn start_agents(
     }
 }
 
-/// Ends agents and all that they started. How sure the clocks of other hosts were when they were least so; nothing if all
-/// are on this machine.
+/// Ends agents and their processes. Returns the largest clock uncertainty of the other hosts; `None` if all agents run on
+/// this machine.
 pub(super) async fn end_agents(agents: Vec<Agent>) -> Option<Duration> {
     let mut ending = Vec::new();
     for agent in agents {
-        // All end at once: this is their word to.
+        // A closed channel ends the agent; all end in parallel.
         drop(agent.orders);
-        ending.push((agent.is_here, agent.attended));
+        ending.push((agent.is_local, agent.connection));
     }
-    let mut least_sure = None;
-    for (is_here, attended) in ending {
-        let uncertainty = attended.await.unwrap_or(Duration::MAX);
-        if !is_here {
-            least_sure = least_sure.max(Some(uncertainty));
+    let mut largest = None;
+    for (is_local, connection) in ending {
+        let uncertainty = connection.await.unwrap_or(Duration::MAX);
+        if !is_local {
+            largest = largest.max(Some(uncertainty));
         }
     }
-    least_sure
+    largest
 }

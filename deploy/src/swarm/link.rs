@@ -1,4 +1,4 @@
-//! The connection to an agent on a host: what it says is dated by our clock.
+//! The connection to an agent on a host. It converts the times of reports to our clock.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,51 +17,51 @@ use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 
-use super::child::News;
 use super::hosts::Host;
 use super::offset::Offset;
-use super::said::{Spoken, read};
+use super::output::{ProcessOutput, parse};
+use super::process::HostEvent;
 use super::{START_MAX, SwarmError};
 use muster_daemon::agent::SILENCE_MAX;
 use muster_daemon::agent::protocol::{Order, Reply, VERSION, line};
 use muster_daemon::clock::Clock;
 
-/// How often a host is asked what time it is.
-const PING_EVERY: Duration = Duration::from_secs(1);
+/// Period of the pings, which measure the host's clock.
+const PING_PERIOD: Duration = Duration::from_secs(1);
 
-/// How often it is asked before anything flies.
+/// Number of pings before the flight starts.
 const FIRST_PINGS: u64 = 8;
 
-/// How long an agent may take to end what it started, and itself.
-const END_MAX: Duration = Duration::from_secs(3);
+/// Time for an agent to end its processes and itself.
+const EXIT_MAX: Duration = Duration::from_secs(3);
 
 /// The connection to an agent.
 pub(super) struct Link {
-    /// What its host is called.
+    /// Name of the host.
     name: String,
     child: Child,
     input: ChildStdin,
     lines: Lines<BufReader<ChildStdout>>,
-    /// What it, or whatever runs it there, said last on standard error.
-    last_words: JoinHandle<String>,
+    /// Reads standard error of the agent or of the command that runs it; returns the last line.
+    errors: JoinHandle<String>,
     clock: Clock,
-    /// Whether that clock is the host's, too.
-    is_here: bool,
+    /// Whether the host is this machine and has the same clock.
+    is_local: bool,
     offset: Offset,
-    /// How far ahead of ours the host's clock is, for whoever else is to know.
+    /// Latest estimate of the offset, shared with [`Agent`](super::host::Agent).
     ahead_ns: Arc<AtomicI64>,
-    /// The last ping, and when it was sent.
-    pinged: (u64, Timestamp),
-    heard_at: Timestamp,
-    /// How sure the host's clock was when it was least so.
+    /// Number and send time of the last ping.
+    last_ping: (u64, Timestamp),
+    last_reply_at: Timestamp,
+    /// Largest uncertainty of the host's clock so far.
     uncertainty: Duration,
 }
 
 impl Link {
-    /// Starts an agent on a host and waits until it answers.
+    /// Starts an agent on a host and waits for its hello.
     ///
     /// # Errors
-    /// When there is none, or another version of it.
+    /// If the agent does not start or has another version.
     pub(super) async fn open(host: &Host) -> Result<Self, SwarmError> {
         let mut command = match host.run.split_first() {
             None => Command::new(&host.musterd),
@@ -71,7 +71,7 @@ impl Link {
                 command
             }
         };
-        // What is typed at the terminal is for the starter, which ends its agents in its own way.
+        // An own process group: Ctrl-C goes to the starter only, which ends its agents in order.
         let spawned = command
             .arg("--agent")
             .process_group(0)
@@ -84,25 +84,25 @@ impl Link {
             program: host.run.first().map_or(host.musterd.clone(), Into::into),
             source,
         })?;
-        let input = child.stdin.take().expect("it was asked for");
-        let output = child.stdout.take().expect("it was asked for");
-        let errors = child.stderr.take().expect("it was asked for");
+        let input = child.stdin.take().expect("stdin is piped");
+        let output = child.stdout.take().expect("stdout is piped");
+        let errors = child.stderr.take().expect("stderr is piped");
         let clock = Clock::start();
         let mut link = Self {
             name: host.name(),
             child,
             input,
             lines: BufReader::new(output).lines(),
-            last_words: tokio::spawn(last_words(errors)),
-            heard_at: clock.now(),
+            errors: tokio::spawn(last_line(errors)),
+            last_reply_at: clock.now(),
             clock,
-            is_here: host.is_here(),
+            is_local: host.is_local(),
             offset: Offset::default(),
             ahead_ns: Arc::default(),
-            pinged: (0, clock.now()),
+            last_ping: (0, clock.now()),
             uncertainty: Duration::ZERO,
         };
-        match timeout(START_MAX, link.greet()).await {
+        match timeout(START_MAX, link.wait_for_hello()).await {
             Ok(Some(version)) if version == VERSION => Ok(link),
             Ok(Some(theirs)) => {
                 let host = link.name;
@@ -117,61 +117,62 @@ impl Link {
         }
     }
 
-    /// Waits until the agent is there; of which version it is.
-    async fn greet(&mut self) -> Option<String> {
+    /// Waits for the agent's hello and returns its version; `None` if it ends before.
+    async fn wait_for_hello(&mut self) -> Option<String> {
         loop {
-            if let Reply::Here { version } = self.hear().await? {
+            if let Reply::Hello { version } = self.next_reply().await? {
                 return Some(version);
             }
         }
     }
 
-    /// Hands the agent a file, a piece once the one before is there: so each hears of the other in time, however slow the
-    /// connection is.
+    /// Writes a file in the agent's folder, piece by piece. A ping confirms each piece, so that neither side exceeds the
+    /// silence limit on a slow connection.
     ///
     /// # Errors
-    /// When the host is lost.
-    pub(super) async fn carry(mut self, path: &Path, text: &str) -> Result<Self, SwarmError> {
-        for order in Order::to_write(path, text) {
-            let there = match self.say(&order).await {
+    /// If the connection is lost.
+    pub(super) async fn upload(mut self, path: &Path, text: &str) -> Result<Self, SwarmError> {
+        for order in Order::append_file(path, text) {
+            let confirmed = match self.send(&order).await {
                 Ok(()) => self.round_trip().await,
-                gone => gone,
+                failed => failed,
             };
-            if let Err(Gone) = there {
+            if let Err(Disconnected) = confirmed {
                 return Err(self.lost().await);
             }
         }
         Ok(self)
     }
 
-    /// Asks the agent a few times what time it is.
+    /// Measures the offset of the host's clock with a few pings.
     ///
     /// # Errors
-    /// When the host is lost.
-    pub(super) async fn measure(mut self) -> Result<Self, SwarmError> {
+    /// If the connection is lost.
+    pub(super) async fn measure_offset(mut self) -> Result<Self, SwarmError> {
         self.offset = Offset::default();
         for _ in 0..FIRST_PINGS {
-            if let Err(Gone) = self.round_trip().await {
+            if let Err(Disconnected) = self.round_trip().await {
                 return Err(self.lost().await);
             }
         }
         let now = self.clock.now();
-        self.ours(now);
+        self.to_local(now);
         Ok(self)
     }
 
-    /// Asks what time it is, and waits until that is told.
-    async fn round_trip(&mut self) -> Result<(), Gone> {
+    /// Sends a ping and waits for its answer.
+    async fn round_trip(&mut self) -> Result<(), Disconnected> {
         self.ping().await?;
-        let is_told = async {
+        let answer = async {
             loop {
-                match self.hear().await.ok_or(Gone)? {
-                    Reply::Pong { ping, .. } if ping == self.pinged.0 => return Ok(()),
+                match self.next_reply().await.ok_or(Disconnected)? {
+                    Reply::Pong { ping, .. } if ping == self.last_ping.0 => return Ok(()),
                     _ => {}
                 }
             }
         };
-        timeout(SILENCE_MAX, is_told).await.map_err(|_| Gone)?
+        let answered = timeout(SILENCE_MAX, answer).await;
+        answered.map_err(|_| Disconnected)?
     }
 
     async fn lost(self) -> SwarmError {
@@ -180,19 +181,20 @@ impl Link {
         SwarmError::HostLost { host, last }
     }
 
-    /// The next reply; what is none, a shell's greeting say, is passed over. Nothing once there are no more.
-    async fn hear(&mut self) -> Option<Reply> {
+    /// The next reply; `None` after the last. Skips other lines, for example the greeting of a shell.
+    async fn next_reply(&mut self) -> Option<Reply> {
         loop {
             let line = self.lines.next_line().await.ok().flatten()?;
             let Ok(reply) = serde_json::from_str(&line) else {
                 continue;
             };
             let now = self.clock.now();
-            self.heard_at = now;
+            self.last_reply_at = now;
             if let Reply::Pong { ping, at_ns } = reply
-                && ping == self.pinged.0
+                && ping == self.last_ping.0
             {
-                (self.offset).heard(self.pinged.1, Timestamp::from_nanos(at_ns), now);
+                let host_time = Timestamp::from_nanos(at_ns);
+                self.offset.add_sample(self.last_ping.1, host_time, now);
                 let (ahead_ns, _) = self.offset.ahead_ns(now);
                 self.ahead_ns.store(ahead_ns, Ordering::Relaxed);
             }
@@ -200,124 +202,129 @@ impl Link {
         }
     }
 
-    /// What our clock said when the host's did.
-    fn ours(&mut self, theirs: Timestamp) -> Timestamp {
-        if self.is_here {
-            return theirs;
+    /// Converts a time of the host's clock into ours.
+    fn to_local(&mut self, host_time: Timestamp) -> Timestamp {
+        if self.is_local {
+            return host_time;
         }
-        let (ours, uncertainty) = self.offset.ours(theirs, self.clock.now());
+        let (local, uncertainty) = self.offset.to_local(host_time, self.clock.now());
         self.uncertainty = self.uncertainty.max(uncertainty);
-        ours
+        local
     }
 
-    /// How far ahead of ours the host's clock is, in nanoseconds, from now on.
+    /// How far the host's clock is ahead of ours, in nanoseconds; updated with each ping.
     pub(super) fn ahead_ns(&self) -> Arc<AtomicI64> {
         Arc::clone(&self.ahead_ns)
     }
 
-    /// How long it takes to hear of its host, and how sure the clock there is.
+    /// Longest recent round trip plus the uncertainty of the host's clock.
     pub(super) fn lag(&self) -> Duration {
         self.offset.longest_round_trip() + self.uncertainty
     }
 
-    async fn ping(&mut self) -> Result<(), Gone> {
-        let ping = self.pinged.0 + 1;
-        self.pinged = (ping, self.clock.now());
-        self.say(&Order::Ping(ping)).await
+    async fn ping(&mut self) -> Result<(), Disconnected> {
+        let ping = self.last_ping.0 + 1;
+        self.last_ping = (ping, self.clock.now());
+        self.send(&Order::Ping(ping)).await
     }
 
-    /// Asks for something. A host that does not take it in time is gone: it may have got a part of it.
-    async fn say(&mut self, order: &Order) -> Result<(), Gone> {
+    /// Sends an order. A timeout counts as a lost connection, since a part of the line may have been written.
+    async fn send(&mut self, order: &Order) -> Result<(), Disconnected> {
         let line = line(order);
-        let said = timeout(SILENCE_MAX, self.input.write_all(line.as_bytes())).await;
-        said.map_err(|_| Gone)?.map_err(|_| Gone)
+        let written = timeout(SILENCE_MAX, self.input.write_all(line.as_bytes())).await;
+        let written = written.map_err(|_| Disconnected)?;
+        written.map_err(|_| Disconnected)
     }
 
-    /// Passes on what is to be done there and what comes of it, until there are no more orders or the host is gone.
-    pub(super) async fn attend(
+    /// Sends orders and forwards replies until the channel of orders closes or the connection is lost. Returns the largest
+    /// uncertainty of the host's clock.
+    pub(super) async fn run(
         mut self,
         mut orders: mpsc::Receiver<Order>,
         mut logs: BTreeMap<NodeId, File>,
-        news: UnboundedSender<News>,
+        events: UnboundedSender<HostEvent>,
     ) -> Duration {
-        let mut pings = interval(PING_EVERY);
+        let mut pings = interval(PING_PERIOD);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let said = tokio::select! {
+            let sent = tokio::select! {
                 order = orders.recv() => match order {
-                    Some(order) => self.say(&order).await,
+                    Some(order) => self.send(&order).await,
                     None => break,
                 },
-                reply = self.hear() => match reply {
+                reply = self.next_reply() => match reply {
                     Some(reply) => {
-                        self.pass_on(reply, &mut logs, &news);
+                        self.forward(reply, &mut logs, &events);
                         Ok(())
                     }
                     None => break,
                 },
                 _ = pings.tick() => {
-                    if self.clock.now().since(self.heard_at) > SILENCE_MAX {
+                    if self.clock.now().since(self.last_reply_at) > SILENCE_MAX {
                         break;
                     }
                     self.ping().await
                 }
             };
-            if let Err(Gone) = said {
+            if let Err(Disconnected) = sent {
                 break;
             }
         }
         let (host, uncertainty) = (self.name.clone(), self.uncertainty);
         let last = self.end().await;
-        let _ = news.send(News::Lost { host, last });
+        let _ = events.send(HostEvent::Lost { host, last });
         uncertainty
     }
 
-    fn pass_on(
+    /// Forwards a reply as an event, and appends output to the log of its drone.
+    fn forward(
         &mut self,
         reply: Reply,
         logs: &mut BTreeMap<NodeId, File>,
-        news: &UnboundedSender<News>,
+        events: &UnboundedSender<HostEvent>,
     ) {
-        let said = match reply {
-            Reply::Here { .. } | Reply::Pong { .. } => return,
-            Reply::Ended { drone } => News::Ended(NodeId(drone)),
-            Reply::Said { drone, line } => {
+        let event = match reply {
+            Reply::Hello { .. } | Reply::Pong { .. } => return,
+            Reply::Ended { drone } => HostEvent::Ended(NodeId(drone)),
+            Reply::Output { drone, line } => {
                 let drone = NodeId(drone);
                 if let Some(log) = logs.get_mut(&drone) {
-                    // A log that can't be kept is no reason to end a flight.
+                    // A failed write to the log does not end the flight.
                     let _ = writeln!(log, "{line}");
                 }
-                News::Said(
+                HostEvent::Output(
                     drone,
-                    match read(&line) {
-                        Spoken::Of(at, said) => Spoken::Of(self.ours(at), said),
-                        spoken => spoken,
+                    match parse(&line) {
+                        ProcessOutput::Report(at, report) => {
+                            ProcessOutput::Report(self.to_local(at), report)
+                        }
+                        other => other,
                     },
                 )
             }
         };
-        let _ = news.send(said);
+        let _ = events.send(event);
     }
 
-    /// Lets the agent end, or whatever runs it there be ended; what was said last on standard error.
+    /// Lets the agent end, and kills the command that runs it after a timeout. Returns the last line on standard error.
     async fn end(mut self) -> String {
         drop(self.input);
-        let deadline = Instant::now() + END_MAX;
+        let deadline = Instant::now() + EXIT_MAX;
         while let Ok(Ok(Some(_))) = timeout_at(deadline, self.lines.next_line()).await {}
         if timeout_at(deadline, self.child.wait()).await.is_err() {
-            // It ends its drones itself once it notices.
+            // The agent ends its drones by itself after the silence limit.
             let _ = self.child.kill().await;
         }
-        let last_words = timeout(END_MAX, self.last_words).await;
-        last_words.ok().and_then(Result::ok).unwrap_or_default()
+        let last = timeout(EXIT_MAX, self.errors).await;
+        last.ok().and_then(Result::ok).unwrap_or_default()
     }
 }
 
-/// A host takes nothing any more.
-struct Gone;
+/// The connection to a host is lost.
+struct Disconnected;
 
-/// The last line that is said.
-async fn last_words(errors: ChildStderr) -> String {
+/// Reads to the end and returns the last line that is not blank.
+async fn last_line(errors: ChildStderr) -> String {
     let mut lines = BufReader::new(errors).lines();
     let mut last = String::new();
     while let Ok(Some(line)) = lines.next_line().await {

@@ -1,17 +1,20 @@
-//! The drones of a scenario as processes on this machine or on others: started, followed, hit by the scenario's faults, judged by the
-//! rules of a simulation, and ended, however this ends.
+//! Flies the drones of a scenario as processes on this machine or on others. Injects the scenario's faults, checks the rules
+//! of a simulation, and leaves no process behind.
 //!
-//! Nothing but the twin of the swarm ([`muster_scenarios::twin`]) knows where vehicles are and what is to befall whom; the
-//! starter tells it what processes say, and makes them be as it says: who runs, who hangs, who does not hear whom.
+//! Only the twin of the swarm ([`muster_scenarios::twin`]) knows the positions of the vehicles and the fault plan. The
+//! starter feeds it with the reports of the processes. It applies the twin's decisions: which process runs or hangs, and
+//! which frames it loses.
 
-mod child;
+mod flight;
 mod folder;
-mod follow;
 mod host;
 mod hosts;
 mod link;
+mod losses;
 mod offset;
-mod said;
+mod output;
+mod process;
+mod reports;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -29,135 +32,135 @@ use thiserror::Error;
 use muster_daemon::agent::protocol::VERSION;
 use muster_daemon::config::TransportName;
 
-pub use self::hosts::{Hosts, fields, schema};
+pub use self::hosts::{Hosts, fields, reference, schema};
 
-/// What is to be flown, and with what.
+/// A flight to start.
 #[derive(Debug)]
 pub struct Request<'a> {
     /// The scenario's file.
     pub path: &'a Path,
-    /// What it says.
+    /// The loaded scenario.
     pub scenario: &'a Scenario,
-    /// The daemon's program on this machine, for drones that fly here.
+    /// The daemon's program on this machine.
     pub musterd: &'a Path,
-    /// Where its drones fly; all on this machine, over its loopback, without.
+    /// The hosts of the drones; if `None`, all fly on this machine over the loopback interface.
     pub hosts: Option<&'a Hosts>,
-    /// How drones' frames move.
+    /// The transport of frames.
     pub transport: TransportName,
-    /// The folder for keys, files, journals and logs; a folder a drone. What an earlier flight left there is removed; a
-    /// folder that is not of a flight is refused.
+    /// The folder for keys, files, journals and logs, with a subfolder per drone. Files of an earlier flight there are
+    /// removed. A folder that holds anything else is refused.
     pub folder: &'a Path,
-    /// Whether drones hear each other as the scenario's radio would carry, and not all of the network.
+    /// Whether frames are lost as over the scenario's radio; otherwise every drone hears every other.
     pub emulates_radio: bool,
 }
 
-/// Whoever wants to know how far a flight is.
+/// Receives the progress of a flight.
 pub type Watcher<'a> = &'a mut dyn FnMut(Progress);
 
-/// Why a swarm was not flown to the end of its flight. No process is left.
+/// Why a flight was not started or was aborted. No process is left.
 #[derive(Debug, Error)]
 pub enum SwarmError {
     /// The scenario can't be flown by processes.
     #[error(transparent)]
     Refused(#[from] BadInput),
-    /// The keys of its fleet could not be made.
-    #[error("no keys for the drones")]
+    /// The keys of the fleet could not be created.
+    #[error("can't create keys for the drones")]
     Keys(#[from] KeysError),
     /// A file could not be written.
     #[error("can't write {}", path.display())]
     Write {
-        /// Which one.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// A file could not be read that is to be carried to a host.
+    /// A file to upload could not be read.
     #[error("can't read {}", path.display())]
     Read {
-        /// Which one.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// A host's agent, or what was to run it there, ended at once.
-    #[error("no drones can be started by `{host}`: {last}")]
+    /// A host's agent, or the command that runs it, ended at once.
+    #[error("`{host}` can't start drones: {last}")]
     HostGone {
-        /// The command that runs others there.
+        /// The command that runs the agent.
         host: String,
-        /// What it said last.
+        /// Its last line on standard error.
         last: String,
     },
-    /// A host was not heard any more in the middle of the flight. Its agent ends what it started there.
-    #[error("`{host}` is not heard any more, so the flight was ended before it was over: {last}")]
+    /// The connection to a host was lost in flight. The host's agent ends its processes.
+    #[error("connection to `{host}` lost, flight aborted: {last}")]
     HostLost {
-        /// The command that runs others there.
+        /// The command that runs the agent.
         host: String,
-        /// What it said last.
+        /// Its last line on standard error.
         last: String,
     },
     /// A host's agent did not answer in time.
     #[error("`{0}` does not answer within {START_MAX:?}")]
     HostLate(String),
-    /// A host's daemon is of another version.
-    #[error("the musterd that `{host}` runs is of version {theirs}, and this is {VERSION}")]
+    /// A host's daemon has another version.
+    #[error("`{host}` runs musterd {theirs}; version {VERSION} is needed")]
     OtherVersion {
-        /// The command that runs others there.
+        /// The command that runs the agent.
         host: String,
-        /// Of which it is.
+        /// The version of its daemon.
         theirs: String,
     },
-    /// There are no ports for the drones.
-    #[error("no ports for the drones")]
+    /// No free ports on this machine.
+    #[error("can't reserve ports for the drones")]
     Ports(#[source] io::Error),
-    /// A process could not be started.
+    /// A program could not be started.
     #[error("can't start {}", program.display())]
     Start {
-        /// What was to be started.
+        /// The program.
         program: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// A process ended before its drone was there.
-    #[error("the process of drone {drone} ended at its start: {last}")]
+    /// A process ended before its drone was ready.
+    #[error("the process of drone {drone} ended at start: {last}")]
     EndedEarly {
-        /// Whose.
+        /// The drone.
         drone: NodeId,
-        /// What it said last.
+        /// The last text that the process wrote.
         last: String,
     },
-    /// A process did not say in time that its drone is there.
-    #[error("the process of drone {0} did not start within {START_MAX:?}")]
+    /// A drone was not ready in time.
+    #[error("the process of drone {0} was not ready within {START_MAX:?}")]
     Late(NodeId),
-    /// The asynchronous runtime does not start, or does not watch processes or signals.
-    #[error("no runtime for the swarm")]
+    /// The asynchronous runtime did not start, or could not watch processes or signals.
+    #[error("can't start the asynchronous runtime")]
     Runtime(#[source] io::Error),
-    /// Somebody ended it.
-    #[error("ended before the flight was over; no process is left")]
+    /// SIGINT or SIGTERM ended it.
+    #[error("interrupted before the end of the flight; no process is left")]
     Interrupted,
 }
 
-/// How long a process may take to start.
+/// Time for a process to get ready, and for an agent to answer first.
 const START_MAX: Duration = Duration::from_secs(10);
 
-/// Flies a scenario's drones, each a process of its own, and judges what they do.
+/// Flies a scenario with one process per drone, and checks the rules.
 ///
 /// # Errors
-/// When the scenario can't be flown by processes, or they can't be started; no process is left then.
+/// If processes can't fly the scenario, or can't be started, or the flight is aborted. No process is left then.
 pub fn fly(
     request: &Request<'_>,
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     check(request)?;
-    let here;
+    let local;
     let hosts = match request.hosts {
         Some(hosts) => hosts,
         None => {
-            here = Hosts::here(request.scenario.plan.nodes(), request.musterd)
+            local = Hosts::local(request.scenario.plan.nodes(), request.musterd)
                 .map_err(SwarmError::Ports)?;
-            &here
+            &local
         }
     };
     let (drones, _lock) = folder::prepare(request, hosts)?;
@@ -165,10 +168,10 @@ pub fn fly(
         .enable_all()
         .build()
         .map_err(SwarmError::Runtime)?;
-    runtime.block_on(follow::fly(request, (hosts, &drones), watcher))
+    runtime.block_on(flight::fly(request, (hosts, &drones), watcher))
 }
 
-/// Refuses what processes can't do.
+/// Refuses a scenario that only a simulation can fly.
 fn check(request: &Request<'_>) -> Result<(), BadInput> {
     let scenario = request.scenario;
     let refuse = |message: String| {
@@ -176,17 +179,17 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
         Err(BadInput::without_excerpt(request.path, message, help))
     };
     if scenario.has_other_swarms() {
-        return refuse("processes fly one swarm, and the scenario has several".to_owned());
+        return refuse("the scenario has several swarms; processes fly one".to_owned());
     }
     if scenario.plan.is_steered() {
-        return refuse(
-            "in this scenario a simulated pilot or operator ends or steers the flight".to_owned(),
-        );
+        return refuse("the scenario needs a simulated pilot or operator".to_owned());
     }
-    let unmade = (1..).zip(&scenario.faults);
-    let mut unmade = unmade.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault)?)));
-    match unmade.next() {
-        Some((nth, why)) => refuse(format!("fault {nth} can't befall a process: {why}")),
+    let faults = (1..).zip(&scenario.faults);
+    let mut refused = faults.filter_map(|(nth, fault)| Some((nth, twin::refuses(fault)?)));
+    match refused.next() {
+        Some((nth, why)) => refuse(format!(
+            "fault {nth} can't be injected into a process: {why}"
+        )),
         None => Ok(()),
     }
 }

@@ -1,77 +1,78 @@
-//! How far a host's clock is from ours, and how sure that is: told from how long it takes to be told the time, as NTP does
-//! (RFC 5905, section 8, with the clock filter of section 10).
+//! Offset of a host's clock from ours, and its uncertainty. Estimated from round trips like NTP (RFC 5905, section 8, with
+//! the clock filter of section 10).
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use muster_machines::time::Timestamp;
 
-/// How many of the last answers count.
-const ANSWERS_MAX: usize = 8;
+/// Number of latest samples that the filter keeps.
+const SAMPLES_MAX: usize = 8;
 
-/// By how much two clocks may drift apart, as a share of the time that goes by: crystals are within 50 ppm each.
+/// Largest relative drift of two clocks: their crystals are within 50 ppm each.
 const DRIFT: f64 = 100e-6;
 
-/// A time that a host told.
+/// A measurement of a host's clock.
 #[derive(Debug, Clone, Copy)]
-struct Answer {
-    /// When it came in.
+struct Sample {
+    /// Arrival of the answer, by our clock.
     at: Timestamp,
-    /// How far ahead of ours the host's clock was, in nanoseconds.
+    /// How far the host's clock was ahead of ours, in nanoseconds.
     ahead_ns: i64,
-    /// How long after it was asked for.
     round_trip: Duration,
 }
 
-/// How far a host's clock is from ours.
+/// Estimate of the offset of a host's clock.
 #[derive(Debug, Default)]
 pub(super) struct Offset {
-    /// The newest last.
-    answers: VecDeque<Answer>,
+    /// Oldest first.
+    samples: VecDeque<Sample>,
 }
 
 impl Offset {
-    /// Takes in that a host, asked at `asked`, said that it was `theirs`, which came in at `now`.
-    pub(super) fn heard(&mut self, asked: Timestamp, theirs: Timestamp, now: Timestamp) {
-        if self.answers.len() == ANSWERS_MAX {
-            self.answers.pop_front();
+    /// Adds a sample: the host, asked at `asked`, reported `host_time`; the answer arrived at `now`.
+    pub(super) fn add_sample(&mut self, asked: Timestamp, host_time: Timestamp, now: Timestamp) {
+        if self.samples.len() == SAMPLES_MAX {
+            self.samples.pop_front();
         }
         let round_trip = now.since(asked);
-        let ours = asked + round_trip / 2;
-        self.answers.push_back(Answer {
+        let local_time = asked + round_trip / 2;
+        self.samples.push_back(Sample {
             at: now,
-            ahead_ns: nanos(theirs) - nanos(ours),
+            ahead_ns: nanos(host_time) - nanos(local_time),
             round_trip,
         });
     }
 
-    /// How far ahead of ours the host's clock is, in nanoseconds, and how sure that is at `now`: not at all, of a host that
-    /// was never heard.
+    /// How far the host's clock is ahead of ours, in nanoseconds, and the uncertainty at `now`: [`Duration::MAX`] without
+    /// samples.
     pub(super) fn ahead_ns(&self, now: Timestamp) -> (i64, Duration) {
-        let sure = |it: &Answer| it.round_trip / 2 + now.since(it.at).mul_f64(DRIFT);
-        let best = self.answers.iter().min_by_key(|it| sure(it));
-        best.map_or((0, Duration::MAX), |best| (best.ahead_ns, sure(best)))
+        let uncertainty = |it: &Sample| it.round_trip / 2 + now.since(it.at).mul_f64(DRIFT);
+        let best = self.samples.iter().min_by_key(|it| uncertainty(it));
+        best.map_or((0, Duration::MAX), |best| {
+            (best.ahead_ns, uncertainty(best))
+        })
     }
 
-    /// What our clock says when the host's does, and how sure that is at `now`.
-    pub(super) fn ours(&self, theirs: Timestamp, now: Timestamp) -> (Timestamp, Duration) {
-        let (ahead_ns, sure) = self.ahead_ns(now);
-        (ahead(theirs, ahead_ns.saturating_neg()), sure)
+    /// Converts a time of the host's clock into ours, with the uncertainty at `now`.
+    pub(super) fn to_local(&self, host_time: Timestamp, now: Timestamp) -> (Timestamp, Duration) {
+        let (ahead_ns, uncertainty) = self.ahead_ns(now);
+        (add_nanos(host_time, ahead_ns.saturating_neg()), uncertainty)
     }
 
-    /// The longest round trip of the last answers.
+    /// Longest round trip of the latest samples.
     pub(super) fn longest_round_trip(&self) -> Duration {
-        let all = self.answers.iter().map(|it| it.round_trip);
+        let all = self.samples.iter().map(|it| it.round_trip);
         all.max().unwrap_or_default()
     }
 }
 
-/// So much later, or earlier.
-pub(super) fn ahead(at: Timestamp, ahead_ns: i64) -> Timestamp {
-    Timestamp::from_nanos(at.as_nanos().saturating_add_signed(ahead_ns))
+/// Adds signed nanoseconds; saturates.
+pub(super) fn add_nanos(at: Timestamp, nanos: i64) -> Timestamp {
+    Timestamp::from_nanos(at.as_nanos().saturating_add_signed(nanos))
 }
 
-/// Enough until the year 2262.
+/// Exact until the year 2262.
 fn nanos(at: Timestamp) -> i64 {
     i64::try_from(at.as_nanos()).unwrap_or(i64::MAX)
 }
@@ -85,43 +86,43 @@ mod tests {
     }
 
     #[test]
-    fn the_answer_with_the_shortest_way_tells_and_half_that_way_is_how_sure_it_is() {
+    fn shortest_round_trip_gives_the_offset_and_its_half_the_uncertainty() {
         let mut offset = Offset::default();
-        assert_eq!(offset.ours(ms(5), ms(5)).1, Duration::MAX);
-        // An hour ahead; the second answer took 40 ms to come back, and 2 ms to get there.
+        assert_eq!(offset.to_local(ms(5), ms(5)).1, Duration::MAX);
+        // The host is an hour ahead. The second ping took 2 ms out and 40 ms back.
         let hour = 3_600_000;
-        offset.heard(ms(1_000), ms(hour + 1_002), ms(1_004));
-        offset.heard(ms(2_000), ms(hour + 2_002), ms(2_042));
-        let (ours, sure) = offset.ours(ms(hour + 2_002), ms(2_042));
-        assert_eq!(ours, ms(2_002));
+        offset.add_sample(ms(1_000), ms(hour + 1_002), ms(1_004));
+        offset.add_sample(ms(2_000), ms(hour + 2_002), ms(2_042));
+        let (local, uncertainty) = offset.to_local(ms(hour + 2_002), ms(2_042));
+        assert_eq!(local, ms(2_002));
         assert!(
-            sure >= Duration::from_millis(2) && sure < Duration::from_millis(3),
-            "{sure:?}"
+            uncertainty >= Duration::from_millis(2) && uncertainty < Duration::from_millis(3),
+            "{uncertainty:?}"
         );
         assert_eq!(offset.longest_round_trip(), Duration::from_millis(42));
     }
 
     #[test]
-    fn an_old_answer_is_worth_less_than_a_new_one_for_clocks_drift() {
+    fn drift_makes_old_samples_less_certain_than_new_ones() {
         let mut offset = Offset::default();
-        offset.heard(ms(0), ms(1), ms(2));
+        offset.add_sample(ms(0), ms(1), ms(2));
         let later = ms(100_000);
-        offset.heard(later, ms(100_007), ms(100_004));
-        // 10 ms of drift in the meantime, against 2 ms of way.
-        assert_eq!(offset.ours(ms(100_007), ms(100_004)).0, ms(100_002));
-        // A clock that is behind ours.
+        offset.add_sample(later, ms(100_007), ms(100_004));
+        // 10 ms of drift since the first sample outweigh half a round trip of 2 ms.
+        assert_eq!(offset.to_local(ms(100_007), ms(100_004)).0, ms(100_002));
+        // A clock behind ours.
         let mut behind = Offset::default();
-        behind.heard(ms(5_000), ms(2_001), ms(5_002));
-        assert_eq!(behind.ours(ms(2_001), ms(5_002)).0, ms(5_001));
+        behind.add_sample(ms(5_000), ms(2_001), ms(5_002));
+        assert_eq!(behind.to_local(ms(2_001), ms(5_002)).0, ms(5_001));
     }
 
     #[test]
-    fn only_the_last_answers_count() {
+    fn only_the_latest_samples_count() {
         let mut offset = Offset::default();
-        offset.heard(ms(0), ms(0), ms(0));
+        offset.add_sample(ms(0), ms(0), ms(0));
         for n in 1..=8 {
-            offset.heard(ms(n), ms(n + 500), ms(n + 2));
+            offset.add_sample(ms(n), ms(n + 500), ms(n + 2));
         }
-        assert_eq!(offset.ours(ms(508), ms(10)).0, ms(9));
+        assert_eq!(offset.to_local(ms(508), ms(10)).0, ms(9));
     }
 }

@@ -2,9 +2,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use muster_machines::time::Timestamp;
 
-/// What time it is for a drone: since the Unix epoch by the system's clock when the process started, and on from there by
-/// a clock that nobody sets. So times in a journal mean the same to a later life, and logs of drones can be merged as far
-/// as the clocks of their machines agree.
+/// The drone's time, since the Unix epoch: the system's clock at the start of the process plus a monotonic clock. So times in
+/// a journal mean the same to later incarnations, and logs of several drones can be merged.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock {
     started: Instant,
@@ -21,16 +20,17 @@ impl Clock {
         }
     }
 
-    /// When it started.
+    /// When the process started.
     pub const fn started(&self) -> Timestamp {
         self.then
     }
 
+    /// The current time.
     pub fn now(&self) -> Timestamp {
         self.then + self.started.elapsed()
     }
 
-    /// The same instant for those who wait by the runtime's timers.
+    /// The same instant for timers of tokio.
     pub fn instant(&self, at: Timestamp) -> tokio::time::Instant {
         (self.started + at.since(self.then)).into()
     }

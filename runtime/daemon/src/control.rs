@@ -1,6 +1,5 @@
-//! How a process is tied to whoever started it: it ends when its standard input does, and reads there whom it does not
-//! hear, so that machines on one network hear each other as if they were spread out, and what its vehicle is doing, if
-//! that has gone on without it.
+//! The control channel from a starter to a drone's process: one JSON message a line on standard input. The process ends
+//! when the channel closes.
 
 use std::collections::BTreeMap;
 
@@ -10,76 +9,76 @@ use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::VehicleState;
 use serde::{Deserialize, Serialize};
 
-/// The message with which a process says that its drone is there.
+/// Log message of a process whose five actors run.
 pub const READY: &str = "ready";
 
-/// The message with which it says that its actors are about to be built.
+/// Log message of a process that is about to start its actors.
 pub const STARTS: &str = "starts";
 
-/// What a starter lets a process know, a line each.
+/// A message from the starter.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlMessage {
-    /// Whom it does not hear from now on.
+    /// From now on frames are lost on arrival with these probabilities, as if the drones were far apart.
     Losses(Losses),
-    /// What its vehicle is doing, whatever the process has told it; times count from `epoch`, by the process's clock.
+    /// Replaces the state of the simulated vehicle. Its times count from `epoch`.
     Vehicle {
-        /// When the flight began.
+        /// Start of the flight, by the process's clock.
         epoch: Timestamp,
-        /// What it is doing.
+        /// The new state.
         state: Box<VehicleState>,
     },
-    /// A fault is injected into one of its actors.
+    /// Injects a fault into an actor.
     Inject {
-        /// Which.
+        /// The actor.
         actor: Address,
-        /// What.
+        /// The fault.
         fault: ActorFault,
     },
 }
 
-/// A fault of an actor.
+/// A fault to inject into an actor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActorFault {
-    /// It panics.
+    /// The actor panics.
     Crashes,
-    /// It does nothing for so many seconds, or until it is killed.
+    /// The actor handles nothing for this many seconds; `None`: until it is killed.
     Hangs(Option<f64>),
 }
 
 impl ControlMessage {
-    /// As a line for a process.
+    /// The message as a line, with its line end.
     pub fn line(&self) -> String {
-        let mut line = serde_json::to_string(self).expect("numbers have a form in JSON");
+        let mut line = serde_json::to_string(self).expect("control messages are valid JSON");
         line.push('\n');
         line
     }
 
-    /// As it is read there; nothing for a line that is none.
+    /// Reads a line. `None` if it is not a control message.
     pub fn read(line: &str) -> Option<Self> {
         serde_json::from_str(line).ok()
     }
 }
 
-/// The chance that a frame of each other drone's is not let in, 0 to 1; of those that are not there, none is lost.
+/// The probability, 0 to 1, that a frame is lost on arrival, by sender; 0 for senders that are not listed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Losses(BTreeMap<u32, f64>);
 
 impl Losses {
-    /// Of these.
+    /// Losses by sender, 0 to 1.
     pub fn of(losses: impl Iterator<Item = (NodeId, f64)>) -> Self {
         let losses = losses.filter(|(_, loss)| *loss > 0.0);
         Self(losses.map(|(id, loss)| (id.0, loss)).collect())
     }
 
-    /// The chance for a frame of this drone's.
+    /// The probability for a sender.
     pub fn from(&self, id: NodeId) -> f64 {
         self.0.get(&id.0).copied().unwrap_or_default()
     }
 
-    /// Whether some chance differs by more than `step`, or is none or certain in one of the two only.
+    /// Whether a probability differs by more than `step`, or is 0 or 1 in only one of the two.
     pub fn differs(&self, other: &Self, step: f64) -> bool {
         let mut ids = self.0.keys().chain(other.0.keys());
         ids.any(|id| {
@@ -94,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read_and_small_changes_are_none() {
+    fn losses_survive_the_channel_and_ignore_small_changes() {
         let losses =
             |pairs: &[(u32, f64)]| Losses::of(pairs.iter().map(|(id, it)| (NodeId(*id), *it)));
         let some = losses(&[(1, 0.25), (2, 1.0), (3, 0.0)]);

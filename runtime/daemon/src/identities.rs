@@ -1,4 +1,4 @@
-//! The fleet's identities, as connections ask for them.
+//! Who may open QUIC connections: the fleet's drones and its operator.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use muster_machines::wire::AUTHENTICATOR_LEN;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey, OperatorKey};
 use muster_transport::quic::{Distrust, Identities, Peer, PublicKey};
 
-/// A drone's own: its roster says which drone has a key, and whoever has the fleet's is its operator.
+/// Identities as a drone knows them. Its roster maps keys to drones; the fleet's key is the operator's.
 pub(crate) struct DroneIdentities {
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
     pub(crate) fleet: FleetKey,
@@ -37,11 +37,11 @@ impl Identities for DroneIdentities {
         if *key == self.fleet.to_bytes() {
             return Ok(Peer::Operator);
         }
-        drone(self.authenticator.whose(key), self)
+        drone(self.authenticator.drone_with_key(key), self)
     }
 }
 
-/// An operator's: any drone of the fleet that was not expelled is spoken with.
+/// Identities as an operator knows them: all drones of the fleet whose keys are not revoked.
 pub(crate) struct OperatorIdentities(pub(crate) OperatorKey);
 
 impl Authenticator for OperatorIdentities {
@@ -64,14 +64,14 @@ impl Identities for OperatorIdentities {
     }
 
     fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {
-        drone(self.0.whose(key), self)
+        drone(self.0.drone_with_key(key), self)
     }
 }
 
 fn drone(id: Option<NodeId>, trusted: &impl Authenticator) -> Result<Peer, Distrust> {
     match id {
         None => Err(Distrust::Stranger),
-        Some(id) if !trusted.is_trusted(id) => Err(Distrust::RevocationList),
+        Some(id) if !trusted.is_trusted(id) => Err(Distrust::Revoked),
         Some(id) => Ok(Peer::Drone(id)),
     }
 }

@@ -1,5 +1,5 @@
-//! The daemon that flies one drone as a process: its file, the process with its services, what it tells, and the agent that
-//! starts drones on a host for whoever flies a whole swarm.
+//! The daemon `musterd`: one drone as a process, its configuration and status; and the agent that starts drones on a host
+//! for `muster swarm`.
 
 pub mod agent;
 #[doc(hidden)]

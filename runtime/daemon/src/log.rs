@@ -1,4 +1,4 @@
-//! What a drone's process says of itself, on standard error; the last of it is kept for operators who ask.
+//! The process's log: on standard error, and its latest lines in memory for operators.
 
 use std::collections::VecDeque;
 use std::io::{self, IsTerminal, Write};
@@ -12,69 +12,69 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::registry::Registry;
 use tracing_subscriber::reload;
 
-/// How much is said.
+/// The lowest level that is logged.
 pub type Level = LevelFilter;
 
-/// How it is said.
+/// Format of log lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// For people; in colours on a terminal whose user wants them.
+    /// For people; coloured on a terminal unless `NO_COLOR` is set.
     Human,
-    /// An object a line, for programs.
+    /// One JSON object a line, for programs.
     Json,
 }
 
-/// Changes how much is said from now on.
+/// Handle to change the log level.
 #[derive(Debug, Clone)]
 pub struct Volume(reload::Handle<LevelFilter, Registry>);
 
 impl Volume {
-    /// From now on so much.
+    /// Sets the level.
     pub fn set(&self, level: Level) {
-        // It can only fail once nothing is said at all any more.
+        // Fails only after the log has ended.
         let _ = self.0.reload(level);
     }
 }
 
-/// How many lines may wait to be read; some hundred bytes each.
+/// The most lines that wait to be written; some hundred bytes each.
 const WAITING_MAX: usize = 4_096;
 
-/// How many lines were lost because nobody read them.
+/// Counts lines that were dropped because the queue was full.
 #[derive(Debug, Clone)]
 pub struct Lost(ErrorCounter);
 
 impl Lost {
-    /// So many until now.
+    /// Lines dropped so far.
     #[must_use]
     pub fn lines(&self) -> u64 {
         self.0.dropped_lines() as u64
     }
 }
 
-/// A process's log. What was said last is still written when this value goes, for a second at most.
+/// A process's log. Dropping it writes the queued lines, for at most a second.
 #[derive(Debug)]
 pub struct Log {
-    /// Changes how much is said.
+    /// Changes the level.
     pub volume: Volume,
-    /// What was said to nobody.
+    /// Counts dropped lines.
     pub lost: Lost,
-    /// The last that was said.
+    /// The latest lines.
     pub recent: Recent,
     _worker: WorkerGuard,
 }
 
-/// How much of what was said is kept, in bytes.
+/// The most bytes of lines that are kept in memory.
 const RECENT_MAX: usize = 256 * 1_024;
 
-/// The last that was said.
+/// The latest log lines.
 #[derive(Debug, Clone, Default)]
 pub struct Recent(Arc<Ring>);
 
 #[derive(Debug, Default)]
 struct Ring {
     lines: Mutex<Lines>,
-    /// How many lines were said.
-    said: watch::Sender<u64>,
+    /// Number of lines logged so far.
+    logged: watch::Sender<u64>,
 }
 
 #[derive(Debug, Default)]
@@ -82,7 +82,7 @@ struct Lines {
     /// The oldest first.
     kept: VecDeque<Box<[u8]>>,
     bytes: usize,
-    said: u64,
+    logged: u64,
 }
 
 impl Recent {
@@ -95,26 +95,26 @@ impl Recent {
         {
             lines.bytes -= oldest.len();
         }
-        lines.said += 1;
-        let said = lines.said;
+        lines.logged += 1;
+        let logged = lines.logged;
         drop(lines);
-        self.0.said.send_replace(said);
+        self.0.logged.send_replace(logged);
     }
 
-    /// All that is kept of what was said after so many lines, and how many lines were said by its end.
+    /// The kept lines after the first `lines` ones, and the number of lines logged so far.
     pub(crate) fn after(&self, lines: u64) -> (Vec<u8>, u64) {
         let known = self.lock();
-        let oldest = known.said - known.kept.len() as u64;
+        let oldest = known.logged - known.kept.len() as u64;
         let passed = usize::try_from(lines.saturating_sub(oldest)).unwrap_or(usize::MAX);
         let kept: Vec<_> = known.kept.iter().skip(passed).cloned().collect();
-        (kept.concat(), known.said)
+        (kept.concat(), known.logged)
     }
 
-    /// Returns once more than so many lines were said.
+    /// Returns after more than `lines` lines were logged.
     pub(crate) async fn more_than(&self, lines: u64) {
-        // Whoever says things is this very value.
-        let _ = (self.0.said.subscribe())
-            .wait_for(|said| *said > lines)
+        // Can't fail: this value owns the sender.
+        let _ = (self.0.logged.subscribe())
+            .wait_for(|logged| *logged > lines)
             .await;
     }
 
@@ -123,14 +123,14 @@ impl Recent {
     }
 }
 
-/// Hands a line on to whoever writes it, and keeps it.
+/// Writes lines to standard error and keeps the latest.
 #[derive(Debug)]
-struct Kept<'a> {
+struct Tee<'a> {
     recent: &'a Recent,
     writer: NonBlocking,
 }
 
-impl Write for Kept<'_> {
+impl Write for Tee<'_> {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
         self.recent.keep(line);
         self.writer.write(line)
@@ -142,31 +142,29 @@ impl Write for Kept<'_> {
 }
 
 #[derive(Debug)]
-struct Keeping {
+struct MakeTee {
     recent: Recent,
     writer: NonBlocking,
 }
 
-impl<'a> MakeWriter<'a> for Keeping {
-    type Writer = Kept<'a>;
+impl<'a> MakeWriter<'a> for MakeTee {
+    type Writer = Tee<'a>;
 
-    fn make_writer(&'a self) -> Kept<'a> {
-        Kept {
+    fn make_writer(&'a self) -> Tee<'a> {
+        Tee {
             recent: &self.recent,
             writer: self.writer.clone(),
         }
     }
 }
 
-/// Begins to say things, for the whole process. Whoever says something does not wait for whoever reads it: lines wait for a
-/// thread of their own to write them, and those for which there is no room are counted. Where somebody else has begun
-/// before, nothing is said by this log.
+/// Starts the log of the process. Logging never blocks: a thread writes the lines, and lines without room in its queue are
+/// dropped and counted. If the process has a log already, this one stays empty.
 #[must_use]
 pub fn start(format: Format, level: Level) -> Log {
     let (filter, handle) = reload::Layer::new(level);
-    // Only what is our own: what libraries say of each packet would fill the log, and one that is sent over the network
-    // would feed itself.
-    let events = filter_fn(|said| said.is_event() && said.target().starts_with("muster"));
+    // Only muster's own events: libraries log each packet, which would fill the log and feed a log read over the network.
+    let events = filter_fn(|event| event.is_event() && event.target().starts_with("muster"));
     let registry = tracing_subscriber::registry().with(filter).with(events);
     let (writer, worker) = NonBlockingBuilder::default()
         .buffered_lines_limit(WAITING_MAX)
@@ -176,12 +174,12 @@ pub fn start(format: Format, level: Level) -> Log {
     let recent = Recent::default();
     let lost = Lost(writer.error_counter());
     let lines = fmt::layer()
-        .with_writer(Keeping {
+        .with_writer(MakeTee {
             recent: recent.clone(),
             writer,
         })
         .with_target(false);
-    let begun = match format {
+    let started = match format {
         Format::Human => {
             let wants_colour = std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
             let lines = lines.with_ansi(io::stderr().is_terminal() && wants_colour);
@@ -193,8 +191,8 @@ pub fn start(format: Format, level: Level) -> Log {
             tracing::subscriber::set_global_default(registry.with(lines))
         }
     };
-    // Tests begin more than once.
-    let _ = begun;
+    // Fails in tests, which start several logs.
+    let _ = started;
     Log {
         volume: Volume(handle),
         lost,
@@ -208,16 +206,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_that_was_said_is_kept_and_no_more() {
+    fn latest_lines_are_kept_up_to_the_limit() {
         let recent = Recent::default();
         let line = |number: usize| format!("{number:0>1023}\n").into_bytes();
         (0..300).for_each(|number| recent.keep(&line(number)));
-        let (kept, said) = recent.after(0);
-        assert_eq!(said, 300);
+        let (kept, logged) = recent.after(0);
+        assert_eq!(logged, 300);
         assert_eq!(kept.len(), RECENT_MAX);
         assert!(kept.ends_with(&line(299)));
         assert_eq!(recent.after(298).0, [line(298), line(299)].concat());
         assert_eq!(recent.after(300), (Vec::new(), 300));
-        assert_eq!(recent.after(17).0, kept, "what is gone is gone");
+        assert_eq!(recent.after(17).0, kept, "older lines are dropped");
     }
 }

@@ -1,4 +1,4 @@
-//! An operator speaks with one drone, by the fleet's own key: it hands it a file for its next flight, or reads its log.
+//! The operator's connection to one drone, with the fleet's key: uploads a file for the next flight, or reads the log.
 
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -14,34 +14,34 @@ use thiserror::Error;
 
 use crate::identities::OperatorIdentities;
 
-/// How long the line may be that says what is wanted, in bytes.
+/// Longest request line, in bytes.
 pub(crate) const REQUEST_MAX: usize = 1_024;
 
-/// How long an answer may be that is no log, in bytes.
+/// Longest answer to an upload, in bytes.
 const ANSWER_MAX: usize = 64 * 1_024;
 
-/// What an operator wants, as the first line of what it says.
+/// A request, the first line of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Request {
-    /// What follows is to take a file's place: so many bytes.
+    /// Replaces a file with the bytes that follow.
     Upload { what: Upload, bytes: usize },
-    /// What the drone has said of late and, to follow it, what it goes on to say.
+    /// Sends the latest log lines and, with `follow`, all further ones.
     Logs { follow: bool },
 }
 
-/// Which file is to be replaced.
+/// The file that an upload replaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Upload {
-    /// The scenario that the drone's file names.
+    /// The scenario named in the drone's file.
     Scenario,
-    /// The mission that that scenario names.
+    /// The mission named in that scenario.
     Mission,
 }
 
 impl Upload {
-    /// What a file is, going by its name: scenarios end in `.toml`.
+    /// The kind of a file by its name: scenarios end in `.toml`.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         if path.extension().is_some_and(|it| it == "toml") {
@@ -51,8 +51,7 @@ impl Upload {
         }
     }
 
-    /// How long such a file may be, in bytes: many times what is written by hand, and so little that reading it takes a
-    /// drone's process a fraction of the memory that a service gives it.
+    /// The largest file, in bytes: far above files written by hand, and a fraction of the service's memory limit.
     pub(crate) const fn bytes_max(self) -> usize {
         match self {
             Self::Scenario => 64 * 1_024,
@@ -61,69 +60,69 @@ impl Upload {
     }
 }
 
-/// What a drone says to an upload.
+/// A drone's answer to an upload.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Answer {
-    /// It is in the place of this file, to last.
+    /// The upload has replaced this file, durably.
     Taken(PathBuf),
-    /// The drone could not use it: why, as it is shown on a terminal; nothing has changed.
+    /// The file is invalid: the error for a terminal. Nothing has changed.
     Unusable(String),
-    /// It takes part in a flight; nothing has changed.
+    /// The drone takes part in a flight. Nothing has changed.
     Flies,
-    /// It is being handed another file; nothing has changed.
+    /// Another upload is running. Nothing has changed.
     Busy,
-    /// Its machine could not write it, as it says.
+    /// The drone's system could not write the file: its error.
     Unwritten(String),
 }
 
-/// Why an operator could not have what it wanted. Unless it says otherwise, nothing has changed at the drone.
+/// Why a request failed. Unless the variant says otherwise, nothing has changed at the drone.
 #[derive(Debug, Error)]
 pub enum OperatorError {
-    /// A file of the operator's can't be used.
+    /// One of the operator's files is invalid.
     #[error(transparent)]
     Refused(#[from] BadInput),
-    /// The drone could not use the file.
+    /// The drone refuses the file as invalid.
     #[error("drone {drone} can't use {}\n{message}", path.display())]
     Unusable {
-        /// Which drone.
+        /// The drone.
         drone: NodeId,
         /// The operator's file.
         path: PathBuf,
-        /// What is wrong with it, as it is shown on a terminal.
+        /// The drone's error for a terminal.
         message: String,
     },
-    /// A drone takes no files while it takes part in a flight.
+    /// Drones take no uploads while they take part in a flight.
     #[error(
-        "drone {0} flies, or has heard of a master: it takes a file before that, or once it is on the ground for good"
+        "drone {0} takes part in a flight; it takes uploads before it has heard of a master, or after its flight"
     )]
     Flies(NodeId),
-    /// A drone takes one file at a time.
-    #[error("drone {0} is being handed another file: try again once it has that")]
+    /// Drones take one upload at a time.
+    #[error("drone {0} is busy with another upload; try again later")]
     Busy(NodeId),
-    /// The drone's machine could not write the file; what was there before may be there still.
-    #[error("drone {drone} can't write it: {message}")]
+    /// The drone's system could not write the file. The old file may still be there.
+    #[error("drone {drone} can't write the file: {message}")]
     Unwritten {
-        /// Which drone.
+        /// The drone.
         drone: NodeId,
-        /// What its machine says.
+        /// The system's error.
         message: String,
     },
-    /// There is no connection with a drone of the fleet.
-    #[error("no connection")]
+    /// No drone of the fleet answers at the address.
+    #[error("can't connect to a drone of the fleet")]
     Connect(#[from] quic::OperatorError),
-    /// The connection was lost, or the drone ended it: whether a file was taken is not known.
-    #[error("the drone has ended the connection, or it was lost")]
+    /// The connection was lost, or the drone closed it. The upload may have succeeded.
+    #[error("lost the connection to the drone")]
     Lost(#[source] io::Error),
-    /// The asynchronous runtime does not start, or what the drone said can't be printed.
-    #[error("can't go on")]
+    /// The asynchronous runtime does not start, or the log can't be printed.
+    #[error("can't run the request")]
     Machine(#[from] io::Error),
 }
 
-/// Hands a file to the drone at an address, for its next start; which drone it is, and the file that it has replaced there.
+/// Uploads a file to the drone at an address, for its next start. Returns the drone and the file that was replaced there.
 ///
 /// # Errors
-/// When the drone does not take it.
+/// If the drone does not take the file.
 pub fn upload(
     fleet: &Path,
     address: SocketAddr,
@@ -134,10 +133,10 @@ pub fn upload(
         what: Upload::of(path),
         bytes: text.len(),
     };
-    let asked = [line(&request), text.into_bytes()].concat();
-    let (drone, answer) = speak(fleet, address, async |stream| {
-        // A drone that refuses it reads no further: why, it says.
-        let _ = ask(stream, &asked).await;
+    let request = [line(&request), text.into_bytes()].concat();
+    let (drone, answer) = connect(fleet, address, async |stream| {
+        // A drone that refuses the file stops reading; the reason is in its answer.
+        let _ = send(stream, &request).await;
         stream.read_to_end(ANSWER_MAX).await
     })?;
     match serde_json::from_slice(&answer) {
@@ -154,31 +153,30 @@ pub fn upload(
     }
 }
 
-/// Prints what the drone at an address has said of late and, if it is followed, what it goes on to say, until its process
-/// ends.
+/// Prints the latest log lines of the drone at an address and, with `follow`, all further ones until its process ends.
 ///
 /// # Errors
-/// When the drone can't be spoken with, or this can't be printed.
+/// If the connection fails, or the log can't be printed.
 pub fn logs(
     fleet: &Path,
     address: SocketAddr,
     follow: bool,
     out: &mut dyn Write,
 ) -> Result<(), OperatorError> {
-    let asked = line(&Request::Logs { follow });
-    let (_, printed) = speak(fleet, address, async |stream| {
-        ask(stream, &asked).await?;
+    let request = line(&Request::Logs { follow });
+    let (_, printed) = connect(fleet, address, async |stream| {
+        send(stream, &request).await?;
         let mut buffer = [0; 4_096];
         loop {
             let read = match stream.read(&mut buffer).await {
                 Ok(0) => return Ok(Ok(())),
-                // A drone that is followed says nothing more once its process ends.
+                // The process has ended.
                 Err(_) if follow => return Ok(Ok(())),
                 read => read?,
             };
             match out.write_all(&buffer[..read]).and_then(|()| out.flush()) {
                 Ok(()) => {}
-                // Whoever has stopped reading has seen enough.
+                // The reader has closed the pipe.
                 Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(Ok(())),
                 Err(error) => return Ok(Err(error)),
             }
@@ -187,11 +185,11 @@ pub fn logs(
     Ok(printed?)
 }
 
-/// Speaks with the drone at an address over one stream; which drone it is, and what came of it.
-fn speak<T>(
+/// Connects to the drone at an address and runs `exchange` on one stream. Returns the drone and the result.
+fn connect<T>(
     fleet: &Path,
     address: SocketAddr,
-    speak: impl AsyncFnOnce(&mut Stream) -> io::Result<T>,
+    exchange: impl AsyncFnOnce(&mut Stream) -> io::Result<T>,
 ) -> Result<(NodeId, T), OperatorError> {
     let identities = Arc::new(OperatorIdentities(OperatorKey::load(fleet)?));
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -200,21 +198,21 @@ fn speak<T>(
     runtime.block_on(async {
         let operator = quic::Operator::connect(address, identities).await?;
         let mut stream = operator.open().await?;
-        let came = speak(&mut stream).await.map_err(OperatorError::Lost)?;
+        let result = exchange(&mut stream).await.map_err(OperatorError::Lost)?;
         let drone = operator.drone();
         operator.end().await;
-        Ok((drone, came))
+        Ok((drone, result))
     })
 }
 
-async fn ask(stream: &mut Stream, asked: &[u8]) -> io::Result<()> {
-    stream.write(asked).await?;
+async fn send(stream: &mut Stream, request: &[u8]) -> io::Result<()> {
+    stream.write(request).await?;
     stream.finish();
     Ok(())
 }
 
 fn line(request: &Request) -> Vec<u8> {
-    let mut line = serde_json::to_vec(request).expect("a request has a form in JSON");
+    let mut line = serde_json::to_vec(request).expect("requests are valid JSON");
     line.push(b'\n');
     line
 }

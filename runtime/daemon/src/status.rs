@@ -1,85 +1,85 @@
-//! What a drone's process tells of itself to whoever asks.
+//! The status of a drone's process, as `/status` answers it in JSON.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// How long after it was last heard a drone counts as a neighbour, in seconds: a few beacons of the slowest parameters.
+/// A drone heard within this time counts as a neighbour, in seconds: a few heartbeats at the longest period.
 const NEIGHBOUR_S: f64 = 3.0;
 
-/// What a drone's process tells of itself. Counts are since its start.
+/// The status of a drone's process. Counts are since the start of the process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// The drone's number.
     pub drone: u32,
-    /// Its swarm's.
+    /// Number of its swarm.
     pub swarm: u32,
-    /// The version of its program.
+    /// Version of `musterd`.
     pub version: String,
-    /// Which life of its journal this is, from 1.
+    /// Number of the process's start on this journal, from 1.
     pub incarnation: u32,
-    /// For how long its process has run, in seconds.
+    /// Time since the start of the process, in seconds.
     pub up_s: f64,
-    /// What keeps it from its work, in words; nothing if it is well.
+    /// Why the drone is unhealthy, in words. Empty if it is healthy.
     pub faults: Vec<String>,
-    /// What it is doing.
+    /// State of the mission.
     pub state: Doing,
-    /// What it is in its swarm.
+    /// Role in the swarm.
     pub role: Role,
-    /// Whom it obeys, if anybody.
+    /// Current leader. `None` if the drone has none.
     pub ballot: Option<LeaderEpoch>,
-    /// How many hops it is from its master; 0 for the master itself.
+    /// Hops to the master; 0 on the master itself. `None` without a route.
     pub hops: Option<u16>,
-    /// The neighbour through which its acknowledgements go.
+    /// Next hop to the master. `None` on the master and without a route.
     pub parent: Option<u32>,
-    /// Whom it has heard, by number.
+    /// Drones heard since the start, by number.
     pub heard: BTreeMap<u32, Heard>,
-    /// How its vehicle is.
+    /// Position, battery and motors.
     pub vehicle: VehicleStatus,
-    /// Its five actors, by name.
+    /// The five actors, by name.
     pub actors: BTreeMap<String, ActorStatus>,
-    /// What it sent and let in.
+    /// Frames sent and received.
     pub frames: Frames,
-    /// What its transport did.
+    /// Datagrams sent and received.
     pub datagrams: Datagrams,
-    /// Messages, no frames among them, for which an actor had no room or was not there.
+    /// Messages, without frames, dropped because an actor's queue was full or the actor was down.
     pub messages_refused: u64,
-    /// Records that could not be written to the journal.
+    /// Journal records that could not be written.
     pub journal_unwritten: u64,
-    /// Lines of the log that nobody read in time.
+    /// Log lines dropped because the log's reader is too slow.
     pub log_lines_lost: u64,
 }
 
-/// What a drone is doing.
+/// State of the mission.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Doing {
-    /// One of a few names, as in `moving_to_waypoint`.
+    /// Name for programs, e.g. `moving_to_waypoint`.
     pub name: String,
-    /// In words, as in "moving to waypoint 2".
+    /// Text for people, e.g. "moving to waypoint 2".
     pub words: String,
-    /// The waypoint that it is at or makes for.
+    /// Waypoint that the drone is at or flies to.
     pub waypoint: Option<u16>,
 }
 
-/// What a drone is in its swarm.
+/// Role of a drone in its swarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// It obeys nobody yet.
+    /// The drone has no leader yet.
     None,
-    /// It leads.
+    /// The drone leads.
     Master,
-    /// It obeys another.
+    /// The drone follows another.
     Member,
-    /// It only passes on.
+    /// The drone only forwards frames.
     Relay,
 }
 
 impl Role {
-    /// All of them.
+    /// All roles.
     pub const ALL: [Self; 4] = [Self::None, Self::Master, Self::Member, Self::Relay];
 
-    /// Its name.
+    /// Name for programs.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -91,117 +91,117 @@ impl Role {
     }
 }
 
-/// A ballot: whose leader epoch, by which right.
+/// The ballot of a leader epoch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeaderEpoch {
     /// Rises with each election.
     pub term: u32,
-    /// The master's place in the order of succession.
+    /// The master's position in the order of succession.
     pub rank: u32,
     /// The master's number.
     pub master: u32,
 }
 
-/// A drone that was heard.
+/// Frames received from another drone.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Heard {
-    /// How many of its frames were let in.
+    /// Accepted frames.
     pub frames: u64,
-    /// How long ago the last one was, in seconds.
+    /// Time since the last one, in seconds.
     pub silent_s: f64,
 }
 
-/// How a vehicle is, in metres from the mission's home.
+/// Telemetry of the vehicle. Positions are relative to the mission's home.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct VehicleStatus {
-    /// How far north.
+    /// North of home, in metres.
     pub north_m: f64,
-    /// How far east.
+    /// East of home, in metres.
     pub east_m: f64,
-    /// How far above.
+    /// Above home, in metres.
     pub altitude_m: f64,
-    /// For how long it has not known where it is over ground, in seconds; nothing while it knows.
+    /// Time since the drone lost its horizontal position, in seconds. `None` while it has one.
     pub position_lost_s: Option<f64>,
-    /// What is left in its battery, as a share of a full one.
+    /// Battery charge, from 0 (empty) to 1 (full).
     pub charge: f64,
-    /// Whether its motors are armed.
+    /// Whether the motors are armed.
     pub armed: bool,
 }
 
-/// How an actor is.
+/// State and counters of an actor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ActorStatus {
-    /// Whether it runs.
+    /// Whether the actor runs.
     pub up: bool,
-    /// How many messages wait for it.
+    /// Messages in its queue.
     pub waiting: u32,
-    /// How many may.
+    /// Size of its queue.
     pub waiting_max: u32,
-    /// How often it has failed.
+    /// Failures.
     pub failures: u64,
-    /// How often it was started again.
+    /// Restarts.
     pub restarts: u64,
-    /// How often it handled a timeout and had a deadline that was not after it, which is a defect.
+    /// Timeouts after which its deadline was still in the past. A defect if above 0.
     pub overdue: u64,
 }
 
-/// Frames, as the radio sees them.
+/// Counters of frames at the radio.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Frames {
-    /// Sent, by what they carry.
+    /// Sent, by kind of packet.
     pub sent: BTreeMap<String, Sent>,
-    /// Let in, by what they carry.
+    /// Accepted, by kind of packet.
     pub let_in: BTreeMap<String, u64>,
-    /// Not let in, by reason.
+    /// Dropped, by reason.
     pub dropped: BTreeMap<String, u64>,
-    /// Let in and of no use to the routing: no packet of a member, or of an older leader epoch.
+    /// Accepted by the radio and ignored by the routing: not a member's packet, or of an older leader epoch.
     pub ignored: u64,
-    /// Orders that the mission could not read, or not obey in its state.
+    /// Orders that the mission could not read or execute.
     pub orders_refused: u64,
 }
 
-/// Frames that were sent, by cause.
+/// Sent frames, by cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Sent {
-    /// Because something had changed or was missed.
+    /// Sent because of a change or a repair.
     pub news: u64,
-    /// Only because the time had come.
+    /// Sent only because a period had passed.
     pub keep_alives: u64,
 }
 
-/// Datagrams, as the transport sees them.
+/// Counters of datagrams at the transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Datagrams {
-    /// Handed to the system; one for each peer.
+    /// Given to the system, one for each peer.
     pub sent: u64,
-    /// That the system did not take.
+    /// Refused by the system.
     pub unsent: u64,
-    /// Taken in.
+    /// Received.
     pub received: u64,
-    /// Dropped unread because they were too long.
+    /// Dropped because they were too long.
     pub too_long: u64,
-    /// Dropped by the system because its buffers were full; nothing where it does not tell.
+    /// Dropped by the system because its buffers were full. `None` if the system does not report it.
     pub overflowed: Option<u64>,
 }
 
 impl Status {
-    /// Whom it has heard within the last few seconds.
+    /// Numbers of the drones heard within the last 3 s.
     pub fn neighbours(&self) -> impl Iterator<Item = u32> {
-        let near = self
+        let recent = self
             .heard
             .iter()
             .filter(|(_, it)| it.silent_s < NEIGHBOUR_S);
-        near.map(|(id, _)| *id)
+        recent.map(|(id, _)| *id)
     }
 
-    /// How many frames were not let in, for whatever reason.
+    /// Dropped frames and received datagrams, for all reasons.
     #[must_use]
     pub fn dropped(&self) -> u64 {
-        let too_many = self.datagrams.overflowed.unwrap_or_default();
-        self.frames.dropped.values().sum::<u64>() + self.datagrams.too_long + too_many
+        let overflowed = self.datagrams.overflowed.unwrap_or_default();
+        self.frames.dropped.values().sum::<u64>() + self.datagrams.too_long + overflowed
     }
 
-    /// How often its actors were started again.
+    /// Restarts of all actors.
     #[must_use]
     pub fn restarts(&self) -> u64 {
         self.actors.values().map(|actor| actor.restarts).sum()

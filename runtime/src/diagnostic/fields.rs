@@ -1,31 +1,30 @@
-//! What would be accepted at a place of a TOML file, told from a list of its fields.
+//! Help for errors in TOML files: what the field at a place accepts.
 
 use std::ops::Range;
 
 use toml_edit::{Item, TableLike, Value};
 
-/// Every field of a kind of file, tables included, as in `radio.range_m`, with what it accepts in words.
-pub type Fields = [(&'static str, &'static str)];
+use crate::schema::Field;
 
-/// What would be accepted at `span` of a TOML file, where a reader found `message` wrong; nothing when the file is no TOML.
+/// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML.
 #[must_use]
-pub fn accepted(fields: &Fields, text: &str, span: &Range<usize>, message: &str) -> Option<String> {
+pub fn accepted(fields: &[Field], text: &str, span: &Range<usize>, message: &str) -> Option<String> {
     let missing = message
         .strip_prefix("missing field `")
         .and_then(|rest| rest.strip_suffix('`'));
     let document = toml_edit::Document::parse(text).ok()?;
     let mut path = Vec::new();
-    path_to(document.as_table(), span, &mut path);
+    find_path(document.as_table(), span, &mut path);
     path.extend(missing.map(str::to_owned));
     let key = path.join(".");
-    // Of what is within a field that is no table of fields the field itself tells.
-    let mut within = (1..=path.len()).rev().map(|depth| path[..depth].join("."));
-    let known = within.find_map(|within| {
-        let field = fields.iter().find(|(known, _)| *known == within);
-        field.filter(|_| within == key || fields_of(fields, &within).is_empty())
+    // A place inside a field that has no fields of its own is described by that field.
+    let mut ancestors = (1..=path.len()).rev().map(|depth| path[..depth].join("."));
+    let known = ancestors.find_map(|ancestor| {
+        let field = fields.iter().find(|it| it.path == ancestor);
+        field.filter(|_| ancestor == key || fields_of(fields, &ancestor).is_empty())
     });
     Some(match known {
-        Some((known, accepted)) => format!("`{known}` is {accepted}"),
+        Some(field) => format!("`{}` takes {}", field.path, field.accepted),
         None => {
             let tables = (0..=path.len()).rev().map(|depth| path[..depth].join("."));
             let mut listed = tables.map(|table| fields_of(fields, &table));
@@ -35,19 +34,19 @@ pub fn accepted(fields: &Fields, text: &str, span: &Range<usize>, message: &str)
     })
 }
 
-/// The fields of a table, or of the whole file, by their own names.
-fn fields_of(fields: &Fields, table: &str) -> Vec<&'static str> {
-    let own_name = |field: &'static str| match table {
+/// The names of a table's fields; of the top-level fields if `table` is empty.
+fn fields_of<'a>(fields: &'a [Field], table: &str) -> Vec<&'a str> {
+    let own_name = |field: &'a str| match table {
         "" => Some(field),
         _ => field.strip_prefix(table)?.strip_prefix('.'),
     };
-    let names = fields.iter().filter_map(|(field, _)| own_name(field));
+    let names = fields.iter().filter_map(|field| own_name(&field.path));
     names.filter(|field| !field.contains('.')).collect()
 }
 
-/// The keys that lead to the innermost value around `span`; whether there is one.
-fn path_to(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -> bool {
-    let around = |outer: Option<Range<usize>>| {
+/// Writes the keys of the innermost value around `span` to `path`. Returns whether there is one.
+fn find_path(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+    let contains = |outer: Option<Range<usize>>| {
         outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
     };
     for (key, item) in table.iter() {
@@ -61,9 +60,9 @@ fn path_to(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -
         };
         path.push(key.to_owned());
         let key_span = table.key(key).and_then(toml_edit::Key::span);
-        if inner.into_iter().any(|inner| path_to(inner, span, path))
-            || around(item.span())
-            || around(key_span)
+        if inner.into_iter().any(|inner| find_path(inner, span, path))
+            || contains(item.span())
+            || contains(key_span)
         {
             return true;
         }

@@ -4,7 +4,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme};
 
 use super::*;
 
-/// An error as people see it, without colour, under the file's name alone.
+/// An error as shown on a terminal, without colours.
 pub(crate) fn rendered(error: &BadInput) -> String {
     let mut shown = String::new();
     GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor())
@@ -14,7 +14,7 @@ pub(crate) fn rendered(error: &BadInput) -> String {
     shown
 }
 
-/// Reads a file with this content, in a directory that errors don't show.
+/// Reads a file with this content; errors show its name without the directory.
 fn read(content: &[u8]) -> Result<String, String> {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("given.toml");
@@ -27,13 +27,13 @@ fn read(content: &[u8]) -> Result<String, String> {
 }
 
 #[test]
-fn text_is_read_as_it_is_but_for_the_byte_order_mark() {
+fn text_is_read_unchanged_without_byte_order_mark() {
     assert_eq!(read(b"a = 1\r\n\tb\n").unwrap(), "a = 1\r\n\tb\n");
     assert_eq!(read("\u{feff}año".as_bytes()).unwrap(), "año");
 }
 
 #[test]
-fn what_is_no_text_is_refused_with_the_reason() {
+fn content_that_is_not_text_is_refused_with_the_reason() {
     let refused = |content: &[u8]| read(content).unwrap_err();
     assert_eq!(refused(b""), "given.toml: the file is empty");
     assert_eq!(refused(b" \n\t\r\n"), "given.toml: the file is empty");
@@ -48,7 +48,7 @@ fn what_is_no_text_is_refused_with_the_reason() {
 }
 
 #[test]
-fn a_missing_file_and_a_directory_are_told_apart() {
+fn missing_file_and_directory_give_different_errors() {
     let directory = tempfile::tempdir().unwrap();
     let missing = read_text(&directory.path().join("missing.toml")).unwrap_err();
     assert!(missing.to_string().ends_with("there is no such file"));
@@ -58,13 +58,13 @@ fn a_missing_file_and_a_directory_are_told_apart() {
 
 #[cfg(unix)]
 #[test]
-fn a_device_is_refused_before_it_is_read() {
+fn device_is_refused_before_it_is_read() {
     let refused = read_text(Path::new("/dev/zero")).unwrap_err();
     assert_eq!(refused.to_string(), "/dev/zero: this is not a regular file");
 }
 
 #[test]
-fn a_file_at_the_limit_is_read_and_one_above_it_is_not() {
+fn file_of_maximum_size_is_read_and_a_larger_one_refused() {
     let limit = usize::try_from(FILE_SIZE_MAX).unwrap();
     assert_eq!(read(&vec![b'a'; limit]).unwrap().len(), limit);
     assert_eq!(
@@ -74,7 +74,7 @@ fn a_file_at_the_limit_is_read_and_one_above_it_is_not() {
 }
 
 #[test]
-fn an_error_shows_the_file_the_place_and_what_would_be_accepted() {
+fn error_shows_file_place_and_what_is_accepted() {
     let text = "[swarm]\ndrones = \"six\"\nspacing_m = 160\n";
     let error = BadInput::new(
         Path::new("six.toml"),
@@ -87,13 +87,13 @@ fn an_error_shows_the_file_the_place_and_what_would_be_accepted() {
 }
 
 #[test]
-fn a_span_over_several_lines_shows_the_first() {
+fn span_over_several_lines_marks_the_first() {
     let error = BadInput::new(Path::new("a"), "one\ntwo\nthree\nfour\n", 4..14, "m", "h");
     assert!(!rendered(&error).contains("four"), "{}", rendered(&error));
 }
 
 #[test]
-fn a_line_too_long_to_show_is_told_by_its_column() {
+fn line_too_long_to_show_is_given_by_line_and_column() {
     let text = format!("first\n{}ñ!", "x".repeat(2_000));
     let error = BadInput::new(Path::new("a.plan"), &text, 2_008..2_009, "wrong", "help");
     assert_eq!(error.to_string(), "a.plan: line 2, column 2002: wrong");

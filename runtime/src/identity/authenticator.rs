@@ -10,14 +10,14 @@ use thiserror::Error;
 
 use super::{DroneKey, FleetKey, RevocationList, Roster};
 
-/// Signs a drone's frames with its own key and checks those of others by the roster: no drone speaks for another.
+/// Signs a drone's frames with its own key, and verifies other drones' frames with their keys from the roster.
 ///
-/// A signature covers a frame from its version on, with the swarm that it is for. What else a drone's key signs, beacons and
-/// handshakes of QUIC, begins otherwise, so nothing else can pass for a frame.
+/// A signature covers a frame from its version byte on, including the swarm's id. Other messages signed with a drone's key
+/// (QUIC discovery beacons and handshakes) begin differently, so they can't be replayed as frames.
 pub struct Ed25519Authenticator {
     id: NodeId,
     key: SigningKey,
-    /// What it has signed is believed.
+    /// The pinned key that verifies lists.
     fleet: FleetKey,
     roster: Roster,
     revoked: RwLock<RevocationList>,
@@ -31,48 +31,48 @@ impl std::fmt::Debug for Ed25519Authenticator {
     }
 }
 
-/// Why a drone can't speak for itself: what it was given does not fit together.
+/// A drone's key, roster and revocation list don't fit together: the configuration's fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-pub enum Untrusted {
-    /// The roster does not name it.
+pub enum IdentityMismatch {
+    /// The roster has no such drone.
     #[error("drone {0} is not in the roster")]
     NotListed(NodeId),
-    /// The roster has another key for it.
+    /// The roster has another key for the drone.
     #[error("the roster has another key for drone {0}")]
     OtherKey(NodeId),
-    /// It is on the list of the revoked.
-    #[error("drone {0} was revoked from the fleet")]
+    /// The drone's key is revoked.
+    #[error("the key of drone {0} is revoked")]
     Revoked(NodeId),
 }
 
-/// A list of the expelled is older than the one that is known, and was not taken.
+/// An offered revocation list is older than the known one, which is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("list {offered} of the revoked is older than list {known}")]
-pub struct OlderList {
-    /// The number of the list that is known.
+#[error("revocation list {offered} is older than the known list {known}")]
+pub struct OutdatedList {
+    /// Number of the known list.
     pub known: u64,
-    /// The number of the one that was offered.
+    /// Number of the offered list.
     pub offered: u64,
 }
 
 impl Ed25519Authenticator {
-    /// What a drone of a fleet signs and checks with.
+    /// Creates a drone's authenticator.
     ///
     /// # Errors
-    /// When the roster does not name the drone with this very key, or it was expelled.
+    /// If the roster does not have the drone with this key, or the drone is revoked.
     pub fn new(
         id: NodeId,
         key: DroneKey,
         fleet: FleetKey,
         roster: Roster,
         revoked: RevocationList,
-    ) -> Result<Self, Untrusted> {
-        let listed = roster.key(id).ok_or(Untrusted::NotListed(id))?;
+    ) -> Result<Self, IdentityMismatch> {
+        let listed = roster.key(id).ok_or(IdentityMismatch::NotListed(id))?;
         if *listed != key.0.verifying_key() {
-            return Err(Untrusted::OtherKey(id));
+            return Err(IdentityMismatch::OtherKey(id));
         }
         if revoked.has(id) {
-            return Err(Untrusted::Revoked(id));
+            return Err(IdentityMismatch::Revoked(id));
         }
         Ok(Self {
             id,
@@ -83,27 +83,27 @@ impl Ed25519Authenticator {
         })
     }
 
-    /// Takes a newer list of the expelled, or the same again.
+    /// Replaces the revocation list by a newer one or the same one.
     ///
     /// # Errors
-    /// When it is older than the one that is known, which stays.
-    pub fn revoke(&self, list: RevocationList) -> Result<(), OlderList> {
+    /// If the list is older than the known one, which is kept.
+    pub fn revoke(&self, list: RevocationList) -> Result<(), OutdatedList> {
         let mut revoked = self.revoked.write().unwrap_or_else(PoisonError::into_inner);
         let (known, offered) = (revoked.number(), list.number());
         if offered < known {
-            return Err(OlderList { known, offered });
+            return Err(OutdatedList { known, offered });
         }
         *revoked = list;
         Ok(())
     }
 
-    /// The list of the expelled that is known.
+    /// The known revocation list.
     #[must_use]
     pub fn revoked(&self) -> RevocationList {
         self.read_revocation_list().clone()
     }
 
-    /// Whether this very drone was expelled.
+    /// Whether this drone itself is revoked.
     #[must_use]
     pub fn is_revoked(&self) -> bool {
         self.read_revocation_list().has(self.id)
@@ -119,10 +119,10 @@ impl Ed25519Authenticator {
         self.key.verifying_key().to_bytes()
     }
 
-    /// The drone of the fleet that has a public key, expelled or not.
+    /// The drone of the fleet with this public key, revoked or not. `None` if there is no such drone.
     #[must_use]
-    pub fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
-        self.roster.whose(key)
+    pub fn drone_with_key(&self, key: &[u8; 32]) -> Option<NodeId> {
+        self.roster.drone_with_key(key)
     }
 
     fn key(&self, id: NodeId) -> Option<&VerifyingKey> {

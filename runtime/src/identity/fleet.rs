@@ -1,4 +1,4 @@
-//! A fleet's folder, as its operator keeps it.
+//! The operator's folder of a fleet: its keys and signed lists.
 
 use std::fs::{DirBuilder, File};
 use std::io;
@@ -9,36 +9,36 @@ use ed25519_dalek::SigningKey;
 use muster_machines::identity::NodeId;
 use thiserror::Error;
 
-use super::key::{fresh, is_there, load_secret, write_public, write_secret};
+use super::key::{generate_key, key_exists, load_secret, write_public, write_secret};
 use super::{FleetKey, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 use crate::file::replace;
 
-/// Why a fleet's keys could not be made or its lists changed.
+/// A fleet's keys could not be created, or its lists not changed.
 #[derive(Debug, Error)]
 pub enum KeysError {
-    /// A file of the folder can't be used, or a key is there already; nothing was written.
+    /// A file in the folder can't be used, or a key exists already; nothing was written.
     #[error(transparent)]
     Refused(#[from] BadInput),
-    /// The machine's fault: a file could not be written, and those before it were.
+    /// The system's fault: a file could not be written; earlier files were.
     #[error("can't write {}", path.display())]
     Write {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         source: io::Error,
     },
-    /// The machine's fault: there are no random numbers; nothing was written.
-    #[error("the system has no random numbers")]
+    /// The system's fault: its random generator failed; nothing was written.
+    #[error("the system's random generator failed")]
     Random(#[source] getrandom::Error),
 }
 
-/// A fleet's folder, with its secret key.
+/// An open fleet folder, with the fleet's secret key.
 pub struct Fleet {
     folder: PathBuf,
     key: SigningKey,
-    /// Held so that two commands don't sign two different lists with one number.
+    /// Lock of the folder, so that two commands don't sign different lists with the same number.
     _lock: File,
 }
 
@@ -49,18 +49,18 @@ impl std::fmt::Debug for Fleet {
 }
 
 impl Fleet {
-    /// Makes a fleet's key in a folder, which is made if it is not there, and signs an empty roster and an empty list of
-    /// the expelled.
+    /// Creates a fleet's key in a folder, and signs an empty roster and an empty revocation list. Creates the folder if
+    /// necessary.
     ///
     /// # Errors
-    /// When the folder has a fleet's key already, or can't be written to.
+    /// If the folder has a fleet's key already, or can't be written to.
     pub fn create(folder: &Path) -> Result<Self, KeysError> {
         let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
         made.map_err(|source| KeysError::Write {
             path: folder.to_owned(),
             source,
         })?;
-        let key = fresh()?;
+        let key = generate_key()?;
         write_secret(&folder.join("fleet.key"), &key)?;
         let lock = lock(folder)?;
         write_public(&folder.join("fleet.pub"), &key.verifying_key())?;
@@ -70,15 +70,15 @@ impl Fleet {
             key,
             _lock: lock,
         };
-        fleet.write("roster.toml", &Roster::default().written(&fleet.key))?;
-        fleet.write("revoked.toml", &RevocationList::new(&fleet.key).written())?;
+        fleet.write("roster.toml", &Roster::default().to_toml(&fleet.key))?;
+        fleet.write("revoked.toml", &RevocationList::new(&fleet.key).to_toml())?;
         Ok(fleet)
     }
 
-    /// Opens a fleet's folder.
+    /// Opens a fleet's folder; waits while another command has it locked.
     ///
     /// # Errors
-    /// When its secret key can't be used.
+    /// If its secret key can't be used.
     pub fn open(folder: &Path) -> Result<Self, KeysError> {
         let key = load_secret(&folder.join("fleet.key"))?;
         let lock = lock(folder)?;
@@ -90,38 +90,38 @@ impl Fleet {
         })
     }
 
-    /// Makes a drone's key and takes the drone into the roster; the key's file.
+    /// Creates a drone's key and adds the drone to the roster. Returns the path of the key file.
     ///
     /// # Errors
-    /// When the drone is in the roster already, there is a key for it, or the folder's files can't be used or written.
+    /// If the drone is in the roster or has a key file already, or the folder's files can't be used or written.
     pub fn add_drone(&self, id: NodeId) -> Result<PathBuf, KeysError> {
         let mut roster = Roster::load(&self.folder.join("roster.toml"), &self.public())?;
         let path = self.folder.join(format!("drone-{id}.key"));
         if roster.key(id).is_some() {
-            return Err(is_there(&path).into());
+            return Err(key_exists(&path).into());
         }
-        let key = fresh()?;
+        let key = generate_key()?;
         write_secret(&path, &key)?;
         roster.add(id, key.verifying_key());
-        self.write("roster.toml", &roster.written(&self.key))?;
+        self.write("roster.toml", &roster.to_toml(&self.key))?;
         Ok(path)
     }
 
-    /// Expels drones: puts them on the list, whose number rises; the list.
+    /// Adds drones to the revocation list and increments its number. Returns the list.
     ///
     /// # Errors
-    /// When a drone is not in the roster, or the folder's files can't be used or written.
+    /// If a drone is not in the roster, or the folder's files can't be used or written.
     pub fn revoke(&self, ids: &[NodeId]) -> Result<RevocationList, KeysError> {
         let roster_path = self.folder.join("roster.toml");
         let roster = Roster::load(&roster_path, &self.public())?;
-        if let Some(stranger) = ids.iter().find(|id| roster.key(**id).is_none()) {
-            let message = format!("drone {stranger} is not in the roster");
-            let help = "only a drone of the fleet can be revoked from it";
+        if let Some(unlisted) = ids.iter().find(|id| roster.key(**id).is_none()) {
+            let message = format!("drone {unlisted} is not in the roster");
+            let help = "only drones in the roster can be revoked";
             return Err(BadInput::without_excerpt(&roster_path, message, help).into());
         }
         let mut revoked = RevocationList::load(&self.folder.join("revoked.toml"), &self.public())?;
         revoked.add(ids.iter().copied(), &self.key);
-        self.write("revoked.toml", &revoked.written())?;
+        self.write("revoked.toml", &revoked.to_toml())?;
         Ok(revoked)
     }
 
@@ -140,7 +140,7 @@ impl Fleet {
     }
 }
 
-/// Waits until no other command has a fleet's folder, and has it.
+/// Locks a fleet's folder; waits while another command has it locked.
 fn lock(folder: &Path) -> Result<File, KeysError> {
     let locked = File::open(folder).and_then(|folder| folder.lock().map(|()| folder));
     locked.map_err(|source| KeysError::Write {

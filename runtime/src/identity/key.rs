@@ -1,5 +1,5 @@
-//! Key files: a line that says what it is, and the key in hexadecimal. Secret ones are for nobody but their owner, and
-//! never shown in an error.
+//! Key files: one line with the kind of key and the key in hexadecimal. Secret key files must be readable by their owner
+//! only, and are never shown in errors.
 
 use std::fmt;
 use std::fs::{self, OpenOptions};
@@ -16,10 +16,10 @@ use crate::diagnostic::{BadInput, read_text};
 const SECRET: &str = "muster-ed25519-secret";
 const PUBLIC: &str = "muster-ed25519-public";
 
-/// What others may do to a file, in its mode.
+/// Permission bits of a file's group and of others.
 const OTHERS: u32 = 0o077;
 
-/// A drone's secret key. Its memory is wiped when it goes.
+/// A drone's secret key. Its memory is wiped on drop.
 pub struct DroneKey(pub(super) SigningKey);
 
 impl fmt::Debug for DroneKey {
@@ -32,14 +32,14 @@ impl DroneKey {
     /// Reads a drone's key.
     ///
     /// # Errors
-    /// When the file can't be read, when anyone but its owner can, or when it is no secret key. Nothing of what is in
-    /// it is told.
+    /// If the file can't be read, can be read by anyone but its owner, or is not a secret key. The error shows nothing of
+    /// its content.
     pub fn load(path: &Path) -> Result<Self, BadInput> {
         load_secret(path).map(Self)
     }
 }
 
-/// A fleet's public key: what it has signed is believed.
+/// A fleet's public key, which verifies rosters and revocation lists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FleetKey(pub(super) VerifyingKey);
 
@@ -47,19 +47,19 @@ impl FleetKey {
     /// Reads a fleet's public key.
     ///
     /// # Errors
-    /// When the file can't be read or is no public key.
+    /// If the file can't be read or is not a public key.
     pub fn load(path: &Path) -> Result<Self, BadInput> {
         let text = read_public(path)?;
         let key = (text.trim().strip_prefix(PUBLIC))
             .and_then(|hex| public_key(hex.trim()))
             .ok_or_else(|| {
-                let help = format!("a public key is a line `{PUBLIC}` with 64 hexadecimal digits");
+                let help = format!("a public key is a line `{PUBLIC}` and 64 hexadecimal digits");
                 BadInput::new(path, &text, 0..text.len(), "this is not a public key", help)
             })?;
         Ok(Self(key))
     }
 
-    /// The key as RFC 8032 writes it.
+    /// The key in RFC 8032 encoding.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; 32] {
         self.0.to_bytes()
@@ -71,27 +71,27 @@ impl FleetKey {
     }
 }
 
-/// A key that was never used before.
+/// Generates a key from the system's random generator.
 ///
 /// # Errors
-/// When the system has no random numbers.
-pub(super) fn fresh() -> Result<SigningKey, KeysError> {
+/// If the random generator fails.
+pub(super) fn generate_key() -> Result<SigningKey, KeysError> {
     let mut seed = Zeroizing::new([0; 32]);
     getrandom::fill(&mut *seed).map_err(KeysError::Random)?;
     Ok(SigningKey::from_bytes(&seed))
 }
 
-/// Signs what a fleet says.
+/// Signs a message with a fleet's secret key.
 pub(super) fn sign(key: &SigningKey, message: &[u8]) -> [u8; 64] {
     key.sign(message).to_bytes()
 }
 
-/// What a file says that anyone may read; one with a secret key was taken for another, and is not shown.
+/// Reads a public file. Refuses a file with a secret key, given by mistake, without showing its content.
 pub(super) fn read_public(path: &Path) -> Result<String, BadInput> {
     let text = read_text(path)?;
     if text.contains(SECRET) {
         let _wiped = Zeroizing::new(text);
-        let help = "name the file that anyone may read; what is in this one is not shown";
+        let help = "give the public file; the content of this one is not shown";
         return Err(BadInput::without_excerpt(
             path,
             "this is a secret key",
@@ -105,9 +105,9 @@ pub(super) fn load_secret(path: &Path) -> Result<SigningKey, BadInput> {
     let text = Zeroizing::new(read_text(path)?);
     let mode = fs::metadata(path).map(|metadata| metadata.mode());
     if !mode.is_ok_and(|mode| mode & OTHERS == 0) {
-        let message = "others than its owner can read this secret key";
+        let message = "users other than its owner can read this secret key";
         let help = format!(
-            "chmod 600 {}; if anyone may have read it, revoke the drone and give it another key",
+            "run `chmod 600 {}`; if somebody may have read it, revoke the drone and create a new key",
             path.display()
         );
         return Err(BadInput::without_excerpt(path, message, help));
@@ -115,13 +115,13 @@ pub(super) fn load_secret(path: &Path) -> Result<SigningKey, BadInput> {
     let hex = text.trim().strip_prefix(SECRET).map(str::trim);
     let seed = hex.and_then(|hex| bytes::<32>(hex).map(Zeroizing::new));
     let seed = seed.ok_or_else(|| {
-        let help = "`muster keys` makes keys; what is in this file is not shown";
+        let help = "create keys with `muster keys`; the content of this file is not shown";
         BadInput::without_excerpt(path, "this is not a secret key", help)
     })?;
     Ok(SigningKey::from_bytes(&seed))
 }
 
-/// Writes a secret key that its owner alone can read; a file that is there already is left as it is.
+/// Writes a secret key, readable by its owner only. Fails if the file exists.
 pub(super) fn write_secret(path: &Path, key: &SigningKey) -> Result<(), KeysError> {
     let seed = Zeroizing::new(key.to_bytes());
     let digits = Zeroizing::new(hex(&*seed));
@@ -129,7 +129,7 @@ pub(super) fn write_secret(path: &Path, key: &SigningKey) -> Result<(), KeysErro
     create(path, line.as_bytes(), 0o600)
 }
 
-/// Writes a public key; a file that is there already is left as it is.
+/// Writes a public key. Fails if the file exists.
 pub(super) fn write_public(path: &Path, key: &VerifyingKey) -> Result<(), KeysError> {
     let line = format!("{PUBLIC} {}\n", hex(key.as_bytes()));
     create(path, line.as_bytes(), 0o644)
@@ -143,7 +143,7 @@ fn create(path: &Path, content: &[u8], mode: u32) -> Result<(), KeysError> {
         file.sync_all()
     });
     written.map_err(|source| match source.kind() {
-        io::ErrorKind::AlreadyExists => is_there(path).into(),
+        io::ErrorKind::AlreadyExists => key_exists(path).into(),
         _ => KeysError::Write {
             path: path.to_owned(),
             source,
@@ -151,14 +151,14 @@ fn create(path: &Path, content: &[u8], mode: u32) -> Result<(), KeysError> {
     })
 }
 
-/// A key is there already, which is never written over.
-pub(super) fn is_there(path: &Path) -> BadInput {
-    let message = "there is a key already, and it is not written over";
-    let help = "take another folder or number, or move the file away if nothing needs it any more";
+/// The error for a key file that exists: keys are never overwritten.
+pub(super) fn key_exists(path: &Path) -> BadInput {
+    let message = "this key exists already and is not overwritten";
+    let help = "give another folder or number, or remove the file if it is not needed any more";
     BadInput::without_excerpt(path, message, help)
 }
 
-/// A public key from its digits.
+/// Parses a public key from 64 hexadecimal digits.
 pub(super) fn public_key(digits: &str) -> Option<VerifyingKey> {
     VerifyingKey::from_bytes(&bytes(digits)?).ok()
 }
@@ -167,7 +167,7 @@ pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// So many bytes from two lower-case digits each, and nothing else.
+/// Parses `N` bytes from lower-case hexadecimal digits. `None` for any other text.
 pub(super) fn bytes<const N: usize>(digits: &str) -> Option<[u8; N]> {
     let (pairs, rest) = digits.as_bytes().as_chunks::<2>();
     if pairs.len() != N || !rest.is_empty() {

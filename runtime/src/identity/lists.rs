@@ -1,5 +1,5 @@
-//! What a fleet signs: who belongs to it, and who does not any more. The signature covers what the lists say, not how
-//! their files are written.
+//! The lists that a fleet's key signs: the roster and the revocation list. A signature covers a list's entries and number,
+//! not the text of its file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -14,24 +14,24 @@ use toml::Spanned;
 
 use super::FleetKey;
 use super::key::{hex, public_key, read_public, sign};
-use crate::diagnostic::{BadInput, Form, TomlFile};
+use crate::diagnostic::{BadInput, FileFormat, TomlFile};
 
-/// What the fleet's signature of a roster begins with, so that it stands for nothing else.
+/// Prefix of a signed roster, so that its signature fits no other message.
 const ROSTER: &[u8] = b"muster roster 1\0";
-/// Likewise, of a list of the expelled.
+/// Prefix of a signed revocation list.
 const REVOCATION_LIST: &[u8] = b"muster revoked 1\0";
 
-const ROSTER_FORM: Form = Form {
-    fields: &[],
-    is: "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as `muster keys` writes \
+const ROSTER_FORMAT: FileFormat = FileFormat {
+    fields: || &[],
+    description: "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as `muster keys` writes \
          it",
 };
-const REVOCATION_LIST_FORM: Form = Form {
-    fields: &[],
-    is: "a list of the revoked has `number`, `drones` and `signature`, as `muster keys` writes it",
+const REVOCATION_LIST_FORMAT: FileFormat = FileFormat {
+    fields: || &[],
+    description: "a revocation list has `number`, `drones` and `signature`, as `muster keys` writes it",
 };
 
-/// Which drone of a fleet has which key.
+/// Signed list of a fleet's drones and their public keys.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Roster {
     number: u64,
@@ -55,12 +55,12 @@ struct RawDrone {
 }
 
 impl Roster {
-    /// Reads a roster that the fleet has signed.
+    /// Reads a roster and verifies its signature.
     ///
     /// # Errors
-    /// When the file can't be used, names a drone twice, has a key that is none, or is not signed by the fleet's key.
+    /// If the file can't be used, lists a drone twice, has an invalid key, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
-        let file = TomlFile::<RawRoster>::of(path, read_public(path)?, ROSTER_FORM)?;
+        let file = TomlFile::<RawRoster>::parse(path, read_public(path)?, ROSTER_FORMAT)?;
         let mut roster = Self {
             number: file.raw.number,
             keys: BTreeMap::new(),
@@ -77,42 +77,41 @@ impl Roster {
                 return Err(file.error(drone.id.span(), message));
             }
         }
-        check(&file, fleet, &roster.message(), &file.raw.signature)?;
+        verify(&file, fleet, &roster.message(), &file.raw.signature)?;
         Ok(roster)
     }
 
-    /// A drone's public key, if it belongs to the fleet.
+    /// A drone's public key. `None` if the drone is not in the roster.
     #[must_use]
     pub(super) fn key(&self, id: NodeId) -> Option<&VerifyingKey> {
         self.keys.get(&id)
     }
 
-    /// The drone that has a public key, if it belongs to the fleet.
+    /// The drone with this public key. `None` if no drone has it.
     #[must_use]
-    pub(super) fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
+    pub(super) fn drone_with_key(&self, key: &[u8; 32]) -> Option<NodeId> {
         let found = self.keys.iter().find(|(_, it)| it.as_bytes() == key);
         found.map(|(id, _)| *id)
     }
 
-    /// Who belongs to the fleet.
+    /// The drones of the fleet, in rising order.
     pub fn drones(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.keys.keys().copied()
     }
 
-    /// Takes in another drone; the roster changes.
+    /// Adds a drone and increments the roster's number.
     pub(super) fn add(&mut self, id: NodeId, key: VerifyingKey) {
         self.number += 1;
         self.keys.insert(id, key);
     }
 
-    /// The file that says this.
-    pub(super) fn written(&self, fleet: &SigningKey) -> String {
-        let mut text = heading("Who belongs to the fleet", self.number, "");
-        put_signature(&mut text, &sign(fleet, &self.message()));
+    /// The list as a TOML file.
+    pub(super) fn to_toml(&self, fleet: &SigningKey) -> String {
+        let mut text = heading("The fleet's roster", self.number, "");
+        append_signature(&mut text, &sign(fleet, &self.message()));
         for (id, key) in &self.keys {
             let key = hex(key.as_bytes());
-            let written = write!(text, "\n[[drones]]\nid = {id}\nkey = \"{key}\"\n");
-            written.expect(NEVER_FAILS);
+            write!(text, "\n[[drones]]\nid = {id}\nkey = \"{key}\"\n").expect(NEVER_FAILS);
         }
         text
     }
@@ -127,15 +126,15 @@ impl Roster {
     }
 }
 
-/// How many drones are on a list that is passed on from drone to drone, at most: far more than such a list names.
-const PASSED_ON_MAX: usize = 10_000;
+/// The most drones on a revocation list that drones forward to each other.
+const FORWARDED_MAX: usize = 10_000;
 
-/// Who is not believed any more.
+/// Signed list of drones whose keys are not trusted any more.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RevocationList {
     number: u64,
     drones: BTreeSet<NodeId>,
-    /// The fleet's, of both.
+    /// The fleet's signature of number and drones.
     signature: [u8; 64],
 }
 
@@ -148,23 +147,23 @@ struct RawRevocationList {
 }
 
 impl RevocationList {
-    /// Reads a list that the fleet has signed.
+    /// Reads a list and verifies its signature.
     ///
     /// # Errors
-    /// When the file can't be used, or is not signed by the fleet's key.
+    /// If the file can't be used, or is not signed by the fleet's key.
     pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
         let file =
-            TomlFile::<RawRevocationList>::of(path, read_public(path)?, REVOCATION_LIST_FORM)?;
+            TomlFile::<RawRevocationList>::parse(path, read_public(path)?, REVOCATION_LIST_FORMAT)?;
         let mut revoked = Self {
             number: file.raw.number,
             drones: file.raw.drones.iter().copied().map(NodeId).collect(),
             signature: [0; 64],
         };
-        revoked.signature = check(&file, fleet, &revoked.message(), &file.raw.signature)?;
+        revoked.signature = verify(&file, fleet, &revoked.message(), &file.raw.signature)?;
         Ok(revoked)
     }
 
-    /// A list of nobody, the first that a fleet has.
+    /// A fleet's first list: number 1, without drones.
     pub(super) fn new(fleet: &SigningKey) -> Self {
         let mut revoked = Self {
             number: 0,
@@ -175,11 +174,11 @@ impl RevocationList {
         revoked
     }
 
-    /// Reads a list that another drone has passed on; nothing if the fleet has not signed it.
-    pub(super) fn from_bytes(passed_on: &[u8], fleet: &FleetKey) -> Option<Self> {
-        let (signature, list) = passed_on.split_first_chunk::<64>()?;
+    /// Decodes a list that another drone forwarded. `None` if it is malformed or not signed by the fleet's key.
+    pub(super) fn from_bytes(forwarded: &[u8], fleet: &FleetKey) -> Option<Self> {
+        let (signature, list) = forwarded.split_first_chunk::<64>()?;
         let (number, drones): (u64, NodeSet) = postcard::from_bytes(list).ok()?;
-        if drones.len() > PASSED_ON_MAX {
+        if drones.len() > FORWARDED_MAX {
             return None;
         }
         let revoked = Self {
@@ -191,55 +190,55 @@ impl RevocationList {
         is_signed.then_some(revoked)
     }
 
-    /// The list as it is passed on from drone to drone; nothing if it would not fit a datagram.
+    /// Encodes the list for forwarding between drones. `None` if it would not fit into a datagram.
     pub(super) fn to_bytes(&self) -> Option<Bytes> {
         let drones: NodeSet = self.drones.iter().copied().collect();
-        if drones.len() > PASSED_ON_MAX {
+        if drones.len() > FORWARDED_MAX {
             return None;
         }
         let list = postcard::to_stdvec(&(self.number, drones)).expect("a list has a binary form");
-        let passed_on = [&self.signature[..], &list].concat();
-        // A packet begins with its kind.
-        (passed_on.len() < PAYLOAD_MAX).then(|| passed_on.into())
+        let forwarded = [&self.signature[..], &list].concat();
+        // Not equal: a packet begins with a byte for its kind.
+        (forwarded.len() < PAYLOAD_MAX).then(|| forwarded.into())
     }
 
-    /// Whether it can be passed on from drone to drone: it fits a datagram.
+    /// Whether the list fits into a datagram, so that drones can forward it to each other.
     #[must_use]
-    pub fn can_be_passed_on(&self) -> bool {
+    pub fn fits_datagram(&self) -> bool {
         self.to_bytes().is_some()
     }
 
-    /// A number that rises with each change of the list, from 1.
+    /// The list's number: from 1, incremented at each change.
     #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
     }
 
-    /// Whether a drone is on it.
+    /// Whether a drone is revoked.
     #[must_use]
     pub fn has(&self, id: NodeId) -> bool {
         self.drones.contains(&id)
     }
 
-    /// Who is on it.
+    /// The revoked drones, in rising order.
     pub fn drones(&self) -> impl Iterator<Item = NodeId> + '_ {
         self.drones.iter().copied()
     }
 
-    /// Puts other drones on it, or nobody; the list changes, and is signed.
+    /// Adds drones, increments the number and signs the list.
     pub(super) fn add(&mut self, ids: impl IntoIterator<Item = NodeId>, fleet: &SigningKey) {
         self.number += 1;
         self.drones.extend(ids);
         self.signature = sign(fleet, &self.message());
     }
 
-    /// The file that says this.
+    /// The list as a TOML file.
     #[must_use]
-    pub fn written(&self) -> String {
+    pub fn to_toml(&self) -> String {
         let ids: Vec<_> = self.drones.iter().map(ToString::to_string).collect();
         let drones = format!("drones = [{}]\n", ids.join(", "));
-        let mut text = heading("Who was revoked from the fleet", self.number, &drones);
-        put_signature(&mut text, &self.signature);
+        let mut text = heading("The fleet's revocation list", self.number, &drones);
+        append_signature(&mut text, &self.signature);
         text
     }
 
@@ -254,19 +253,19 @@ impl RevocationList {
 
 const NEVER_FAILS: &str = "writing to a string can't fail";
 
-fn heading(what: &str, number: u64, more: &str) -> String {
+fn heading(title: &str, number: u64, fields: &str) -> String {
     format!(
-        "# {what}, signed by its key: `muster keys` writes this file.\nnumber = {number}\n{more}"
+        "# {title}, signed with the fleet's key. Written by `muster keys`.\nnumber = {number}\n{fields}"
     )
 }
 
-fn put_signature(text: &mut String, signature: &[u8; 64]) {
+fn append_signature(text: &mut String, signature: &[u8; 64]) {
     let signature = hex(signature);
     writeln!(text, "signature = \"{signature}\"").expect(NEVER_FAILS);
 }
 
-/// The signature, if it is the fleet's.
-fn check<T>(
+/// The signature, verified with the fleet's key.
+fn verify<T>(
     file: &TomlFile<T>,
     fleet: &FleetKey,
     message: &[u8],
@@ -276,7 +275,7 @@ fn check<T>(
     if let Some(bytes) = bytes.filter(|it| fleet.has_signed(message, it)) {
         return Ok(bytes);
     }
-    let message = "this is not the fleet's signature of what is listed here";
-    let help = "take the files as `muster keys` wrote them, all from one fleet's folder, and change nothing in them";
+    let message = "the signature does not match the fleet's key and the entries of this file";
+    let help = "give the files of one fleet's folder, unchanged, as `muster keys` wrote them";
     Err(file.error_with(signature.span(), message, help))
 }

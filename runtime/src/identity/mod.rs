@@ -1,18 +1,17 @@
-//! Who belongs to a fleet, and how drones prove it.
+//! Membership of a fleet, and authentication of its drones.
 //!
-//! A fleet has a key, which stays with its operator. It signs the roster, which says which drone has which key, and the
-//! list of who was expelled. Each drone has a key of its own, with which it signs what it says, and the fleet's public
-//! key, pinned: it believes a roster and a list that are signed by that key, and nothing else.
+//! The operator keeps the fleet's secret key. It signs the roster (each drone's public key) and the revocation list. Each
+//! drone signs its frames with its own key. It has the fleet's public key pinned and trusts only lists signed by that key.
 //!
-//! What a fleet's folder holds:
+//! Files in a fleet's folder:
 //!
-//! | file | what it is | who needs it |
+//! | file | content | needed by |
 //! | --- | --- | --- |
-//! | `fleet.key` | the fleet's secret key | the operator, and nobody else |
-//! | `fleet.pub` | its public key | each drone |
+//! | `fleet.key` | the fleet's secret key | the operator only |
+//! | `fleet.pub` | the fleet's public key | each drone |
 //! | `roster.toml` | each drone's public key, signed | each drone |
-//! | `expelled.toml` | who is not believed any more, signed, with a number that rises | each drone |
-//! | `drone-ID.key` | a drone's secret key | that drone, and nobody else |
+//! | `revoked.toml` | the revocation list: a rising number and revoked drones, signed | each drone |
+//! | `drone-ID.key` | a drone's secret key | that drone only |
 
 mod authenticator;
 mod fleet;
@@ -20,7 +19,7 @@ mod key;
 mod lists;
 mod operator;
 
-pub use authenticator::{Ed25519Authenticator, OlderList, Untrusted};
+pub use authenticator::{Ed25519Authenticator, OutdatedList, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
 pub use key::{DroneKey, FleetKey};
 pub use lists::{RevocationList, Roster};

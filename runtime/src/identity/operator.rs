@@ -9,7 +9,7 @@ use super::key::load_secret;
 use super::{FleetKey, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 
-/// What an operator speaks with drones by: the fleet's secret key, and the lists that it has signed.
+/// An operator's credentials: the fleet's secret key and its signed lists.
 pub struct OperatorKey {
     key: SigningKey,
     roster: Roster,
@@ -23,10 +23,10 @@ impl std::fmt::Debug for OperatorKey {
 }
 
 impl OperatorKey {
-    /// Reads what a fleet's folder has.
+    /// Reads the credentials from a fleet's folder.
     ///
     /// # Errors
-    /// When its secret key or a list can't be used.
+    /// If its secret key or a list can't be used.
     pub fn load(folder: &Path) -> Result<Self, BadInput> {
         let key = load_secret(&folder.join("fleet.key"))?;
         let public = FleetKey(key.verifying_key());
@@ -43,10 +43,10 @@ impl OperatorKey {
         self.key.verifying_key().to_bytes()
     }
 
-    /// The drone of the fleet that has a public key.
+    /// The drone of the fleet with this public key. `None` if there is no such drone.
     #[must_use]
-    pub fn whose(&self, key: &[u8; 32]) -> Option<NodeId> {
-        self.roster.whose(key)
+    pub fn drone_with_key(&self, key: &[u8; 32]) -> Option<NodeId> {
+        self.roster.drone_with_key(key)
     }
 }
 
@@ -55,13 +55,18 @@ impl Authenticator for OperatorKey {
         !self.revoked.has(sender)
     }
 
-    /// What is signed here must not pass for one of the fleet's lists, which begin with their names.
+    /// The covered bytes must not begin with the prefix of a roster or a revocation list, which the same key signs.
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         self.key.sign(covered).to_bytes()
     }
 
-    fn verify(&self, sender: NodeId, covered: &[u8], it: &[u8; AUTHENTICATOR_LEN]) -> bool {
-        let signature = Signature::from_bytes(it);
+    fn verify(
+        &self,
+        sender: NodeId,
+        covered: &[u8],
+        authenticator: &[u8; AUTHENTICATOR_LEN],
+    ) -> bool {
+        let signature = Signature::from_bytes(authenticator);
         let key = self.roster.key(sender);
         key.is_some_and(|key| key.verify_strict(covered, &signature).is_ok())
     }

@@ -42,18 +42,18 @@ fn revoked(folder: &TempDir) -> RevocationList {
     RevocationList::load(&path(folder, "revoked.toml"), &public(folder)).unwrap()
 }
 
-/// With the list of the expelled that the fleet has now.
+/// A drone's authenticator with the fleet's current revocation list.
 fn authenticator(folder: &TempDir, id: u32) -> Ed25519Authenticator {
     identified(folder, id, key(folder, id)).unwrap()
 }
 
-fn identified(folder: &TempDir, id: u32, key: DroneKey) -> Result<Ed25519Authenticator, Untrusted> {
+fn identified(folder: &TempDir, id: u32, key: DroneKey) -> Result<Ed25519Authenticator, IdentityMismatch> {
     let (roster, revoked) = (roster(folder), revoked(folder));
     Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, revoked)
 }
 
 #[test]
-fn a_drone_is_believed_by_the_others_and_speaks_for_no_other() {
+fn signature_verifies_for_its_sender_and_no_other_drone() {
     let (folder, _) = fleet();
     let signature = authenticator(&folder, 0).sign(FRAME);
     let other = authenticator(&folder, 1);
@@ -66,7 +66,7 @@ fn a_drone_is_believed_by_the_others_and_speaks_for_no_other() {
 }
 
 #[test]
-fn a_drone_of_another_fleet_is_not_believed() {
+fn signatures_and_lists_of_another_fleet_are_refused() {
     let ((ours, _), (theirs, _)) = (fleet(), fleet());
     let signature = authenticator(&theirs, 0).sign(FRAME);
     assert!(!authenticator(&ours, 1).verify(NodeId(0), FRAME, &signature));
@@ -75,18 +75,18 @@ fn a_drone_of_another_fleet_is_not_believed() {
 }
 
 #[test]
-fn a_drone_that_is_not_who_the_roster_says_does_not_start() {
+fn drone_that_does_not_match_the_roster_gets_no_authenticator() {
     let (folder, fleet) = fleet();
     let refused = |id| identified(&folder, id, key(&folder, 0)).unwrap_err();
-    assert_eq!(refused(7), Untrusted::NotListed(NodeId(7)));
-    assert_eq!(refused(1), Untrusted::OtherKey(NodeId(1)));
+    assert_eq!(refused(7), IdentityMismatch::NotListed(NodeId(7)));
+    assert_eq!(refused(1), IdentityMismatch::OtherKey(NodeId(1)));
     fleet.revoke(&[NodeId(0)]).unwrap();
     let refusal = refused(0);
-    assert_eq!(refusal, Untrusted::Revoked(NodeId(0)));
+    assert_eq!(refusal, IdentityMismatch::Revoked(NodeId(0)));
 }
 
 #[test]
-fn whoever_is_expelled_is_trusted_no_more_and_an_older_list_takes_nothing_back() {
+fn revoked_drone_is_distrusted_and_an_older_list_changes_nothing() {
     let (folder, fleet) = fleet();
     let load = || revoked(&folder);
     let before = load();
@@ -107,7 +107,7 @@ fn whoever_is_expelled_is_trusted_no_more_and_an_older_list_takes_nothing_back()
 }
 
 #[test]
-fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if_it_is_newer() {
+fn forwarded_list_is_taken_if_signed_by_the_fleet_and_newer() {
     let (folder, fleet) = fleet();
     let listener = authenticator(&folder, 0);
     let older = listener.list().unwrap();
@@ -125,7 +125,7 @@ fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if
     assert!(!listener.is_trusted(NodeId(2)) && !listener.is_revoked());
     assert_eq!(listener.take_list(&older), Offer::Older);
     assert!(!listener.is_trusted(NodeId(2)));
-    // What was passed on is as good as the operator's file.
+    // A forwarded list equals the operator's file.
     assert_eq!(listener.revoked(), revoked(&folder));
     assert_eq!(listener.list(), Some(newer));
 
@@ -141,12 +141,12 @@ fn a_list_that_is_passed_on_is_believed_if_the_fleet_has_signed_it_and_counts_if
 }
 
 #[test]
-fn a_list_that_does_not_fit_a_datagram_is_not_passed_on() {
+fn list_too_long_for_a_datagram_is_not_forwarded() {
     let (folder, fleet) = fleet();
     for (drones, apart, fits) in [(400, 10_000, true), (600, 2, true), (700, 2, false)] {
         let mut list = revoked(&folder);
         list.add((0..drones).map(|id| NodeId(apart * id)), fleet.key());
-        assert_eq!(list.can_be_passed_on(), fits, "{drones} drones");
+        assert_eq!(list.fits_datagram(), fits, "{drones} drones");
         let bytes = list.to_bytes();
         assert!(bytes.as_ref().is_none_or(|it| it.len() < PAYLOAD_MAX));
         let read = bytes.map(|it| RevocationList::from_bytes(&it, &public(&folder)));
@@ -155,7 +155,7 @@ fn a_list_that_does_not_fit_a_datagram_is_not_passed_on() {
 }
 
 #[test]
-fn nobody_is_expelled_who_does_not_belong_to_the_fleet() {
+fn drone_outside_the_roster_cannot_be_revoked() {
     let (folder, fleet) = fleet();
     let file = path(&folder, "revoked.toml");
     let before = fs::read(&file).unwrap();
@@ -167,7 +167,7 @@ fn nobody_is_expelled_who_does_not_belong_to_the_fleet() {
 }
 
 #[test]
-fn secret_keys_are_for_their_owner_alone() {
+fn secret_keys_must_be_readable_by_their_owner_only() {
     let (folder, _) = fleet();
     for name in ["fleet.key", "drone-0.key"] {
         let file = path(&folder, name);
@@ -178,17 +178,17 @@ fn secret_keys_are_for_their_owner_alone() {
     for mode in [0o640, 0o604, 0o622] {
         fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
         let refusal = DroneKey::load(&file).unwrap_err();
-        assert!(refusal.to_string().contains("others"), "{refusal}");
+        assert!(refusal.to_string().contains("other than"), "{refusal}");
     }
 }
 
 #[test]
-fn no_key_is_written_over() {
+fn keys_are_never_overwritten() {
     let (folder, fleet) = fleet();
     let all = ["fleet.key", "drone-1.key", "roster.toml"];
     let before = all.map(|name| fs::read(path(&folder, name)).unwrap());
-    let again = Fleet::create(&folder.path().join("fleet"));
-    assert!(matches!(again, Err(KeysError::Refused(_))));
+    let second = Fleet::create(&folder.path().join("fleet"));
+    assert!(matches!(second, Err(KeysError::Refused(_))));
     assert!(matches!(
         fleet.add_drone(NodeId(1)),
         Err(KeysError::Refused(_))
@@ -200,7 +200,7 @@ fn no_key_is_written_over() {
 }
 
 #[test]
-fn a_refused_secret_is_not_shown() {
+fn refused_secret_key_is_not_shown() {
     let (folder, _) = fleet();
     let file = path(&folder, "drone-0.key");
     let secret = fs::read_to_string(&file).unwrap();
@@ -212,8 +212,8 @@ fn a_refused_secret_is_not_shown() {
     assert!(refusal.source_code().is_none());
 }
 
-/// A refusal of a file in which `from` was made `to`.
-fn spoilt(folder: &TempDir, name: &str, from: &str, to: &str) -> String {
+/// The error of a file in which `from` is replaced by `to`.
+fn error_after_change(folder: &TempDir, name: &str, from: &str, to: &str) -> String {
     let file = path(folder, name);
     let text = fs::read_to_string(&file).unwrap();
     assert!(text.contains(from), "{text}");
@@ -229,7 +229,7 @@ fn spoilt(folder: &TempDir, name: &str, from: &str, to: &str) -> String {
 }
 
 #[test]
-fn lists_in_which_anything_was_changed_are_refused() {
+fn changed_lists_are_refused() {
     let (folder, fleet) = fleet();
     fleet.revoke(&[NodeId(1)]).unwrap();
     for (name, from, to, says) in [
@@ -242,13 +242,13 @@ fn lists_in_which_anything_was_changed_are_refused() {
         ("revoked.toml", "[1]", "[]", "signature"),
         ("revoked.toml", "drones", "drohnen", "unknown field"),
     ] {
-        let said = spoilt(&folder, name, from, to);
-        assert!(said.contains(says), "{name}, {from} made {to}: {said}");
+        let error = error_after_change(&folder, name, from, to);
+        assert!(error.contains(says), "{name}, {from} -> {to}: {error}");
     }
 }
 
 #[test]
-fn comments_may_be_added_to_a_list() {
+fn comments_in_a_list_keep_its_signature_valid() {
     let (folder, _) = fleet();
     let file = path(&folder, "roster.toml");
     let text = fs::read_to_string(&file).unwrap();
@@ -257,7 +257,7 @@ fn comments_may_be_added_to_a_list() {
 }
 
 #[test]
-fn a_secret_key_that_is_named_in_the_place_of_a_public_file_is_refused_and_not_shown() {
+fn secret_key_given_as_public_file_is_refused_and_not_shown() {
     let (folder, _) = fleet();
     let secret = path(&folder, "fleet.key");
     let digits = fs::read_to_string(&secret).unwrap();

@@ -1,4 +1,4 @@
-//! A journal's bytes on a disk.
+//! Storage of a journal on disk.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -10,47 +10,47 @@ use thiserror::Error;
 use super::Storage;
 use crate::file::{replace, sync_folder_of};
 
-/// The file with the records, in a journal's folder.
+/// Name of the file with the records.
 pub(super) const FILE: &str = "journal";
-/// The file with the number of the record up to which all last, and its checksum.
-const LASTING: &str = "lasting";
+/// Name of the file with the number of the last synced record, and its checksum.
+const LAST_SYNCED_FILE: &str = "lasting";
 
-/// The folder of a drone's journal, which no other process can have meanwhile.
+/// The folder of a drone's journal, locked against other processes.
 ///
-/// Its file `journal` is only added to, and now and then replaced as a whole. What could not be added whole is cut off
-/// again, so that what comes after it can be read.
+/// The file `journal` is appended to, and replaced as a whole on compaction. A partial append is truncated, so that later
+/// records can be read.
 #[derive(Debug)]
 pub struct Folder {
     path: PathBuf,
     file: File,
     len: u64,
-    lasting: File,
-    /// Held as long as this process lives, however it ends.
+    last_synced: File,
+    /// Lock that the system releases when the process ends.
     _lock: File,
 }
 
-/// Why a journal's folder can't be had: the machine's fault, or another process's.
+/// A journal's folder can't be opened: the system's fault, or another process has it.
 #[derive(Debug, Error)]
 pub enum FolderError {
-    /// Another process has it.
+    /// Another process has the lock.
     #[error("another process has the journal in {}", .0.display())]
     Taken(PathBuf),
-    /// It can't be made, or its files not be opened.
+    /// The folder can't be created, or its files not be opened.
     #[error("can't use the journal in {}", path.display())]
     Unusable {
         /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         source: io::Error,
     },
 }
 
 impl Folder {
-    /// Opens a folder, which is made if it is not there.
+    /// Opens and locks a folder; creates it if necessary.
     ///
     /// # Errors
-    /// When another process has it, or the system refuses.
+    /// If another process has it, or the system refuses.
     pub fn open(folder: &Path) -> Result<Self, FolderError> {
         let unusable = |source| FolderError::Unusable {
             path: folder.to_owned(),
@@ -68,12 +68,14 @@ impl Folder {
         let len = file.metadata().map_err(unusable)?.len();
         let mut options = OpenOptions::new();
         let options = options.create(true).truncate(false).read(true).write(true);
-        let lasting = options.open(folder.join(LASTING)).map_err(unusable)?;
+        let last_synced = options
+            .open(folder.join(LAST_SYNCED_FILE))
+            .map_err(unusable)?;
         Ok(Self {
             path,
             file,
             len,
-            lasting,
+            last_synced,
             _lock: lock,
         })
     }
@@ -108,24 +110,24 @@ impl Storage for Folder {
         Ok(())
     }
 
-    fn lasting(&mut self) -> io::Result<u64> {
+    fn last_synced(&mut self) -> io::Result<u64> {
         let mut note = [0; NOTE_LEN];
-        match self.lasting.read_exact_at(&mut note, 0) {
-            Ok(()) => Ok(read_note(note)),
+        match self.last_synced.read_exact_at(&mut note, 0) {
+            Ok(()) => Ok(decode_note(note)),
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(0),
             Err(error) => Err(error),
         }
     }
 
-    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
-        self.lasting.write_all_at(&note(number), 0)
+    fn set_last_synced(&mut self, number: u64) -> io::Result<()> {
+        self.last_synced.write_all_at(&encode_note(number), 0)
     }
 }
 
-/// The number, lowest byte first, and its checksum.
+/// Length of the note: the number, little-endian, and its checksum.
 const NOTE_LEN: usize = 12;
 
-fn note(number: u64) -> [u8; NOTE_LEN] {
+fn encode_note(number: u64) -> [u8; NOTE_LEN] {
     let mut note = [0; NOTE_LEN];
     let (written, checksum) = note.split_at_mut(8);
     written.copy_from_slice(&number.to_le_bytes());
@@ -133,11 +135,15 @@ fn note(number: u64) -> [u8; NOTE_LEN] {
     note
 }
 
-/// The number of a note that is whole; 0 of any other.
-fn read_note(bytes: [u8; NOTE_LEN]) -> u64 {
+/// The number in a valid note; 0 otherwise.
+fn decode_note(bytes: [u8; NOTE_LEN]) -> u64 {
     let [a, b, c, d, e, f, g, h, ..] = bytes;
     let number = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
-    if note(number) == bytes { number } else { 0 }
+    if encode_note(number) == bytes {
+        number
+    } else {
+        0
+    }
 }
 
 #[cfg(test)]
@@ -153,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_kept_is_there_for_the_next_life() {
+    fn checkpoints_survive_to_the_next_incarnation() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/inside");
         for incarnation in 1..=3 {
@@ -170,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_journal_is_for_one_process_at_a_time() {
+    fn journal_is_locked_by_one_process_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
         let first = Folder::open(folder.path()).unwrap();
         let second = Folder::open(folder.path());
@@ -180,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn what_replaces_a_journal_is_all_that_is_left_of_it() {
+    fn replacement_removes_all_earlier_bytes() {
         let folder = tempfile::tempdir().unwrap();
         let mut storage = Folder::open(folder.path()).unwrap();
         storage.append(b"before").unwrap();

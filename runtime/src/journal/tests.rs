@@ -8,59 +8,25 @@ use rand_chacha::ChaCha8Rng;
 
 use super::*;
 
-#[derive(Debug, Default, Clone)]
-struct Memory(Vec<u8>, u64);
-
-impl Storage for Memory {
-    fn read(&mut self) -> io::Result<Vec<u8>> {
-        Ok(self.0.clone())
-    }
-
-    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.extend_from_slice(bytes);
-        Ok(())
-    }
-
-    fn sync(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn replace(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0 = bytes.to_vec();
-        Ok(())
-    }
-
-    fn lasting(&mut self) -> io::Result<u64> {
-        Ok(self.1)
-    }
-
-    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
-        self.1 = number;
-        Ok(())
-    }
-}
-
 fn counter(counter: u64) -> Checkpoint {
     Checkpoint::Radio(radio::Checkpoint { counter })
 }
 
 fn mission(opened: u16) -> Checkpoint {
-    let checkpoint = mission::Checkpoint {
-        opened: Some(opened),
-        ..mission::Checkpoint::default()
-    };
+    let mut checkpoint = mission::Checkpoint::default();
+    checkpoint.progress.opened = Some(opened);
     Checkpoint::Mission(Box::new(checkpoint))
 }
 
-fn keep(journal: &mut Journal<Memory>, all: &mut Checkpoints, checkpoint: &Checkpoint) {
+fn keep(journal: &mut Journal<MemoryStorage>, all: &mut Checkpoints, checkpoint: &Checkpoint) {
     all.keep(checkpoint.clone());
     journal.add(checkpoint, all).unwrap();
     journal.sync().unwrap();
 }
 
 #[test]
-fn the_newest_checkpoint_of_each_machine_outlives_the_process() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn newest_checkpoint_of_each_machine_survives_a_restart() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     assert_eq!(all.boot(), 1);
     for checkpoint in [counter(1), mission(2), counter(3)] {
         keep(&mut journal, &mut all, &checkpoint);
@@ -72,127 +38,128 @@ fn the_newest_checkpoint_of_each_machine_outlives_the_process() {
 }
 
 #[test]
-fn a_journal_does_not_grow_for_ever() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn journal_is_compacted_above_its_limit() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     for opened in 0..u16::MAX {
         keep(&mut journal, &mut all, &mission(opened));
     }
-    assert!(journal.storage.0.len() < 2 * COMPACT_ABOVE);
+    assert!(journal.storage.bytes.len() < 2 * COMPACT_ABOVE);
     let (_, found) = Journal::open(journal.into_storage()).unwrap();
     let Some(Checkpoint::Mission(mission)) = found.iter().nth(1) else {
         panic!("{found:?}");
     };
-    assert_eq!(mission.opened, Some(u16::MAX - 1));
+    assert_eq!(mission.progress.opened, Some(u16::MAX - 1));
 }
 
 #[test]
-fn a_journal_whose_beginning_is_damaged_is_refused_and_left_as_it_is() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn journal_with_damaged_magic_is_refused() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     keep(&mut journal, &mut all, &mission(3));
-    let mut bytes = journal.into_storage().0;
+    let mut bytes = journal.into_storage().bytes;
     bytes[0] ^= 1;
-    let error = Journal::open(Memory(bytes, 0)).unwrap_err();
+    let error = Journal::open(MemoryStorage::with_bytes(bytes)).unwrap_err();
     assert_eq!(error.kind(), io::ErrorKind::InvalidData);
 }
 
-/// A journal with a mission's checkpoint, a record of another version's, and a radio's checkpoint behind it.
+/// A journal with a mission checkpoint, a record of another version, and a radio checkpoint.
 fn with_unknown_record() -> Vec<u8> {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     keep(&mut journal, &mut all, &mission(3));
-    let mut bytes = journal.into_storage().0;
-    frame(&[77, 1, 2, 3], &mut bytes);
-    write(9, &Record::Checkpoint(counter(5)), &mut bytes);
+    let mut bytes = journal.into_storage().bytes;
+    frame_record(&[77, 1, 2, 3], &mut bytes);
+    append_record(9, &Record::Checkpoint(counter(5)), &mut bytes);
     bytes
 }
 
 #[test]
-fn a_whole_record_that_is_not_understood_is_no_torn_end() {
+fn complete_record_of_another_version_is_refused() {
     let bytes = with_unknown_record();
-    let refused = Journal::open(Memory(bytes.clone(), 0)).unwrap_err();
+    let refused = Journal::open(MemoryStorage::with_bytes(bytes.clone())).unwrap_err();
     assert_eq!(refused.kind(), io::ErrorKind::InvalidData);
     let at = bytes.windows(4).position(|it| it == [77, 1, 2, 3]).unwrap() - HEADING_LEN;
-    let says = format!("the record at byte {at} is whole");
+    let says = format!("the record at byte {at} is of another version");
     assert!(refused.to_string().starts_with(&says), "{refused}");
 
-    // Nor is one that goes on where this version's ends.
-    let (journal, _) = Journal::open(Memory::default()).unwrap();
-    let mut longer = journal.into_storage().0;
+    // A record with more bytes than this version's is of another version, too.
+    let (journal, _) = Journal::open(MemoryStorage::default()).unwrap();
+    let mut longer = journal.into_storage().bytes;
     let known = postcard::to_stdvec(&(9_u64, Record::Checkpoint(counter(5)))).unwrap();
-    frame(&[known, vec![1]].concat(), &mut longer);
-    Journal::open(Memory(longer, 0)).unwrap_err();
+    frame_record(&[known, vec![1]].concat(), &mut longer);
+    Journal::open(MemoryStorage::with_bytes(longer)).unwrap_err();
 }
 
 #[test]
-fn in_flight_what_is_understood_counts_and_the_rest_is_still_there_for_the_next_life() {
+fn in_flight_unknown_records_are_skipped_and_preserved() {
     let mut bytes = with_unknown_record();
     for incarnation in 2..5 {
-        let (mut journal, mut all) = Journal::open_in_flight(Memory(bytes, 0)).unwrap();
-        assert!(!journal.is_understood());
+        let (mut journal, mut all) =
+            Journal::open_in_flight(MemoryStorage::with_bytes(bytes)).unwrap();
+        assert!(!journal.is_intact());
         assert_eq!(all.boot(), incarnation);
         assert!(all.holds(&counter(5)) && all.state() == mission::State::default());
         (0..u16::MAX / 4).for_each(|opened| keep(&mut journal, &mut all, &mission(opened)));
         keep(&mut journal, &mut all, &mission(3));
-        bytes = journal.into_storage().0;
-        Journal::open(Memory(bytes.clone(), 0)).unwrap_err();
+        bytes = journal.into_storage().bytes;
+        Journal::open(MemoryStorage::with_bytes(bytes.clone())).unwrap_err();
     }
 }
 
 #[test]
-fn zeros_at_the_end_are_what_a_disk_had_not_written_yet() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn zeros_at_the_end_are_a_torn_end() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     keep(&mut journal, &mut all, &counter(7));
-    let mut bytes = journal.into_storage().0;
+    let mut bytes = journal.into_storage().bytes;
     bytes.extend_from_slice(&[0; 512]);
-    let (_, found) = Journal::open(Memory(bytes, 0)).unwrap();
+    let (_, found) = Journal::open(MemoryStorage::with_bytes(bytes)).unwrap();
     assert!(found.holds(&counter(7)));
 }
 
 #[test]
-fn a_journal_of_the_last_life_that_has_a_number_is_refused() {
+fn journal_without_incarnation_number_left_is_refused() {
     let mut bytes = MAGIC.to_vec();
-    write(1, &Record::Boot(u32::MAX), &mut bytes);
-    let error = Journal::open(Memory(bytes, 0)).unwrap_err();
+    append_record(1, &Record::Boot(u32::MAX), &mut bytes);
+    let error = Journal::open(MemoryStorage::with_bytes(bytes)).unwrap_err();
     assert_eq!(error.kind(), io::ErrorKind::InvalidData);
 }
 
 proptest! {
     #[test]
-    fn whatever_is_torn_off_or_altered_at_the_end_what_stood_before_is_found(
+    fn records_before_a_torn_end_are_found(
         cut in 0_usize..60,
         garbage in proptest::collection::vec(any::<u8>(), 0..40),
     ) {
-        let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+        let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
         keep(&mut journal, &mut all, &counter(7));
-        let whole = journal.storage.0.len();
+        let synced_len = journal.storage.bytes.len();
         keep(&mut journal, &mut all, &counter(8));
-        let mut bytes = journal.into_storage().0;
-        bytes.truncate(bytes.len().saturating_sub(cut).max(whole));
+        let mut bytes = journal.into_storage().bytes;
+        bytes.truncate(bytes.len().saturating_sub(cut).max(synced_len));
         bytes.extend_from_slice(&garbage);
-        let (_, found) = Journal::open(Memory(bytes, 0)).unwrap();
+        let (_, found) = Journal::open(MemoryStorage::with_bytes(bytes)).unwrap();
         let found: Vec<_> = found.iter().collect();
         prop_assert!(found.contains(&counter(7)) || found.contains(&counter(8)), "{found:?}");
     }
 }
 
 #[test]
-fn a_journal_has_these_bytes() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn journal_has_golden_bytes() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     keep(&mut journal, &mut all, &counter(7));
-    let Memory(bytes, lasting) = journal.into_storage();
+    let MemoryStorage { bytes, last_synced } = journal.into_storage();
     let records: [&[u8]; 3] = [
-        // The length, the checksum; the number, which kind, which life.
+        // Length, checksum; number, kind, incarnation.
         &[3, 0, 0, 0, 179, 131, 132, 137, 1, 0, 1],
-        // Likewise, a checkpoint of the radio's, in which it has counted to 0 and to 7.
+        // Length, checksum; number, kind, and a radio checkpoint with counter 0, then 7.
         &[4, 0, 0, 0, 160, 125, 143, 138, 2, 1, 0, 0],
         &[4, 0, 0, 0, 102, 143, 87, 172, 3, 1, 0, 7],
     ];
     assert_eq!(bytes, [&MAGIC[..], &records.concat()].concat());
-    assert_eq!(lasting, 3);
+    assert_eq!(last_synced, 3);
 }
 
-/// A journal in its second life, in which all was made to last, and the newest checkpoints.
-fn of_a_flight() -> (Memory, Vec<Checkpoint>) {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+/// A journal in its second incarnation, all of it synced, and the newest checkpoints.
+fn journal_of_a_flight() -> (MemoryStorage, Vec<Checkpoint>) {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     (1..20).for_each(|it| keep(&mut journal, &mut all, &mission(it)));
     let (mut journal, mut all) = Journal::open(journal.into_storage()).unwrap();
     for it in 20..60 {
@@ -202,106 +169,120 @@ fn of_a_flight() -> (Memory, Vec<Checkpoint>) {
     (journal.into_storage(), all.iter().collect())
 }
 
-/// Where each record begins, and where the last ends.
-fn bounds(bytes: &[u8]) -> Vec<usize> {
+/// Offsets at which records begin, and of the last one's end.
+fn record_bounds(bytes: &[u8]) -> Vec<usize> {
     let mut bounds = vec![MAGIC.len()];
-    while let Some(body) = whole(&bytes[bounds[bounds.len() - 1]..]) {
+    while let Some(body) = complete_record(&bytes[bounds[bounds.len() - 1]..]) {
         bounds.push(bounds[bounds.len() - 1] + HEADING_LEN + body.len());
     }
     bounds
 }
 
-#[test]
-fn of_a_damaged_journal_all_counts_that_was_made_to_last_or_nothing() {
-    let (sound, newest) = of_a_flight();
-    let bounds = bounds(&sound.0);
-    let mut random = ChaCha8Rng::seed_from_u64(22);
-    let mut unharmed = 0;
-    for case in 0..10_000 {
-        let Memory(mut bytes, lasting) = sound.clone();
-        let len = bytes.len();
-        let at = random.random_range(0..len);
-        let length = random.random_range(1..=40.min(len - at));
-        match case % 8 {
-            0 => bytes[at] ^= 1 << random.random_range(0..8),
-            1 => bytes.truncate(at),
-            2 => bytes[at..at + length].fill(0),
-            3 => drop(bytes.drain(at..at + length)),
-            // What a record's heading says: its length or its checksum.
-            4 => {
-                let heading = bounds[random.random_range(0..bounds.len() - 1)];
-                bytes[heading + random.random_range(0..HEADING_LEN)] ^=
-                    random.random_range(1..=255);
-            }
-            // Two records change places.
-            5 => {
-                let first = random.random_range(0..bounds.len() - 2);
-                let [a, b, c] = [bounds[first], bounds[first + 1], bounds[first + 2]];
-                bytes = [&bytes[..a], &bytes[b..c], &bytes[a..b], &bytes[c..]].concat();
-            }
-            // A record is gone, or there are none behind it.
-            6 => {
-                let first = random.random_range(0..bounds.len() - 1);
-                let [a, b] = [bounds[first], bounds[first + 1]];
-                bytes = match random.random() {
-                    true => [&bytes[..a], &bytes[b..]].concat(),
-                    false => bytes[..a].to_vec(),
-                };
-            }
-            _ => bytes.clear(),
+/// Damages a journal in one of eight ways, by `case`; some leave it unchanged.
+fn damage(mut bytes: Vec<u8>, case: u32, random: &mut ChaCha8Rng) -> Vec<u8> {
+    let bounds = record_bounds(&bytes);
+    let len = bytes.len();
+    let at = random.random_range(0..len);
+    let length = random.random_range(1..=40.min(len - at));
+    match case % 8 {
+        0 => bytes[at] ^= 1 << random.random_range(0..8),
+        1 => bytes.truncate(at),
+        2 => bytes[at..at + length].fill(0),
+        3 => drop(bytes.drain(at..at + length)),
+        // A record's length or checksum is changed.
+        4 => {
+            let heading = bounds[random.random_range(0..bounds.len() - 1)];
+            bytes[heading + random.random_range(0..HEADING_LEN)] ^= random.random_range(1..=255);
         }
-        let is_harmed = bytes != sound.0;
-        unharmed += u32::from(!is_harmed);
-        let damaged = Memory(bytes, lasting);
-        let opened = Journal::open(damaged.clone());
-        assert_eq!(opened.is_err(), is_harmed, "case {case}");
-        let (journal, found) = Journal::open_in_flight(damaged).unwrap();
-        assert_eq!(journal.is_understood(), !is_harmed, "case {case}");
-        let found: Vec<_> = found.iter().collect();
-        assert!(is_harmed || found == newest, "case {case}");
-        // No later life takes it for whole.
-        let again = Journal::open(journal.into_storage());
-        assert_eq!(again.is_err(), is_harmed, "case {case}");
+        // Two records are exchanged.
+        5 => {
+            let first = random.random_range(0..bounds.len() - 2);
+            let [a, b, c] = [bounds[first], bounds[first + 1], bounds[first + 2]];
+            return [&bytes[..a], &bytes[b..c], &bytes[a..b], &bytes[c..]].concat();
+        }
+        // A record is removed, or it and all after it.
+        6 => {
+            let first = random.random_range(0..bounds.len() - 1);
+            let [a, b] = [bounds[first], bounds[first + 1]];
+            return match random.random() {
+                true => [&bytes[..a], &bytes[b..]].concat(),
+                false => bytes[..a].to_vec(),
+            };
+        }
+        _ => bytes.clear(),
     }
-    assert!(unharmed < 1_000, "{unharmed}");
+    bytes
 }
 
 #[test]
-fn what_was_not_made_to_last_may_be_lost_and_what_was_is_there() {
-    let (mut journal, mut all) = Journal::open(Memory::default()).unwrap();
+fn damage_to_synced_records_is_always_found() {
+    let (intact, newest) = journal_of_a_flight();
+    let mut random = ChaCha8Rng::seed_from_u64(22);
+    let mut unchanged = 0;
+    for case in 0..10_000 {
+        let bytes = damage(intact.bytes.clone(), case, &mut random);
+        let is_damaged = bytes != intact.bytes;
+        unchanged += u32::from(!is_damaged);
+        let damaged = MemoryStorage {
+            bytes,
+            last_synced: intact.last_synced,
+        };
+        let opened = Journal::open(damaged.clone());
+        assert_eq!(opened.is_err(), is_damaged, "case {case}");
+        let (journal, found) = Journal::open_in_flight(damaged).unwrap();
+        assert_eq!(journal.is_intact(), !is_damaged, "case {case}");
+        let found: Vec<_> = found.iter().collect();
+        assert!(is_damaged || found == newest, "case {case}");
+        // No later incarnation takes the journal for intact.
+        let reopened = Journal::open(journal.into_storage());
+        assert_eq!(reopened.is_err(), is_damaged, "case {case}");
+    }
+    assert!(unchanged < 1_000, "{unchanged}");
+}
+
+#[test]
+fn synced_records_survive_and_unsynced_ones_may_be_lost() {
+    let (mut journal, mut all) = Journal::open(MemoryStorage::default()).unwrap();
     keep(&mut journal, &mut all, &mission(3));
-    let lasting = journal.storage.0.len();
+    let synced_len = journal.storage.bytes.len();
     all.keep(mission(4));
     journal.add(&mission(4), &all).unwrap();
-    let Memory(bytes, number) = journal.into_storage();
-    for end in lasting..bytes.len() {
-        let (_, found) = Journal::open(Memory(bytes[..end].to_vec(), number)).unwrap();
+    let MemoryStorage {
+        bytes,
+        last_synced: number,
+    } = journal.into_storage();
+    for end in synced_len..bytes.len() {
+        let (_, found) = Journal::open(MemoryStorage {
+            bytes: bytes[..end].to_vec(),
+            last_synced: number,
+        })
+        .unwrap();
         assert!(found.holds(&mission(3)), "{end}");
     }
-    // The note is written after the records, and lost before they are.
-    let (_, found) = Journal::open(Memory(bytes, 0)).unwrap();
+    // The number of the last synced record may be lost without the records.
+    let (_, found) = Journal::open(MemoryStorage::with_bytes(bytes)).unwrap();
     assert!(found.holds(&mission(4)));
 }
 
-/// A disk that loses, when its power is cut, what was not synced: all of it or a part, and what it had not written yet is
-/// zeros.
+/// A disk that loses unsynced bytes in a power cut: the end is cut off, or filled with zeros.
 #[derive(Debug, Clone, Default)]
 struct Disk {
-    /// What is there, how much of it is synced, and the note.
+    /// The bytes, how many of them are synced, and the number of the last synced record.
     held: Arc<Mutex<(Vec<u8>, usize, u64)>>,
     sync_takes: Duration,
 }
 
 impl Disk {
-    fn cut_power(&self, random: &mut ChaCha8Rng) -> Memory {
+    fn cut_power(&self, random: &mut ChaCha8Rng) -> MemoryStorage {
         let (mut bytes, synced, number) = self.held.lock().unwrap().clone();
         let kept = random.random_range(synced..=bytes.len());
         match random.random() {
             true => bytes.truncate(kept),
             false => bytes[kept..].fill(0),
         }
-        // The note may be lost with them.
-        Memory(bytes, if random.random() { number } else { 0 })
+        // The number of the last synced record may be lost, too.
+        let last_synced = if random.random() { number } else { 0 };
+        MemoryStorage { bytes, last_synced }
     }
 }
 
@@ -329,35 +310,35 @@ impl Storage for Disk {
         Ok(())
     }
 
-    fn lasting(&mut self) -> io::Result<u64> {
+    fn last_synced(&mut self) -> io::Result<u64> {
         Ok(self.held.lock().unwrap().2)
     }
 
-    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
+    fn set_last_synced(&mut self, number: u64) -> io::Result<()> {
         self.held.lock().unwrap().2 = number;
         Ok(())
     }
 }
 
 #[test]
-fn whenever_power_is_cut_nothing_falls_back_behind_what_was_told_to_last() {
+fn reported_checkpoints_survive_any_power_cut() {
     let mut random = ChaCha8Rng::seed_from_u64(200);
     for _ in 0..200 {
         let disk = Disk::default();
         let (journal, all) = Journal::open(disk.clone()).unwrap();
-        let (tell, told) = mpsc::channel();
-        let mut writer = Writer::start(journal, all, move |it| drop(tell.send(it))).unwrap();
+        let (sender, reports) = mpsc::channel();
+        let mut writer = Writer::start(journal, all, move |it| drop(sender.send(it))).unwrap();
         for opened in 1..=random.random_range(1..40) {
             writer.keep(mission(opened), random.random());
         }
-        let last = told.try_iter().last();
+        let last = reports.try_iter().last();
         let cut = disk.cut_power(&mut random);
         let (_, found) = Journal::open(cut).unwrap();
         let opened = found.iter().find_map(|it| match it {
-            Checkpoint::Mission(mission) => mission.opened,
+            Checkpoint::Mission(mission) => mission.progress.opened,
             _ => None,
         });
-        if let Some(Written::UpTo(number)) = last {
+        if let Some(WriteReport::DurableUpTo(number)) = last {
             assert!(
                 u64::from(opened.unwrap_or(0)) >= number,
                 "{opened:?} < {number}"
@@ -367,38 +348,41 @@ fn whenever_power_is_cut_nothing_falls_back_behind_what_was_told_to_last() {
 }
 
 #[test]
-fn a_disk_that_is_slow_holds_up_nobody_and_is_not_believed_too_soon() {
+fn slow_disk_delays_no_caller_and_is_reported_after_the_sync() {
     let disk = Disk {
         sync_takes: Duration::from_millis(500),
         ..Disk::default()
     };
     let (journal, all) = Journal::open(disk.clone()).unwrap();
-    let begun = Instant::now();
-    let (tell, told) = mpsc::channel();
+    let start = Instant::now();
+    let (sender, reports) = mpsc::channel();
     let synced = disk.clone();
-    let tell = move |it| drop(tell.send((it, synced.held.lock().unwrap().clone())));
-    let mut writer = Writer::start(journal, all, tell).unwrap();
+    let report = move |it| drop(sender.send((it, synced.held.lock().unwrap().clone())));
+    let mut writer = Writer::start(journal, all, report).unwrap();
     for opened in 1..=20 {
         writer.keep(mission(opened), true);
     }
-    assert!(begun.elapsed() < Duration::from_millis(250));
+    assert!(start.elapsed() < Duration::from_millis(250));
     drop(writer);
-    let told: Vec<_> = told.iter().collect();
-    for (written, (bytes, synced, number)) in &told {
-        assert!(matches!(written, Written::UpTo(_)), "{written:?}");
+    let reports: Vec<_> = reports.iter().collect();
+    for (written, (bytes, synced, number)) in &reports {
+        assert!(
+            matches!(written, WriteReport::DurableUpTo(_)),
+            "{written:?}"
+        );
         assert_eq!(bytes.len(), *synced);
         assert!(*number > 0);
     }
-    let (Written::UpTo(20), _) = told[told.len() - 1] else {
-        panic!("{told:?}");
+    let (WriteReport::DurableUpTo(20), _) = reports[reports.len() - 1] else {
+        panic!("{reports:?}");
     };
-    // What waited was written together.
-    assert!(told.len() < 4, "{}", told.len());
+    // Queued checkpoints were synced together.
+    assert!(reports.len() < 4, "{}", reports.len());
 }
 
-/// A disk that takes no bytes once, when it is full for a moment.
+/// Storage of which the third append fails.
 #[derive(Debug, Default)]
-struct FullOnce(Memory, usize);
+struct FullOnce(MemoryStorage, usize);
 
 impl Storage for FullOnce {
     fn read(&mut self) -> io::Result<Vec<u8>> {
@@ -422,33 +406,33 @@ impl Storage for FullOnce {
         self.0.replace(bytes)
     }
 
-    fn lasting(&mut self) -> io::Result<u64> {
-        self.0.lasting()
+    fn last_synced(&mut self) -> io::Result<u64> {
+        self.0.last_synced()
     }
 
-    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
-        self.0.note_lasting(number)
+    fn set_last_synced(&mut self, number: u64) -> io::Result<()> {
+        self.0.set_last_synced(number)
     }
 }
 
 #[test]
-fn what_becomes_of_checkpoints_is_told_in_their_order_whichever_fails() {
+fn write_results_are_reported_in_order_despite_a_failure() {
     let (journal, all) = Journal::open(FullOnce::default()).unwrap();
-    let (tell, told) = mpsc::channel();
-    let mut writer = Writer::start(journal, all, move |it| drop(tell.send(it))).unwrap();
+    let (sender, reports) = mpsc::channel();
+    let mut writer = Writer::start(journal, all, move |it| drop(sender.send(it))).unwrap();
     for opened in 1..=4 {
         writer.keep(mission(opened), opened != 3);
     }
     drop(writer);
-    let told: Vec<_> = told
+    let reports: Vec<_> = reports
         .iter()
         .map(|it| match it {
-            Written::UpTo(number) => (number, true),
-            Written::Failed { number, .. } => (number, false),
+            WriteReport::DurableUpTo(number) => (number, true),
+            WriteReport::Failed { number, .. } => (number, false),
         })
         .collect();
-    let failure = told.iter().position(|it| *it == (3, false)).unwrap();
-    let (before, after) = told.split_at(failure);
-    assert_eq!(before.last(), Some(&(2, true)), "{told:?}");
+    let failure = reports.iter().position(|it| *it == (3, false)).unwrap();
+    let (before, after) = reports.split_at(failure);
+    assert_eq!(before.last(), Some(&(2, true)), "{reports:?}");
     assert_eq!(after, [(3, false), (4, true)]);
 }

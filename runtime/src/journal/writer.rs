@@ -1,4 +1,4 @@
-//! Writes a journal on a thread of its own: a disk may take long to say that something lasts, and the drone flies meanwhile.
+//! Writes a journal on its own thread, for a sync may take long and must not delay the drone.
 
 use std::io;
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -8,67 +8,78 @@ use muster_machines::node::{Checkpoint, Checkpoints};
 
 use super::{Journal, Storage};
 
-/// What has become of checkpoints, by the numbers that they were taken with.
+/// Result of writing checkpoints, by their numbers.
 #[derive(Debug)]
-pub enum Written {
-    /// All up to this one last.
-    UpTo(u64),
-    /// This one could not be written.
+pub enum WriteReport {
+    /// All checkpoints up to this number are durable.
+    DurableUpTo(u64),
+    /// A checkpoint could not be written.
     Failed {
-        /// Its number.
+        /// The checkpoint's number.
         number: u64,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
 }
 
-/// Takes checkpoints to be written, in their order.
+/// Queue of checkpoints, which a thread writes in order.
 #[derive(Debug)]
 pub struct Writer {
-    taken: u64,
-    orders: Option<Sender<Order>>,
+    /// Number of the last queued checkpoint.
+    queued: u64,
+    queue: Option<Sender<Entry>>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// A checkpoint to be written; whether anything rests on it.
-type Order = (u64, Checkpoint, bool);
+/// A queued checkpoint.
+#[derive(Debug)]
+struct Entry {
+    number: u64,
+    checkpoint: Checkpoint,
+    /// Whether actions wait until the checkpoint is durable.
+    must_sync: bool,
+}
 
 impl Writer {
-    /// Writes to a journal, whose newest checkpoints are `all`, and tells from its own thread what has become of it. Those
-    /// that wait when the disk is done with others are written together.
+    /// Starts the thread that writes to a journal with the newest checkpoints `all`. It calls `report` with each result.
+    /// Checkpoints that were queued during a sync are written and synced together.
     ///
     /// # Errors
-    /// When the system has no thread.
+    /// If the system can't start a thread.
     pub fn start<S: Storage + Send + 'static>(
         journal: Journal<S>,
         all: Checkpoints,
-        tell: impl FnMut(Written) + Send + 'static,
+        report: impl FnMut(WriteReport) + Send + 'static,
     ) -> io::Result<Self> {
-        let (orders, waiting) = mpsc::channel();
+        let (queue, entries) = mpsc::channel();
         let thread = thread::Builder::new().name("journal".to_owned());
-        let thread = thread.spawn(move || write_all(journal, all, &waiting, tell))?;
+        let thread = thread.spawn(move || write_all(journal, all, &entries, report))?;
         Ok(Self {
-            taken: 0,
-            orders: Some(orders),
+            queued: 0,
+            queue: Some(queue),
             thread: Some(thread),
         })
     }
 
-    /// Takes a checkpoint; its number, from 1. If it `must_last`, what rests on it must wait until it does.
-    pub fn keep(&mut self, checkpoint: Checkpoint, must_last: bool) -> u64 {
-        self.taken += 1;
-        if let Some(orders) = &self.orders {
-            // It ends with this alone.
-            let _ = orders.send((self.taken, checkpoint, must_last));
+    /// Queues a checkpoint and returns its number, from 1. With `must_sync` it is synced and reported.
+    pub fn keep(&mut self, checkpoint: Checkpoint, must_sync: bool) -> u64 {
+        self.queued += 1;
+        if let Some(queue) = &self.queue {
+            // Can't fail: the thread ends only when the queue is closed.
+            let _ = queue.send(Entry {
+                number: self.queued,
+                checkpoint,
+                must_sync,
+            });
         }
-        self.taken
+        self.queued
     }
 }
 
-/// Returns once all that was taken is written.
+/// Waits until all queued checkpoints are written.
 impl Drop for Writer {
     fn drop(&mut self) {
-        self.orders = None;
+        self.queue = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -78,41 +89,44 @@ impl Drop for Writer {
 fn write_all<S: Storage>(
     mut journal: Journal<S>,
     mut all: Checkpoints,
-    waiting: &Receiver<Order>,
-    mut tell: impl FnMut(Written),
+    entries: &Receiver<Entry>,
+    mut report: impl FnMut(WriteReport),
 ) {
-    while let Ok(first) = waiting.recv() {
-        let (mut results, mut must_sync) = (Vec::new(), false);
-        for (number, checkpoint, must_last) in std::iter::once(first).chain(waiting.try_iter()) {
-            all.keep(checkpoint.clone());
-            let added = journal.add(&checkpoint, &all);
-            must_sync |= must_last && added.is_ok();
-            results.push((number, must_last, added));
+    while let Ok(first) = entries.recv() {
+        let (mut results, mut needs_sync) = (Vec::new(), false);
+        for entry in std::iter::once(first).chain(entries.try_iter()) {
+            all.keep(entry.checkpoint.clone());
+            let added = journal.add(&entry.checkpoint, &all);
+            needs_sync |= entry.must_sync && added.is_ok();
+            results.push((entry.number, entry.must_sync, added));
         }
-        let synced = if must_sync { journal.sync() } else { Ok(()) };
-        // In their order, so that nothing is taken to last before what was taken earlier.
-        let mut lasting = None;
-        for (number, must_last, added) in results {
+        let synced = if needs_sync { journal.sync() } else { Ok(()) };
+        // Reported in order, so that no checkpoint counts as durable before an earlier one.
+        let mut durable = None;
+        for (number, must_sync, added) in results {
             let failure = match (added, &synced) {
                 (Err(error), _) => error,
-                (Ok(()), Err(error)) if must_last => {
+                (Ok(()), Err(error)) if must_sync => {
                     io::Error::new(error.kind(), error.to_string())
                 }
                 (Ok(()), _) => {
-                    lasting = if must_last { Some(number) } else { lasting };
+                    durable = if must_sync { Some(number) } else { durable };
                     continue;
                 }
             };
-            lasting
+            durable
                 .take()
-                .map(Written::UpTo)
+                .map(WriteReport::DurableUpTo)
                 .into_iter()
-                .for_each(&mut tell);
-            tell(Written::Failed {
+                .for_each(&mut report);
+            report(WriteReport::Failed {
                 number,
                 error: failure,
             });
         }
-        lasting.map(Written::UpTo).into_iter().for_each(&mut tell);
+        durable
+            .map(WriteReport::DurableUpTo)
+            .into_iter()
+            .for_each(&mut report);
     }
 }

@@ -1,61 +1,61 @@
-//! What a swarm does with each MAVLink mission command.
+//! Handling of each MAVLink mission command.
 //!
-//! Source: the enumerations `MAV_CMD` and `MAV_FRAME` of MAVLink's `common.xml` and `ardupilotmega.xml`; for what copters make
-//! of them, ArduPilot's *Mission Commands*.
+//! Sources: `MAV_CMD` and `MAV_FRAME` in MAVLink's `common.xml` and `ardupilotmega.xml`; for the behaviour of copters,
+//! ArduPilot's *Mission Commands*.
 
 use super::NoteKind;
 
-/// What a swarm does with a command.
+/// Handling of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Handling {
-    Flown(Manoeuvre),
-    /// It is noted and passed over.
+    FlightPlan(Manoeuvre),
+    /// Skipped, with a note.
     Ignored(NoteKind),
-    /// The swarm can't fly it, or it is none that mission files have.
+    /// The swarm can't fly it, or it is unknown.
     Refused,
 }
 
-/// What a swarm flies.
+/// Manoeuvre of a command that a swarm flies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Manoeuvre {
     TakeOff,
     Waypoint,
-    /// A waypoint to which the way is curved.
+    /// A waypoint at the end of a curve.
     Spline,
-    /// A waypoint where the drone is to wait.
+    /// A waypoint with a hold.
     Loiter,
-    /// A waypoint that the drone is to circle.
+    /// A waypoint to circle.
     Turns,
-    /// A place above which the drone is to change its height.
+    /// A place at which to change the height.
     LoiterToHeight,
-    /// A place where the drone is to come down, leave something, and rise again.
+    /// A place at which to descend, release a payload, and climb.
     PayloadPlace,
-    /// A wait where the drone is.
+    /// A hold at the current position.
     Delay,
-    /// Another height where the drone is.
+    /// A change of height at the current position.
     ChangeHeight,
-    /// The mission goes on at another item.
+    /// A jump to another item.
     Jump,
     Land,
     ReturnToLaunch,
 }
 
-/// What a swarm does with the command of this number.
+/// Handling of a command by its number.
 pub(super) fn handling(command: u16) -> Handling {
     match command {
-        16 => Handling::Flown(Manoeuvre::Waypoint),
-        18 => Handling::Flown(Manoeuvre::Turns),
-        19 => Handling::Flown(Manoeuvre::Loiter),
-        20 => Handling::Flown(Manoeuvre::ReturnToLaunch),
-        21 => Handling::Flown(Manoeuvre::Land),
-        22 => Handling::Flown(Manoeuvre::TakeOff),
-        30 => Handling::Flown(Manoeuvre::ChangeHeight),
-        31 => Handling::Flown(Manoeuvre::LoiterToHeight),
-        82 => Handling::Flown(Manoeuvre::Spline),
-        93 => Handling::Flown(Manoeuvre::Delay),
-        94 => Handling::Flown(Manoeuvre::PayloadPlace),
+        16 => Handling::FlightPlan(Manoeuvre::Waypoint),
+        18 => Handling::FlightPlan(Manoeuvre::Turns),
+        19 => Handling::FlightPlan(Manoeuvre::Loiter),
+        20 => Handling::FlightPlan(Manoeuvre::ReturnToLaunch),
+        21 => Handling::FlightPlan(Manoeuvre::Land),
+        22 => Handling::FlightPlan(Manoeuvre::TakeOff),
+        30 => Handling::FlightPlan(Manoeuvre::ChangeHeight),
+        31 => Handling::FlightPlan(Manoeuvre::LoiterToHeight),
+        82 => Handling::FlightPlan(Manoeuvre::Spline),
+        93 => Handling::FlightPlan(Manoeuvre::Delay),
+        94 => Handling::FlightPlan(Manoeuvre::PayloadPlace),
         113 => Handling::Ignored(NoteKind::HeightConditionIgnored),
-        177 => Handling::Flown(Manoeuvre::Jump),
+        177 => Handling::FlightPlan(Manoeuvre::Jump),
         178 => Handling::Ignored(NoteKind::SpeedIgnored),
         _ => match name_in(IGNORED, command) {
             Some(command) => Handling::Ignored(NoteKind::CommandIgnored { command }),
@@ -64,7 +64,7 @@ pub(super) fn handling(command: u16) -> Handling {
     }
 }
 
-/// How errors name a command that the swarm can't fly.
+/// Name of a refused command in errors.
 pub(super) fn refused_name(command: u16) -> String {
     match name_in(REFUSED, command) {
         Some(name) => format!("the command {command}, {name}"),
@@ -72,7 +72,7 @@ pub(super) fn refused_name(command: u16) -> String {
     }
 }
 
-/// How errors name a frame of coordinates.
+/// Name of a coordinate frame in errors.
 pub(super) fn frame_name(frame: u16) -> String {
     match name_in(FRAMES, frame) {
         Some(name) => format!("{frame}, {name}"),
@@ -87,8 +87,7 @@ fn name_in(names: &[(u16, &'static str)], number: u16) -> Option<&'static str> {
         .map(|(_, name)| *name)
 }
 
-/// Commands that change neither where a drone flies nor in which order: payload, gimbal, camera, and markers
-/// for a failsafe.
+/// Commands that change neither the route nor its order: payload, gimbal, camera, and markers for failsafes.
 const IGNORED: &[(u16, &str)] = &[
     (112, "CONDITION_DELAY"),
     (114, "CONDITION_DISTANCE"),
@@ -136,8 +135,8 @@ const IGNORED: &[(u16, &str)] = &[
     (2501, "VIDEO_STOP_CAPTURE"),
 ];
 
-/// Commands that mission files have and the swarm can't fly: they hover or circle without end, change the route while it is
-/// flown, end the flight, or do what only their user knows.
+/// Known commands that a swarm can't fly: they loiter without end, change the route in flight, end the flight, or are
+/// user-defined.
 const REFUSED: &[(u16, &str)] = &[
     (17, "NAV_LOITER_UNLIM"),
     (23, "NAV_LAND_LOCAL"),

@@ -1,4 +1,4 @@
-//! A mission file's text, and errors that point into it.
+//! A mission file's text, and errors with a place in it.
 
 use std::fmt;
 use std::ops::Range;
@@ -6,22 +6,22 @@ use std::path::Path;
 
 use crate::diagnostic::BadInput;
 
-/// A text and the path that errors name it by.
+/// A text, and its path for errors.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Document<'a> {
     pub(super) path: &'a Path,
     pub(super) text: &'a str,
 }
 
-/// A value, and the part of the document that says it.
+/// A parsed value with its text in the document.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Written<'a, T> {
+pub(super) struct Parsed<'a, T> {
     pub(super) value: T,
     pub(super) text: &'a str,
 }
 
 impl<'a> Document<'a> {
-    /// An error that points at `part`, which must be a slice of the document's text.
+    /// An error at `part`, which must be a slice of the document's text.
     pub(super) fn refuse(
         self,
         part: &str,
@@ -32,7 +32,7 @@ impl<'a> Document<'a> {
         self.refuse_at(start..start + part.len(), message, help)
     }
 
-    /// An error that points at a range of the document's bytes.
+    /// An error at a byte range of the document.
     pub(super) fn refuse_at(
         self,
         span: Range<usize>,
@@ -42,20 +42,20 @@ impl<'a> Document<'a> {
         BadInput::new(self.path, self.text, span, message, help)
     }
 
-    /// Where a line begins, in bytes; lines are counted from one.
+    /// Byte offset of a line; lines are counted from one.
     pub(super) fn line_start(self, line: usize) -> usize {
         let lines_before = self.text.split_inclusive('\n').take(line.saturating_sub(1));
         lines_before.map(str::len).sum()
     }
 
-    /// The text's end, to say that something is missing there.
+    /// An empty slice at the text's end, for errors on something missing.
     pub(super) fn end(self) -> &'a str {
         let end = self.text.trim_end().len();
         &self.text[end..end]
     }
 }
 
-/// As much of a text from a file as an error's message quotes.
+/// The first 40 characters of a text, in backquotes.
 pub(super) fn quoted(text: &str) -> String {
     const QUOTED_MAX: usize = 40;
     match text.char_indices().nth(QUOTED_MAX) {

@@ -1,34 +1,34 @@
-//! Where a mission begins, from what its file says.
+//! Determines a mission's home.
 
 use muster_machines::geometry::Ned;
 
 use super::command::{Handling, Manoeuvre, handling};
 use super::document::Document;
-use super::item::{Home, Item, Listing, Position};
+use super::item::{Home, Item, ParsedMission, Position};
 use super::{Note, NoteKind};
 use crate::diagnostic::BadInput;
-use crate::geodetic::{Geodetic, about_home};
+use crate::geodetic::{Geodetic, local_ned};
 
-const NO_HOME: &str = "the file says neither where home is nor any other place";
+const NO_HOME: &str = "the file has no home and no place that could be home";
 const SET_HOME: &str =
     "set the planned home position in the ground station, and save the mission again";
 
-/// How far the places of a mission that leaves home behind may be from the first of them over ground, in metres: no
-/// further than multicopters fly.
+/// The largest horizontal distance between a mission's first place and the others if home is replaced, in metres. About the
+/// range of a multicopter.
 const TOGETHER_M: f64 = 20_000.0;
 
-/// Home, and what is known of it.
+/// A mission's home.
 pub(super) struct Origin {
     pub(super) home: Geodetic,
     /// Whether home's altitude above sea level is known.
     pub(super) knows_sea_level: bool,
-    /// That home is not where the file says.
+    /// A note if home is not taken from the file.
     pub(super) note: Option<Note>,
 }
 
 impl Origin {
-    pub(super) fn of(document: Document<'_>, listing: &Listing<'_>) -> Result<Self, BadInput> {
-        match &listing.home {
+    pub(super) fn of(document: Document<'_>, parsed: &ParsedMission<'_>) -> Result<Self, BadInput> {
+        match &parsed.home {
             Home::Planned(at) => Self::above_sea_level(document, at),
             Home::OnTheGround(at) => Self::on_the_ground(document, at),
             Home::Item0 {
@@ -40,10 +40,10 @@ impl Origin {
                 } else {
                     Self::on_the_ground(document, at)?
                 };
-                let elsewhere = Self::elsewhere(document, &listing.items, written.home);
-                Ok(elsewhere.unwrap_or(written))
+                let replaced = Self::replaced(document, &parsed.items, written.home);
+                Ok(replaced.unwrap_or(written))
             }
-            Home::Missing => Self::first_place(document, listing),
+            Home::Missing => Self::first_place(document, parsed),
         }
     }
 
@@ -64,12 +64,12 @@ impl Origin {
         })
     }
 
-    /// Where the mission's places are, if all are too far from home and near each other. An autopilot overwrites item 0
-    /// with where it arms, and simulators arm it at places of their own.
-    fn elsewhere(document: Document<'_>, items: &[Item<'_>], written: Geodetic) -> Option<Self> {
+    /// Replaces home by the first place, if all places are too far from home and close to each other. Autopilots overwrite
+    /// item 0 with the place where they arm, and simulators arm at places of their own.
+    fn replaced(document: Document<'_>, items: &[Item<'_>], written: Geodetic) -> Option<Self> {
         let places: Vec<(&Item<'_>, Geodetic)> = items
             .iter()
-            .filter(|item| item.is_at_a_place() || item.lands_at_a_place())
+            .filter(|item| item.flies_to_coordinates() || item.lands_at_coordinates())
             .map(|item| {
                 let place = item.position.geodetic(document, &item.name, 0.0).ok()?;
                 Some((item, place))
@@ -79,14 +79,14 @@ impl Origin {
             return None;
         };
         let is_together = |place: Geodetic| {
-            about_home(home, place)
+            local_ned(home, place)
                 .is_ok_and(|place| place.horizontal_distance_m(Ned::HOME) <= TOGETHER_M)
         };
-        let are_elsewhere = places
+        let are_far = places
             .iter()
-            .all(|(_, place)| about_home(written, *place).is_err() && is_together(*place));
-        let distance_m = about_home(written, home).err()?.distance_m;
-        are_elsewhere.then(|| Self {
+            .all(|(_, place)| local_ned(written, *place).is_err() && is_together(*place));
+        let distance_m = local_ned(written, home).err()?.distance_m;
+        are_far.then(|| Self {
             home,
             knows_sea_level: false,
             note: Some(Note {
@@ -96,28 +96,28 @@ impl Origin {
         })
     }
 
-    fn first_place(document: Document<'_>, listing: &Listing<'_>) -> Result<Self, BadInput> {
-        let first = listing.items.iter().find(|item| item.is_at_a_place());
+    fn first_place(document: Document<'_>, parsed: &ParsedMission<'_>) -> Result<Self, BadInput> {
+        let first = parsed.items.iter().find(|item| item.flies_to_coordinates());
         let Some(first) = first else {
-            return Err(document.refuse(listing.items_at, NO_HOME, SET_HOME));
+            return Err(document.refuse(parsed.items_at, NO_HOME, SET_HOME));
         };
         Ok(Self {
             home: first.position.geodetic(document, &first.name, 0.0)?,
             knows_sea_level: false,
             note: Some(Note {
                 item: first.name.clone(),
-                kind: NoteKind::HomeTaken,
+                kind: NoteKind::HomeFromFirstPlace,
             }),
         })
     }
 }
 
 impl Item<'_> {
-    /// Whether a drone flies to its coordinates, and not only to land there.
-    fn is_at_a_place(&self) -> bool {
+    /// Whether the swarm flies to the item's coordinates, other than to land.
+    fn flies_to_coordinates(&self) -> bool {
         let is_flown = matches!(
             handling(self.command.value),
-            Handling::Flown(
+            Handling::FlightPlan(
                 Manoeuvre::TakeOff
                     | Manoeuvre::Waypoint
                     | Manoeuvre::Spline
@@ -130,7 +130,7 @@ impl Item<'_> {
         is_flown && self.has_coordinates()
     }
 
-    fn lands_at_a_place(&self) -> bool {
+    fn lands_at_coordinates(&self) -> bool {
         self.is_flown_as(Manoeuvre::Land) && self.has_coordinates()
     }
 

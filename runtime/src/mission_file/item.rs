@@ -1,88 +1,88 @@
-//! A MAVLink mission item, from whichever format.
+//! Mission items, common to all formats.
 
 use super::Note;
 use super::command::{Handling, Manoeuvre, handling};
-use super::document::{Document, Written};
-use super::fence::WrittenZone;
+use super::document::{Document, Parsed};
+use super::fence::ParsedZone;
 use crate::diagnostic::BadInput;
 use crate::geodetic::{Geodetic, GeodeticError};
 
-/// A mission as its file says it: where home is, and the items after it.
+/// A mission as read from its file, before the route is built.
 #[derive(Debug)]
-pub(super) struct Listing<'a> {
+pub(super) struct ParsedMission<'a> {
     pub(super) home: Home<'a>,
     pub(super) items: Vec<Item<'a>>,
     pub(super) zero_height: ZeroHeight,
-    pub(super) fence: Vec<WrittenZone<'a>>,
-    /// What stands beside the items and is not obeyed.
+    pub(super) fence: Vec<ParsedZone<'a>>,
+    /// Notes on other parts of the file than items.
     pub(super) notes: Vec<Note>,
-    /// Where to point when there are too few.
+    /// Place for the error that there are too few items.
     pub(super) items_at: &'a str,
 }
 
-/// Where a file says that home is.
+/// Home as given in a file.
 #[derive(Debug)]
 pub(super) enum Home<'a> {
-    /// Where the operator has planned it, with its height above sea level.
+    /// Set by the operator, with its altitude above sea level.
     Planned(Position<'a>),
-    /// In item 0 of a waypoints file, which an autopilot overwrites with where it arms.
+    /// Item 0 of a waypoints file, which autopilots overwrite with the place where they arm.
     Item0 {
         at: Position<'a>,
         is_above_sea_level: bool,
     },
-    /// On the ground, at no known height above sea level.
+    /// On the ground, with unknown altitude above sea level.
     OnTheGround(Position<'a>),
-    /// Nowhere: the first place that the mission comes to is taken.
+    /// Not given: the mission's first place is home.
     Missing,
 }
 
-/// What a waypoint's height of zero above home says.
+/// Meaning of a waypoint's height of zero above home.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ZeroHeight {
-    /// The height that the drone has by then, as in ArduCopter's missions.
+    /// None: the current height is kept, as in ArduCopter's missions.
     Kept,
     /// The ground.
     Ground,
 }
 
-/// What the swarm needs to know of a mission item.
+/// The fields of a mission item that the swarm needs.
 #[derive(Debug)]
 pub(super) struct Item<'a> {
-    /// How errors and notes name it.
+    /// Name in errors and notes.
     pub(super) name: String,
-    pub(super) command: Written<'a, u16>,
-    pub(super) frame: Written<'a, u16>,
-    /// What a jump names it by.
+    pub(super) command: Parsed<'a, u16>,
+    pub(super) frame: Parsed<'a, u16>,
+    /// Number by which jumps name the item.
     pub(super) number: Option<u16>,
-    /// The first two parameters: of a waypoint, the seconds to wait there; of a jump, where to and how often.
-    pub(super) first: Written<'a, Option<f64>>,
-    pub(super) second: Written<'a, Option<f64>>,
+    /// The first two parameters. For a waypoint: the hold in seconds. For a jump: the target's number, and the repetitions.
+    pub(super) first: Parsed<'a, Option<f64>>,
+    pub(super) second: Parsed<'a, Option<f64>>,
     pub(super) position: Position<'a>,
     pub(super) auto_continue: bool,
 }
 
 impl Item<'_> {
-    /// Whether the swarm makes this manoeuvre of it.
+    /// Whether the swarm flies the item as this manoeuvre.
     pub(super) fn is_flown_as(&self, manoeuvre: Manoeuvre) -> bool {
-        handling(self.command.value) == Handling::Flown(manoeuvre)
+        handling(self.command.value) == Handling::FlightPlan(manoeuvre)
     }
 }
 
-/// The last three parameters of an item, or home. Numbers are finite, `None` where the file says `NaN` or `null`.
+/// Coordinates and altitude of an item or of home. Numbers are finite; `None` for `NaN` or `null` in the file.
 #[derive(Debug)]
 pub(super) struct Position<'a> {
-    pub(super) latitude_deg: Written<'a, Option<f64>>,
-    pub(super) longitude_deg: Written<'a, Option<f64>>,
-    pub(super) altitude_m: Written<'a, Option<f64>>,
+    pub(super) latitude_deg: Parsed<'a, Option<f64>>,
+    pub(super) longitude_deg: Parsed<'a, Option<f64>>,
+    pub(super) altitude_m: Parsed<'a, Option<f64>>,
 }
 
 impl Position<'_> {
-    /// Zero latitude and longitude are how mission files say that there is none.
+    /// Latitude and longitude of zero mean that an item has no coordinates.
     pub(super) fn has_no_coordinates(&self) -> bool {
         self.latitude_deg.value == Some(0.0) && self.longitude_deg.value == Some(0.0)
     }
 
-    /// The coordinates of what errors call `name`, at an altitude above sea level.
+    /// The place at an altitude above sea level. Errors name it `name`.
     pub(super) fn geodetic(
         &self,
         document: Document<'_>,
@@ -100,12 +100,12 @@ impl Position<'_> {
             document.refuse(
                 part.text,
                 format_args!("{name}: {error}"),
-                "give the latitude and the longitude in degrees, in this order, and the altitude in metres",
+                "give latitude and longitude in degrees, in this order, and the altitude in metres",
             )
         })
     }
 
-    /// The altitude as written, above whatever the frame says.
+    /// The altitude as given, relative to the item's frame.
     pub(super) fn altitude_m(&self, document: Document<'_>, name: &str) -> Result<f64, BadInput> {
         given(document, name, "altitude", self.altitude_m)
     }
@@ -115,7 +115,7 @@ fn given(
     document: Document<'_>,
     name: &str,
     quantity: &str,
-    number: Written<'_, Option<f64>>,
+    number: Parsed<'_, Option<f64>>,
 ) -> Result<f64, BadInput> {
     number.value.ok_or_else(|| {
         document.refuse(

@@ -1,4 +1,4 @@
-//! JSON whose every value knows where in the file it is.
+//! JSON values with their places in the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -8,13 +8,12 @@ use serde::de::{DeserializeOwned, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 
-use super::document::{Document, Written, quoted};
+use super::document::{Document, Parsed, quoted};
 use crate::diagnostic::BadInput;
 
-const SAVE_AGAIN: &str =
-    "open the plan in QGroundControl 4 and save it again, or write the field as it does";
+const SAVE_AGAIN: &str = "save the plan again with QGroundControl 4, or add the field";
 
-/// A value in a JSON document, not yet read further than its end.
+/// An unparsed value of a JSON document.
 #[derive(Debug)]
 pub(super) struct Node<'a> {
     document: Document<'a>,
@@ -30,12 +29,12 @@ pub(super) struct Object<'a> {
 }
 
 impl<'a> Node<'a> {
-    /// The whole document, checked to be JSON without two fields of one name.
+    /// The whole document, if it is JSON and no object has two fields of the same name.
     pub(super) fn root(document: Document<'a>) -> Result<Self, BadInput> {
         let raw: &RawValue =
             serde_json::from_str(document.text).map_err(|error| not_json(document, &error))?;
         let distinct: Result<Distinct, _> = serde_json::from_str(document.text);
-        // What can't be looked through so, as a number that no `f64` holds, is read no further than it is needed.
+        // Other errors, such as a number too large for an `f64`, matter only if the value is needed.
         if let Err(error) = distinct
             && error.is_data()
         {
@@ -48,12 +47,12 @@ impl<'a> Node<'a> {
         })
     }
 
-    /// Where the value is, as in `mission.items[3].frame`. The root's is empty.
+    /// Path of the value: `mission.items[3].frame`. Empty for the root.
     pub(super) fn path(&self) -> &str {
         &self.path
     }
 
-    /// The part of the document to point at: all of a value, or the bracket that opens it.
+    /// The text for errors at this value: its opening bracket, or the whole scalar.
     pub(super) fn pointer(&self) -> &'a str {
         match self.text.as_bytes() {
             [b'{' | b'[', ..] => &self.text[..1],
@@ -64,19 +63,19 @@ impl<'a> Node<'a> {
     pub(super) fn object(self) -> Result<Object<'a>, BadInput> {
         match serde_json::from_str(self.text) {
             Ok(fields) => Ok(Object { node: self, fields }),
-            Err(_) => Err(self.not("an object")),
+            Err(_) => Err(self.expected("an object")),
         }
     }
 
-    /// The values of an array that has at most `max`.
+    /// The elements of an array of at most `max`.
     pub(super) fn elements(&self, max: usize) -> Result<Vec<Node<'a>>, BadInput> {
         let elements: Vec<&'a RawValue> =
-            serde_json::from_str(self.text).map_err(|_| self.not("an array"))?;
+            serde_json::from_str(self.text).map_err(|_| self.expected("an array"))?;
         if elements.len() > max {
             return Err(self.document.refuse(
                 self.pointer(),
                 format_args!("`{}` has {} values", self.path, elements.len()),
-                format!("at most {max} are read"),
+                format!("at most {max} are accepted"),
             ));
         }
         let element = |(index, raw): (usize, &&'a RawValue)| Node {
@@ -87,33 +86,33 @@ impl<'a> Node<'a> {
         Ok(elements.iter().enumerate().map(element).collect())
     }
 
-    /// A finite number, or nothing for `null`, which is how JSON says `NaN`.
-    pub(super) fn number_or_null(&self) -> Result<Written<'a, Option<f64>>, BadInput> {
+    /// A finite number. `None` for `null`, which stands for `NaN`.
+    pub(super) fn number_or_null(&self) -> Result<Parsed<'a, Option<f64>>, BadInput> {
         self.scalar("a finite number")
     }
 
-    /// A whole number that is not negative, as codes and versions are.
-    pub(super) fn code(&self) -> Result<Written<'a, u16>, BadInput> {
+    /// A command, frame or version number.
+    pub(super) fn code(&self) -> Result<Parsed<'a, u16>, BadInput> {
         self.scalar("a whole number from 0 to 65535")
     }
 
-    pub(super) fn boolean(&self) -> Result<Written<'a, bool>, BadInput> {
+    pub(super) fn boolean(&self) -> Result<Parsed<'a, bool>, BadInput> {
         self.scalar("`true` or `false`")
     }
 
-    pub(super) fn string(&self) -> Result<Written<'a, String>, BadInput> {
+    pub(super) fn string(&self) -> Result<Parsed<'a, String>, BadInput> {
         self.scalar("a string")
     }
 
-    fn scalar<T: DeserializeOwned>(&self, accepted: &str) -> Result<Written<'a, T>, BadInput> {
-        let value = serde_json::from_str(self.text).map_err(|_| self.not(accepted))?;
-        Ok(Written {
+    fn scalar<T: DeserializeOwned>(&self, accepted: &str) -> Result<Parsed<'a, T>, BadInput> {
+        let value = serde_json::from_str(self.text).map_err(|_| self.expected(accepted))?;
+        Ok(Parsed {
             value,
             text: self.text,
         })
     }
 
-    fn not(&self, accepted: &str) -> BadInput {
+    fn expected(&self, accepted: &str) -> BadInput {
         let message = match self.text.as_bytes() {
             [b'{', ..] => format!("`{}` is an object", self.path),
             [b'[', ..] => format!("`{}` is an array", self.path),
@@ -129,17 +128,17 @@ impl<'a> Object<'a> {
         &self.node
     }
 
-    /// A field that must be there.
+    /// A required field.
     pub(super) fn field(&self, name: &str) -> Result<Node<'a>, BadInput> {
-        self.field_if_any(name).ok_or_else(|| {
+        self.optional_field(name).ok_or_else(|| {
             let message = format_args!("`{}` is missing", self.path_of(name));
             let pointer = self.node.pointer();
             self.node.document.refuse(pointer, message, SAVE_AGAIN)
         })
     }
 
-    /// A field, if it is there.
-    pub(super) fn field_if_any(&self, name: &str) -> Option<Node<'a>> {
+    /// An optional field.
+    pub(super) fn optional_field(&self, name: &str) -> Option<Node<'a>> {
         Some(Node {
             document: self.node.document,
             text: self.fields.get(name)?.get(),
@@ -155,7 +154,7 @@ impl<'a> Object<'a> {
     }
 }
 
-/// A document in which no object has two fields with one name: of two, programs take the first or the last.
+/// A document without duplicate fields, of which programs take either the first or the last.
 struct Distinct;
 
 impl<'de> Deserialize<'de> for Distinct {
@@ -175,7 +174,7 @@ impl<'de> Visitor<'de> for Distinct {
         let mut names = BTreeSet::new();
         while let Some(name) = map.next_key::<String>()? {
             if names.contains(&name) {
-                return Err(A::Error::custom(format_args!("`{name}` is there twice")));
+                return Err(A::Error::custom(format_args!("`{name}` is given twice")));
             }
             names.insert(name);
             map.next_value::<Self>()?;
@@ -217,11 +216,11 @@ fn not_distinct(document: Document<'_>, error: &serde_json::Error) -> BadInput {
     document.refuse_at(
         byte_at(document, error),
         problem(error),
-        "remove one of the two",
+        "remove one of them",
     )
 }
 
-/// What an error says, without the place.
+/// An error's message without its place.
 fn problem(error: &serde_json::Error) -> String {
     let place = format!(" at line {} column {}", error.line(), error.column());
     let described = error.to_string();
@@ -237,17 +236,17 @@ fn not_json(document: Document<'_>, error: &serde_json::Error) -> BadInput {
         return document.refuse(
             document.end(),
             format_args!("the file ends inside its JSON: {problem}"),
-            "the file was cut short: save or copy it again",
+            "the file is incomplete: save or copy it again",
         );
     }
     document.refuse_at(
         byte_at(document, error),
         format_args!("this is not JSON: {problem}"),
-        "give a `.plan` as QGroundControl saves it",
+        "give a `.plan` saved by QGroundControl",
     )
 }
 
-/// The byte that an error is about, whose column serde_json counts from one, in bytes.
+/// The byte of an error. serde_json's column counts bytes from one.
 fn byte_at(document: Document<'_>, error: &serde_json::Error) -> Range<usize> {
     let start = document.line_start(error.line()) + error.column().saturating_sub(1);
     start..start + 1

@@ -1,4 +1,4 @@
-//! The items of a mission in the order in which they are come to.
+//! A mission's items in order of the flight, with jumps resolved.
 
 use super::ITEMS_MAX;
 use super::command::Manoeuvre;
@@ -6,22 +6,24 @@ use super::document::Document;
 use super::item::Item;
 use crate::diagnostic::BadInput;
 
-/// Items among which some say where to go on.
+/// A mission's items, including jumps.
 pub(super) struct Jumps<'a> {
     pub(super) document: Document<'a>,
     pub(super) items: &'a [Item<'a>],
 }
 
-/// Where a jump goes on, by its place among the items, and how often: `None` for one without end.
+/// A parsed jump.
 struct Jump {
+    /// Index of the target among the items.
     to: usize,
+    /// Repetitions. `None`: endless.
     times: Option<usize>,
 }
 
 impl<'a> Jumps<'a> {
-    /// The items in the order in which they are come to. A jump is among them, once, if it goes back without end, or comes
-    /// after the return to launch, where none is made.
-    pub(super) fn flown(&self) -> Result<Vec<&'a Item<'a>>, BadInput> {
+    /// The items in order of the flight. Jumps are replaced by their repetitions, except endless jumps back and jumps after the
+    /// return to launch, which are kept as items.
+    pub(super) fn in_flight_order(&self) -> Result<Vec<&'a Item<'a>>, BadInput> {
         let mut flown = Vec::new();
         let mut left = vec![None; self.items.len()];
         let mut has_returned = false;
@@ -47,12 +49,14 @@ impl<'a> Jumps<'a> {
                 Some(Jump { to, times: None }) if to > at => Some(to),
                 _ => None,
             };
-            let come_to = if next.is_some() { jumps } else { flown.len() };
-            if come_to == ITEMS_MAX {
+            let count = if next.is_some() { jumps } else { flown.len() };
+            if count == ITEMS_MAX {
                 return Err(self.document.refuse(
                     item.command.text,
-                    format_args!("the mission comes to more than {ITEMS_MAX} items, by its jumps"),
-                    "let it jump less often",
+                    format_args!(
+                        "the mission has more than {ITEMS_MAX} items with its jumps repeated"
+                    ),
+                    "give fewer repetitions",
                 ));
             }
             match next {
@@ -69,7 +73,7 @@ impl<'a> Jumps<'a> {
         Ok(flown)
     }
 
-    /// Where a jump goes on. Over the return to launch none goes: whether the mission ends there would depend on it.
+    /// Parses a jump. One past the return to launch is refused, for the mission ends there.
     fn jump_from(&self, at: usize) -> Result<Jump, BadInput> {
         let item = &self.items[at];
         let jump = self.jump(item)?;
@@ -81,10 +85,10 @@ impl<'a> Jumps<'a> {
             Some(end) if jump.times != Some(0) => Err(self.document.refuse(
                 item.first.text,
                 format_args!(
-                    "{}: it jumps past {}, where the mission ends",
+                    "{}: the jump passes {}, where the mission ends",
                     item.name, end.name
                 ),
-                "put the return to launch last, or let it jump to an item before it",
+                "put the return to launch last, or jump to an item before it",
             )),
             _ => Ok(jump),
         }
@@ -96,8 +100,8 @@ impl<'a> Jumps<'a> {
         let Some(to) = self.items.iter().position(is_named) else {
             return Err(self.document.refuse(
                 item.first.text,
-                format_args!("{}: there is no item to jump to", item.name),
-                "give the number of an item, as the ground station counts them from 1",
+                format_args!("{}: the jump's target does not exist", item.name),
+                "give the number of an item, counted from 1 as in the ground station",
             ));
         };
         match item.second.value {
@@ -113,7 +117,7 @@ impl<'a> Jumps<'a> {
             }),
             _ => Err(self.document.refuse(
                 item.second.text,
-                format_args!("{}: it does not say how often it jumps", item.name),
+                format_args!("{}: the jump's number of repetitions is invalid", item.name),
                 format!("give a whole number from 0 to {ITEMS_MAX}"),
             )),
         }

@@ -1,14 +1,14 @@
-//! A path drawn on a map: the first `LineString` of a KML file.
+//! Reader of KML: the first `LineString` of the file.
 //!
-//! Source: OGC 12-007r2, *OGC KML 2.3*, "kml:LineString". What is above the ground there is flown above home, with a note.
-//! Altitudes above sea level are read where QGroundControl exports a plan, whose path begins at the planned home.
+//! Source: OGC 12-007r2, *OGC KML 2.3*, "kml:LineString". Altitudes above ground are used as heights above home, with a note.
+//! Altitudes above sea level are accepted only in a plan exported by QGroundControl, whose path begins at home.
 
 use std::ops::Range;
 
 use roxmltree::{Document as Xml, Error, Node};
 
-use super::document::{Document, Written, quoted};
-use super::item::{Home, Item, Listing, Position, ZeroHeight};
+use super::document::{Document, Parsed, quoted};
+use super::item::{Home, Item, ParsedMission, Position, ZeroHeight};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
@@ -17,21 +17,21 @@ const NAV_LAND: u16 = 21;
 const ABOVE_SEA_LEVEL: u16 = 0;
 const ABOVE_HOME: u16 = 3;
 
-/// What QGroundControl names a document that it exports.
+/// Document name in QGroundControl's exports.
 const QGROUNDCONTROL: &str = "QGroundControl Plan KML";
 
-/// How far from the ground the ends of a path may be, in metres, for the swarm to take off and land there.
+/// The largest height of a path's ends that counts as on the ground, in metres.
 const ON_THE_GROUND_M: f64 = 0.5;
 
-const DRAW: &str = "draw a path with altitudes relative to the ground, and save it as KML";
+const DRAW: &str = "draw a path with altitudes relative to the ground and save it as KML";
 
-pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
+pub(super) fn read(document: Document<'_>) -> Result<ParsedMission<'_>, BadInput> {
     let xml = Xml::parse(document.text).map_err(|error| not_xml(document, &error))?;
-    let Some(path) = named(xml.root(), "LineString") else {
+    let Some(path) = find_element(xml.root(), "LineString") else {
         return Err(document.refuse(document.end(), "the file has no `LineString`", DRAW));
     };
-    let Some(coordinates) = named(path, "coordinates") else {
-        let place = opening(document, path);
+    let Some(coordinates) = find_element(path, "coordinates") else {
+        let place = opening_tag(document, path);
         return Err(document.refuse(place, "the `LineString` has no `coordinates`", DRAW));
     };
     let (frame, mut notes) = frame(document, &xml, path)?;
@@ -42,13 +42,13 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
             return Err(document.refuse(
                 point,
                 format_args!("the path has more than {ITEMS_MAX} points"),
-                format!("at most {ITEMS_MAX} are read"),
+                format!("at most {ITEMS_MAX} are accepted"),
             ));
         }
         items.push(item(document, point, frame, items.len() + 1)?);
     }
     let home = take_ends(&mut items, frame.value, &mut notes);
-    Ok(Listing {
+    Ok(ParsedMission {
         home,
         items,
         zero_height: ZeroHeight::Ground,
@@ -58,7 +58,8 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     })
 }
 
-/// Takes out the point where the path begins, if it is on the ground: home is there. If it ends on the ground, the swarm lands.
+/// Removes the first point if it is on the ground, and returns it as home. If the last point is on the ground, makes it a
+/// landing.
 fn take_ends<'a>(items: &mut Vec<Item<'a>>, frame: u16, notes: &mut Vec<Note>) -> Home<'a> {
     let is_above_sea_level = frame == ABOVE_SEA_LEVEL;
     let ground_m = match items.first() {
@@ -77,60 +78,63 @@ fn take_ends<'a>(items: &mut Vec<Item<'a>>, frame: u16, notes: &mut Vec<Note>) -
     if items.len() < 2 || !is_on_the_ground(&items[0]) {
         return Home::Missing;
     }
-    let begin = items.remove(0);
+    let start = items.remove(0);
     notes.push(Note {
-        item: begin.name,
-        kind: NoteKind::HomeWherePathBegins,
+        item: start.name,
+        kind: NoteKind::HomeFromPathStart,
     });
     if is_above_sea_level {
-        Home::Planned(begin.position)
+        Home::Planned(start.position)
     } else {
-        Home::OnTheGround(begin.position)
+        Home::OnTheGround(start.position)
     }
 }
 
-/// What the altitudes of a path are above.
+/// The reference of a path's altitudes.
 fn frame<'a>(
     document: Document<'a>,
     xml: &Xml<'_>,
     path: Node<'_, '_>,
-) -> Result<(Written<'a, u16>, Vec<Note>), BadInput> {
-    let mode = named(path, "altitudeMode");
-    let text = mode.map_or_else(|| opening(document, path), |mode| content(document, mode));
+) -> Result<(Parsed<'a, u16>, Vec<Note>), BadInput> {
+    let mode = find_element(path, "altitudeMode");
+    let text = mode.map_or_else(
+        || opening_tag(document, path),
+        |mode| content(document, mode),
+    );
     match (mode, text.trim()) {
         (Some(_), "absolute") if is_exported_plan(xml) => {
             let value = ABOVE_SEA_LEVEL;
-            Ok((Written { value, text }, Vec::new()))
+            Ok((Parsed { value, text }, Vec::new()))
         }
         (Some(_), "absolute") => Err(document.refuse(
             text,
-            "the path's altitudes are above sea level, and that of home is not known",
-            "give altitudes relative to the ground; those above sea level are read where QGroundControl has exported a plan, whose \
-             path begins at home",
+            "the path's altitudes are above sea level, but home's altitude is unknown",
+            "give altitudes relative to the ground; above sea level is accepted only in plans exported by QGroundControl, which \
+             begin at home",
         )),
         (Some(_), "relativeToGround") => {
             let value = ABOVE_HOME;
             let note = Note {
                 item: "altitudeMode".to_owned(),
-                kind: NoteKind::GroundTakenForLevel,
+                kind: NoteKind::TerrainAltitudesAboveHome,
             };
-            Ok((Written { value, text }, vec![note]))
+            Ok((Parsed { value, text }, vec![note]))
         }
-        _ => Err(document.refuse(text, "the path lies on the ground", DRAW)),
+        _ => Err(document.refuse(text, "the path is on the ground", DRAW)),
     }
 }
 
 fn is_exported_plan(xml: &Xml<'_>) -> bool {
-    let document = named(xml.root(), "Document");
-    let name = document.and_then(|document| named(document, "name"));
+    let document = find_element(xml.root(), "Document");
+    let name = document.and_then(|document| find_element(document, "name"));
     name.and_then(|name| name.text()).map(str::trim) == Some(QGROUNDCONTROL)
 }
 
-/// A point: longitude, latitude and altitude.
+/// Parses a point as a waypoint.
 fn item<'a>(
     document: Document<'a>,
     point: &'a str,
-    frame: Written<'a, u16>,
+    frame: Parsed<'a, u16>,
     number: usize,
 ) -> Result<Item<'a>, BadInput> {
     let mut numbers = point.split(',').map(|text| number_in(document, text));
@@ -141,16 +145,16 @@ fn item<'a>(
         return Err(document.refuse(
             point,
             format_args!("point {number} is {}", quoted(point)),
-            "a point is its longitude, latitude and altitude, with commas between them and no space",
+            "give a point as longitude,latitude,altitude without spaces",
         ));
     };
-    let none = Written {
+    let none = Parsed {
         value: None,
         text: point,
     };
     Ok(Item {
         name: format!("point {number}"),
-        command: Written {
+        command: Parsed {
             value: NAV_WAYPOINT,
             text: point,
         },
@@ -170,27 +174,27 @@ fn item<'a>(
 fn number_in<'a>(
     document: Document<'a>,
     text: &'a str,
-) -> Result<Written<'a, Option<f64>>, BadInput> {
+) -> Result<Parsed<'a, Option<f64>>, BadInput> {
     match text.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(Written {
+        Ok(number) if number.is_finite() => Ok(Parsed {
             value: Some(number),
             text,
         }),
         _ => Err(document.refuse(
             text,
             format_args!("{} is not a finite number", quoted(text)),
-            "a point is its longitude, latitude and altitude, with commas between them and no space",
+            "give a point as longitude,latitude,altitude without spaces",
         )),
     }
 }
 
-/// The first element of this name within another.
-fn named<'x, 'input>(within: Node<'x, 'input>, name: &str) -> Option<Node<'x, 'input>> {
+/// The first descendant element of this name.
+fn find_element<'x, 'input>(within: Node<'x, 'input>, name: &str) -> Option<Node<'x, 'input>> {
     let is_it = |node: &Node<'_, '_>| node.is_element() && node.tag_name().name() == name;
     within.descendants().find(is_it)
 }
 
-/// What stands between an element's tags, as it is written.
+/// The text between an element's tags.
 fn content<'a>(document: Document<'a>, element: Node<'_, '_>) -> &'a str {
     let text = element.children().find(Node::is_text);
     slice(
@@ -200,7 +204,7 @@ fn content<'a>(document: Document<'a>, element: Node<'_, '_>) -> &'a str {
 }
 
 /// An element's opening tag.
-fn opening<'a>(document: Document<'a>, element: Node<'_, '_>) -> &'a str {
+fn opening_tag<'a>(document: Document<'a>, element: Node<'_, '_>) -> &'a str {
     let tag = slice(document, element.range());
     &tag[..tag.find('>').map_or(tag.len(), |end| end + 1)]
 }
@@ -221,6 +225,6 @@ fn not_xml(document: Document<'_>, error: &Error) -> BadInput {
     document.refuse_at(
         at..at + 1,
         format_args!("this is not XML: {}", problem.unwrap_or(&described)),
-        "give a KML file as Google Earth saves it",
+        "give a KML file as saved by Google Earth",
     )
 }

@@ -1,8 +1,8 @@
-//! What a swarm is to follow, read from the mission files that people already have.
+//! Reader of mission files.
 //!
-//! Three formats are read, told apart by how they begin, whatever the file's name: QGroundControl's `.plan` (JSON), the
-//! `QGC WPL 110` text that QGroundControl, Mission Planner and MAVProxy write, and paths in KML. All become the same list
-//! of MAVLink mission items, and one module makes the route of them.
+//! Three formats are accepted, recognised by their first characters and not by the file's name: QGroundControl's `.plan`
+//! (JSON), `QGC WPL 110` text (written by QGroundControl, Mission Planner and MAVProxy), and paths in KML. Each is parsed into
+//! a list of MAVLink mission items, of which the module `route` builds the route.
 
 mod command;
 mod document;
@@ -27,29 +27,29 @@ use crate::diagnostic::{BadInput, read_text};
 use crate::geodetic::Geodetic;
 use document::Document;
 
-/// The most points that a mission's route has, the one over home included.
+/// The most points of a route, including the one above home.
 pub const WAYPOINTS_MAX: usize = 1_000;
 
-/// The most items that a mission file has, those that the swarm ignores and home included.
+/// The most items of a mission file, including home and ignored items.
 pub const ITEMS_MAX: usize = 5_000;
 
-/// The most circles and polygons that a plan's fence has.
+/// The most circles and polygons of a plan's fence.
 pub const FENCE_ZONES_MAX: usize = 100;
 
-/// The most corners that the polygons of a plan's fence have together.
+/// The most corners of all polygons of a plan's fence together.
 pub const FENCE_CORNERS_MAX: usize = 1_000;
 
-/// The fewest waypoints that a swarm follows. After a take-off, one may be where that leads to: the swarm hovers.
+/// The fewest waypoints of a mission. After a take-off, a single waypoint at the take-off point is accepted: the swarm hovers.
 pub const NAV_WAYPOINTS_MIN: usize = 1;
 
-/// The highest that a route goes above home, in metres. Most altitudes beyond it are above sea level, by mistake.
+/// The highest point of a route above home, in metres. Higher altitudes are mostly above sea level by mistake.
 pub const HEIGHT_MAX_M: f64 = 1_000.0;
 
-/// What a swarm follows: a home, and a route about it.
+/// A mission: home, and a route in the local frame about it.
 ///
-/// The route's first point is over home, at the height that the swarm takes off to; it may be the only one. No two consecutive points are the
-/// same; each is within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, above it, and at most
-/// [`HEIGHT_MAX_M`] above it. There are at most [`WAYPOINTS_MAX`].
+/// The first point is above home, at the take-off height; it may be the only one. Consecutive points differ. Each point is
+/// within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, and above it by at most [`HEIGHT_MAX_M`].
+/// There are at most [`WAYPOINTS_MAX`] points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mission {
     home: Geodetic,
@@ -59,121 +59,120 @@ pub struct Mission {
     notes: Vec<Note>,
 }
 
-/// A part of the fence that a plan has.
+/// A circle or polygon of a plan's fence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FenceZone {
-    /// As errors name it: `geoFence.polygons[0]`.
+    /// Name in errors: `geoFence.polygons[0]`.
     pub name: String,
-    /// Where it is, about home.
+    /// The zone in the local frame about home.
     pub zone: Zone,
 }
 
 impl Mission {
-    /// Where the swarm's local frame has its origin.
+    /// Origin of the swarm's local frame.
     #[must_use]
     pub fn home(&self) -> Geodetic {
         self.home
     }
 
-    /// The route, in flying order, to the whole millimetre. The first is where the swarm takes off to, over home.
+    /// The route in order of the flight, in whole millimetres. The first point is above home, at the take-off height.
     #[must_use]
     pub fn waypoints(&self) -> &[Ned] {
         &self.waypoints
     }
 
-    /// How long the swarm waits at which of its waypoints, once all have arrived.
+    /// How long the swarm holds at each waypoint after all drones have arrived.
     #[must_use]
     pub fn holds(&self) -> &Holds {
         &self.holds
     }
 
-    /// Where the swarm may fly, if its plan has a fence. Home, all waypoints and the straight ways between them lie within
-    /// all areas to stay within, and outside of the others.
+    /// The plan's fence; empty without one. Home, all waypoints and the legs between them are inside all inclusion zones and
+    /// outside all exclusion zones.
     #[must_use]
     pub fn fence(&self) -> &[FenceZone] {
         &self.fence
     }
 
-    /// What the file asks for and the swarm doesn't do, in the file's order.
+    /// What the swarm does not do of what the file asks for, in the file's order.
     #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 }
 
-/// Something that a mission file asks for and the swarm doesn't do.
+/// Something in a mission file that the swarm does not do, or does differently.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Note {
     item: String,
     kind: NoteKind,
 }
 
-/// What a swarm leaves out of a mission, and why.
+/// What the swarm does not do or does differently.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoteKind {
-    /// A command that moves no drone: a camera's, a gimbal's.
+    /// A command that does not move a drone: a camera's, a gimbal's.
     CommandIgnored {
-        /// Its name in MAVLink, without the `MAV_CMD_`.
+        /// Its name in MAVLink, without `MAV_CMD_`.
         command: &'static str,
     },
-    /// A change of speed: the swarm flies at its scenario's.
+    /// A change of speed: the swarm flies at its scenario's speed.
     SpeedIgnored,
-    /// `CONDITION_CHANGE_ALT`, which ArduCopter passes over, too.
+    /// `CONDITION_CHANGE_ALT`, which ArduCopter ignores, too.
     HeightConditionIgnored,
     /// Turns about a place: the swarm flies to it and on.
     TurnsIgnored,
-    /// A payload to set down: the swarm flies over the place, at the height that it has.
+    /// A payload to place: the swarm flies over the place at its current height.
     PayloadKept,
-    /// A height of zero above home, by which ArduCopter's missions say none: the swarm keeps the height that it has.
+    /// A height of zero above home, which means "none" in ArduCopter's missions: the swarm keeps its height.
     HeightKept {
-        /// That height, in metres above home.
+        /// The height that is kept, in metres above home.
         height_m: f64,
     },
-    /// A wait before the take-off.
+    /// A hold before the take-off.
     HoldOnGroundIgnored {
-        /// How long the file asks for, in seconds.
+        /// The requested hold, in seconds.
         hold_s: f64,
     },
     /// A wait for a time of day: the swarm flies on.
     TimeOfDayIgnored,
-    /// An item after which the drone is to wait for its operator: the swarm flies on.
+    /// An item after which the drone would wait for its operator: the swarm flies on.
     StopIgnored,
-    /// A waypoint where the one before it is, to the millimetre: it is left out.
+    /// A waypoint equal to the one before it, to the millimetre: it is left out.
     MergedWithPrevious,
     /// A curve: the swarm flies straight to its end.
     CurveIgnored,
-    /// A jump back without end: the swarm goes on behind it.
+    /// An endless jump back: the swarm continues with the next item.
     EndlessJumpIgnored,
-    /// The indices of a waypoints file are not 0, 1, 2, …: its items are taken in the order of their lines.
+    /// The indices of a waypoints file are not 0, 1, 2, …; its items are flown in the order of their lines.
     IndicesIgnored,
-    /// The file has no home: it is taken to be where this item is.
-    HomeTaken,
-    /// All of the mission's places are far from the home that item 0 of a waypoints file says, and near each other: home
-    /// is taken to be where this item is.
+    /// The file has no home: this item's place is home.
+    HomeFromFirstPlace,
+    /// All places of the mission are far from item 0 of a waypoints file and close to each other: this item's place is home.
     HomeReplaced {
-        /// How far from there item 0 is, in metres.
+        /// Distance of item 0, in metres.
         distance_m: f64,
     },
     /// An item after the return to launch, which ends the mission.
     LeftOutAfterReturn,
-    /// A path drawn on a map begins on the ground: home is taken to be there.
-    HomeWherePathBegins,
-    /// A place to return to from the fence: who is stopped there lands there.
+    /// A KML path begins on the ground: home is there.
+    HomeFromPathStart,
+    /// A place to return to from the fence: a drone that is stopped at the fence lands there.
     BreachReturnIgnored,
-    /// Altitudes above the ground there, of which the swarm has no map: they are taken to be above home.
-    GroundTakenForLevel,
-    /// Rally points: who must come down lands over home, or where it is.
+    /// Altitudes above terrain, of which the swarm has no map: they are used as heights above home.
+    TerrainAltitudesAboveHome,
+    /// Rally points: a drone that must land does so above home or where it is.
     RallyPointsIgnored,
 }
 
 impl Note {
-    /// Which item, as errors name it: `mission.items[3]` in a `.plan`, `item 3` in a `QGC WPL 110` file.
+    /// Name of the item in errors: `mission.items[3]` in a `.plan`, `item 3` in a `QGC WPL 110` file.
     #[must_use]
     pub fn item(&self) -> &str {
         &self.item
     }
 
-    /// What is left out.
+    /// What the swarm does not do or does differently.
     #[must_use]
     pub fn kind(&self) -> NoteKind {
         self.kind
@@ -185,63 +184,68 @@ impl fmt::Display for Note {
         write!(f, "{}: ", self.item)?;
         match self.kind {
             NoteKind::CommandIgnored { command } => {
-                write!(f, "{command} is ignored, it moves no drone of the swarm")
+                write!(f, "{command} is ignored; it does not move the swarm")
             }
-            NoteKind::SpeedIgnored => f.write_str(
-                "DO_CHANGE_SPEED is not leader, the swarm flies at `vehicle.speed_mps`",
-            ),
-            NoteKind::HeightConditionIgnored => {
-                f.write_str("CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it")
-            }
-            NoteKind::TurnsIgnored => f.write_str("the turns are not flown, the swarm flies on"),
-            NoteKind::PayloadKept => f.write_str(
-                "the payload is not set down, the swarm flies over the place and does not descend",
-            ),
             NoteKind::HeightKept { height_m } => write!(
                 f,
-                "a height of 0 says none, the swarm keeps its {height_m} m above home"
+                "an altitude of 0 means none; the swarm keeps its height, {height_m} m above home"
             ),
-            NoteKind::HoldOnGroundIgnored { hold_s } => write!(
-                f,
-                "the hold of {hold_s} s is ignored, the swarm has not taken off by then"
-            ),
-            NoteKind::TimeOfDayIgnored => {
-                f.write_str("the wait for a time of day is ignored, the swarm flies on")
-            }
-            NoteKind::StopIgnored => {
-                f.write_str("the wait for the operator is ignored, the swarm flies on")
-            }
-            NoteKind::MergedWithPrevious => {
-                f.write_str("the waypoint is left out, it is where the one before it is")
-            }
-            NoteKind::CurveIgnored => f.write_str("the curve is flown as a straight leg"),
-            NoteKind::EndlessJumpIgnored => f.write_str(
-                "the jump has no end and is ignored, the swarm goes on with the next item",
-            ),
-            NoteKind::IndicesIgnored => f.write_str(
-                "the numbers are not 0, 1, 2, …, the items are taken in the order of their lines",
-            ),
-            NoteKind::HomeTaken => {
-                f.write_str("home is taken to be there, the file does not say where it is")
+            NoteKind::HoldOnGroundIgnored { hold_s } => {
+                write!(
+                    f,
+                    "the hold of {hold_s} s is ignored; it is before the take-off"
+                )
             }
             NoteKind::HomeReplaced { distance_m } => write!(
                 f,
-                "home is taken to be there, not in item 0, {:.0} km away, which autopilots overwrite",
+                "home is this place, for item 0 is {:.0} km away, overwritten by an autopilot",
                 distance_m / 1_000.0
             ),
-            NoteKind::HomeWherePathBegins => {
-                f.write_str("home is taken to be there, the path begins on the ground")
+            kind => f.write_str(kind.description()),
+        }
+    }
+}
+
+impl NoteKind {
+    /// The text of a note without values; empty for the others.
+    const fn description(self) -> &'static str {
+        match self {
+            Self::CommandIgnored { .. }
+            | Self::HeightKept { .. }
+            | Self::HoldOnGroundIgnored { .. }
+            | Self::HomeReplaced { .. } => "",
+            Self::SpeedIgnored => {
+                "DO_CHANGE_SPEED is ignored; the swarm flies at `vehicle.speed_mps`"
             }
-            NoteKind::LeftOutAfterReturn => {
-                f.write_str("the item is left out, the mission ends with the return to launch")
+            Self::HeightConditionIgnored => {
+                "CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it"
             }
-            NoteKind::BreachReturnIgnored => f.write_str(
-                "the place to return to is ignored, a drone that is stopped at the fence lands there",
-            ),
-            NoteKind::GroundTakenForLevel => f.write_str(
-                "the altitudes, above the ground there, are taken as heights above home, the swarm has no map of the ground",
-            ),
-            NoteKind::RallyPointsIgnored => f.write_str("rally points are ignored"),
+            Self::TurnsIgnored => "the turns are not flown; the swarm flies on",
+            Self::PayloadKept => {
+                "the payload is not placed; the swarm flies over the place and does not descend"
+            }
+            Self::TimeOfDayIgnored => "the wait for a time of day is ignored; the swarm flies on",
+            Self::StopIgnored => "the wait for the operator is ignored; the swarm flies on",
+            Self::MergedWithPrevious => "the waypoint is left out; it equals the one before it",
+            Self::CurveIgnored => "the curve is flown as a straight leg",
+            Self::EndlessJumpIgnored => {
+                "the endless jump is ignored; the swarm continues with the next item"
+            }
+            Self::IndicesIgnored => {
+                "the indices are not 0, 1, 2, …; the items are flown in the order of their lines"
+            }
+            Self::HomeFromFirstPlace => "home is this place, for the file has none",
+            Self::HomeFromPathStart => "home is this place, for the path begins on the ground",
+            Self::LeftOutAfterReturn => {
+                "the item is left out; the mission ends with the return to launch"
+            }
+            Self::BreachReturnIgnored => {
+                "the return point is ignored; a drone that is stopped at the fence lands there"
+            }
+            Self::TerrainAltitudesAboveHome => {
+                "altitudes above ground are used as heights above home; the swarm has no terrain map"
+            }
+            Self::RallyPointsIgnored => "rally points are ignored",
         }
     }
 }
@@ -250,68 +254,79 @@ impl fmt::Display for Note {
 ///
 /// # Route
 ///
-/// `NAV_TAKEOFF` gives the height of the first point, which is over home whatever the item's coordinates; without one
-/// the first `NAV_WAYPOINT` gives it. Each `NAV_WAYPOINT` adds a point. The route ends with the items, or with
-/// `NAV_RETURN_TO_LAUNCH`, which adds a point over home, or `NAV_LAND`, which adds one over its coordinates if it has
-/// any; both at the height of the last point. Items after the return are left out, with a [`Note`]. Altitudes may be above
-/// home or above sea level; not above the ground, of which the swarm has no map. In a waypoints file, and in a plan for
-/// ArduPilot, a waypoint's altitude of 0 above home is none: it has the height of the point before it, with a [`Note`].
+/// | command | route |
+/// | --- | --- |
+/// | `NAV_TAKEOFF` | sets the height of the first point, which is above home whatever the item's coordinates |
+/// | `NAV_WAYPOINT` | a point; without a take-off the first one sets the height above home |
+/// | `NAV_LOITER_TIME`, `NAV_LOITER_TURNS`, `NAV_SPLINE_WAYPOINT` | a point |
+/// | `NAV_CONTINUE_AND_CHANGE_ALT`, a waypoint without coordinates | a point above or below the one before it |
+/// | `NAV_LOITER_TO_ALT` | a point at the height of the one before it, and one above or below |
+/// | `NAV_PAYLOAD_PLACE` | a point at the height of the one before it |
+/// | `DO_JUMP` | continues at the named item, as often as given, but not past the return |
+/// | `NAV_RETURN_TO_LAUNCH` | a point above home at the last height; later items are left out, with a [`Note`] |
+/// | `NAV_LAND` | a point above its coordinates, if it has any, at the last height; the route ends |
+/// | other commands that don't move a drone | ignored, with a [`Note`] |
 ///
-/// `NAV_LOITER_TIME`, `NAV_LOITER_TURNS` and `NAV_SPLINE_WAYPOINT` are points, too; so is `NAV_CONTINUE_AND_CHANGE_ALT`, or a
-/// waypoint without coordinates, where the point before it is. `NAV_LOITER_TO_ALT` is a point at the height of the one
-/// before it and one above or below it; `NAV_PAYLOAD_PLACE` only the first of these. `DO_JUMP` goes on at the item that it
-/// names, as often as it says, but not past the return.
+/// A point equal to the one before it, as in surveys, is left out, with a [`Note`]. `NaN` in a parameter (`null` in JSON)
+/// means that it is not given; it is refused if the route needs the parameter.
 ///
-/// The first parameter of a `NAV_WAYPOINT`, a `NAV_LOITER_TIME`, a `NAV_SPLINE_WAYPOINT` or a `NAV_DELAY` is how long the
-/// swarm waits there, in seconds, up to [`Holds::MAX`]. What is asked for at the same point adds up. A `NAV_DELAY` for a time
-/// of day is ignored, with a [`Note`].
+/// # Altitudes
 ///
-/// Of a plan's fence (`geoFence`) the circles and polygons are obeyed: the swarm stays within each area to stay within, as
-/// ArduPilot's vehicles do unless they are told otherwise, and out of all others. Fences of a waypoints file are files of
-/// their own, which are not read.
+/// Altitudes are above home or above sea level. Altitudes above terrain are refused, for the swarm has no map. In a waypoints
+/// file, and in a plan for ArduPilot, a waypoint's altitude of 0 above home means none; the swarm keeps its height, with a
+/// [`Note`].
 ///
-/// Home is where the file says. Where it does not, home is where the first point with coordinates is, with a [`Note`], and no
-/// altitude may be above sea level. So it is, too, where a waypoints file's item 0 says a home that all other places are
-/// further from than [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M), and these are near each other.
+/// # Holds
 ///
-/// Of KML the first path is flown. Home is where it begins, on the ground or below its first point. Where it ends on the
-/// ground, the swarm lands. Its altitudes are above the ground; above sea level only where QGroundControl has exported a plan.
+/// The first parameter of `NAV_WAYPOINT`, `NAV_LOITER_TIME`, `NAV_SPLINE_WAYPOINT` and `NAV_DELAY` is a hold in seconds, up
+/// to [`Holds::MAX`]. Holds at the same point add up. A `NAV_DELAY` for a time of day is ignored, with a [`Note`].
 ///
-/// Other commands that move no drone are ignored, with a [`Note`]. A waypoint that is exactly where the one before it
-/// is, as surveys have them, is left out with a note. `NaN` (in JSON, `null`) in a parameter says, as in MAVLink, that
-/// it isn't given: it is refused where the route needs it.
+/// # Fence
+///
+/// The circles and polygons of a plan's `geoFence` are used: the swarm stays inside every inclusion zone, as ArduPilot does by
+/// default, and outside every exclusion zone. Fence files beside a waypoints file are not read.
+///
+/// # Home
+///
+/// Home is taken from the file. If it has none, home is the first place with coordinates, with a [`Note`], and altitudes above
+/// sea level are refused. The same applies to a waypoints file whose places are all further than
+/// [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) from item 0 and close to each other.
+///
+/// # KML
+///
+/// The first path is flown. Home is its first point, on the ground or below it. If the path ends on the ground, the swarm
+/// lands. Altitudes are above ground; above sea level only in a plan exported by QGroundControl.
 ///
 /// # Errors
 ///
-/// When the file can't be read as text, is of none of the formats or breaks its rules, has an item that the swarm can't
-/// fly, has fewer than [`NAV_WAYPOINTS_MIN`] waypoints, or exceeds a limit of this module. The error names the file,
-/// the line where there is one, and what would be accepted.
+/// If the file is not text, has none of the formats, breaks its format's rules, has an item that a swarm can't fly, has fewer
+/// than [`NAV_WAYPOINTS_MIN`] waypoints, or exceeds a limit of this module. The error shows the file, the place and what is
+/// accepted.
 pub fn load(path: &Path) -> Result<Mission, BadInput> {
     parse(path, &read_text(path)?)
 }
 
-/// Reads the text of a mission file, likewise; `path` is what errors call it.
+/// Parses a mission file's text as [`load`] does. Errors name `path`.
 ///
 /// # Errors
 ///
-/// Those of [`load`], save that there is a text.
+/// As [`load`], except for unreadable files.
 pub fn parse(path: &Path, text: &str) -> Result<Mission, BadInput> {
     let document = Document { path, text };
-    let begins = text.trim_start();
-    if begins.starts_with('{') {
-        return route::follow(document, qgc_plan::read(document)?);
+    let trimmed = text.trim_start();
+    if trimmed.starts_with('{') {
+        return route::build(document, qgc_plan::read(document)?);
     }
-    if waypoints::is_begun(text) {
-        return route::follow(document, waypoints::read(document)?);
+    if waypoints::has_header(text) {
+        return route::build(document, waypoints::read(document)?);
     }
-    if begins.starts_with('<') {
-        return route::follow(document, kml::read(document)?);
+    if trimmed.starts_with('<') {
+        return route::build(document, kml::read(document)?);
     }
     Err(document.refuse(
-        begins.lines().next().unwrap_or_default(),
-        "this is no mission that can be read",
-        "give a `.plan` saved by QGroundControl, a JSON object that begins with `{`; a waypoints file, whose first line is \
-         `QGC WPL 110`; or KML, which begins with `<`",
+        trimmed.lines().next().unwrap_or_default(),
+        "this is not a mission file in an accepted format",
+        "give a QGroundControl `.plan` (begins with `{`), a waypoints file (first line `QGC WPL 110`) or KML (begins with `<`)",
     ))
 }
 

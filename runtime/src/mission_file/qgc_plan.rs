@@ -1,11 +1,11 @@
-//! QGroundControl's `.plan`.
+//! Reader of QGroundControl's `.plan`.
 //!
-//! Source: *Plan File Format*, of the QGroundControl developer guide, version 4. Only what the swarm needs is read and
-//! checked: of the rally points, whether there are any; of the settings of a vehicle nothing.
+//! Source: *Plan File Format*, QGroundControl developer guide, version 4. Only the fields that the swarm needs are read. Rally
+//! points are only counted, and a vehicle's settings are ignored.
 
-use super::document::{Document, Written, quoted};
+use super::document::{Document, Parsed, quoted};
 use super::fence;
-use super::item::{Home, Item, Listing, Position, ZeroHeight};
+use super::item::{Home, Item, ParsedMission, Position, ZeroHeight};
 use super::json::{Node, Object};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
@@ -13,23 +13,23 @@ use crate::diagnostic::BadInput;
 const FILE_TYPE: &str = "Plan";
 const FILE_VERSION: u16 = 1;
 
-/// Since QGroundControl 3.2: items have `params`.
+/// Since QGroundControl 3.2. Items have `params`.
 const MISSION_VERSION: u16 = 2;
 
-/// `MAV_AUTOPILOT_ARDUPILOTMEGA`, as `firmwareType` has it.
+/// `firmwareType` of ArduPilot: `MAV_AUTOPILOT_ARDUPILOTMEGA`.
 const ARDUPILOT: u16 = 3;
 
-/// `MAV_FRAME_GLOBAL_TERRAIN_ALT`: altitudes above the ground there.
+/// `MAV_FRAME_GLOBAL_TERRAIN_ALT`: altitudes above terrain.
 const ABOVE_GROUND_FRAME: u16 = 10;
 
-/// The `AltitudeMode` of altitudes above the ground there, of which QGroundControl makes altitudes above sea level where it has
-/// a map; the item's altitude is `null` until then.
+/// `AltitudeMode` of altitudes above terrain. QGroundControl converts them to altitudes above sea level once it has terrain
+/// data; until then the item's altitude is `null`.
 const CALCULATED_ABOVE_GROUND: u16 = 3;
 
-/// The complex items whose simple items are in the file, as `complexItemType` has them.
+/// The `complexItemType`s whose simple items are in the file.
 const EXPANDED: [&str; 2] = ["survey", "CorridorScan"];
 
-pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
+pub(super) fn read(document: Document<'_>) -> Result<ParsedMission<'_>, BadInput> {
     let plan = Node::root(document)?.object()?;
     check_type(document, &plan)?;
     check_version(document, &plan.field("version")?, FILE_VERSION)?;
@@ -45,7 +45,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     let mut notes = Vec::new();
     let fence = fence::read(document, &plan, &mut notes)?;
     notes.extend(rally_points(&plan)?);
-    Ok(Listing {
+    Ok(ParsedMission {
         home,
         items,
         zero_height,
@@ -55,13 +55,13 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     })
 }
 
-/// That there are some, if there are.
+/// A note if the plan has rally points.
 fn rally_points(plan: &Object<'_>) -> Result<Option<Note>, BadInput> {
-    let Some(part) = plan.field_if_any("rallyPoints") else {
+    let Some(part) = plan.optional_field("rallyPoints") else {
         return Ok(None);
     };
     let item = part.path().to_owned();
-    let points = part.object()?.field_if_any("points");
+    let points = part.object()?.optional_field("points");
     let is_empty = match points {
         Some(points) => points.elements(ITEMS_MAX)?.is_empty(),
         None => true,
@@ -78,7 +78,7 @@ fn check_type(document: Document<'_>, plan: &Object<'_>) -> Result<(), BadInput>
     Err(document.refuse(
         file_type.text,
         format_args!("`fileType` is {}", quoted(file_type.text)),
-        "give a `.plan` saved by QGroundControl, whose `fileType` is \"Plan\"",
+        "`fileType` must be \"Plan\": give a mission `.plan` saved by QGroundControl",
     ))
 }
 
@@ -87,14 +87,17 @@ pub(super) fn check_version(
     version: &Node<'_>,
     accepted: u16,
 ) -> Result<(), BadInput> {
-    let Written { value, text } = version.code()?;
+    let Parsed { value, text } = version.code()?;
     if value == accepted {
         return Ok(());
     }
     Err(document.refuse(
         text,
         format_args!("`{}` is {value}", version.path()),
-        format!("only {accepted} is read: open the plan in QGroundControl 4 and save it again"),
+        format!(
+            "`{}` must be {accepted}: save the plan again with QGroundControl 4",
+            version.path()
+        ),
     ))
 }
 
@@ -112,18 +115,18 @@ fn home<'a>(document: Document<'a>, home: &Node<'a>) -> Result<Home<'a>, BadInpu
     })
 }
 
-/// Only ArduCopter takes zero for no height.
+/// Only ArduCopter treats a height of zero as none.
 fn zero_height(mission: &Object<'_>) -> ZeroHeight {
-    let firmware = mission.field_if_any("firmwareType");
+    let firmware = mission.optional_field("firmwareType");
     match firmware.and_then(|firmware| firmware.code().ok()) {
-        Some(Written {
+        Some(Parsed {
             value: ARDUPILOT, ..
         }) => ZeroHeight::Kept,
         _ => ZeroHeight::Ground,
     }
 }
 
-/// Adds a simple item, or those that a complex one stands for.
+/// Adds a simple item, or the simple items of a complex one.
 fn add_item<'a>(
     document: Document<'a>,
     node: Node<'a>,
@@ -148,7 +151,7 @@ fn add_item<'a>(
                 object.node().path(),
                 quoted(item_type.text)
             ),
-            "an item is a \"SimpleItem\" or a \"ComplexItem\"",
+            "`type` must be \"SimpleItem\" or \"ComplexItem\"",
         )),
     }
 }
@@ -161,11 +164,11 @@ fn check_expanded(document: Document<'_>, complex: &Object<'_>) -> Result<(), Ba
     Err(document.refuse(
         kind.text,
         format_args!(
-            "`{}` is a complex item of the type {}, which the swarm can't fly",
+            "`{}` is a complex item of the type {}, which a swarm can't fly",
             complex.node().path(),
             quoted(kind.text)
         ),
-        "of the complex items, \"survey\" and \"CorridorScan\" are flown: replace the others by waypoints",
+        "\"survey\" and \"CorridorScan\" are accepted: replace other complex items by waypoints",
     ))
 }
 
@@ -178,12 +181,12 @@ fn add_simple_item<'a>(
         return Err(document.refuse(
             item.node().pointer(),
             format_args!("the mission has more than {ITEMS_MAX} items"),
-            format!("at most {ITEMS_MAX} are read, those of its surveys included"),
+            format!("at most {ITEMS_MAX} are accepted, including those of surveys"),
         ));
     }
     let parameters = item.field("params")?;
     let [first, second, third, fourth, latitude, longitude, altitude] =
-        exactly(document, &parameters, "the seven of a MAVLink command")?;
+        exactly(document, &parameters, "the parameters of a MAVLink command")?;
     for unused in [third, fourth] {
         unused.number_or_null()?;
     }
@@ -193,7 +196,7 @@ fn add_simple_item<'a>(
         command: item.field("command")?.code()?,
         frame: frame(item, &position)?,
         number: item
-            .field_if_any("doJumpId")
+            .optional_field("doJumpId")
             .and_then(|id| Some(id.code().ok()?.value)),
         first: first.number_or_null()?,
         second: second.number_or_null()?,
@@ -203,21 +206,21 @@ fn add_simple_item<'a>(
     Ok(())
 }
 
-/// What an item's altitude is above.
-fn frame<'a>(item: &Object<'a>, position: &Position<'a>) -> Result<Written<'a, u16>, BadInput> {
+/// The reference of an item's altitude.
+fn frame<'a>(item: &Object<'a>, position: &Position<'a>) -> Result<Parsed<'a, u16>, BadInput> {
     let frame = item.field("frame")?.code()?;
-    let mode = item.field_if_any("AltitudeMode");
+    let mode = item.optional_field("AltitudeMode");
     match (
         position.altitude_m.value,
         mode.and_then(|mode| mode.code().ok()),
     ) {
         (
             None,
-            Some(Written {
+            Some(Parsed {
                 value: CALCULATED_ABOVE_GROUND,
                 text,
             }),
-        ) => Ok(Written {
+        ) => Ok(Parsed {
             value: ABOVE_GROUND_FRAME,
             text,
         }),
@@ -225,7 +228,7 @@ fn frame<'a>(item: &Object<'a>, position: &Position<'a>) -> Result<Written<'a, u
     }
 }
 
-/// The values of an array that must have as many as its reader takes.
+/// The elements of an array that must have `N`.
 pub(super) fn exactly<'a, const N: usize>(
     document: Document<'a>,
     array: &Node<'a>,

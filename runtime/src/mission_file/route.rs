@@ -1,4 +1,4 @@
-//! The route that a swarm flies, of a mission's items.
+//! Builds a swarm's route from a mission's items.
 
 use std::time::Duration;
 
@@ -7,34 +7,37 @@ use muster_machines::mission::Holds;
 
 use super::command::{Handling, Manoeuvre, frame_name, handling, refused_name};
 use super::document::Document;
-use super::fence::WrittenZone;
+use super::fence::ParsedZone;
 use super::home::Origin;
-use super::item::{Item, Listing, ZeroHeight};
+use super::item::{Item, ParsedMission, ZeroHeight};
 use super::jumps::Jumps;
 use super::{HEIGHT_MAX_M, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
 use crate::diagnostic::BadInput;
-use crate::geodetic::{Geodetic, about_home, whole_millimetres};
+use crate::geodetic::{Geodetic, local_ned, whole_millimetres};
 
-const ACCEPTED_COMMANDS: &str = "a swarm flies NAV_TAKEOFF (22), NAV_WAYPOINT (16), NAV_LAND (21) and \
-                                 NAV_RETURN_TO_LAUNCH (20), and what is like them; replace the item by waypoints, or remove it";
+const ACCEPTED_COMMANDS: &str = "NAV_TAKEOFF (22), NAV_WAYPOINT (16), NAV_LAND (21), NAV_RETURN_TO_LAUNCH (20) and similar \
+                                 commands are accepted: replace the item by waypoints, or remove it";
 
 /// `MAV_FRAME_GLOBAL_RELATIVE_ALT` and, the same, `MAV_FRAME_GLOBAL_RELATIVE_ALT_INT`.
 const ABOVE_HOME_FRAMES: [u16; 2] = [3, 6];
 
-/// Turns what a file says into what a swarm flies.
-pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mission, BadInput> {
+/// Builds the mission of a parsed file.
+pub(super) fn build(
+    document: Document<'_>,
+    parsed: ParsedMission<'_>,
+) -> Result<Mission, BadInput> {
     let Origin {
         home,
         knows_sea_level,
         note,
-    } = Origin::of(document, &listing)?;
-    let mut notes = listing.notes;
+    } = Origin::of(document, &parsed)?;
+    let mut notes = parsed.notes;
     notes.extend(note);
     let mut route = Route {
         document,
         home,
         knows_sea_level,
-        zero_height: listing.zero_height,
+        zero_height: parsed.zero_height,
         points: Vec::new(),
         holds: Holds::default(),
         nav_waypoints: 0,
@@ -44,38 +47,38 @@ pub(super) fn follow(document: Document<'_>, listing: Listing<'_>) -> Result<Mis
     };
     for item in (Jumps {
         document,
-        items: &listing.items,
+        items: &parsed.items,
     })
-    .flown()?
+    .in_flight_order()?
     {
         route.add(item)?;
     }
-    route.finish(listing.items_at, &listing.fence)
+    route.finish(parsed.items_at, &parsed.fence)
 }
 
-/// A route as far as its items have been read.
+/// A route under construction.
 struct Route<'a> {
     document: Document<'a>,
     home: Geodetic,
     /// Whether home's altitude above sea level is known.
     knows_sea_level: bool,
     zero_height: ZeroHeight,
-    /// Empty, or the first is over home.
+    /// The first point is above home.
     points: Vec<Ned>,
     holds: Holds,
-    /// Those over where the swarm takes off to count if there is a take-off before them.
+    /// Number of waypoints. One at the take-off point counts only after a take-off.
     nav_waypoints: usize,
     has_taken_off: bool,
-    /// The item after which nothing is flown.
+    /// The end of the route, after which no item is flown.
     end: Option<End>,
     notes: Vec<Note>,
 }
 
-/// What ends a flight.
+/// The end of a route.
 #[derive(PartialEq)]
 enum End {
     Return,
-    /// The item of this name lands.
+    /// The named item is a landing.
     Landing(String),
 }
 
@@ -87,7 +90,7 @@ impl Route<'_> {
             return Ok(());
         }
         match handling {
-            Handling::Flown(manoeuvre) => self.fly(item, manoeuvre),
+            Handling::FlightPlan(manoeuvre) => self.fly(item, manoeuvre),
             Handling::Ignored(kind) => {
                 self.note(item, kind);
                 Ok(())
@@ -109,7 +112,7 @@ impl Route<'_> {
             return Err(self.document.refuse(
                 item.command.text,
                 format_args!("{} comes after {name}, where the swarm lands", item.name),
-                "a swarm that has landed does not take off again: end the mission there, or make two of it",
+                "end the mission with the landing, or make two missions: a swarm does not take off again",
             ));
         }
         if !item.auto_continue {
@@ -159,7 +162,7 @@ impl Route<'_> {
         self.push(item, Ned::HOME.at_altitude(height_m)).map(drop)
     }
 
-    /// A waypoint where the one before it is only adds its hold to that.
+    /// Adds a waypoint and its hold. One equal to the point before it only adds its hold.
     fn waypoint_with_hold(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
         let is_elsewhere = self.waypoint(item)?;
         if !is_elsewhere && hold_s(item).is_none() {
@@ -168,7 +171,7 @@ impl Route<'_> {
         self.hold(item)
     }
 
-    /// Whether it is elsewhere than the point before it.
+    /// Adds a waypoint. Returns whether it differs from the point before it.
     fn waypoint(&mut self, item: &Item<'_>) -> Result<bool, BadInput> {
         let kept_m = self.kept_height_m(item);
         let height_m = match kept_m {
@@ -187,7 +190,7 @@ impl Route<'_> {
         Ok(is_elsewhere)
     }
 
-    /// Where an item's coordinates are or, as flight controllers have it where there are none, where the drone is by then.
+    /// An item's place or, without coordinates, the last point's, as in flight controllers.
     fn point(&self, item: &Item<'_>, height_m: f64) -> Result<Ned, BadInput> {
         if item.position.has_no_coordinates() {
             let last = self.points.last().copied().unwrap_or(Ned::HOME);
@@ -196,7 +199,7 @@ impl Route<'_> {
         self.place(item, height_m)
     }
 
-    /// The height of the point before an item, where the item says none.
+    /// The last point's height, if the item's altitude means none.
     fn kept_height_m(&self, item: &Item<'_>) -> Option<f64> {
         let is_zero = item.position.altitude_m.value == Some(0.0);
         let is_none = is_zero && ABOVE_HOME_FRAMES.contains(&item.frame.value);
@@ -204,7 +207,7 @@ impl Route<'_> {
         (is_none && self.zero_height == ZeroHeight::Kept).then(|| last.altitude_m())
     }
 
-    /// First to the place, then up or down over it.
+    /// Adds a point at the item's place, then one above or below it.
     fn loiter_to_height(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
         let height_m = self.height_m(item)?;
         let last_m = self.points.last().map_or(height_m, |it| it.altitude_m());
@@ -221,7 +224,7 @@ impl Route<'_> {
         Ok(())
     }
 
-    /// Counts a waypoint, if it is elsewhere than the one before it or where the take-off leads to.
+    /// Counts a waypoint if it differs from the one before it, or follows a take-off.
     fn count(&mut self, is_elsewhere: bool) {
         if is_elsewhere || self.has_taken_off {
             self.nav_waypoints += 1;
@@ -252,7 +255,7 @@ impl Route<'_> {
         self.push(item, last.at_altitude(height_m)).map(drop)
     }
 
-    /// A wait where the swarm is by then.
+    /// Adds a hold at the last point.
     fn hold(&mut self, item: &Item<'_>) -> Result<(), BadInput> {
         let Some(hold_s) = hold_s(item) else {
             return Ok(());
@@ -280,7 +283,7 @@ impl Route<'_> {
             item.first.text,
             message,
             format!(
-                "give seconds from 0 up to {} at one place",
+                "give 0 to {} s, added up at one place",
                 Holds::MAX.as_secs()
             ),
         ))
@@ -307,13 +310,13 @@ impl Route<'_> {
         Ok(())
     }
 
-    /// Where an item's coordinates are, at a height above home.
+    /// An item's place at a height above home.
     fn place(&self, item: &Item<'_>, height_m: f64) -> Result<Ned, BadInput> {
         let altitude_m = self.home.altitude_m() + height_m;
         let place = item
             .position
             .geodetic(self.document, &item.name, altitude_m)?;
-        about_home(self.home, place).map_err(|error| {
+        local_ned(self.home, place).map_err(|error| {
             self.document.refuse(
                 item.position.latitude_deg.text,
                 format_args!("{}: {error}", item.name),
@@ -337,15 +340,15 @@ impl Route<'_> {
         }
         let help = if is_above_sea_level {
             format!(
-                "home is {home_m} m above sea level: give an altitude up to {HEIGHT_MAX_M} m above that, or the frame 3 if it \
-                 is meant above home"
+                "home is {home_m} m above sea level: give an altitude up to {HEIGHT_MAX_M} m above home, or frame 3 for heights \
+                 above home"
             )
         } else if height_m > 0.0 {
             format!(
-                "give one up to {HEIGHT_MAX_M} m, or the frame 0 if it is meant above sea level"
+                "give a height up to {HEIGHT_MAX_M} m, or frame 0 for altitudes above sea level"
             )
         } else {
-            format!("give one above 0 and up to {HEIGHT_MAX_M} m")
+            format!("give a height above 0 and up to {HEIGHT_MAX_M} m")
         };
         Err(self.document.refuse(
             item.position.altitude_m.text,
@@ -354,14 +357,14 @@ impl Route<'_> {
         ))
     }
 
-    /// Whether an item's altitude is above sea level, and not above home.
+    /// Whether an item's altitude is above sea level; else it is above home.
     fn above_sea_level(&self, item: &Item<'_>) -> Result<bool, BadInput> {
         match item.frame.value {
             0 if self.knows_sea_level => Ok(true),
             0 => Err(self.document.refuse(
                 item.frame.text,
                 format_args!(
-                    "{}: its altitude is above sea level, and that of home is not known",
+                    "{}: the altitude is above sea level, but home's altitude is unknown",
                     item.name
                 ),
                 "give altitudes above home (frame 3), or home with its altitude above sea level",
@@ -370,7 +373,7 @@ impl Route<'_> {
             10 | 11 => Err(self.document.refuse(
                 item.frame.text,
                 format_args!(
-                    "{}: its altitude is above the ground there, of which the swarm has no map",
+                    "{}: the altitude is above terrain, of which the swarm has no map",
                     item.name
                 ),
                 "give altitudes above home (frame 3) or above sea level (frame 0)",
@@ -378,12 +381,12 @@ impl Route<'_> {
             other => Err(self.document.refuse(
                 item.frame.text,
                 format_args!("{}: the frame is {}", item.name, frame_name(other)),
-                "the frames 0 (above sea level), 3 and 6 (above home) are accepted",
+                "frames 0 (above sea level), 3 and 6 (above home) are accepted",
             )),
         }
     }
 
-    /// Adds a point, unless the last one is the same; says which.
+    /// Adds a point unless it equals the last one. Returns whether it was added.
     fn push(&mut self, item: &Item<'_>, point: Ned) -> Result<bool, BadInput> {
         if self.points.last() == Some(&point) {
             return Ok(false);
@@ -395,7 +398,7 @@ impl Route<'_> {
                     "{}: the route has more than {WAYPOINTS_MAX} points",
                     item.name
                 ),
-                format!("at most {WAYPOINTS_MAX} are flown, the one over home included"),
+                format!("at most {WAYPOINTS_MAX} are accepted, including the one above home"),
             ));
         }
         self.points.push(point);
@@ -405,24 +408,24 @@ impl Route<'_> {
     fn note(&mut self, item: &Item<'_>, kind: NoteKind) {
         let item = item.name.clone();
         let note = Note { item, kind };
-        // What is come to again is told once.
+        // An item that a jump repeats is noted once.
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
     }
 
-    fn finish(self, items_at: &str, written: &[WrittenZone<'_>]) -> Result<Mission, BadInput> {
+    fn finish(self, items_at: &str, written: &[ParsedZone<'_>]) -> Result<Mission, BadInput> {
         if self.nav_waypoints < NAV_WAYPOINTS_MIN {
             return Err(self.document.refuse(
                 items_at,
-                "the mission has no waypoint but where the swarm takes off to",
-                "add a NAV_WAYPOINT (16) item elsewhere or, to hover, one after a NAV_TAKEOFF (22): landing and return don't count",
+                "the mission has no waypoint other than the take-off point",
+                "add a NAV_WAYPOINT (16) elsewhere or, to hover, one after a NAV_TAKEOFF (22): landing and return don't count",
             ));
         }
         let fence = written.iter().map(|zone| {
-            let about_home = zone.about(self.document, self.home)?;
-            zone.check(self.document, &about_home.zone, &self.points)?;
-            Ok(about_home)
+            let local = zone.to_local(self.document, self.home)?;
+            zone.check(self.document, &local.zone, &self.points)?;
+            Ok(local)
         });
         let fence = fence.collect::<Result<_, BadInput>>()?;
         Ok(Mission {
@@ -435,7 +438,7 @@ impl Route<'_> {
     }
 }
 
-/// How many seconds an item asks the swarm to wait, in its first parameter.
+/// An item's hold in seconds, its first parameter. `None` if it is 0 or not given.
 fn hold_s(item: &Item<'_>) -> Option<f64> {
     item.first.value.filter(|hold_s| *hold_s != 0.0)
 }

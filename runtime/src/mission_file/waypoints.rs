@@ -1,12 +1,12 @@
-//! The `QGC WPL 110` text: a header, then an item a line.
+//! Reader of `QGC WPL 110` text: a header, then one item per line.
 //!
-//! Source: *File Formats*, "Mission Plain-Text File Format", of the MAVLink developer guide. Deviations, as the readers
-//! in common use have them: any white space separates columns, empty lines and those that begin with `#` are passed over,
-//! and items are taken in the order of their lines, whatever their indices.
+//! Source: *File Formats*, "Mission Plain-Text File Format", MAVLink developer guide. Deviations, as in other readers: any white
+//! space separates columns; empty lines and lines that begin with `#` are skipped; items are in the order of their lines,
+//! whatever their indices.
 
 use super::command::Manoeuvre;
-use super::document::{Document, Written, quoted};
-use super::item::{Home, Item, Listing, Position, ZeroHeight};
+use super::document::{Document, Parsed, quoted};
+use super::item::{Home, Item, ParsedMission, Position, ZeroHeight};
 use super::{ITEMS_MAX, Note, NoteKind};
 use crate::diagnostic::BadInput;
 
@@ -28,16 +28,16 @@ const COLUMNS: [&str; 12] = [
 /// `MAV_FRAME_GLOBAL`: altitudes above sea level.
 const HOME_FRAME: u16 = 0;
 
-/// What Mission Planner writes as the command of item 0 while home is not set.
+/// Mission Planner's command of item 0 if home is not set.
 const NO_COMMAND: u16 = 0;
 
-/// Whether a text is of this format, of whichever version.
-pub(super) fn is_begun(text: &str) -> bool {
+/// Whether a text has the format's header, of any version.
+pub(super) fn has_header(text: &str) -> bool {
     let header = lines(text).next().unwrap_or_default();
     header.split_whitespace().take(2).eq(["QGC", "WPL"])
 }
 
-pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
+pub(super) fn read(document: Document<'_>) -> Result<ParsedMission<'_>, BadInput> {
     let mut lines = lines(document.text);
     check_header(document, lines.next().unwrap_or(document.end()))?;
     let rows: Vec<&str> = lines.collect();
@@ -45,7 +45,7 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         return Err(document.refuse(
             row,
             format_args!("the file has more than {ITEMS_MAX} items"),
-            format!("at most {ITEMS_MAX} are read, home included"),
+            format!("at most {ITEMS_MAX} are accepted, including home"),
         ));
     }
     let indices = Indices::of(&rows);
@@ -57,11 +57,11 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
         return Err(document.refuse(
             document.end(),
             "the file has no item",
-            "save the mission again: an item a line follows the header",
+            "give one item per line after the header",
         ));
     }
     indices.check_jumps(document, &items)?;
-    Ok(Listing {
+    Ok(ParsedMission {
         home: if indices.begin_with_home() {
             take_home(&mut items)
         } else {
@@ -75,17 +75,17 @@ pub(super) fn read(document: Document<'_>) -> Result<Listing<'_>, BadInput> {
     })
 }
 
-/// The lines that say something.
+/// The lines that are neither empty nor comments.
 fn lines(text: &str) -> impl Iterator<Item = &str> {
     text.lines()
         .filter(|line| !line.trim().is_empty() && !line.starts_with('#'))
 }
 
-/// What the column `index` says, which people and programs write as they like.
+/// The column `index`, which programs fill in different ways.
 enum Indices {
-    /// Each above the one before: they are the numbers by which jumps know the items.
+    /// Ascending: the numbers by which jumps name the items.
     Ascending(Vec<u16>),
-    /// Anything else: they number nothing.
+    /// Any other: they are ignored.
     Unordered { first: Option<u16> },
 }
 
@@ -103,7 +103,7 @@ impl Indices {
         }
     }
 
-    /// The number of the item on this line of items: its index, or how many lines come before.
+    /// The number of an item: its index or, if these don't ascend, its place.
     fn number(&self, place: usize) -> usize {
         match self {
             Self::Ascending(indices) => indices.get(place).copied().map_or(place, usize::from),
@@ -111,7 +111,7 @@ impl Indices {
         }
     }
 
-    /// Home is item 0. A mission that was read back from an autopilot, as DroneKit writes it, has none.
+    /// Whether the first item is home, which has index 0. Missions read back from an autopilot with DroneKit have none.
     fn begin_with_home(&self) -> bool {
         match self {
             Self::Ascending(indices) => indices.first() == Some(&0),
@@ -133,7 +133,7 @@ impl Indices {
         })
     }
 
-    /// A jump names an item by its index.
+    /// Refuses jumps in a file whose indices don't ascend, for a jump names an item by its index.
     fn check_jumps(&self, document: Document<'_>, items: &[Item<'_>]) -> Result<(), BadInput> {
         let Self::Unordered { .. } = self else {
             return Ok(());
@@ -142,7 +142,7 @@ impl Indices {
             Some(jump) => Err(document.refuse(
                 jump.first.text,
                 format_args!(
-                    "{}: it jumps to an index, and the file's indices do not ascend",
+                    "{}: the jump needs ascending indices, which the file does not have",
                     jump.name
                 ),
                 "number the items from 0 in the order of their lines, or save the mission again from a ground station",
@@ -159,7 +159,7 @@ fn check_header(document: Document<'_>, line: &str) -> Result<(), BadInput> {
     Err(document.refuse(
         line,
         format_args!("the header is {}", quoted(line)),
-        "only version 110 is read, whose first line is `QGC WPL 110`: save the mission again from a ground station",
+        "the first line must be `QGC WPL 110`: save the mission again from a ground station",
     ))
 }
 
@@ -199,8 +199,10 @@ fn item<'a>(document: Document<'a>, line: &'a str, number: usize) -> Result<Item
     })
 }
 
-/// Takes out item 0 where it says where home is. Ground stations write it as a waypoint above sea level; some above home, at
-/// height 0, or before the take-off; Mission Planner without a command while home is not set. Those for PX4 leave it out.
+/// Removes item 0 and returns it as home, if it is home.
+///
+/// Ground stations write home as a waypoint above sea level; some above home at height 0, or before a take-off. Mission Planner
+/// writes no command if home is not set. Ground stations for PX4 write no home.
 fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
     let Some(first) = items.first() else {
         return Home::Missing;
@@ -228,7 +230,7 @@ fn take_home<'a>(items: &mut Vec<Item<'a>>) -> Home<'a> {
     }
 }
 
-/// A line that has all its columns.
+/// A line with all columns.
 struct Row<'a> {
     document: Document<'a>,
     columns: [&'a str; COLUMNS.len()],
@@ -236,10 +238,10 @@ struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    fn code(&self, column: usize) -> Result<Written<'a, u16>, BadInput> {
+    fn code(&self, column: usize) -> Result<Parsed<'a, u16>, BadInput> {
         let text = self.columns[column];
         match text.parse() {
-            Ok(value) => Ok(Written { value, text }),
+            Ok(value) => Ok(Parsed { value, text }),
             Err(_) => Err(self.refuse(column, "a whole number from 0 to 65535")),
         }
     }
@@ -252,14 +254,14 @@ impl<'a> Row<'a> {
         }
     }
 
-    fn number(&self, column: usize) -> Result<Written<'a, Option<f64>>, BadInput> {
+    fn number(&self, column: usize) -> Result<Parsed<'a, Option<f64>>, BadInput> {
         let text = self.columns[column];
         match text.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(Written {
+            Ok(number) if number.is_finite() => Ok(Parsed {
                 value: Some(number),
                 text,
             }),
-            Ok(number) if number.is_nan() => Ok(Written { value: None, text }),
+            Ok(number) if number.is_nan() => Ok(Parsed { value: None, text }),
             _ => Err(self.refuse(column, "a finite number")),
         }
     }

@@ -1,24 +1,23 @@
-//! Where a swarm may fly, and how near its flight comes to where it may not.
+//! A swarm's fence, and the check that its flight stays inside.
 
 use std::sync::Arc;
 
 use crate::diagnostic::BadInput;
 use crate::mission_file::FenceZone;
-use muster_machines::formation::{Flown, Layout};
+use muster_machines::formation::{FlightPlan, Layout};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation::{Area, Fence, Zone};
-use toml::Spanned;
 
 use super::file::Source;
 use super::raw::Raw;
 use crate::text::figure;
 use crate::text::rounded_down;
 
-/// The nearest that anybody's way comes to the boundary of an area over ground.
+/// A drone's closest horizontal approach to the boundary of a zone.
 struct Nearest {
-    /// How near, in metres; 0 where the way leaves the fence.
-    room_m: f64,
+    /// Distance in metres; 0 if the path leaves the fence.
+    clearance_m: f64,
     zone: usize,
     drone: NodeId,
     on: Part,
@@ -34,30 +33,30 @@ enum Part {
 }
 
 impl Part {
-    fn in_words(self) -> String {
+    fn describe(self) -> String {
         match self {
-            Self::TakeOff => "on its way to its first slot".to_owned(),
+            Self::TakeOff => "on the way to its first slot".to_owned(),
             Self::Leg(from) => {
-                format!("on the way from waypoint {from} to waypoint {}", from + 1)
+                format!("on the leg from waypoint {from} to waypoint {}", from + 1)
             }
-            Self::Change(at) => format!("changing formation at waypoint {at}"),
-            Self::Landing => "on its way to its landing place".to_owned(),
+            Self::Change(at) => format!("in the change of formation at waypoint {at}"),
+            Self::Landing => "on the way to its landing place".to_owned(),
         }
     }
 }
 
-/// A fence, and what its areas are called.
+/// A fence with the names of its zones.
 pub(super) struct Fenced<'a> {
     fence: Arc<Fence>,
-    /// That of the scenario comes first.
+    /// Whether the first zone is the scenario's `[geofence]`.
     has_own: bool,
     of_mission: &'a [FenceZone],
 }
 
 impl<'a> Fenced<'a> {
-    /// The fence of a scenario, that of its mission, or both as one; `None` without either. A mission's has no ceiling.
+    /// The scenario's fence and its mission's, combined. `None` if neither has one. A mission's fence has no ceiling.
     pub(super) fn of(raw: &Raw, altitude_max_m: f64, of_mission: &'a [FenceZone]) -> Option<Self> {
-        let own = raw.geofence.as_ref().map(Spanned::get_ref);
+        let own = raw.geofence.as_ref().map(|it| it.get_ref());
         if own.is_none() && of_mission.is_empty() {
             return None;
         }
@@ -79,7 +78,7 @@ impl<'a> Fenced<'a> {
         Arc::clone(&self.fence)
     }
 
-    /// How high drones may fly, in metres above home, if the fence says so.
+    /// The fence's ceiling, in metres above home. `None` if it has none.
     pub(super) fn ceiling_m(&self) -> Option<f64> {
         let ceiling_m = self.fence.altitude_max_m();
         ceiling_m.is_finite().then_some(ceiling_m)
@@ -92,45 +91,45 @@ impl<'a> Fenced<'a> {
         }
     }
 
-    /// Refuses a flight that comes so near to the fence at `speed_mps` that drones would be stopped; what is told of one
-    /// that does not.
+    /// Refuses a flight so close to the fence that drones would be stopped at `speed_mps`. Returns the description of the
+    /// fence and of the closest approach.
     pub(super) fn check(
         &self,
         source: &Source,
         raw: &Raw,
-        flown: Flown<'_>,
+        flight: FlightPlan<'_>,
         speed_mps: f64,
     ) -> Result<Vec<String>, BadInput> {
-        self.check_slots(source, raw, flown, speed_mps)?;
-        let nearest = self.nearest(flown);
+        self.check_slots(source, raw, flight, speed_mps)?;
+        let nearest = self.nearest(flight);
         let margin_m = Fence::margin_m(speed_mps);
-        if let Some(nearest) = nearest.as_ref().filter(|it| it.room_m <= margin_m) {
-            let (name, part) = (self.name(nearest.zone), nearest.on.in_words());
-            let room = if nearest.room_m > 0.0 {
-                format!("comes within {} m of", rounded_down(nearest.room_m, 1))
+        if let Some(nearest) = nearest.as_ref().filter(|it| it.clearance_m <= margin_m) {
+            let (name, part) = (self.name(nearest.zone), nearest.on.describe());
+            let relation = if nearest.clearance_m > 0.0 {
+                format!("comes within {} m of", rounded_down(nearest.clearance_m, 1))
             } else {
                 "leaves".to_owned()
             };
             let message = format!(
-                "{part}, drone {} {room} the fence, {name}; at {speed_mps} m/s it is to stay more than {margin_m} m within",
+                "drone {} {relation} the fence, {name}, {part}; at {speed_mps} m/s it must stay more than {margin_m} m inside",
                 nearest.drone
             );
             let own = raw
                 .geofence
                 .as_ref()
                 .filter(|_| self.has_own && nearest.zone == 0);
-            let span = own.map_or_else(|| raw.mission.file.span(), Spanned::span);
+            let span = own.map_or_else(|| raw.mission.file.span(), |it| it.span());
             return Err(source.error(span, &message));
         }
-        Ok(self.in_words(nearest.as_ref()))
+        Ok(self.describe(nearest.as_ref()))
     }
 
-    /// Refuses a slot that is too near to the fence of the scenario, or too high, its layers included.
+    /// Refuses slots, with their altitude layers, that are too close to the scenario's fence or above its ceiling.
     fn check_slots(
         &self,
         source: &Source,
         raw: &Raw,
-        flown: Flown<'_>,
+        flight: FlightPlan<'_>,
         speed_mps: f64,
     ) -> Result<(), BadInput> {
         let (Some(table), Some(own)) = (&raw.geofence, self.fence.zones().first()) else {
@@ -138,26 +137,28 @@ impl<'a> Fenced<'a> {
         };
         let own = Fence::new(vec![own.clone()], self.fence.altitude_max_m());
         let margin_m = Fence::margin_m(speed_mps);
-        let altitudes_m = flown.waypoints.iter().map(|it| it.altitude_m());
+        let altitudes_m = flight.waypoints.iter().map(|it| it.altitude_m());
         let highest_m = altitudes_m.fold(f64::NEG_INFINITY, f64::max);
-        for (number, waypoint) in flown.waypoints.iter().enumerate() {
+        for (number, waypoint) in flight.waypoints.iter().enumerate() {
             let (first, last) = (
-                flown.changes_before(number),
-                flown.changes_before(number + 1),
+                flight.changes_before(number),
+                flight.changes_before(number + 1),
             );
-            for layout in (first..=last).map(|changes| flown.layout_after(changes)) {
-                let altitude_m = highest_m + layout.highest_layer_m(flown.waypoints);
+            for layout in (first..=last).map(|changes| flight.layout_after(changes)) {
+                let altitude_m = highest_m + layout.highest_layer_m(flight.waypoints);
                 let slots = drones(layout).map(|id| {
                     let slot = layout.slot(id, *waypoint);
                     (id, slot.at_altitude(altitude_m))
                 });
-                let room = |(id, slot): (NodeId, Ned)| (own.room_m(slot), id);
-                let least = slots.map(room).min_by(|a, b| a.0.total_cmp(&b.0));
-                if let Some((room_m, id)) = least.filter(|(room_m, _)| *room_m <= margin_m) {
+                let clearance = |(id, slot): (NodeId, Ned)| (own.clearance_m(slot), id);
+                let least = slots.map(clearance).min_by(|a, b| a.0.total_cmp(&b.0));
+                if let Some((clearance_m, id)) =
+                    least.filter(|(clearance_m, _)| *clearance_m <= margin_m)
+                {
                     let message = format!(
-                        "at waypoint {number} the slot of drone {id}, its layers included, is {} m within the fence; at \
-                         {speed_mps} m/s that takes more than {margin_m} m",
-                        rounded_down(room_m, 1)
+                        "the slot of drone {id} at waypoint {number}, with its altitude layers, is {} m inside the fence; \
+                         at {speed_mps} m/s it must be more than {margin_m} m inside",
+                        rounded_down(clearance_m, 1)
                     );
                     return Err(source.error(table.span(), &message));
                 }
@@ -166,40 +167,40 @@ impl<'a> Fenced<'a> {
         Ok(())
     }
 
-    /// The nearest that any way comes to the boundary of an area: exact, where all stay within.
-    fn nearest(&self, flown: Flown<'_>) -> Option<Nearest> {
+    /// The closest approach of any path to a zone's boundary; exact if all paths stay inside.
+    fn nearest(&self, flight: FlightPlan<'_>) -> Option<Nearest> {
         let mut search = Search {
             zones: self.fence.zones(),
-            drones: flown.layout.formation().drones(),
-            reach_m: reach_m(flown),
+            drones: flight.layout.formation().drones(),
+            reach_m: reach_m(flight),
             nearest: None,
         };
-        let last = flown.waypoints.len().checked_sub(1)?;
+        let last = flight.waypoints.len().checked_sub(1)?;
         let slot = |id, changes: u16, at: usize| {
-            let layout = flown.layout_after(changes);
-            layout.slot(id, flown.waypoints[at])
+            let layout = flight.layout_after(changes);
+            layout.slot(id, flight.waypoints[at])
         };
-        search.look(Part::TakeOff, (Ned::HOME, Ned::HOME), |id| {
-            (flown.layout.stand(id, Ned::HOME), slot(id, 0, 0))
+        search.check(Part::TakeOff, (Ned::HOME, Ned::HOME), |id| {
+            (flight.layout.take_off_place(id, Ned::HOME), slot(id, 0, 0))
         });
         for at in 0..=last {
-            let centre = flown.waypoints[at];
-            let (first, changed) = (flown.changes_before(at), flown.changes_before(at + 1));
+            let centre = flight.waypoints[at];
+            let (first, changed) = (flight.changes_before(at), flight.changes_before(at + 1));
             for before in first..changed {
-                search.look(Part::Change(at), (centre, centre), |id| {
+                search.check(Part::Change(at), (centre, centre), |id| {
                     (slot(id, before, at), slot(id, before + 1, at))
                 });
             }
             if at == last {
-                let layout = flown.layout_after(changed);
-                search.look(Part::Landing, (centre, centre), |id| {
-                    (slot(id, changed, at), layout.place(id, centre))
+                let layout = flight.layout_after(changed);
+                search.check(Part::Landing, (centre, centre), |id| {
+                    (slot(id, changed, at), layout.landing_place(id, centre))
                 });
                 break;
             }
-            // Who was late for a change flies from its slot before it to the one after it.
+            // A drone that was late for a change flies from a slot before it to the slot after it.
             for changes in first..=changed {
-                search.look(Part::Leg(at), (centre, flown.waypoints[at + 1]), |id| {
+                search.check(Part::Leg(at), (centre, flight.waypoints[at + 1]), |id| {
                     (slot(id, changes, at), slot(id, changed, at + 1))
                 });
             }
@@ -207,17 +208,17 @@ impl<'a> Fenced<'a> {
         search.nearest
     }
 
-    fn in_words(&self, nearest: Option<&Nearest>) -> Vec<String> {
+    fn describe(&self, nearest: Option<&Nearest>) -> Vec<String> {
         let zones = self.fence.zones().iter().enumerate();
-        let zones = zones.map(|(index, zone)| zone_in_words(self.name(index), zone));
+        let zones = zones.map(|(index, zone)| describe_zone(self.name(index), zone));
         let ceiling = self.ceiling_m().map(|it| format!("below {it} m"));
         let parts: Vec<_> = zones.chain(ceiling).collect();
         let nearest = nearest.map(|nearest| {
             format!(
-                "nearest to the fence: {} m, drone {} {} ({})",
-                figure(nearest.room_m, 1),
+                "closest approach to the fence: {} m, by drone {} {} ({})",
+                figure(nearest.clearance_m, 1),
                 nearest.drone,
-                nearest.on.in_words(),
+                nearest.on.describe(),
                 self.name(nearest.zone),
             )
         });
@@ -230,16 +231,16 @@ fn drones(layout: &Layout) -> impl Iterator<Item = NodeId> + use<> {
     (0..layout.formation().drones()).map(NodeId)
 }
 
-/// How far over ground any place of a drone is from the centre of its formation, in metres: slots, and places on the ground.
-fn reach_m(flown: Flown<'_>) -> f64 {
-    let changes = flown.changes.iter().map(|change| change.layout());
-    let layouts = std::iter::once(flown.layout).chain(changes);
+/// The largest horizontal distance of a slot or a place on the ground from the formation's centre, in metres.
+fn reach_m(flight: FlightPlan<'_>) -> f64 {
+    let changes = flight.changes.iter().map(|change| change.layout());
+    let layouts = std::iter::once(flight.layout).chain(changes);
     let places = layouts.flat_map(|layout| {
         drones(layout).flat_map(move |id| {
             [
                 layout.slot(id, Ned::HOME),
-                layout.stand(id, Ned::HOME),
-                layout.place(id, Ned::HOME),
+                layout.take_off_place(id, Ned::HOME),
+                layout.landing_place(id, Ned::HOME),
             ]
         })
     });
@@ -247,7 +248,7 @@ fn reach_m(flown: Flown<'_>) -> f64 {
     reaches_m.fold(0.0, f64::max)
 }
 
-/// A search for the way that comes the nearest to a boundary.
+/// A search for the closest approach to a zone's boundary.
 struct Search<'a> {
     zones: &'a [Zone],
     drones: u32,
@@ -256,25 +257,27 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Looks at the ways of all drones while the centre of the formation flies its own; only where they can be nearer than
-    /// what was found before.
-    fn look(&mut self, on: Part, centre: (Ned, Ned), way: impl Fn(NodeId) -> (Ned, Ned)) {
+    /// Checks the paths of all drones on a part of the flight, on which the formation's centre flies along `centre`. Skips
+    /// zones that are too far away to be closer than the result so far.
+    fn check(&mut self, on: Part, centre: (Ned, Ned), path: impl Fn(NodeId) -> (Ned, Ned)) {
         for (zone, area) in self.zones.iter().enumerate() {
-            // Of those who leave the fence the first one is told.
-            let at_least_m = area.room_along_m(centre.0, centre.1) - self.reach_m;
+            // At least 0, so that of several drones outside the fence the first is reported.
+            let at_least_m = area.clearance_along_m(centre.0, centre.1) - self.reach_m;
             let at_least_m = at_least_m.max(0.0);
-            let is_nearer = |nearest: &Option<Nearest>, room_m: f64| {
-                nearest.as_ref().is_none_or(|it| room_m < it.room_m)
+            let is_nearer = |nearest: &Option<Nearest>, clearance_m: f64| {
+                nearest
+                    .as_ref()
+                    .is_none_or(|it| clearance_m < it.clearance_m)
             };
             if !is_nearer(&self.nearest, at_least_m) {
                 continue;
             }
             for drone in (0..self.drones).map(NodeId) {
-                let (from, to) = way(drone);
-                let room_m = area.room_along_m(from, to).max(0.0);
-                if is_nearer(&self.nearest, room_m) {
+                let (from, to) = path(drone);
+                let clearance_m = area.clearance_along_m(from, to).max(0.0);
+                if is_nearer(&self.nearest, clearance_m) {
                     self.nearest = Some(Nearest {
-                        room_m,
+                        clearance_m,
                         zone,
                         drone,
                         on,
@@ -285,12 +288,11 @@ impl Search<'_> {
     }
 }
 
-/// What an area of a fence is, and what it is called.
-fn zone_in_words(name: &str, zone: &Zone) -> String {
+fn describe_zone(name: &str, zone: &Zone) -> String {
     let side = if zone.is_inclusion {
         "within"
     } else {
-        "out of"
+        "outside of"
     };
     match &zone.area {
         Area::Circle { centre, radius_m } if centre.0.xy().norm() > 0.0 => format!(
@@ -309,12 +311,12 @@ fn zone_in_words(name: &str, zone: &Zone) -> String {
     }
 }
 
-/// What a mission's fence is, if it has one.
+/// One line on a mission's fence. `None` without a fence.
 #[must_use]
-pub fn fence_in_words(zones: &[FenceZone]) -> Option<String> {
+pub fn describe_fence(zones: &[FenceZone]) -> Option<String> {
     let zones: Vec<_> = zones
         .iter()
-        .map(|it| zone_in_words(&it.name, &it.zone))
+        .map(|it| describe_zone(&it.name, &it.zone))
         .collect();
     (!zones.is_empty()).then(|| format!("fence: {}", zones.join("; ")))
 }

@@ -1,4 +1,4 @@
-//! A scenario's file: its text, fields set in the place of what it says, and errors that show where.
+//! A scenario file: its text, overridden fields, and errors that show the place.
 
 use std::fmt;
 use std::ops::Range;
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use crate::diagnostic::{BadInput, accepted};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-use super::fields::FIELDS;
+use super::fields;
 use super::raw::Raw;
 
-/// A field to be set in the place of what a scenario file says.
+/// A field that overrides a scenario file's.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Override {
     key: String,
@@ -18,7 +18,7 @@ pub struct Override {
 }
 
 impl Override {
-    /// Another seed, as it was written; refused like one in a file if it is none.
+    /// Overrides the seed. An invalid value is refused when the scenario is parsed.
     #[must_use]
     pub fn seed(value: &str) -> Self {
         Self {
@@ -27,19 +27,19 @@ impl Override {
         }
     }
 
-    /// The field, with its table, as in `radio.range_m`.
+    /// The field with its table: `radio.range_m`.
     #[must_use]
     pub fn key(&self) -> &str {
         &self.key
     }
 
-    /// Its value as it was written.
+    /// The value as given.
     #[must_use]
     pub fn value(&self) -> &str {
         &self.value
     }
 
-    /// Whether it is the seed.
+    /// Whether the field is the seed.
     #[must_use]
     pub fn is_seed(&self) -> bool {
         self.key == "seed"
@@ -55,52 +55,52 @@ impl fmt::Display for Override {
 impl std::str::FromStr for Override {
     type Err = String;
 
-    /// From `key=value`, the key with its table, as in `radio.range_m=250`.
+    /// Parses `key=value`, the key with its table: `radio.range_m=250`.
     fn from_str(text: &str) -> Result<Self, String> {
         let (key, value) = text.split_once('=').ok_or_else(|| {
-            format!("`{text}` has no `=`; use key=value, as in radio.range_m=250")
+            format!("`{text}` has no `=`; give key=value, for example radio.range_m=250")
         })?;
         let key = key.trim();
         let of_a_list = |list: &str| key.strip_prefix(list).is_some_and(|it| it.starts_with('.'));
         if let Some(list) = LISTS.into_iter().find(|list| of_a_list(list)) {
             return Err(format!(
-                "`{list}` is a list, whose entries are not set one by one; write them into the scenario file"
+                "`{list}` is a list, and single entries can't be set; write them into the scenario file"
             ));
         }
-        if FIELDS.iter().any(|(known, _)| *known == key) {
+        if fields().iter().any(|known| known.path == key) {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
             })
         } else {
-            Err(format!("there is no field `{key}` to be set{}", meant(key)))
+            Err(format!("there is no field `{key}`{}", suggestion(key)))
         }
     }
 }
 
-/// The known field that was probably meant.
-fn meant(key: &str) -> String {
+/// A hint at a field of the same name in a table; empty if there is none.
+fn suggestion(key: &str) -> String {
     let field = key.rsplit('.').next().unwrap_or(key);
-    FIELDS
+    fields()
         .iter()
-        .map(|(known, _)| *known)
+        .map(|known| &*known.path)
         .find(|known| known.rsplit('.').next() == Some(field))
         .map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
 }
 
-/// A scenario file's text, with the overrides written into it.
+/// A scenario file's text with its overrides.
 pub struct Source {
-    /// The file, as shown in errors.
+    /// The file and its overrides, as shown in errors.
     pub shown: PathBuf,
-    /// What it says.
+    /// The text with the overrides.
     pub text: String,
 }
 
 impl Source {
-    /// The text of a file with fields set in the place of what it says.
+    /// Writes overrides into a file's text.
     ///
     /// # Errors
-    /// When something is to be set and the text is not TOML.
+    /// If there are overrides and the text is not TOML.
     pub fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
         if overrides.is_empty() {
             let shown = path.to_owned();
@@ -121,10 +121,10 @@ impl Source {
         })
     }
 
-    /// Its fields.
+    /// Parses the fields.
     ///
     /// # Errors
-    /// When one is missing, unknown or of the wrong form.
+    /// If a field is missing, unknown or of the wrong type.
     pub fn parse(&self) -> Result<Raw, BadInput> {
         toml::from_str(&self.text).map_err(|error| {
             let span = error.span().unwrap_or_default();
@@ -133,21 +133,21 @@ impl Source {
         })
     }
 
-    /// An error at a place of the file; what would be accepted follows from the field that is there.
+    /// An error at `span`; the help is the description of the field there.
     pub fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        let accepted = accepted(FIELDS, &self.text, &span, message);
+        let accepted = accepted(fields(), &self.text, &span, message);
         let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
         BadInput::new(&self.shown, &self.text, span, message, help)
     }
 }
 
-/// Fields that hold any number of tables.
+/// Fields that are lists of tables.
 const LISTS: [&str; 5] = ["faults", "changes", "follow.pilot", "relays", "swarms"];
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
 
-/// Writes a value into a document, whether its table is written in lines or inline. What stands in the place of a
-/// table and is none is left, to be refused as it would be in the file.
+/// Sets a field of a document, in a table or an inline table. A value in the place of a table is left, so that parsing
+/// refuses it.
 fn set(document: &mut DocumentMut, key: &str, value: &str) {
     let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
     let table: &mut dyn TableLike = document.as_table_mut();

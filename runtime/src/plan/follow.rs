@@ -1,34 +1,31 @@
+use std::ops::Range;
 use std::time::Duration;
 
 use crate::diagnostic::BadInput;
 use muster_machines::geometry::Velocity;
 use muster_machines::mission::Following;
 use muster_machines::navigation;
-use toml::Spanned;
 
 use super::file::Source;
 use super::raw::{self, ProtocolKind, Raw};
 use super::{Follow, Sticks};
+use crate::schema::Located;
 use crate::text::{rounded_down, rounded_up};
 
-/// How often a master tells where it is: 5 Hz.
-const PERIOD_MS: u64 = 200;
-/// For how long the others go on without being told: five such periods.
-const HOLD_MS: u64 = 1_000;
-/// What share of its speed and of its acceleration a master uses, so that the others can catch up.
+/// Default share of its speed and acceleration that a master uses, so that the others can catch up.
 const SPEED_SHARE: f64 = 0.8;
 const ACCELERATION_SHARE: f64 = 0.5;
 
-/// Between which heights a pilot may fly, in metres above home.
+/// Heights that a pilot may fly at, in metres above home.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Heights {
-    /// Where it takes over.
+    /// Height at which the pilot takes over.
     pub(super) begin_m: f64,
-    /// The highest, so that those who fly above their slots to land are within the limit, too.
+    /// The highest. Leaves room below the altitude limit for the layers of the landing.
     pub(super) highest_m: f64,
 }
 
-/// How the master is followed, if the protocol says that it is.
+/// Parameters of the protocol "follow". `None` with another protocol.
 pub(super) fn follow(
     source: &Source,
     raw: &Raw,
@@ -38,25 +35,26 @@ pub(super) fn follow(
     let unset = raw::Follow::default();
     let fields = match (&raw.follow, raw.protocol.kind) {
         (Some(table), ProtocolKind::Muscop) => {
-            let message = "only the protocol \"follow\" has a table `[follow]`";
+            let message = "the table `[follow]` needs the protocol \"follow\"";
             return Err(source.error(table.span(), message));
         }
         (None, ProtocolKind::Muscop) => return Ok(None),
         (Some(table), ProtocolKind::Follow) => table.get_ref(),
         (None, ProtocolKind::Follow) => &unset,
     };
-    let period_ms = fields.period_ms.as_ref();
-    let place = || period_ms.map_or_else(|| raw.protocol.policy.span(), Spanned::span);
-    let period = Duration::from_millis(period_ms.map_or(PERIOD_MS, |it| it.get_ref().0));
-    let hold_ms = fields.hold_ms.as_ref();
-    let hold = Duration::from_millis(hold_ms.map_or(HOLD_MS, |it| it.get_ref().0));
+    let place = || {
+        let span = fields.period_ms.span();
+        span.unwrap_or_else(|| raw.protocol.policy.span())
+    };
+    let period = Duration::from_millis(fields.period_ms.0);
+    let hold = Duration::from_millis(fields.hold_ms.0);
     if hold <= period {
         let message = format!(
-            "every drone would stop between two orders: the hold, {} ms, is not above the period, {} ms",
+            "the hold, {} ms, must be longer than the period, {} ms; else drones stop between two orders",
             hold.as_millis(),
             period.as_millis()
         );
-        let span = hold_ms.map_or_else(place, Spanned::span);
+        let span = fields.hold_ms.span().unwrap_or_else(place);
         return Err(source.error(span, &message));
     }
     let master = navigation::Config {
@@ -75,26 +73,11 @@ pub(super) fn follow(
         ..vehicle.clone()
     };
     let pilot = pilot(source, fields, vehicle)?;
-    let land_after = match (&fields.land_after_s, pilot.last()) {
-        (None, None) => None,
-        (Some(land), None) => {
-            let message = "without a pilot the flight ends with the mission";
-            return Err(source.error(land.span(), message));
-        }
-        (None, Some(_)) => {
-            let span = raw.follow.as_ref().map_or_else(place, Spanned::span);
-            return Err(source.error(span, "missing field `land_after_s`"));
-        }
-        (Some(land), Some(last)) => {
-            let after = Duration::from_secs_f64(land.get_ref().0);
-            check_heights(source, fields, master.acceleration_mps2, heights_m, after)?;
-            if after < last.after {
-                let message = "the flight would end before the pilot has done all that is listed";
-                return Err(source.error(land.span(), message));
-            }
-            Some(after)
-        }
-    };
+    let table_span = || raw.follow.as_ref().map_or_else(place, |it| it.span());
+    let land_after = land_after(source, fields, pilot.last(), table_span)?;
+    if let Some(after) = land_after {
+        check_heights(source, fields, master.acceleration_mps2, heights_m, after)?;
+    }
     let following = Following {
         period,
         hold,
@@ -108,7 +91,33 @@ pub(super) fn follow(
     }))
 }
 
-/// A pilot's climbs and descents keep the swarm above the ground and below the limit, up to when it lands.
+/// When the operator ends the flight, which a flight with a pilot needs and one without does not have.
+fn land_after(
+    source: &Source,
+    fields: &raw::Follow,
+    last_input: Option<&Sticks>,
+    table_span: impl FnOnce() -> Range<usize>,
+) -> Result<Option<Duration>, BadInput> {
+    match (&fields.land_after_s, last_input) {
+        (None, None) => Ok(None),
+        (Some(land), None) => {
+            let message =
+                "`land_after_s` needs a pilot; without one the flight ends with the mission";
+            Err(source.error(land.span(), message))
+        }
+        (None, Some(_)) => Err(source.error(table_span(), "missing field `land_after_s`")),
+        (Some(land), Some(last)) => {
+            let after = Duration::from_secs_f64(land.get_ref().0);
+            if after < last.after {
+                let message = "the flight ends before the pilot's last input";
+                return Err(source.error(land.span(), message));
+            }
+            Ok(Some(after))
+        }
+    }
+}
+
+/// Refuses a pilot's inputs that lead the swarm to the ground or above the limit before it lands.
 fn check_heights(
     source: &Source,
     fields: &raw::Follow,
@@ -122,7 +131,7 @@ fn check_heights(
         let until_s = next.map_or(land_after.as_secs_f64(), |next| next.after_s.get_ref().0);
         let climb_mps = sticks.climb_mps.0;
         height_m += climb_mps * (until_s - sticks.after_s.get_ref().0).max(0.0);
-        // What it takes to stop.
+        // With the distance to stop.
         let reached_m = height_m + climb_mps * climb_mps.abs() / (2.0 * acceleration_mps2);
         if !(0.0..=heights.highest_m).contains(&reached_m) {
             let reached = if reached_m < 0.0 {
@@ -132,7 +141,7 @@ fn check_heights(
             };
             let highest = rounded_down(heights.highest_m, 1);
             let message = format!(
-                "the pilot would get to {reached} m from here on; that takes from 0 to {highest} m"
+                "the pilot reaches {reached} m above home from this input on; accepted are 0 to {highest} m"
             );
             return Err(source.error(sticks.after_s.span(), &message));
         }
@@ -142,7 +151,7 @@ fn check_heights(
 
 fn at_most(
     source: &Source,
-    asked: Option<&Spanned<raw::Rate>>,
+    asked: Option<&Located<raw::Rate>>,
     most: f64,
     share: f64,
 ) -> Result<f64, BadInput> {
@@ -150,7 +159,7 @@ fn at_most(
         None => Ok(most * share),
         Some(asked) if asked.get_ref().0 <= most => Ok(asked.get_ref().0),
         Some(asked) => {
-            let message = format!("nobody could keep up: the others' is {most}");
+            let message = format!("the master must not exceed the other drones' limit, {most}");
             Err(source.error(asked.span(), &message))
         }
     }
@@ -166,17 +175,17 @@ fn pilot(
         let refuse = |message: &str| Err(source.error(sticks.after_s.span(), message));
         let after = Duration::from_secs_f64(sticks.after_s.get_ref().0);
         if pilot.last().is_some_and(|before| after < before.after) {
-            return refuse("the entry before this one is later");
+            return refuse("the entry before this one has a later time");
         }
         let (north, east, climb) = (sticks.north_mps.0, sticks.east_mps.0, sticks.climb_mps.0);
         let velocity = Velocity::new(north, east, -climb);
         if velocity.0.xy().norm() > vehicle.speed_mps {
             let most = vehicle.speed_mps;
-            return refuse(&format!("the vehicle flies at up to {most} m/s"));
+            return refuse(&format!("the vehicle's highest speed is {most} m/s"));
         }
         if climb > vehicle.climb_mps || -climb > vehicle.descent_mps {
             return refuse(&format!(
-                "the vehicle climbs at up to {} m/s and descends at up to {} m/s",
+                "the vehicle climbs at most at {} m/s and descends at most at {} m/s",
                 vehicle.climb_mps, vehicle.descent_mps
             ));
         }

@@ -5,21 +5,18 @@ use crate::diagnostic::BadInput;
 use muster_machines::formation::{
     Assignment, Change, Formation, Ground, Kind, Layout, OPTIMAL_MAX, Separation,
 };
-use toml::Spanned;
 
 use super::file::Source;
+use crate::schema::{Located, Or};
+
 use super::raw::{
-    self, AssignmentName, FormationKind, GroundName, Length, ProtocolKind, Raw, Whole,
+    self, AssignmentName, FormationKind, GroundName, Length, ProtocolKind, Raw, Seed, Whole,
 };
 
-/// How far apart drones stand on the ground.
-const GAP_M: f64 = 10.0;
-/// How many clusters a swarm splits up into.
-const CLUSTERS: u32 = 2;
 /// How far apart clusters are, in radio ranges: a little more than they hear.
 const CLUSTER_DISTANCE_RANGES: f64 = 1.05;
 
-/// Who flies, stands and lands where.
+/// Slots and places on the ground, without altitude layers.
 pub(super) fn layout(
     source: &Source,
     raw: &Raw,
@@ -31,21 +28,17 @@ pub(super) fn layout(
     let spacing_m = spacing.get_ref().0;
     if spacing_m < separation.horizontal_m {
         let message = format!(
-            "slots {spacing_m} m apart are nearer than drones may come, {} m",
+            "the spacing, {spacing_m} m, is below the minimum separation, {} m",
             separation.horizontal_m
         );
         return Err(source.error(spacing.span(), &message));
     }
-    let gap_m = raw
-        .formation
-        .gap_m
-        .as_ref()
-        .map_or(GAP_M, |gap| gap.get_ref().0);
-    let gap_span = raw.formation.gap_m.as_ref().unwrap_or(spacing).span();
-    // Half a metre more than needed, for the turn in which drones draw together costs a little.
+    let gap_m = raw.formation.gap_m.0;
+    let gap_span = raw.formation.gap_m.span().unwrap_or(spacing.span());
+    // Half a metre more than the separation, for drones come closer in the turn to the formation's heading.
     if gap_m > spacing_m || gap_m < separation.horizontal_m + 0.5 {
         let message = format!(
-            "drones {gap_m} m apart on the ground; that takes from {} m to the spacing, {spacing_m} m",
+            "the gap on the ground is {gap_m} m; accepted are {} m to the spacing, {spacing_m} m",
             separation.horizontal_m + 0.5
         );
         return Err(source.error(gap_span, &message));
@@ -54,22 +47,22 @@ pub(super) fn layout(
     let ground = ground(source, raw, drones.get())?;
     let heading_rad = raw.formation.heading_deg.0.to_radians();
     let formation = Formation::new(kind, drones, spacing_m, heading_rad);
-    Ok(Layout::new(formation, gap_m, separation).standing(ground))
+    Ok(Layout::new(formation, gap_m, separation).with_ground(ground))
 }
 
-/// What a formation is like, at take-off or after a change.
+/// Fields of a formation, at take-off or after a change.
 struct Shape<'a> {
     kind: FormationKind,
-    clusters: Option<&'a Spanned<Whole<2, 5>>>,
-    cluster_distance_m: Option<&'a Spanned<Length>>,
-    seed: Option<&'a Spanned<Whole<0, { i64::MAX as u64 }>>>,
+    clusters: &'a Or<Whole<2, 5>, 2>,
+    cluster_distance_m: Option<&'a Located<Length>>,
+    seed: Option<&'a Located<Seed>>,
 }
 
 impl<'a> Shape<'a> {
     fn of(formation: &'a raw::Formation) -> Self {
         Self {
             kind: formation.kind,
-            clusters: formation.clusters.as_ref(),
+            clusters: &formation.clusters,
             cluster_distance_m: formation.cluster_distance_m.as_ref(),
             seed: formation.seed.as_ref(),
         }
@@ -78,14 +71,14 @@ impl<'a> Shape<'a> {
     fn after(change: &'a raw::Change) -> Self {
         Self {
             kind: change.kind,
-            clusters: change.clusters.as_ref(),
+            clusters: &change.clusters,
             cluster_distance_m: change.cluster_distance_m.as_ref(),
             seed: change.seed.as_ref(),
         }
     }
 }
 
-/// The changes of formation on the way.
+/// The changes of formation, in order of the flight.
 pub(super) fn changes(
     source: &Source,
     raw: &Raw,
@@ -104,7 +97,7 @@ pub(super) fn changes(
         if waypoint > last as u64 {
             return refuse(&match raw.protocol.kind {
                 ProtocolKind::Follow => {
-                    "a swarm that follows its master changes formation at waypoint 0 only"
+                    "with the protocol \"follow\" the formation changes at waypoint 0 only"
                         .to_owned()
                 }
                 ProtocolKind::Muscop => format!("the mission's last waypoint is {last}"),
@@ -113,7 +106,7 @@ pub(super) fn changes(
         let waypoint = u16::try_from(waypoint).unwrap_or(u16::MAX);
         let before = changes.last();
         if before.is_some_and(|before| waypoint < before.waypoint()) {
-            return refuse("the change before this one is made at a later waypoint");
+            return refuse("the change before this one is at a later waypoint");
         }
         let layout = before.map_or(layout, Change::layout);
         let formation = formation_after(source, raw, layout, change)?;
@@ -133,17 +126,15 @@ fn formation_after(
         .as_ref()
         .unwrap_or(&raw.formation.spacing_m);
     let spacing_m = spacing.get_ref().0;
-    // The drones will land as far apart as they stood.
-    let gap_m = raw.formation.gap_m.as_ref();
-    let gap_m = gap_m.map_or(GAP_M, |gap| gap.get_ref().0);
+    // Drones land with the gap of the take-off.
+    let gap_m = raw.formation.gap_m.0;
     if spacing_m < gap_m {
-        let message = format!(
-            "slots {spacing_m} m apart are nearer than the drones stand on the ground, {gap_m} m"
-        );
+        let message =
+            format!("the spacing, {spacing_m} m, is below the gap on the ground, {gap_m} m");
         return Err(source.error(spacing.span(), &message));
     }
     let kind = kind(source, raw, &Shape::after(change))?;
-    let heading = change.heading_deg.unwrap_or(raw.formation.heading_deg);
+    let heading = change.heading_deg.unwrap_or(*raw.formation.heading_deg);
     let drones = NonZeroU32::new(before.formation().drones());
     let drones = drones.expect("a layout has drones");
     Ok(Formation::new(
@@ -156,12 +147,12 @@ fn formation_after(
 
 fn kind(source: &Source, raw: &Raw, formation: &Shape<'_>) -> Result<Kind, BadInput> {
     let refuse = |field: &str, span: Range<usize>, kind: &str| {
-        let message = format!("only a formation of the kind \"{kind}\" has `{field}`");
+        let message = format!("`{field}` needs a formation of the kind \"{kind}\"");
         Err(source.error(span, &message))
     };
     if formation.kind != FormationKind::SplitUp {
-        if let Some(clusters) = formation.clusters {
-            return refuse("clusters", clusters.span(), "split-up");
+        if let Some(span) = formation.clusters.span() {
+            return refuse("clusters", span, "split-up");
         }
         if let Some(distance) = formation.cluster_distance_m {
             return refuse("cluster_distance_m", distance.span(), "split-up");
@@ -186,13 +177,12 @@ fn kind(source: &Source, raw: &Raw, formation: &Shape<'_>) -> Result<Kind, BadIn
 }
 
 fn split_up(source: &Source, raw: &Raw, formation: &Shape<'_>) -> Result<Kind, BadInput> {
-    let clusters = formation.clusters;
-    let count = clusters.map_or(CLUSTERS, |it| to_u32(it.get_ref().0));
+    let count = to_u32(formation.clusters.0);
     let drones = &raw.formation.drones;
     if u64::from(count) >= drones.get_ref().0 {
-        let span = clusters.map_or_else(|| drones.span(), Spanned::span);
+        let span = formation.clusters.span().unwrap_or(drones.span());
         let message = format!(
-            "{count} clusters around a master take {} drones at least, and there are {}",
+            "{count} clusters and a master need at least {} drones, found {}",
             count + 1,
             drones.get_ref().0
         );
@@ -212,12 +202,13 @@ fn ground(source: &Source, raw: &Raw, drones: u32) -> Result<Ground, BadInput> {
     let asked = raw.formation.assignment.as_ref();
     let assignment = match asked.map(|it| (it.get_ref(), it.span())) {
         Some((_, span)) if raw.formation.ground == GroundName::Gathered => {
-            let message = "gathered drones stand at the places of their own slots; there is nothing to assign";
+            let message = "`assignment` needs `ground` to be \"line\" or \"grid\": gathered drones stand below their \
+                           own slots";
             return Err(source.error(span, message));
         }
         Some((AssignmentName::Optimal, span)) if drones > OPTIMAL_MAX => {
             let message =
-                format!("{drones} drones are too many to assign optimally, {OPTIMAL_MAX} the most");
+                format!("\"optimal\" assigns at most {OPTIMAL_MAX} drones, found {drones}");
             return Err(source.error(span, &message));
         }
         Some((AssignmentName::Optimal, _)) => Assignment::Optimal,

@@ -12,43 +12,41 @@ use muster_machines::supervision::RestartLimits;
 use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
-use super::raw::{Milliseconds, Raw, Seconds};
+use super::raw::{Raw, Seconds};
 use crate::vehicle::Landing;
 
-/// The highest flight without a special permit: the open category of the EU's regulation 2019/947.
-const ALTITUDE_MAX_M: f64 = 120.0;
-/// The longest that a run may take, whatever its mission: a week.
+/// The longest run: a week.
 pub(super) const DURATION_MAX: Duration = Duration::from_secs(604_800);
 
-/// How many legs the way from the ground to a slot has: up, across, and up or down again.
-const LEGS_PER_WAY: u32 = 3;
+/// Legs between ground and slot: up, across, and up or down.
+const LEGS_TO_SLOT: u32 = 3;
 
 fn seconds(value: Option<Seconds>, default_s: f64) -> Duration {
     let seconds = value.map_or(default_s, |value| value.0);
     Duration::from_secs_f64(seconds.min(DURATION_MAX.as_secs_f64()))
 }
 
-/// After how long without a word of its drone's a flight controller brings an aircraft down: as ArduPilot's FS_GCS_TIMEOUT.
+/// Link timeout of the flight controllers, as ArduPilot's FS_GCS_TIMEOUT.
 pub(super) fn controller(raw: &Raw) -> Duration {
-    seconds(raw.limits.controller_s, 5.0)
+    Duration::from_secs_f64(raw.limits.controller_s.0)
 }
 
-/// All that a swarm will fly, and how fast.
+/// A swarm's flight, for estimates of its duration.
 pub(super) struct Course<'a> {
     pub(super) layout: &'a Layout,
     pub(super) changes: &'a [Change],
     pub(super) waypoints: &'a [Ned],
     pub(super) holds: &'a Holds,
-    /// The slowest of its vehicles.
+    /// The slowest vehicle's parameters.
     pub(super) vehicle: &'a navigation::Config,
     pub(super) landing: Landing,
-    /// How long a vehicle takes at most to come to rest at the end of a leg.
+    /// The longest time to come to rest at the end of a leg.
     pub(super) settle: Duration,
-    /// When the operator ends the flight, if not the mission does.
+    /// When the operator ends the flight. `None`: it ends with the mission.
     pub(super) land_after: Option<Duration>,
 }
 
-/// The highest that any drone flies above the mission, in metres.
+/// The highest altitude layer or sector above the mission, in metres.
 pub(super) fn highest_layer_m(layout: &Layout, changes: &[Change], waypoints: &[Ned]) -> f64 {
     let layouts = std::iter::once(layout).chain(changes.iter().map(Change::layout));
     let layers_m = layouts.map(|layout| layout.highest_layer_m(waypoints));
@@ -78,7 +76,7 @@ impl Course<'_> {
             .min(vehicle.descent_mps)
     }
 
-    /// How long a leg takes at most, in seconds.
+    /// Upper bound of a leg's duration, in seconds.
     fn leg_s(&self, from: Ned, to: Ned) -> f64 {
         let vehicle = self.vehicle;
         from.horizontal_distance_m(to) / vehicle.speed_mps
@@ -87,13 +85,13 @@ impl Course<'_> {
             + self.settle.as_secs_f64()
     }
 
-    /// How long each of the mission's legs takes.
+    /// Duration of each of the mission's legs, in seconds.
     fn legs_s(&self) -> impl Iterator<Item = f64> {
         let pairs = self.waypoints.windows(2);
         pairs.map(|pair| self.leg_s(pair[0], pair[1]))
     }
 
-    /// How long the longest step of each change of formation takes.
+    /// Duration of the longest step of each change of formation, in seconds.
     fn changes_s(&self) -> impl Iterator<Item = f64> {
         self.changes.iter().map(|change| {
             let at = self.waypoints[usize::from(change.waypoint())];
@@ -107,25 +105,28 @@ impl Course<'_> {
         })
     }
 
-    /// How long the longest way between ground and slot takes.
+    /// Duration of the longest path between ground and slot, in seconds.
     fn farthest_s(&self) -> f64 {
         let home = self.waypoints[0];
         let last = self.last_layout();
-        let ways = self.drones().flat_map(|id| {
+        let paths = self.drones().flat_map(|id| {
             [
-                (self.layout.stand(id, home), self.layout.slot(id, home)),
-                (last.slot(id, home), last.place(id, home)),
+                (
+                    self.layout.take_off_place(id, home),
+                    self.layout.slot(id, home),
+                ),
+                (last.slot(id, home), last.landing_place(id, home)),
             ]
         });
-        let longest_s = ways
+        let longest_s = paths
             .map(|(from, to)| self.leg_s(from, to))
             .fold(0.0, f64::max);
         longest_s
             + (home.altitude_m() + self.highest_layer_m()) / self.slowest_mps()
-            + f64::from(LEGS_PER_WAY - 1) * self.settle.as_secs_f64()
+            + f64::from(LEGS_TO_SLOT - 1) * self.settle.as_secs_f64()
     }
 
-    /// How much longer a leg takes a drone that is not in lockstep: it flies above the highest waypoint.
+    /// Extra duration of a leg for a drone out of lockstep, which flies above the highest waypoint; in seconds.
     fn climb_alone_s(&self) -> f64 {
         let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
         let lowest_m = altitudes_m.fold(f64::INFINITY, f64::min);
@@ -138,10 +139,10 @@ impl Course<'_> {
         highest_m / self.landing.final_mps.min(self.landing.descent_mps)
     }
 
-    /// How long all between take-off and the ground should take, holds included.
+    /// Expected duration from take-off to the ground, holds included; in seconds.
     fn flight_s(&self) -> f64 {
         let course_s = match self.land_after {
-            // A pilot waits where the mission begins only.
+            // With a pilot, the swarm holds at waypoint 0 only.
             Some(after) => (after + self.holds.at(0)).as_secs_f64(),
             None => self.legs_s().sum::<f64>() + self.holds.total().as_secs_f64(),
         };
@@ -158,19 +159,18 @@ impl Course<'_> {
             + f64::from(landing - 1) * self.farthest_s()
     }
 
-    /// Who flies, stands and lands where at the end of the mission.
+    /// The layout at the end of the mission.
     fn last_layout(&self) -> &Layout {
         self.changes.last().map_or(self.layout, Change::layout)
     }
 }
 
-/// How high above home a drone may fly, in metres.
+/// The altitude limit, in metres above home.
 pub(super) fn altitude_max_m(raw: &Raw) -> f64 {
-    let altitude_max = raw.limits.altitude_max_m.as_ref();
-    altitude_max.map_or(ALTITUDE_MAX_M, |it| it.get_ref().0)
+    raw.limits.altitude_max_m.0
 }
 
-/// Refuses a mission that leaves no room for the altitude layers that its formations need.
+/// Refuses a mission whose formations need altitude layers above the altitude limit.
 pub(super) fn check_layers(
     source: &Source,
     raw: &Raw,
@@ -183,15 +183,15 @@ pub(super) fn check_layers(
         return Ok(());
     }
     let message = format!(
-        "the mission flies at up to {highest_m} m and this formation needs layers up to {layer_m} m above it, which \
-         is over the limit of {altitude_max_m} m"
+        "the mission flies at up to {highest_m} m and its formations need altitude layers up to {layer_m} m above it, \
+         more than the limit of {altitude_max_m} m"
     );
-    Err(match &raw.limits.altitude_max_m {
-        Some(altitude_max) => source.error(altitude_max.span(), &message),
+    Err(match raw.limits.altitude_max_m.span() {
+        Some(span) => source.error(span, &message),
         None => {
             let help = format!(
                 "set `limits.altitude_max_m` where you may fly higher, or let fewer drones fly: without it the limit is \
-                 {ALTITUDE_MAX_M} m"
+                 {altitude_max_m} m"
             );
             BadInput::without_excerpt(&source.shown, message, help)
         }
@@ -199,36 +199,32 @@ pub(super) fn check_layers(
 }
 
 pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> Limits {
-    let milliseconds = |value: Option<Milliseconds>, default: u64| {
-        Duration::from_millis(value.map_or(default, |value| value.0))
-    };
     let farthest_s = course.farthest_s();
     let in_lockstep_s = course
         .legs_s()
         .chain(course.changes_s())
         .fold(farthest_s, f64::max);
     let longest_s = in_lockstep_s + course.climb_alone_s();
-    let restarts_max = raw.limits.restarts_max.map_or(5, |it| it.0);
     let take_off = seconds(raw.limits.take_off_s, 2.0 * farthest_s + 60.0);
     let flight = seconds(None, course.flight_s());
     let flight_time_s = (take_off + flight * 2).as_secs_f64();
     let mut limits = Limits {
         separation,
         duration: Duration::ZERO,
-        set_up: seconds(raw.limits.set_up_s, 30.0),
+        set_up: Duration::from_secs_f64(raw.limits.set_up_s.0),
         take_off,
         flight,
         flight_time: seconds(raw.limits.flight_time_s, flight_time_s),
         landing: seconds(None, course.landing_s()),
         leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
         waypoints_max: mission_file::WAYPOINTS_MAX + 1,
-        waiting_max: raw.limits.waiting_max.map_or(64, |it| to_usize(it.0)),
-        hang: milliseconds(raw.limits.hang_ms, 1_000),
-        watchdog: milliseconds(raw.limits.watchdog_ms, 3_000),
+        waiting_max: to_usize(raw.limits.waiting_max.0),
+        hang: Duration::from_millis(raw.limits.hang_ms.0),
+        watchdog: Duration::from_millis(raw.limits.watchdog_ms.0),
         controller: controller(raw),
         restarts: RestartLimits {
-            restarts_max: u32::try_from(restarts_max).unwrap_or(u32::MAX),
-            window: seconds(raw.limits.restart_window_s, 30.0),
+            restarts_max: u32::try_from(raw.limits.restarts_max.0).unwrap_or(u32::MAX),
+            window: Duration::from_secs_f64(raw.limits.restart_window_s.0),
             back_off: Duration::from_millis(10),
             back_off_max: Duration::from_secs(1),
         },

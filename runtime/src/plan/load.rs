@@ -1,10 +1,10 @@
-//! A flight plan, put together from a scenario file's fields and its mission.
+//! Builds a flight plan from a scenario file's fields and its mission.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Flown, Separation};
+use muster_machines::formation::{Change, FlightPlan, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
@@ -12,39 +12,39 @@ use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
 use muster_machines::wire;
-use toml::Spanned;
 
-use super::apart::check_apart;
 use super::failsafe::failsafe;
 use super::fence::Fenced;
 use super::file::{Override, Source};
 use super::follow::{Heights, follow};
+use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
-use super::raw::{self, ParametersName, PolicyName, ProtocolKind, Raw};
-use super::room::{Room, arrange};
+use super::raw::{self, PolicyName, ProtocolKind, Raw};
+use super::separation::check_separation;
 use super::{Plan, Protocol};
 use crate::diagnostic::BadInput;
-use crate::mission_file;
+use crate::mission_file::{self, Mission};
+use crate::schema::Located;
 use crate::vehicle::Landing;
 
-/// Reads the plan of a scenario and the mission that it names, each file's text with `read`. What the scenario says of its
-/// world must be of the right form, and means nothing here.
+/// Reads the plan of a scenario and its mission; `read` returns a file's text. The fields of the scenario's world are parsed
+/// and ignored.
 ///
 /// # Errors
-/// When either file can't be used: the error names the file, shows the place and says what would be accepted.
-pub fn load_from(
+/// If a file can't be used. The error shows file, place and what is accepted.
+pub fn load_with(
     path: &Path,
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Plan, BadInput> {
     let source = Source::new(path, read(path)?, &[])?;
     let raw = source.parse()?;
-    put_together(path, (&source, &raw), read)
+    build_plan(path, (&source, &raw), read)
 }
 
-/// The mission's file that a scenario names, as seen from its folder.
+/// The path of a scenario's mission file, relative to the scenario's folder.
 ///
 /// # Errors
-/// As [`load_from`], of the scenario file.
+/// If the scenario file can't be used.
 pub fn mission_file(
     (path, text): (&Path, &str),
     overrides: &[Override],
@@ -53,29 +53,20 @@ pub fn mission_file(
     Ok(raw.mission.file.into_inner())
 }
 
-/// The plan of a scenario whose fields were read.
+/// Builds the plan from a scenario's parsed fields.
 ///
 /// # Errors
-/// As [`load_from`].
-pub fn put_together(
+/// As [`load_with`].
+pub fn build_plan(
     path: &Path,
     (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Plan, BadInput> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let mission_path = folder.join(raw.mission.file.get_ref());
-    let mission = mission_file::parse(&mission_path, &read(&mission_path)?)?;
+    let mission = read_mission(path, raw, read)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
-
     let separation = Separation {
-        horizontal_m: raw
-            .limits
-            .separation_horizontal_m
-            .map_or(SEPARATION_M, |it| it.0),
-        vertical_m: raw
-            .limits
-            .separation_vertical_m
-            .map_or(SEPARATION_M, |it| it.0),
+        horizontal_m: raw.limits.separation_horizontal_m.0,
+        vertical_m: raw.limits.separation_vertical_m.0,
     };
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
@@ -85,15 +76,16 @@ pub fn put_together(
     let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
     let landing = landing(raw, &vehicle);
     vehicle.avoid = (raw.safety.avoid).then(|| avoid(raw, separation, landing, &protocol));
-    let room = Room::new(raw, separation, &waypoints, ceiling_m);
-    let (layout, changes) = arrange((source, raw), &waypoints, &room, &vehicle)?;
+
+    let headroom = Headroom::new(raw, separation, &waypoints, ceiling_m);
+    let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let heights = Heights {
         begin_m: waypoints[0].altitude_m(),
         highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
     };
     let follow = follow(source, raw, &vehicle, heights)?;
-    let settle = Duration::from_millis(raw.vehicle.settle_ms.map_or(0, |it| it.0));
+    let settle = Duration::from_millis(raw.vehicle.settle_ms.0);
     let course = Course {
         layout: &layout,
         changes: &changes,
@@ -104,28 +96,11 @@ pub fn put_together(
         settle,
         land_after: follow.as_ref().and_then(|follow| follow.land_after),
     };
-    check_layers(source, raw, &course)?;
-    let flown = Flown {
-        layout: &layout,
-        changes: &changes,
-        waypoints: &waypoints,
-    };
-    check_apart(source, raw, flown)?;
-    let fence = match &fenced {
-        Some(fenced) => fenced.check(source, raw, flown, vehicle.speed_mps)?,
-        None => Vec::new(),
-    };
+    let fence = check_flight(source, raw, &course, fenced.as_ref(), vehicle.speed_mps)?;
     let limits = limits(raw, separation, &course);
     let relays = relays(source, raw)?;
     check_datagrams(source, raw, mission.holds())?;
-    let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
-    if layout.exposed() > 0 {
-        notes.push(format!(
-            "{} times a drone's way from or to the ground leads below others that climb or descend through it: keep \
-             the losses small while the swarm takes off",
-            layout.exposed()
-        ));
-    }
+    let notes = notes(&mission, &layout);
     Ok(Plan {
         layout,
         relays,
@@ -148,23 +123,63 @@ pub fn put_together(
     })
 }
 
-/// The least distance between flying drones, over ground or in height.
-const SEPARATION_M: f64 = 5.0;
-/// As ArduCopter's defaults: WPNAV_SPEED 10 m/s here as in the theses, WPNAV_ACCEL 1 m/s², WPNAV_SPEED_UP 2.5 m/s,
-/// WPNAV_SPEED_DN 1.5 m/s.
+fn read_mission(
+    scenario: &Path,
+    raw: &Raw,
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Mission, BadInput> {
+    let folder = scenario.parent().unwrap_or(Path::new(""));
+    let path = folder.join(raw.mission.file.get_ref());
+    mission_file::parse(&path, &read(&path)?)
+}
+
+/// Checks altitude layers, separation and fence. Returns the description of the fence.
+fn check_flight(
+    source: &Source,
+    raw: &Raw,
+    course: &Course<'_>,
+    fenced: Option<&Fenced<'_>>,
+    speed_mps: f64,
+) -> Result<Vec<String>, BadInput> {
+    check_layers(source, raw, course)?;
+    let flight = FlightPlan {
+        layout: course.layout,
+        changes: course.changes,
+        waypoints: course.waypoints,
+    };
+    check_separation(source, raw, flight)?;
+    match fenced {
+        Some(fenced) => fenced.check(source, raw, flight, speed_mps),
+        None => Ok(Vec::new()),
+    }
+}
+
+/// What the swarm does not do of its mission, and a warning about paths near the ground.
+fn notes(mission: &Mission, layout: &Layout) -> Vec<String> {
+    let mut notes: Vec<_> = mission.notes().iter().map(ToString::to_string).collect();
+    if layout.exposed_ends() > 0 {
+        notes.push(format!(
+            "{} paths from or to the ground pass below drones that climb or descend there: keep frame loss low during \
+             take-off",
+            layout.exposed_ends()
+        ));
+    }
+    notes
+}
+
 fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
     let vehicle = &raw.vehicle;
     navigation::Config {
-        speed_mps: vehicle.speed_mps.map_or(10.0, |it| it.0),
-        climb_mps: vehicle.climb_mps.map_or(2.5, |it| it.0),
-        descent_mps: vehicle.descent_mps.map_or(1.5, |it| it.0),
-        acceleration_mps2: vehicle.acceleration_mps2.map_or(1.0, |it| it.0),
+        speed_mps: vehicle.speed_mps.0,
+        climb_mps: vehicle.climb_mps.0,
+        descent_mps: vehicle.descent_mps.0,
+        acceleration_mps2: vehicle.acceleration_mps2.0,
         failsafe,
         avoid: None,
     }
 }
 
-/// How drones keep clear of each other.
+/// Parameters of the drones' mutual avoidance.
 fn avoid(
     raw: &Raw,
     separation: Separation,
@@ -175,9 +190,9 @@ fn avoid(
     traffic::Config {
         separation,
         time_to_live: protocol.time_to_live,
-        controller: controller(raw),
+        controller_timeout: controller(raw),
         descent_mps: landing.descent_mps,
-        touch_down: Duration::from_secs_f64(touch_down_s),
+        touch_down_margin: Duration::from_secs_f64(touch_down_s),
     }
 }
 
@@ -185,113 +200,73 @@ fn avoid(
 fn landing(raw: &Raw, vehicle: &navigation::Config) -> Landing {
     Landing {
         descent_mps: vehicle.descent_mps,
-        final_mps: raw.vehicle.landing_mps.map_or(0.5, |it| it.0),
-        final_altitude_m: raw.vehicle.landing_altitude_m.map_or(10.0, |it| it.0),
+        final_mps: raw.vehicle.landing_mps.0,
+        final_altitude_m: raw.vehicle.landing_altitude_m.0,
         acceleration_mps2: vehicle.acceleration_mps2,
     }
 }
 
-/// The numbers of a parameter set, in milliseconds; the file may replace each.
-struct Parameters {
-    period: u64,
-    keep_alive: u64,
-    time_to_live: u64,
-    beacon: u64,
-    repair: u64,
-}
-
-/// The thesis's numbers (sections 4.2 and 4.4) and its ancestor's, the gap between hellos as `Neighbours` explains it,
-/// and a keep-alive of a second for drones that are landing, for whom nobody waits: a frame a drone a second.
-const QUIET: Parameters = Parameters {
-    period: 200,
-    keep_alive: 1_000,
-    time_to_live: 5_000,
-    beacon: 1_000,
-    repair: 8,
-};
-
-/// For swarms that must notice within a second that their master is gone: two beacons of a link that loses nothing, and
-/// twenty questions, are 0.5 s. Ten beacons a second leave two frames a second for all else.
-const FAST: Parameters = Parameters {
-    period: 100,
-    keep_alive: 500,
-    time_to_live: 2_000,
-    beacon: 100,
-    repair: 8,
-};
-
-/// For a network that delivers within a millisecond or two and seldom loses, as between processes of a machine or on a
-/// switch: two beacons, and seven questions of 4.5 ms, are 0.11 s. A master, and whoever is a parent, sends 25 frames a second,
-/// any other eight; whoever hears them checks as many signatures.
-const LAN: Parameters = Parameters {
-    period: 50,
-    keep_alive: 250,
-    time_to_live: 1_000,
-    beacon: 35,
-    repair: 3,
-};
-
 fn protocol(source: &Source, raw: &Raw) -> Result<Protocol, BadInput> {
-    let set = match raw.protocol.parameters {
-        ParametersName::Quiet => QUIET,
-        ParametersName::Fast => FAST,
-        ParametersName::Lan => LAN,
+    let set = raw.protocol.parameters.set();
+    let milliseconds = |value: Option<raw::Milliseconds>, default_ms: u64| {
+        Duration::from_millis(value.map_or(default_ms, |value| value.0))
     };
-    let milliseconds = |value: Option<raw::Milliseconds>, default: u64| {
-        Duration::from_millis(value.map_or(default, |value| value.0))
-    };
-    let gap = raw.protocol.hello_gap_ms.as_ref();
     let time_to_live = raw.protocol.time_to_live_ms.as_ref();
     let protocol = Protocol {
         policy: (*raw.protocol.policy.get_ref()).into(),
         barrier: barrier(source, raw)?,
         liveness: raw.protocol.liveness.into(),
         succession: raw.protocol.succession.into(),
-        period: milliseconds(raw.protocol.period_ms, set.period),
-        keep_alive: milliseconds(raw.protocol.keep_alive_ms, set.keep_alive),
-        hello_period: milliseconds(raw.protocol.hello_period_ms, 500),
-        hello_gap: milliseconds(gap.map(|it| *it.get_ref()), 750),
-        discovery: milliseconds(raw.protocol.discovery_ms, 8_000),
-        stable_after: raw
-            .protocol
-            .stable_after
-            .and_then(|it| u32::try_from(it.0).ok())
-            .unwrap_or(3),
-        time_to_live: milliseconds(time_to_live.map(|it| *it.get_ref()), set.time_to_live),
-        beacon: milliseconds(raw.protocol.heartbeat_ms, set.beacon),
-        repair: milliseconds(raw.protocol.repair_ms, set.repair),
+        period: milliseconds(raw.protocol.period_ms, set.period_ms),
+        keep_alive: milliseconds(raw.protocol.keep_alive_ms, set.keep_alive_ms),
+        hello_period: Duration::from_millis(raw.protocol.hello_period_ms.0),
+        hello_gap: Duration::from_millis(raw.protocol.hello_gap_ms.0),
+        discovery: Duration::from_millis(raw.protocol.discovery_ms.0),
+        stable_after: u32::try_from(raw.protocol.stable_after.0).unwrap_or(u32::MAX),
+        time_to_live: milliseconds(time_to_live.map(|it| *it.get_ref()), set.time_to_live_ms),
+        heartbeat: milliseconds(raw.protocol.heartbeat_ms, set.heartbeat_ms),
+        repair: milliseconds(raw.protocol.repair_ms, set.repair_ms),
     };
     let place = |field: Option<std::ops::Range<usize>>| field.unwrap_or(raw.protocol.policy.span());
     if protocol.hello_gap <= protocol.hello_period {
-        let message = "no two hellos would ever be in a row: the gap is not above the period";
-        return Err(source.error(place(gap.map(Spanned::span)), message));
+        let message = format!(
+            "the hello gap, {} ms, must be longer than the hello period, {} ms; else no two hellos are consecutive",
+            protocol.hello_gap.as_millis(),
+            protocol.hello_period.as_millis()
+        );
+        return Err(source.error(place(raw.protocol.hello_gap_ms.span()), &message));
     }
     if protocol.time_to_live <= protocol.period.max(protocol.keep_alive) {
-        let message =
-            "every drone would be taken for lost: the time to live is not above the periods";
-        return Err(source.error(place(time_to_live.map(Spanned::span)), message));
+        let message = format!(
+            "the time to live, {} ms, must be longer than the period and the keep-alive, {} ms; else every drone counts \
+             as lost",
+            protocol.time_to_live.as_millis(),
+            protocol.period.max(protocol.keep_alive).as_millis()
+        );
+        return Err(source.error(place(time_to_live.map(|it| it.span())), &message));
     }
     Ok(protocol)
 }
 
-/// For whom a master waits; for all, where whoever is behind the others would be in their way or none is waited for.
+/// Which drones a master waits for. `neighbours` is refused with protocol "follow" and with changes of formation.
 fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
     let Some(name) = &raw.protocol.barrier else {
         return Ok(Barrier::Strict);
     };
     let barrier = Barrier::from(*name.get_ref());
     if barrier == Barrier::Neighbours && raw.protocol.kind == ProtocolKind::Follow {
-        let message = "a master that is followed waits for nobody at a waypoint";
+        let message = "`barrier = \"neighbours\"` can't be used with the protocol \"follow\", which has no barrier";
         return Err(source.error(name.span(), message));
     }
     if barrier == Barrier::Neighbours && !raw.changes.is_empty() {
-        let message = "a swarm changes formation only once all have arrived";
+        let message = "`barrier = \"neighbours\"` can't be used with `changes`: a formation changes after all drones \
+                       have arrived";
         return Err(source.error(name.span(), message));
     }
     Ok(barrier)
 }
 
-/// Refuses a swarm whose lists of members would outgrow a datagram.
+/// Refuses a swarm of policy `flood` with more members than fit into a datagram.
 fn check_datagrams(source: &Source, raw: &Raw, holds: &Holds) -> Result<(), BadInput> {
     if *raw.protocol.policy.get_ref() != PolicyName::Flood {
         return Ok(());
@@ -333,34 +308,37 @@ fn check_datagrams(source: &Source, raw: &Raw, holds: &Holds) -> Result<(), BadI
     }
     let most = (1..).take_while(|drones| fits(*drones)).last().unwrap_or(0);
     let message = format!(
-        "policy `flood` lists every member in a datagram of {} bytes, which {most} drones fill",
+        "policy `flood` lists all drones in a datagram of {} bytes, which holds at most {most}",
         wire::DATAGRAM_MAX
     );
     Err(source.error(drones.span(), &message))
 }
 
-/// A number as one of what is in memory; the most where it is larger.
+/// Converts to `usize`, saturating.
 #[must_use]
 pub fn to_usize(value: u64) -> usize {
     usize::try_from(value).unwrap_or(usize::MAX)
 }
 
-/// The most pure relays.
+/// The most pure relays of a swarm.
 const RELAYS_MAX: usize = 1_000;
 
-/// Where the pure relays are.
+/// Positions of the pure relays.
 fn relays(source: &Source, raw: &Raw) -> Result<Arc<[Ned]>, BadInput> {
     if let Some(relay) = raw.relays.first()
         && *raw.protocol.policy.get_ref() != PolicyName::Tree
     {
-        let message = "policy `flood` has no pure relays: every drone that it lists is awaited";
+        let message = "policy `flood` has no pure relays; only policy `tree` has";
         return Err(source.error(relay.span(), message));
     }
     if let Some(relay) = raw.relays.get(RELAYS_MAX) {
-        let message = format!("more than {RELAYS_MAX} relays");
+        let message = format!(
+            "the scenario has {} relays; at most {RELAYS_MAX} are accepted",
+            raw.relays.len()
+        );
         return Err(source.error(relay.span(), &message));
     }
-    let place = |relay: &Spanned<raw::Relay>| {
+    let place = |relay: &Located<raw::Relay>| {
         let relay = relay.get_ref();
         Ned::new(relay.north_m.0, relay.east_m.0, -relay.altitude_m.0)
     };

@@ -1,20 +1,19 @@
-//! What a swarm flies, and how: formation, mission, protocol, vehicles and limits, as a scenario file says them. The world
-//! around it, its radio, faults and seeds, is the simulation's.
+//! Flight plan of a swarm: formation, mission, protocol, vehicles and limits, read from a scenario file. The simulated world
+//! (radio, faults, seeds) is not part of it.
 
-pub mod apart;
 mod failsafe;
 mod fence;
-pub mod fields;
 pub mod file;
 mod follow;
 mod formation;
+pub mod layering;
 mod limits;
 mod load;
 #[doc(hidden)]
 pub mod raw;
-pub mod room;
+pub mod separation;
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use muster_machines::formation::{Change, Layout, Separation};
@@ -27,76 +26,87 @@ use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{mission, navigation, routing};
 
-use serde_json::Value;
-
-use crate::schema;
+use crate::schema::{Field, FileSchema};
 use crate::text::plural;
 use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
 
-pub use self::fence::fence_in_words;
-pub use self::load::{load_from, mission_file, put_together, to_usize};
+pub use self::fence::describe_fence;
+pub use self::load::{build_plan, load_with, mission_file, to_usize};
 
-/// What a scenario file may say, its world's fields, too, as a JSON Schema.
+/// What a scenario file may hold, the fields of its world included.
 #[must_use]
-pub fn schema() -> Value {
-    schema::of::<raw::Raw>("A scenario of muster's", fields::FIELDS)
+pub fn schema() -> &'static FileSchema {
+    static SCHEMA: LazyLock<FileSchema> =
+        LazyLock::new(|| FileSchema::of::<raw::Raw>("A scenario of muster"));
+    &SCHEMA
 }
 
-/// What a swarm flies, and how; its fields fit each other.
+/// Every field of a scenario file, tables included.
+pub(crate) fn fields() -> &'static [Field] {
+    &schema().fields
+}
+
+/// The reference of scenario files as a page in Markdown.
+#[must_use]
+pub fn reference() -> String {
+    raw::reference(fields())
+}
+
+/// Flight plan of a swarm. Its fields are checked against each other.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// Who flies where.
+    /// Slots, altitude layers and places on the ground.
     pub layout: Arc<Layout>,
-    /// Where pure relays are, whose ids follow those of the drones.
+    /// Positions of pure relays. Their ids follow those of the drones.
     pub relays: Arc<[Ned]>,
-    /// The changes of formation on the way, in order.
+    /// Changes of formation, in order of the flight.
     pub changes: Arc<[Change]>,
-    /// The waypoints of the centre of the formation; 0 is over home.
+    /// Waypoints of the formation's centre; waypoint 0 is above home.
     pub waypoints: Arc<[Ned]>,
-    /// How long the swarm waits at them once all have arrived.
+    /// How long the swarm holds at each waypoint after all drones have arrived.
     pub holds: Holds,
-    /// How the swarm talks.
+    /// Parameters of the protocol.
     pub protocol: Protocol,
-    /// How the master is followed, where it does not lead from waypoint to waypoint.
+    /// Parameters of the protocol "follow". `None` for a mission flown from waypoint to waypoint.
     pub follow: Option<Follow>,
-    /// How the vehicles fly.
+    /// Speeds, accelerations and failsafes of the vehicles.
     pub vehicle: navigation::Config,
-    /// How they come down.
+    /// Parameters of the vehicles' landing mode.
     pub landing: Landing,
-    /// How long they take at most to come to rest at the end of a leg; how long is drawn for each.
+    /// The longest time to come to rest at the end of a leg. Each drone draws its own.
     pub settle: Duration,
-    /// How long a full battery lasts with the motors armed; it does not drain by itself without.
+    /// How long a full battery lasts with armed motors. `None`: it does not drain by itself.
     pub endurance: Option<Duration>,
-    /// What a drone in the air does that hears of nobody else.
+    /// What a drone in the air does when it receives no other drone.
     pub alone: Alone,
-    /// What must not be exceeded.
+    /// Limits of the flight.
     pub limits: Limits,
-    /// What its fence is, if it has one, and how near its flight comes to it, in words.
+    /// Description of the fence and of the closest approach to it. Empty without a fence.
     pub fence: Vec<String>,
-    /// What the mission file asks for and the swarm does not do, in words.
+    /// What the swarm does not do of what the mission file asks for.
     pub notes: Vec<String>,
 }
 
 impl Plan {
-    /// The first of the swarms of a world; others are numbered on.
+    /// Id of the first swarm in a world; others are numbered consecutively.
     pub const FIRST_SWARM: SwarmId = SwarmId(1);
 
-    /// Whether a simulated pilot steers its flight, or a simulated operator ends it.
+    /// Whether the flight needs a simulated pilot or operator.
     #[must_use]
     pub fn is_steered(&self) -> bool {
         let is_steered = |follow: &Follow| !follow.pilot.is_empty() || follow.land_after.is_some();
         self.follow.as_ref().is_some_and(is_steered)
     }
 
-    /// Where its drones stand before they take off, and its relays are.
-    pub fn stands(&self) -> impl Iterator<Item = Ned> {
+    /// Positions of the drones before take-off, then of the relays.
+    pub fn start_positions(&self) -> impl Iterator<Item = Ned> {
         let home = self.waypoints[0].at_altitude(0.0);
         let drones = (0..self.layout.formation().drones()).map(NodeId);
-        let stands = drones.map(move |id| self.layout.stand(id, home));
-        stands.chain(self.relays.iter().copied())
+        let start_positions = drones.map(move |id| self.layout.take_off_place(id, home));
+        start_positions.chain(self.relays.iter().copied())
     }
 
-    /// What it is, in a few words, if all are down by then.
+    /// One line on the plan; `bound` is the time by which all drones are on the ground.
     #[must_use]
     pub fn description(&self, bound: Duration) -> String {
         let length_m = self
@@ -125,7 +135,7 @@ impl Plan {
         )
     }
 
-    /// How many radios there are: drones first, then relays.
+    /// Number of radios: drones and relays.
     #[must_use]
     pub fn nodes(&self) -> u32 {
         let relays = u32::try_from(self.relays.len()).expect("read as at most RELAYS_MAX");
@@ -146,45 +156,44 @@ impl Plan {
                 stable_after: protocol.stable_after,
                 hello_gap: protocol.hello_gap,
                 time_to_live: protocol.time_to_live,
-                // Where the others land, a member that is missed on the way up lands too.
-                misses_early: protocol.succession == Succession::Elect,
+                // With succession `land`, a member that is lost during the climb lands, too.
+                monitors_before_routes: protocol.succession == Succession::Elect,
             }),
             Policy::Tree => routing::Config::Tree(tree::Config {
                 id,
                 drones,
                 relays: self.nodes() - drones,
-                beacon: protocol.beacon,
+                heartbeat_period: protocol.heartbeat,
                 repair: protocol.repair,
                 repair_max: protocol.period,
                 link_time_to_live: protocol.time_to_live,
-                // Ways are lost and found again while drones spread out.
+                // Twice a link's, for routes break and re-form while drones spread out.
                 time_to_live: protocol.time_to_live * 2,
-                patience: match protocol.succession {
-                    // A frame of somebody else's that has heard more may be on its way.
-                    Succession::Elect => protocol.beacon / 4,
+                route_timeout: match protocol.succession {
+                    // A neighbour that has heard more may be about to send.
+                    Succession::Elect => protocol.heartbeat / 4,
                     Succession::Land => protocol.time_to_live * 3,
                 },
             }),
         }
     }
 
-    /// The vehicle in closed form of one of its drones or relays, where it stands before it takes off; nothing for a
-    /// number that none of them has. How long it settles at the end of a leg is drawn from `seed`.
+    /// The simulated vehicle of a drone or relay, at its start position. `None` for an unknown id. Its settling times are
+    /// drawn from `seed`.
     #[must_use]
     pub fn simulated_vehicle(&self, id: NodeId, seed: u64) -> Option<SimulatedVehicle> {
-        let place = self.stands().nth(usize::try_from(id.0).ok()?)?;
-        let vehicle = Vehicle::new(self.landing, place).lasting(self.endurance);
+        let place = self.start_positions().nth(usize::try_from(id.0).ok()?)?;
+        let vehicle = Vehicle::new(self.landing, place).with_endurance(self.endurance);
         Some(SimulatedVehicle::new(vehicle, self.settle, seed))
     }
 
-    /// Who leads it when the operator tells it to fly.
+    /// The drone that leads the swarm at the start: the one in the formation's centre.
     #[must_use]
     pub fn centre(&self) -> NodeId {
         self.layout.formation().centre()
     }
 
-    /// What one of its drones is built with, as a member of that swarm; with the link of a vehicle in closed form and the
-    /// authenticator of a simulation.
+    /// Configuration of a drone's machines, with a simulated vehicle's link and a simulation's authenticator.
     pub fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
         let leads = id == self.layout.formation().centre();
@@ -198,7 +207,7 @@ impl Plan {
                     burst: BUDGET_BURST,
                 },
                 members: self.nodes(),
-                // All begin at once, and no journal is ever lost.
+                // In a simulation no journal is lost.
                 incarnations: Incarnations::Counted,
             },
             authenticator: Arc::new(IdealAuthenticator),
@@ -222,12 +231,12 @@ impl Plan {
                 liveness: protocol.liveness,
                 succession: protocol.succession,
                 alone: self.alone,
-                spreading_patience: match protocol.succession {
+                spreading_grace: match protocol.succession {
                     Succession::Elect => protocol.time_to_live * 3,
                     Succession::Land => protocol.time_to_live,
                 },
                 candidacy_back_off: match (protocol.succession, protocol.liveness) {
-                    // As long as news takes to a neighbour.
+                    // As long as a frame with one retransmission takes to a neighbour.
                     (Succession::Elect, Liveness::Heartbeat) => protocol.repair * 2,
                     (Succession::Land, _) | (_, Liveness::Thesis) => Duration::ZERO,
                 },
@@ -247,109 +256,109 @@ impl Plan {
     }
 }
 
-/// How many frames of one sender a radio lets in each period: a drone that keeps to the protocol sends one.
+/// Frames of one sender that a radio accepts in each period. A drone that follows the protocol sends one.
 const BUDGET_PER_PERIOD: u32 = 40;
-/// How many of them may come at once.
+/// Frames of one sender that a radio accepts at once.
 const BUDGET_BURST: u32 = 64;
 
-/// How the swarm talks.
+/// Parameters of the swarm's protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Protocol {
     /// How orders and acknowledgements spread.
     pub policy: Policy,
-    /// For whom a master waits at a waypoint.
+    /// Which drones a master waits for at a waypoint.
     pub barrier: Barrier,
     /// When a silent drone counts as lost.
     pub liveness: Liveness,
-    /// What drones do whose master is silent.
+    /// What drones do when the master is lost.
     pub succession: Succession,
-    /// How often a drone repeats what it knows.
+    /// Period of a drone's frames.
     pub period: Duration,
-    /// How often it does so once it is landing.
+    /// Period of a landing drone's frames.
     pub keep_alive: Duration,
-    /// How often a drone says hello during neighbour discovery.
+    /// Period of hellos during neighbour discovery.
     pub hello_period: Duration,
-    /// How long neighbour discovery lasts.
+    /// Duration of neighbour discovery.
     pub discovery: Duration,
-    /// The longest pause between two hellos in a row.
+    /// The longest gap between two consecutive hellos.
     pub hello_gap: Duration,
-    /// How many hellos in a row make a neighbour stable.
+    /// Number of consecutive hellos that make a neighbour stable.
     pub stable_after: u32,
-    /// How long a drone may be silent before it counts as lost.
+    /// Silence after which a drone counts as lost.
     pub time_to_live: Duration,
-    /// How often the master's number goes out, policy `tree`.
-    pub beacon: Duration,
-    /// How long a drone waits before it repeats what was not seen to arrive, policy `tree`.
+    /// Period of the master's heartbeat; policy `tree` only.
+    pub heartbeat: Duration,
+    /// Retransmission timeout on each hop; policy `tree` only.
     pub repair: Duration,
 }
 
-/// How a master is followed.
+/// Parameters of the protocol "follow".
 #[derive(Debug, Clone, PartialEq)]
 pub struct Follow {
-    /// What it tells the others, and how often.
+    /// What the master broadcasts of its motion, and how often.
     pub following: Following,
-    /// How it flies, so that the others can keep up.
+    /// The master's speed and acceleration, which are lower so that the others can keep up.
     pub master: navigation::Config,
-    /// What its pilot does, if it is flown by hand.
+    /// Stick inputs of the master's pilot, in order of time. Empty if the master flies the mission.
     pub pilot: Vec<Sticks>,
-    /// When the operator ends the flight, from when the following began; otherwise it ends with the mission.
+    /// When the operator ends the flight, counted from the start of following. `None`: it ends with the mission.
     pub land_after: Option<Duration>,
 }
 
-/// Where a pilot's sticks are from some time on.
+/// A pilot's stick input, which holds until the next one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sticks {
-    /// From when the following began.
+    /// Time of the input, counted from the start of following.
     pub after: Duration,
-    /// How the vehicle is to move.
+    /// Commanded velocity of the vehicle.
     pub velocity: Velocity,
 }
 
 /// How orders and acknowledgements spread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Policy {
-    /// By periodic repetition, as the thesis has it.
+    /// By periodic repetition, as in the thesis.
     Flood,
-    /// On change, along a tree, repaired at each hop.
+    /// On change, along a tree, with retransmission on each hop.
     Tree,
 }
 
-/// What must not be exceeded.
+/// Limits of a flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// How far apart flying drones must be.
+    /// Minimum separation of flying drones.
     pub separation: Separation,
-    /// How long the run may last: by then every drone is on the ground.
+    /// The longest run: by then every drone must be on the ground.
     pub duration: Duration,
     /// How long the master waits for members on the ground.
     pub set_up: Duration,
-    /// How long a take-off may take.
+    /// The longest take-off.
     pub take_off: Duration,
-    /// How long all between take-off and the ground should take.
+    /// Expected time from take-off to the ground.
     pub flight: Duration,
-    /// How long any leg may take.
+    /// The longest time for a leg.
     pub leg: Duration,
-    /// How long a drone may fly.
+    /// The longest flight of a drone.
     pub flight_time: Duration,
-    /// How long a descent from the highest that is flown takes.
+    /// Duration of a descent from the highest altitude that is flown.
     pub landing: Duration,
-    /// The most waypoints that a mission may have.
+    /// The most waypoints of a mission.
     pub waypoints_max: usize,
-    /// The most messages that wait for one actor.
+    /// The most messages that may wait for each actor.
     pub waiting_max: usize,
-    /// How long an actor may hang before its supervisor takes it for failed.
+    /// How long an actor may hang before its supervisor counts it as failed.
     pub hang: Duration,
-    /// How long a process may hang before its service manager ends it and starts it again.
+    /// Watchdog timeout: how long a process may hang before its service manager restarts it.
     pub watchdog: Duration,
-    /// How long a flight controller waits for a process that hangs or has ended before it brings the aircraft down.
+    /// Link timeout: how long a flight controller waits for a silent process before it lands the aircraft.
     pub controller: Duration,
-    /// When failed actors are restarted and when that is given up.
+    /// Limits and back-off for restarts of failed actors.
     pub restarts: RestartLimits,
 }
 
 impl Limits {
-    /// How long a run may last unless it is told: as long as drones may wait on the ground and fly, two legs more for
-    /// whoever is to reach its slot first and the place where it lands then, and the descent; at most a week.
+    /// Default of `duration`: the longest wait on the ground and flight, two more legs (for drones that first fly to their
+    /// slots, then to their landing places), and the descent; at most a week.
     #[must_use]
     pub fn default_duration(&self) -> Duration {
         let after = self.leg * 2 + self.landing;

@@ -3,22 +3,21 @@ use std::time::Duration;
 use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
-/// How many times a full battery says of itself that there is less in it: each hundredth.
+/// How many times a battery reports a lower charge until it is empty: at each hundredth.
 const STEPS: f64 = 100.0;
-/// So much later than a hundredth is gone that rounding does not matter.
+/// Delay of a report after its hundredth is drained, against rounding.
 const ROUNDING: Duration = Duration::from_micros(1);
 
-/// A battery in closed form: it drains evenly from when it is first drawn from.
+/// A battery in closed form: its charge falls linearly once the motors are armed.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Battery {
-    /// How long a full one lasts; it does not drain by itself without.
+    /// How long a full battery lasts. `None`: it does not drain by itself.
     endurance: Option<Duration>,
-    /// What was in it, as a share of a full one …
+    /// Charge at `since`, from 0 to 1.
     charge: f64,
-    /// … then.
     since: Timestamp,
     is_drawn: bool,
-    /// When it next says that there is less in it.
+    /// When the next hundredth is drained.
     due: Option<Timestamp>,
 }
 
@@ -33,11 +32,11 @@ impl Battery {
         }
     }
 
-    pub(super) const fn lasts(&mut self, endurance: Option<Duration>) {
+    pub(super) const fn set_endurance(&mut self, endurance: Option<Duration>) {
         self.endurance = endurance;
     }
 
-    /// What is left in it, as a share of a full one.
+    /// The charge, from 0 to 1.
     pub fn charge(&self, now: Timestamp) -> f64 {
         let drawn = match self.endurance.filter(|_| self.is_drawn) {
             Some(endurance) => now.since(self.since).as_secs_f64() / endurance.as_secs_f64(),
@@ -46,13 +45,13 @@ impl Battery {
         (self.charge - drawn).max(0.0)
     }
 
-    /// From now on it drains.
+    /// Starts to drain the battery.
     pub(super) fn draw(&mut self, now: Timestamp) {
         self.set(now, self.charge(now));
         self.is_drawn = true;
     }
 
-    /// All but so much is gone at once.
+    /// Lowers the charge to `to` at once, if it is higher.
     pub fn drain(&mut self, now: Timestamp, to: f64) {
         self.set(now, self.charge(now).min(to));
     }
@@ -62,7 +61,7 @@ impl Battery {
         self.since = now;
     }
 
-    /// When another hundredth will be gone.
+    /// When the next hundredth is drained. `None` if the battery does not drain or is empty.
     pub fn next_step(&mut self, now: Timestamp) -> Option<Timestamp> {
         let (left, endurance) = (self.charge(now), self.endurance.filter(|_| self.is_drawn));
         let below = ((left * STEPS).ceil() - 1.0) / STEPS;
@@ -72,7 +71,7 @@ impl Battery {
         self.due
     }
 
-    /// Whether that is now.
+    /// Whether the time that [`Self::next_step`] returned last is `now`.
     pub fn is_due(&self, now: Timestamp) -> bool {
         self.due == Some(now)
     }
@@ -87,9 +86,9 @@ mod tests {
     }
 
     #[test]
-    fn a_battery_drains_evenly_once_it_is_drawn_from_and_says_so_a_hundred_times() {
+    fn battery_drains_linearly_and_reports_a_hundred_steps() {
         let mut battery = Battery::full();
-        battery.lasts(Some(Duration::from_secs(1_000)));
+        battery.set_endurance(Some(Duration::from_secs(1_000)));
         assert_eq!(battery.next_step(at(500.0)), None);
         battery.draw(at(500.0));
         assert!((battery.charge(at(1_000.0)) - 0.5).abs() < 1e-12);
@@ -104,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drained_at_once_is_gone_and_never_comes_back() {
+    fn drained_charge_never_returns() {
         let mut battery = Battery::full();
         battery.drain(at(1.0), 0.2);
         assert!((battery.charge(at(100.0)) - 0.2).abs() < f64::EPSILON);

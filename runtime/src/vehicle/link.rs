@@ -5,8 +5,7 @@ use muster_machines::msp::{Checkpoint, Event, FlightCommand, Input, Transmit};
 use muster_machines::time::Timestamp;
 use std::collections::VecDeque;
 
-/// Stands in the place of a link to a flight controller, for vehicles in closed form. Nothing outside the scenario
-/// runner can make one.
+/// Replaces the link to a flight controller for simulated vehicles.
 #[derive(Debug)]
 pub struct SimulatedLink {
     durable: Checkpoint,
@@ -14,7 +13,7 @@ pub struct SimulatedLink {
 }
 
 impl SimulatedLink {
-    /// A link as `checkpoint` left it; one without is new.
+    /// A link restored from `checkpoint`; a new one for `None`.
     #[must_use]
     pub fn new(checkpoint: Option<Checkpoint>) -> Self {
         let mut link = Self {
@@ -24,7 +23,7 @@ impl SimulatedLink {
         if checkpoint.is_some() {
             link.transmit(Transmit::Resync);
         }
-        // What a later link is built from exists from the start on.
+        // So that the next link finds a checkpoint from the start.
         link.checkpoint();
         link
     }

@@ -1,4 +1,4 @@
-//! Vehicles in closed form: they fly legs from rest to rest and land by themselves; nothing ticks.
+//! Simulated vehicles in closed form: motions are computed when they are commanded, without time steps.
 
 mod battery;
 mod link;
@@ -18,26 +18,26 @@ pub use link::SimulatedLink;
 pub use motion::{Motion, Piece};
 pub use simulated::{SimulatedVehicle, VehicleState};
 
-/// How a vehicle comes down by itself.
+/// Parameters of a vehicle's landing mode.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Landing {
-    /// Downwards, in m/s, as far as the final height.
+    /// Descent speed down to `final_altitude_m`, in m/s.
     pub descent_mps: f64,
-    /// Downwards from there to the ground, in m/s.
+    /// Descent speed from `final_altitude_m` to the ground, in m/s.
     pub final_mps: f64,
-    /// The final height above home, in metres.
+    /// Height above home from which the vehicle descends at `final_mps`, in metres.
     pub final_altitude_m: f64,
-    /// In m/s².
+    /// Acceleration, in m/s².
     pub acceleration_mps2: f64,
 }
 
-/// Longer than any flight: sticks stay where they are.
+/// How long a pilot's stick input holds: longer than any flight.
 const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 
-/// One vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
+/// A vehicle with its autopilot: it arms, flies legs, and has a landing mode that ends disarmed on the ground.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Vehicle {
-    /// From where its drone reckons.
+    /// Home of the drone's local frame, in the world's frame.
     home: Ned,
     landing: Landing,
     motion: Motion,
@@ -46,15 +46,15 @@ pub struct Vehicle {
     is_landing: bool,
     is_wreck: bool,
     target: Option<Ned>,
-    /// Whether its pilot's sticks are ignored.
+    /// Whether the pilot's sticks are ignored, because a failsafe holds the vehicle.
     is_held: bool,
     battery: Battery,
-    /// Since when it has not known where it is over ground, and until when it won't.
+    /// Start and end of a loss of the horizontal position.
     lost: Option<(Timestamp, Timestamp)>,
 }
 
 impl Vehicle {
-    /// A vehicle that stands at a place, disarmed, with a full battery.
+    /// A disarmed vehicle at `place` with a full battery.
     #[must_use]
     pub fn new(landing: Landing, place: Ned) -> Self {
         Self {
@@ -72,48 +72,48 @@ impl Vehicle {
         }
     }
 
-    /// The same, with a battery that lasts so long with its motors armed.
-    pub fn lasting(mut self, endurance: Option<Duration>) -> Self {
-        self.battery.lasts(endurance);
+    /// Sets how long a full battery lasts with armed motors. `None` (the default): the battery does not drain.
+    pub fn with_endurance(mut self, endurance: Option<Duration>) -> Self {
+        self.battery.set_endurance(endurance);
         self
     }
 
-    /// The same, of a swarm whose home is there and not where the world's is.
+    /// Sets the home of the vehicle's swarm, in the world's frame (default: the origin), and moves the vehicle with it.
     pub fn with_home(mut self, home: Ned) -> Self {
         self.motion = Motion::at_rest(self.motion.end() + home);
         self.home = home;
         self
     }
 
-    /// Its battery.
+    /// The battery.
     pub const fn battery(&mut self) -> &mut Battery {
         &mut self.battery
     }
 
-    /// It does not know where it is over ground, until then at least.
+    /// The horizontal position is unknown from `now` until at least `until`.
     pub fn lose_position(&mut self, now: Timestamp, until: Timestamp) {
         let lost = self.lost.get_or_insert((now, until));
         lost.1 = lost.1.max(until);
     }
 
-    /// It knows again, unless it has lost it for longer.
-    pub fn find_position(&mut self, now: Timestamp) {
+    /// The horizontal position is known again, unless a longer loss is under way.
+    pub fn recover_position(&mut self, now: Timestamp) {
         self.lost = self.lost.filter(|(_, until)| now < *until);
     }
 
-    /// How it moves.
+    /// The vehicle's motion, past and planned.
     #[must_use]
     pub const fn motion(&self) -> &Motion {
         &self.motion
     }
 
-    /// Whether its motors are armed.
+    /// Whether the motors are armed.
     #[must_use]
     pub const fn is_armed(&self) -> bool {
         self.armed
     }
 
-    /// What its flight controller would say of it.
+    /// The flight controller's telemetry, in the drone's local frame.
     #[must_use]
     pub fn telemetry(&self, now: Timestamp) -> Telemetry {
         let known = |place: Ned| {
@@ -136,8 +136,8 @@ impl Vehicle {
         }
     }
 
-    /// Obeys a demand; whether its motion changed.
-    pub fn obey(&mut self, now: Timestamp, command: FlightCommand) -> bool {
+    /// Executes a command. Returns whether the motion changed.
+    pub fn execute(&mut self, now: Timestamp, command: FlightCommand) -> bool {
         match command {
             FlightCommand::Report => false,
             FlightCommand::Arm => {
@@ -152,26 +152,38 @@ impl Vehicle {
                 self.is_held = false;
                 false
             }
-            // A vehicle that is coming down to land is not called off it.
+            // A landing is not aborted.
             FlightCommand::Fly(_) | FlightCommand::Land if !self.armed || self.is_landing => false,
-            FlightCommand::Fly(Setpoint::Leg {
+            FlightCommand::Fly(setpoint) => {
+                self.fly(now, setpoint);
+                true
+            }
+            FlightCommand::Land => {
+                self.land(now);
+                true
+            }
+        }
+    }
+
+    fn fly(&mut self, now: Timestamp, setpoint: Setpoint) {
+        match setpoint {
+            Setpoint::Leg {
                 to,
                 speed_mps,
                 acceleration_mps2,
-            }) => {
+            } => {
                 self.target = Some(to);
                 self.motion.brake(now);
                 let to = to + self.home;
                 self.motion.fly(to, speed_mps, acceleration_mps2);
-                true
             }
-            FlightCommand::Fly(Setpoint::Track {
+            Setpoint::Track {
                 to,
                 velocity,
                 speed_mps,
                 acceleration_mps2,
                 hold,
-            }) => {
+            } => {
                 self.target = None;
                 let limits = tracking::Limits {
                     speed_mps,
@@ -179,64 +191,62 @@ impl Vehicle {
                 };
                 let to = to + self.home;
                 self.motion.track(now, (to, velocity), limits, hold);
-                true
             }
-            FlightCommand::Fly(Setpoint::Hold {
+            Setpoint::Hold {
                 altitude_m,
                 vertical_mps,
                 acceleration_mps2,
-            }) => {
+            } => {
                 self.target = None;
                 self.is_held = true;
                 self.motion
                     .hold(now, altitude_m, vertical_mps, acceleration_mps2);
-                true
-            }
-            FlightCommand::Land => {
-                self.target = None;
-                self.is_landing = true;
-                self.motion.brake(now);
-                let Landing {
-                    descent_mps,
-                    final_mps,
-                    final_altitude_m,
-                    acceleration_mps2,
-                } = self.landing;
-                let from = self.motion.end();
-                if from.altitude_m() > final_altitude_m {
-                    let low = from.at_altitude(final_altitude_m);
-                    self.motion.fly(low, descent_mps, acceleration_mps2);
-                }
-                let ground = from.at_altitude(0.0);
-                self.motion.fly(ground, final_mps, acceleration_mps2);
-                true
             }
         }
     }
 
-    /// Hovers for a while longer at the end of the leg that it has been told to fly, before it is at rest there.
+    fn land(&mut self, now: Timestamp) {
+        self.target = None;
+        self.is_landing = true;
+        self.motion.brake(now);
+        let Landing {
+            descent_mps,
+            final_mps,
+            final_altitude_m,
+            acceleration_mps2,
+        } = self.landing;
+        let from = self.motion.end();
+        if from.altitude_m() > final_altitude_m {
+            let low = from.at_altitude(final_altitude_m);
+            self.motion.fly(low, descent_mps, acceleration_mps2);
+        }
+        let ground = from.at_altitude(0.0);
+        self.motion.fly(ground, final_mps, acceleration_mps2);
+    }
+
+    /// Hovers for `time` at the end of the planned leg before the vehicle counts as at rest.
     pub fn settle(&mut self, time: Duration) {
         self.motion.hover(time);
     }
 
-    /// Obeys a pilot's sticks, until they are moved again or somebody else flies it; whether its motion changed. They
-    /// are ignored while a failsafe holds it.
+    /// Applies a pilot's stick input until the next input or command. Returns whether the motion changed. Ignored while the
+    /// vehicle is disarmed, landing, or held by a failsafe.
     pub fn steer(&mut self, now: Timestamp, velocity: Velocity, acceleration_mps2: f64) -> bool {
-        let obeys = self.armed && !self.is_landing && !self.is_held;
-        if obeys {
+        let is_steerable = self.armed && !self.is_landing && !self.is_held;
+        if is_steerable {
             self.target = None;
             self.motion
                 .steer(now, velocity, acceleration_mps2, STICKS_HOLD);
         }
-        obeys
+        is_steerable
     }
 
-    /// Whether it fell: nobody can be kept apart from it any more.
+    /// Whether the vehicle fell. Separation from it is not checked any more.
     pub const fn is_wreck(&self) -> bool {
         self.is_wreck
     }
 
-    /// Falls to the ground as fast as it does by its own weight, on from how it moves, its motors off for good.
+    /// Falls to the ground from its current motion, with its motors off for good.
     pub fn fall(&mut self, now: Timestamp) {
         self.armed = false;
         self.has_flown = true;
@@ -246,7 +256,7 @@ impl Vehicle {
         self.motion.fall(now);
     }
 
-    /// Its motion has come to its end: a landing ends disarmed. Whether it was one.
+    /// Ends the motion; a landing ends disarmed. Returns whether it was a landing.
     pub fn come_to_rest(&mut self) -> bool {
         let lands = std::mem::take(&mut self.is_landing);
         self.armed &= !lands;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Standard gravity, in m/s².
 const GRAVITY_MPS2: f64 = 9.806_65;
 
-/// How a vector is written down: its three numbers.
+/// Serialises a vector as an array of three numbers.
 mod vector {
     use nalgebra::Vector3;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -22,19 +22,19 @@ mod vector {
     }
 }
 
-/// A motion under constant acceleration.
+/// A motion with constant acceleration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
-    /// When it begins.
+    /// Start of the piece.
     pub start: Timestamp,
-    /// When it ends.
+    /// End of the piece.
     pub end: Timestamp,
     #[serde(with = "vector")]
     from: Vector3<f64>,
-    /// At the start, in m/s.
+    /// Velocity at the start, in m/s.
     #[serde(with = "vector")]
     velocity: Vector3<f64>,
-    /// In m/s².
+    /// Acceleration, in m/s².
     #[serde(with = "vector")]
     acceleration: Vector3<f64>,
 }
@@ -44,44 +44,43 @@ impl Piece {
         at.min(self.end).since(self.start).as_secs_f64()
     }
 
-    /// Where it is, in metres, at `at` within the piece.
-    /// Where it is then.
+    /// Position at `at`, in metres; the end position after the piece.
     #[must_use]
     pub fn position(&self, at: Timestamp) -> Vector3<f64> {
         let t = self.seconds(at);
         self.from + self.velocity * t + self.acceleration * (t * t / 2.0)
     }
 
-    /// Three places, in metres, between which it stays: as a parabola does between the control points of its curve.
+    /// The control points of the piece's parabola, in metres. The piece stays within their triangle.
     pub fn corners(&self) -> [Vector3<f64>; 3] {
         let t = self.seconds(self.end);
         let middle = self.from + self.velocity * (t / 2.0);
         [self.from, middle, self.position(self.end)]
     }
 
-    /// In m/s, at `at` within the piece.
+    /// Velocity at `at` within the piece, in m/s.
     pub fn velocity(&self, at: Timestamp) -> Vector3<f64> {
         self.velocity + self.acceleration * self.seconds(at)
     }
 
-    /// In m/s².
+    /// Acceleration, in m/s².
     pub const fn acceleration(&self) -> Vector3<f64> {
         self.acceleration
     }
 }
 
-/// Where a vehicle was and will be: pieces one after the other, at rest before, between and after.
+/// A vehicle's past and planned motion: consecutive pieces, with rest before, between and after them.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Motion {
     #[serde(with = "vector")]
     start: Vector3<f64>,
-    /// The acceleration of the leg that is flown, in m/s², with which it can brake.
+    /// The current leg's acceleration, in m/s², used to brake.
     pub(super) braking_mps2: f64,
     pieces: Vec<Piece>,
 }
 
 impl Motion {
-    /// Standing still at a place.
+    /// At rest at a place.
     #[must_use]
     pub const fn at_rest(place: Ned) -> Self {
         Self {
@@ -91,13 +90,12 @@ impl Motion {
         }
     }
 
-    /// All pieces, the first one first.
+    /// All pieces, in order of time.
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
 
-    /// The pieces, and the rests between and after them, within a span of time: when each begins and ends, where it
-    /// begins, how fast, how accelerated.
+    /// The pieces within a span of time, clipped to it, with the rests between and after them as pieces.
     pub fn within(&self, span: std::ops::Range<Timestamp>) -> impl Iterator<Item = Piece> + '_ {
         let first = self.pieces.partition_point(|piece| piece.end <= span.start);
         let mut next = first;
@@ -131,15 +129,14 @@ impl Motion {
         })
     }
 
-    /// The piece that it is in at `at`, or that it came to rest with, and when the next one begins; nothing before the
-    /// first.
+    /// The last piece that began by `at`, and the start of the next one. `None` before the first piece.
     pub fn piece(&self, at: Timestamp) -> Option<(&Piece, Option<Timestamp>)> {
-        let begun = self.pieces.partition_point(|piece| piece.start <= at);
-        let piece = &self.pieces[begun.checked_sub(1)?];
-        Some((piece, self.pieces.get(begun).map(|next| next.start)))
+        let next = self.pieces.partition_point(|piece| piece.start <= at);
+        let piece = &self.pieces[next.checked_sub(1)?];
+        Some((piece, self.pieces.get(next).map(|next| next.start)))
     }
 
-    /// Where it is then.
+    /// Position at `at`.
     #[must_use]
     pub fn position(&self, at: Timestamp) -> Ned {
         Ned(match self.piece(at) {
@@ -148,24 +145,24 @@ impl Motion {
         })
     }
 
-    /// Where it is once all its pieces are flown.
+    /// Position after the last piece.
     pub fn end(&self) -> Ned {
         let end = self.pieces.last().map(|piece| piece.position(piece.end));
         Ned(end.unwrap_or(self.start))
     }
 
-    /// When all its pieces are flown.
+    /// End of the last piece. `None` if there is no piece.
     pub fn end_time(&self) -> Option<Timestamp> {
         self.pieces.last().map(|piece| piece.end)
     }
 
-    /// Whether it stands still then.
+    /// Whether all pieces have ended by `at`.
     #[must_use]
     pub fn is_at_rest(&self, at: Timestamp) -> bool {
         self.end_time().is_none_or(|end| end <= at)
     }
 
-    /// Where it would come to rest if it braked at `at`.
+    /// Where the vehicle would come to rest if it braked at `at`.
     pub fn stop(&self, at: Timestamp) -> Ned {
         let position = self.position(at);
         match self.velocity(at) {
@@ -177,7 +174,7 @@ impl Motion {
         }
     }
 
-    /// In m/s; nothing at rest.
+    /// Velocity at `at`, in m/s. `None` at rest.
     pub fn velocity(&self, at: Timestamp) -> Option<Vector3<f64>> {
         let piece = self
             .pieces
@@ -187,7 +184,7 @@ impl Motion {
         Some(piece.velocity(at)).filter(|velocity| velocity.norm() > 0.0)
     }
 
-    /// Drops all that is planned after `at`.
+    /// Drops the plan after `at`.
     pub(super) fn cut(&mut self, at: Timestamp) {
         self.pieces.retain(|piece| piece.start < at);
         if let Some(last) = self.pieces.last_mut() {
@@ -195,7 +192,7 @@ impl Motion {
         }
     }
 
-    /// Drops all that is planned after `at` and comes to rest as fast as the leg allows.
+    /// Drops the plan after `at` and brakes to rest with the leg's acceleration.
     pub fn brake(&mut self, at: Timestamp) {
         let velocity = self.velocity(at);
         let position = self.position(at).0;
@@ -212,22 +209,22 @@ impl Motion {
                     speed / self.braking_mps2,
                 )
             }
-            // The next leg begins now, not when the last one ended.
+            // An empty piece, so that the next leg begins at `at` and not at the end of the last one.
             None => self.push(at, position, Vector3::zeros(), Vector3::zeros(), 0.0),
         };
     }
 
-    /// Flies straight on from the end of what is planned: speeds up, holds, slows down; a triangle where the leg is
-    /// too short for the full speed.
+    /// Appends a straight leg to `to`, from rest to rest: a trapezoid of speed, or a triangle if the leg is too short for
+    /// `speed_mps`.
     pub fn fly(&mut self, to: Ned, speed_mps: f64, acceleration_mps2: f64) {
         let from = self.end().0;
-        let way = to.0 - from;
-        let length_m = way.norm();
+        let leg = to.0 - from;
+        let length_m = leg.norm();
         if length_m <= 0.0 {
             return;
         }
         self.braking_mps2 = acceleration_mps2;
-        let ahead = way / length_m;
+        let ahead = leg / length_m;
         let speed = speed_mps.min((length_m * acceleration_mps2).sqrt());
         let ramp_s = speed / acceleration_mps2;
         let ramp_m = speed * ramp_s / 2.0;
@@ -245,16 +242,16 @@ impl Motion {
         );
         let before_ramp = to.0 - ahead * ramp_m;
         let end = self.push(start, before_ramp, ahead * speed, -push, ramp_s);
-        // A rest exactly at the end of the leg, free of rounding.
+        // A rest at exactly the end of the leg, without rounding error.
         self.push(end, to.0, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
-    /// Drops all that is planned after `at` and falls to the ground.
+    /// Drops the plan after `at` and falls to the ground.
     pub(super) fn fall(&mut self, at: Timestamp) {
         let velocity = self.velocity(at).unwrap_or_default();
         let position = self.position(at).0;
         self.cut(at);
-        // Down is positive: 0 = z + v t + g t² / 2, the height being -z.
+        // 0 = z + v t + g t² / 2; z is positive downwards.
         let seconds = (-velocity.z
             + (velocity.z * velocity.z - 2.0 * GRAVITY_MPS2 * position.z).sqrt())
             / GRAVITY_MPS2;
@@ -268,7 +265,7 @@ impl Motion {
         self.push(end, ground, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
-    /// Stays for `time` where all that is planned ends.
+    /// Appends a rest of `time` at the end of the plan.
     pub(super) fn hover(&mut self, time: Duration) {
         let (start, from) = (self.end_time().unwrap_or(Timestamp::ZERO), self.end().0);
         let still = Vector3::zeros();

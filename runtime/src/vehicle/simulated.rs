@@ -1,4 +1,4 @@
-//! A vehicle in closed form that is asked and woken, for whoever runs one drone outside a world.
+//! A simulated vehicle for a single drone outside of a simulation.
 
 use std::time::Duration;
 
@@ -10,29 +10,28 @@ use serde::{Deserialize, Serialize};
 
 use super::Vehicle;
 
-/// What a vehicle in closed form is doing, for whoever goes on with it: times count from the start of the flight.
+/// State of a simulated vehicle, to resume it in another process. Times count from the start of the flight.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct VehicleState(pub Vehicle);
 
-/// One vehicle in closed form, with what it does by itself: it comes to rest, and its battery drains. It owns no clock:
-/// whoever runs it says what time it is, and wakes it when it asks for that.
+/// A simulated vehicle with its timed events: coming to rest, and its battery's charge. It reads no clock: the caller passes
+/// the time, and calls [`Self::handle_timeout`] at [`Self::next_timeout`].
 #[derive(Debug)]
 pub struct SimulatedVehicle {
     vehicle: Vehicle,
-    /// When the vehicle's time began.
+    /// Time zero of the vehicle's own clock.
     epoch: Timestamp,
-    /// How long it takes at most to come to rest at the end of a leg.
+    /// The longest time to come to rest at the end of a leg.
     settle: Duration,
     rng: ChaCha8Rng,
-    /// When the motion that it was told to make last ends.
+    /// When the last commanded motion ends.
     rests_at: Option<Timestamp>,
-    /// When its battery next says that there is less in it.
+    /// When the battery's next hundredth is drained.
     drained_at: Option<Timestamp>,
 }
 
 impl SimulatedVehicle {
-    /// A vehicle that stands where it takes off, and settles within so long at the end of a leg; how long is drawn from
-    /// `seed`.
+    /// Wraps a vehicle on the ground. At the end of each leg it settles for a random time up to `settle`, drawn from `seed`.
     pub fn new(vehicle: Vehicle, settle: Duration, seed: u64) -> Self {
         Self {
             vehicle,
@@ -44,7 +43,7 @@ impl SimulatedVehicle {
         }
     }
 
-    /// Goes on with what another was doing, whose flight began at `epoch`; what it was doing itself is forgotten.
+    /// Resumes the state of another vehicle, with a flight that began at `epoch`. The own state is dropped.
     pub fn resume(&mut self, state: VehicleState, epoch: Timestamp, now: Timestamp) {
         (self.vehicle, self.epoch) = (state.0, epoch);
         let now = self.own_time(now);
@@ -52,16 +51,16 @@ impl SimulatedVehicle {
         self.drained_at = self.vehicle.battery().next_step(now);
     }
 
-    /// By the vehicle's time.
+    /// Converts to the vehicle's own clock.
     const fn own_time(&self, at: Timestamp) -> Timestamp {
         Timestamp::from_nanos(at.as_nanos().saturating_sub(self.epoch.as_nanos()))
     }
 
-    /// Obeys a demand; what it says of itself then, unless it moves and says so at the end.
-    pub fn obey(&mut self, now: Timestamp, command: FlightCommand) -> Option<Telemetry> {
+    /// Executes a command. Returns telemetry, or `None` if the vehicle moves: then it reports at the end of the motion.
+    pub fn execute(&mut self, now: Timestamp, command: FlightCommand) -> Option<Telemetry> {
         let now = self.own_time(now);
         let was_armed = self.vehicle.is_armed();
-        let moves = self.vehicle.obey(now, command);
+        let moves = self.vehicle.execute(now, command);
         if self.vehicle.is_armed() && !was_armed {
             self.drained_at = self.vehicle.battery().next_step(now);
         }
@@ -76,14 +75,14 @@ impl SimulatedVehicle {
         None
     }
 
-    /// When [`Self::handle_timeout`] is to be called next.
+    /// When [`Self::handle_timeout`] must be called next. `None` if no event is due.
     #[must_use]
     pub fn next_timeout(&self) -> Option<Timestamp> {
         let next = self.rests_at.into_iter().chain(self.drained_at).min();
         next.map(|at| self.epoch + at.since(Timestamp::ZERO))
     }
 
-    /// Does what is due; what it says of itself if anything was. With an empty battery it comes down on the spot.
+    /// Handles due events. Returns telemetry if there was one. With an empty battery the vehicle lands on the spot.
     pub fn handle_timeout(&mut self, now: Timestamp) -> Option<Telemetry> {
         let (at, now) = (now, self.own_time(now));
         let is_due = |at: &mut Option<Timestamp>| at.take_if(|at| *at <= now).is_some();
@@ -95,19 +94,19 @@ impl SimulatedVehicle {
         if drains && self.vehicle.is_armed() {
             self.drained_at = self.vehicle.battery().next_step(now);
             if self.vehicle.battery().charge(now) <= 0.0 {
-                self.obey(at, FlightCommand::Land);
+                self.execute(at, FlightCommand::Land);
             }
         }
         (rests || drains).then(|| self.vehicle.telemetry(now))
     }
 
-    /// How it is.
+    /// The vehicle's telemetry, in its drone's local frame.
     #[must_use]
     pub fn telemetry(&self, now: Timestamp) -> Telemetry {
         self.vehicle.telemetry(now)
     }
 
-    /// Whether its motors are armed.
+    /// Whether the motors are armed.
     #[must_use]
     pub const fn is_armed(&self) -> bool {
         self.vehicle.is_armed()
@@ -129,7 +128,7 @@ mod tests {
     };
 
     fn vehicle(endurance: Option<Duration>) -> SimulatedVehicle {
-        let vehicle = Vehicle::new(LANDING, Ned::HOME).lasting(endurance);
+        let vehicle = Vehicle::new(LANDING, Ned::HOME).with_endurance(endurance);
         SimulatedVehicle::new(vehicle, Duration::ZERO, 1)
     }
 
@@ -141,70 +140,70 @@ mod tests {
         })
     }
 
-    /// Lets it do what it does by itself until it waits for nothing.
+    /// Handles all events until none is due. Returns the time of the last one and all telemetry.
     fn run_out(vehicle: &mut SimulatedVehicle) -> (Timestamp, Vec<Telemetry>) {
-        let (mut now, mut said) = (Timestamp::ZERO, Vec::new());
+        let (mut now, mut reports) = (Timestamp::ZERO, Vec::new());
         while let Some(next) = vehicle.next_timeout() {
             now = next;
-            said.extend(vehicle.handle_timeout(now));
+            reports.extend(vehicle.handle_timeout(now));
         }
-        (now, said)
+        (now, reports)
     }
 
     #[test]
-    fn it_says_that_it_is_at_rest_once_it_is_and_that_it_has_landed() {
+    fn vehicle_reports_the_end_of_a_leg_and_of_a_landing() {
         let mut vehicle = vehicle(None);
         let now = Timestamp::from_secs_f64(1.0);
         assert!(
             vehicle
-                .obey(now, FlightCommand::Arm)
+                .execute(now, FlightCommand::Arm)
                 .is_some_and(|it| it.armed)
         );
-        assert_eq!(vehicle.obey(now, leg(10.0)), None);
-        let (up_at, said) = run_out(&mut vehicle);
-        assert!(said.len() == 1 && said[0].at_rest && said[0].armed);
-        assert!((said[0].position.altitude_m() - 10.0).abs() < 1e-6);
-        assert_eq!(vehicle.obey(up_at, FlightCommand::Land), None);
-        let (down_at, said) = run_out(&mut vehicle);
-        assert!(down_at > up_at && said.len() == 1 && !said[0].armed);
+        assert_eq!(vehicle.execute(now, leg(10.0)), None);
+        let (up_at, reports) = run_out(&mut vehicle);
+        assert!(reports.len() == 1 && reports[0].at_rest && reports[0].armed);
+        assert!((reports[0].position.altitude_m() - 10.0).abs() < 1e-6);
+        assert_eq!(vehicle.execute(up_at, FlightCommand::Land), None);
+        let (down_at, reports) = run_out(&mut vehicle);
+        assert!(down_at > up_at && reports.len() == 1 && !reports[0].armed);
         assert!(!vehicle.is_armed());
     }
 
     #[test]
-    fn it_does_nothing_before_its_time_has_come() {
+    fn early_timeouts_do_nothing() {
         let mut vehicle = vehicle(None);
-        vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
-        vehicle.obey(Timestamp::ZERO, leg(10.0));
+        vehicle.execute(Timestamp::ZERO, FlightCommand::Arm);
+        vehicle.execute(Timestamp::ZERO, leg(10.0));
         assert_eq!(vehicle.handle_timeout(Timestamp::from_secs_f64(0.5)), None);
         assert!(vehicle.next_timeout().is_some());
     }
 
     #[test]
-    fn with_an_empty_battery_it_comes_down() {
+    fn vehicle_with_empty_battery_lands() {
         let mut vehicle = vehicle(Some(Duration::from_secs(20)));
-        vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
-        vehicle.obey(Timestamp::ZERO, leg(10.0));
-        let (_, said) = run_out(&mut vehicle);
-        let charges: Vec<_> = said.iter().map(|it| it.charge).collect();
+        vehicle.execute(Timestamp::ZERO, FlightCommand::Arm);
+        vehicle.execute(Timestamp::ZERO, leg(10.0));
+        let (_, reports) = run_out(&mut vehicle);
+        let charges: Vec<_> = reports.iter().map(|it| it.charge).collect();
         assert!(charges.is_sorted_by(|a, b| a >= b), "{charges:?}");
-        assert!(said.iter().any(|it| it.landing));
+        assert!(reports.iter().any(|it| it.landing));
         assert!(!vehicle.is_armed());
     }
 
     #[test]
-    fn whoever_goes_on_with_it_flies_the_same_way_by_a_clock_of_its_own() {
+    fn resumed_vehicle_flies_on_by_another_clock() {
         let mut first = vehicle(Some(Duration::from_secs(100)));
-        first.obey(Timestamp::ZERO, FlightCommand::Arm);
-        first.obey(Timestamp::ZERO, leg(10.0));
+        first.execute(Timestamp::ZERO, FlightCommand::Arm);
+        first.execute(Timestamp::ZERO, leg(10.0));
         let written = serde_json::to_string(&VehicleState(first.vehicle.clone())).unwrap();
         let state = serde_json::from_str(&written).unwrap();
         let epoch = Timestamp::from_secs_f64(1_000.0);
         let mut second = vehicle(None);
         second.resume(state, epoch, epoch + Duration::from_secs(1));
-        let (up_at, said) = run_out(&mut first);
-        let (also_at, also_said) = run_out(&mut second);
-        assert_eq!(also_at.since(epoch), up_at.since(Timestamp::ZERO));
-        assert_eq!(also_said.last(), said.last());
-        assert!(!second.is_armed() && said.len() > 1);
+        let (first_at, reports) = run_out(&mut first);
+        let (second_at, second_reports) = run_out(&mut second);
+        assert_eq!(second_at.since(epoch), first_at.since(Timestamp::ZERO));
+        assert_eq!(second_reports.last(), reports.last());
+        assert!(!second.is_armed() && reports.len() > 1);
     }
 }

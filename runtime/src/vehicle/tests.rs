@@ -19,10 +19,10 @@ fn leg(north_m: f64, altitude_m: f64) -> FlightCommand {
     })
 }
 
-/// Armed, hovering 20 m over home.
+/// An armed vehicle that hovers 20 m above home.
 fn hovering() -> Vehicle {
     let mut vehicle = Vehicle::new(LANDING, Ned::new(0.0, 0.0, -20.0));
-    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
+    vehicle.execute(Timestamp::ZERO, FlightCommand::Arm);
     vehicle
 }
 
@@ -31,10 +31,10 @@ fn close(a: f64, b: f64) -> bool {
 }
 
 #[test]
-fn a_long_leg_is_a_trapezoid_and_a_short_one_a_triangle() {
+fn long_leg_is_a_trapezoid_and_short_leg_a_triangle() {
     for (length_m, seconds) in [(500.0, 60.0), (100.0, 20.0), (25.0, 10.0)] {
         let mut vehicle = hovering();
-        assert!(vehicle.obey(at(5.0), leg(length_m, 20.0)));
+        assert!(vehicle.execute(at(5.0), leg(length_m, 20.0)));
         let end = vehicle.motion().end_time().unwrap();
         assert!(close((end - at(5.0)).as_secs_f64(), seconds));
         assert_eq!(vehicle.motion().end(), Ned::new(length_m, 0.0, -20.0));
@@ -44,20 +44,20 @@ fn a_long_leg_is_a_trapezoid_and_a_short_one_a_triangle() {
 }
 
 #[test]
-fn a_leg_is_half_flown_at_half_its_time() {
+fn leg_is_half_flown_at_half_its_time() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+    vehicle.execute(Timestamp::ZERO, leg(500.0, 20.0));
     assert!(close(vehicle.motion().position(at(30.0)).north_m(), 250.0));
     assert!(close(vehicle.motion().position(at(10.0)).north_m(), 50.0));
 }
 
 #[test]
-fn a_new_leg_in_flight_begins_with_a_brake() {
+fn new_leg_in_flight_begins_with_braking() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+    vehicle.execute(Timestamp::ZERO, leg(500.0, 20.0));
     let stop = vehicle.telemetry(at(30.0)).stop;
     assert!(close(stop.north_m(), 300.0), "10 m/s at 1 m/s² take 50 m");
-    vehicle.obey(at(30.0), leg(200.0, 20.0));
+    vehicle.execute(at(30.0), leg(200.0, 20.0));
     assert!(close(vehicle.motion().position(at(40.0)).north_m(), 300.0));
     assert_eq!(vehicle.motion().end(), Ned::new(200.0, 0.0, -20.0));
     let back = vehicle.motion().end_time().unwrap() - at(40.0);
@@ -65,13 +65,13 @@ fn a_new_leg_in_flight_begins_with_a_brake() {
 }
 
 #[test]
-fn a_vehicle_that_settles_hovers_at_the_end_of_its_leg_until_it_is_at_rest() {
+fn settling_vehicle_hovers_at_the_leg_end_until_at_rest() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+    vehicle.execute(Timestamp::ZERO, leg(500.0, 20.0));
     vehicle.settle(Duration::from_millis(1_500));
-    for hovers in [60.0, 60.7, 61.4] {
-        let telemetry = vehicle.telemetry(at(hovers));
-        assert!(!telemetry.at_rest, "{hovers}");
+    for at_s in [60.0, 60.7, 61.4] {
+        let telemetry = vehicle.telemetry(at(at_s));
+        assert!(!telemetry.at_rest, "{at_s}");
         assert_eq!(telemetry.position, Ned::new(500.0, 0.0, -20.0));
         assert_eq!(telemetry.velocity, Velocity::ZERO);
     }
@@ -79,27 +79,27 @@ fn a_vehicle_that_settles_hovers_at_the_end_of_its_leg_until_it_is_at_rest() {
 }
 
 #[test]
-fn a_vehicle_that_settles_leaves_for_its_next_leg_and_to_land_at_once() {
+fn settling_vehicle_starts_its_next_leg_or_landing_at_once() {
     for (next, seconds) in [
         (leg(0.0, 20.0), 60.0),
         (FlightCommand::Land, 8.166_666_667 + 20.5),
     ] {
         let mut vehicle = hovering();
-        vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
+        vehicle.execute(Timestamp::ZERO, leg(500.0, 20.0));
         vehicle.settle(Duration::from_secs(30));
-        vehicle.obey(at(61.0), next);
+        vehicle.execute(at(61.0), next);
         let end = vehicle.motion().end_time().unwrap();
         assert!(close(end.as_secs_f64(), 61.0 + seconds), "{next:?}: {end}");
     }
 }
 
 #[test]
-fn nothing_jumps_where_pieces_meet() {
+fn position_is_continuous_between_pieces() {
     let mut vehicle = hovering();
-    vehicle.obey(at(1.0), leg(300.0, 30.0));
+    vehicle.execute(at(1.0), leg(300.0, 30.0));
     vehicle.settle(Duration::from_secs(2));
-    vehicle.obey(at(12.3), leg(-50.0, 20.0));
-    vehicle.obey(at(17.0), FlightCommand::Land);
+    vehicle.execute(at(12.3), leg(-50.0, 20.0));
+    vehicle.execute(at(17.0), FlightCommand::Land);
     for pair in vehicle.motion().pieces().windows(2) {
         let before = pair[0].position(pair[0].end);
         let after = pair[1].position(pair[1].start);
@@ -108,10 +108,10 @@ fn nothing_jumps_where_pieces_meet() {
 }
 
 #[test]
-fn a_landing_ends_disarmed_on_the_ground_and_is_not_called_off() {
+fn landing_ends_disarmed_on_the_ground_and_cannot_be_aborted() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, FlightCommand::Land);
-    assert!(!vehicle.obey(at(3.0), leg(100.0, 20.0)));
+    vehicle.execute(Timestamp::ZERO, FlightCommand::Land);
+    assert!(!vehicle.execute(at(3.0), leg(100.0, 20.0)));
     // 10 m at 1.5 m/s and 10 m at 0.5 m/s, with the ramps of both.
     let end = vehicle.motion().end_time().unwrap();
     assert!(close(
@@ -124,22 +124,22 @@ fn a_landing_ends_disarmed_on_the_ground_and_is_not_called_off() {
 }
 
 #[test]
-fn a_vehicle_that_is_not_armed_does_not_move_and_one_that_has_landed_does_not_arm_again() {
+fn disarmed_vehicle_stays_and_landed_vehicle_does_not_rearm() {
     let mut vehicle = Vehicle::new(LANDING, Ned::HOME);
-    assert!(!vehicle.obey(Timestamp::ZERO, leg(0.0, 20.0)));
-    assert!(!vehicle.obey(Timestamp::ZERO, FlightCommand::Land));
-    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
-    assert!(vehicle.obey(Timestamp::ZERO, FlightCommand::Land));
+    assert!(!vehicle.execute(Timestamp::ZERO, leg(0.0, 20.0)));
+    assert!(!vehicle.execute(Timestamp::ZERO, FlightCommand::Land));
+    vehicle.execute(Timestamp::ZERO, FlightCommand::Arm);
+    assert!(vehicle.execute(Timestamp::ZERO, FlightCommand::Land));
     vehicle.come_to_rest();
-    vehicle.obey(at(9.0), FlightCommand::Arm);
+    vehicle.execute(at(9.0), FlightCommand::Arm);
     assert!(!vehicle.is_armed());
 }
 
 #[test]
-fn a_span_of_time_is_covered_without_gaps_rests_included() {
+fn pieces_within_a_span_cover_it_without_gaps() {
     let mut vehicle = hovering();
-    vehicle.obey(at(2.0), leg(100.0, 20.0));
-    vehicle.obey(at(40.0), leg(0.0, 20.0));
+    vehicle.execute(at(2.0), leg(100.0, 20.0));
+    vehicle.execute(at(40.0), leg(0.0, 20.0));
     for (from, to) in [
         (0.0, 100.0),
         (1.0, 3.0),
@@ -172,10 +172,10 @@ fn track(north_m: f64, north_mps: f64) -> FlightCommand {
 }
 
 #[test]
-fn a_place_that_moves_is_caught_up_with_and_kept() {
+fn moving_target_is_reached_and_kept() {
     for behind_m in [-40.0, -3.0, 0.0, 0.5, 25.0] {
         let mut vehicle = hovering();
-        assert!(vehicle.obey(at(5.0), track(behind_m, 10.0)));
+        assert!(vehicle.execute(at(5.0), track(behind_m, 10.0)));
         let place_m = |at_s: f64| behind_m + 10.0 * (at_s - 5.0);
         for at_s in [55.0, 60.0, 64.9] {
             let telemetry = vehicle.telemetry(at(at_s));
@@ -191,9 +191,9 @@ fn a_place_that_moves_is_caught_up_with_and_kept() {
 }
 
 #[test]
-fn a_place_as_fast_as_the_vehicle_is_kept_up_with_at_the_distance_that_it_has_then() {
+fn target_at_full_speed_is_followed_at_a_constant_distance() {
     let mut vehicle = hovering();
-    vehicle.obey(at(0.0), track(80.0, 12.0));
+    vehicle.execute(at(0.0), track(80.0, 12.0));
     let behind_m = |at_s: f64| {
         let telemetry = vehicle.telemetry(at(at_s));
         assert!(close(telemetry.velocity.0.x, 12.0));
@@ -205,10 +205,10 @@ fn a_place_as_fast_as_the_vehicle_is_kept_up_with_at_the_distance_that_it_has_th
 }
 
 #[test]
-fn a_vehicle_after_a_place_that_moves_keeps_to_its_limits() {
+fn tracking_vehicle_keeps_its_limits() {
     let mut vehicle = hovering();
     let mut before: Option<Velocity> = None;
-    vehicle.obey(at(0.0), track(80.0, 11.0));
+    vehicle.execute(at(0.0), track(80.0, 11.0));
     for tick in 0..800 {
         let velocity = vehicle.telemetry(at(f64::from(tick) / 10.0)).velocity;
         assert!(velocity.0.norm() <= 12.0 + 1e-6, "{velocity:?}");
@@ -221,9 +221,9 @@ fn a_vehicle_after_a_place_that_moves_keeps_to_its_limits() {
 }
 
 #[test]
-fn a_vehicle_that_is_told_no_more_where_its_place_is_comes_to_rest() {
+fn tracking_vehicle_without_new_setpoints_comes_to_rest() {
     let mut vehicle = hovering();
-    vehicle.obey(at(0.0), track(0.0, 10.0));
+    vehicle.execute(at(0.0), track(0.0, 10.0));
     let end = vehicle.motion().end_time().unwrap();
     assert!(
         end > at(60.0) && end <= at(65.001),
@@ -233,7 +233,7 @@ fn a_vehicle_that_is_told_no_more_where_its_place_is_comes_to_rest() {
 }
 
 #[test]
-fn sticks_are_obeyed_until_they_are_moved_again() {
+fn stick_input_holds_until_the_next_input() {
     let mut vehicle = hovering();
     assert!(vehicle.steer(at(1.0), Velocity::new(8.0, 0.0, 0.0), 2.0));
     let telemetry = vehicle.telemetry(at(100.0));
@@ -241,16 +241,16 @@ fn sticks_are_obeyed_until_they_are_moved_again() {
     assert!(close(telemetry.position.north_m(), 16.0 + 8.0 * 95.0));
     vehicle.steer(at(100.0), Velocity::ZERO, 2.0);
     assert!(vehicle.telemetry(at(104.1)).at_rest);
-    vehicle.obey(at(105.0), FlightCommand::Land);
+    vehicle.execute(at(105.0), FlightCommand::Land);
     assert!(!vehicle.steer(at(106.0), Velocity::new(8.0, 0.0, 0.0), 2.0));
 }
 
 #[test]
-fn pieces_of_a_tracked_motion_meet() {
+fn position_is_continuous_between_pieces_while_tracking() {
     let mut vehicle = hovering();
     for tick in 0..50 {
         let now = f64::from(tick) * 0.2;
-        vehicle.obey(at(now), track(10.0 * now + 1.0, 10.0));
+        vehicle.execute(at(now), track(10.0 * now + 1.0, 10.0));
     }
     for pair in vehicle.motion().pieces().windows(2) {
         let gap = pair[0].position(pair[0].end) - pair[1].position(pair[1].start);
@@ -268,11 +268,11 @@ fn hold(altitude_m: f64) -> FlightCommand {
 }
 
 #[test]
-fn a_vehicle_that_holds_brakes_over_ground_and_climbs_or_descends_meanwhile() {
+fn holding_vehicle_brakes_while_it_changes_altitude() {
     for altitude_m in [25.5, 20.0, 12.0] {
         let mut vehicle = hovering();
-        vehicle.obey(Timestamp::ZERO, leg(500.0, 20.0));
-        assert!(vehicle.obey(at(30.0), hold(altitude_m)));
+        vehicle.execute(Timestamp::ZERO, leg(500.0, 20.0));
+        assert!(vehicle.execute(at(30.0), hold(altitude_m)));
         // At 10 m/s it takes 10 s and 50 m to brake.
         let after = |seconds: f64| vehicle.motion().position(at(30.0 + seconds));
         assert!(close(after(5.0).north_m(), 250.0 + 37.5));
@@ -288,44 +288,44 @@ fn a_vehicle_that_holds_brakes_over_ground_and_climbs_or_descends_meanwhile() {
 }
 
 #[test]
-fn a_vehicle_that_holds_while_it_climbs_overshoots_and_comes_back() {
+fn holding_vehicle_overshoots_while_climbing_and_returns() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, leg(0.0, 60.0));
+    vehicle.execute(Timestamp::ZERO, leg(0.0, 60.0));
     let climbing = vehicle.motion().position(at(5.0)).altitude_m();
-    vehicle.obey(at(5.0), hold(climbing));
+    vehicle.execute(at(5.0), hold(climbing));
     let highest = vehicle.motion().position(at(10.0)).altitude_m();
     assert!(highest > climbing + 10.0, "5 m/s take 12.5 m to stop");
     assert!(close(vehicle.motion().end().altitude_m(), climbing));
 }
 
 #[test]
-fn a_vehicle_that_holds_ignores_its_pilot_until_it_is_given_back() {
+fn holding_vehicle_ignores_its_pilot_until_yield() {
     let mut vehicle = hovering();
     let north = Velocity::new(5.0, 0.0, 0.0);
     assert!(vehicle.steer(at(1.0), north, 1.0));
-    vehicle.obey(at(2.0), hold(20.0));
+    vehicle.execute(at(2.0), hold(20.0));
     assert!(!vehicle.steer(at(3.0), north, 1.0));
-    vehicle.obey(at(4.0), FlightCommand::Yield);
+    vehicle.execute(at(4.0), FlightCommand::Yield);
     assert!(vehicle.steer(at(5.0), north, 1.0));
 }
 
 #[test]
-fn a_vehicle_that_lost_its_position_tells_where_it_was_then_and_for_how_long() {
+fn telemetry_without_position_has_the_last_one_and_its_age() {
     let mut vehicle = hovering();
-    vehicle.obey(Timestamp::ZERO, leg(500.0, 30.0));
+    vehicle.execute(Timestamp::ZERO, leg(500.0, 30.0));
     vehicle.lose_position(at(10.0), at(25.0));
     vehicle.lose_position(at(12.0), at(15.0));
-    vehicle.find_position(at(15.0));
-    let told = vehicle.telemetry(at(20.0));
-    let then = vehicle.motion().position(at(10.0));
-    assert_eq!(told.position_lost_for, Some(Duration::from_secs(10)));
-    assert!(close(told.position.north_m(), then.north_m()));
+    vehicle.recover_position(at(15.0));
+    let telemetry = vehicle.telemetry(at(20.0));
+    let last = vehicle.motion().position(at(10.0));
+    assert_eq!(telemetry.position_lost_for, Some(Duration::from_secs(10)));
+    assert!(close(telemetry.position.north_m(), last.north_m()));
     assert!(
-        told.position.altitude_m() > then.altitude_m(),
-        "its height it knows"
+        telemetry.position.altitude_m() > last.altitude_m(),
+        "its altitude is known"
     );
-    vehicle.find_position(at(25.0));
-    let told = vehicle.telemetry(at(20.0));
-    assert_eq!(told.position_lost_for, None);
-    assert_eq!(told.position, vehicle.motion().position(at(20.0)));
+    vehicle.recover_position(at(25.0));
+    let telemetry = vehicle.telemetry(at(20.0));
+    assert_eq!(telemetry.position_lost_for, None);
+    assert_eq!(telemetry.position, vehicle.motion().position(at(20.0)));
 }

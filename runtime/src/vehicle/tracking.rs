@@ -1,4 +1,4 @@
-//! Motions after a place that moves, after a pilot's sticks, and to rest at another height.
+//! Motions that track a moving target, follow a pilot's sticks, or hold at another height.
 
 use std::time::Duration;
 
@@ -8,37 +8,36 @@ use nalgebra::Vector3;
 
 use super::Motion;
 
-/// What a vehicle keeps to.
+/// A vehicle's limits of speed and acceleration.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub(super) speed_mps: f64,
     pub(super) acceleration_mps2: f64,
 }
 
-/// The shortest time in which a vehicle corrects where it is: twice the 5 Hz at which it is told where to be.
+/// The shortest duration of a correction: two periods of setpoints at 5 Hz.
 const CORRECTION_MIN_S: f64 = 0.4;
-/// By how much a longer time is tried where a shorter one asks for too much, and how often.
+/// Factor to the next duration that is tried if a correction exceeds the limits.
 const CORRECTION_GROWTH: f64 = 1.1;
+/// The most durations that are tried.
 const CORRECTIONS_MAX: u32 = 100;
 
-/// What share of the time a correction accelerates for, and brakes for; it coasts in between. The smaller, the less
-/// speed it takes.
+/// Shares of a correction's duration for acceleration, and the same for braking; it coasts in between. A smaller share takes
+/// less speed.
 const SHARES: [f64; 4] = [1.0 / 2.0, 1.0 / 4.0, 1.0 / 8.0, 1.0 / 16.0];
 
-/// How a vehicle gets to a place that moves, and moves along with it from then on: it accelerates, coasts, and
-/// accelerates again.
+/// The motion that brings a vehicle to a moving target with the target's velocity: accelerate, coast, brake.
 #[derive(Debug, Clone, Copy)]
 struct Correction {
-    /// For how long each, and how.
+    /// Duration in seconds and acceleration in m/s² of each piece.
     pieces: [(f64, Vector3<f64>); 3],
-    /// The velocity beside the place in which it coasts.
+    /// Velocity relative to the target while coasting, in m/s.
     coasting: Vector3<f64>,
 }
 
 impl Correction {
-    /// The one that takes away, within T = `seconds`, the displacement e and the velocity w that a vehicle has beside
-    /// its place, coasting at u for all but the `share` σ of T at either end:
-    /// e + (w + u) σT / 2 + u (1 − 2σ) T + u σT / 2 = 0.
+    /// Removes, within T = `seconds`, the displacement e and the velocity w relative to the target. It coasts at u, except for
+    /// the `share` σ of T at either end: e + (w + u) σT / 2 + u (1 − 2σ) T + u σT / 2 = 0.
     fn within(
         seconds: f64,
         share: f64,
@@ -57,7 +56,7 @@ impl Correction {
         }
     }
 
-    /// The one that takes away the velocity only.
+    /// Removes the velocity relative to the target, but not the displacement.
     fn of_velocity(velocity: Vector3<f64>, acceleration_mps2: f64) -> Self {
         let seconds = velocity.norm() / acceleration_mps2;
         let pieces = match velocity.try_normalize(0.0) {
@@ -70,22 +69,23 @@ impl Correction {
         }
     }
 
-    /// The quickest within limits, for a vehicle beside a place that moves at `along`. A place that is as fast as the
-    /// vehicle may be can't be caught up with: it stays as far away then.
+    /// The quickest correction within limits, for a target that moves at `target_velocity`. A target at the vehicle's highest
+    /// speed can't be reached: the distance is kept.
     fn quickest(
         displacement: Vector3<f64>,
         velocity: Vector3<f64>,
-        along: Vector3<f64>,
+        target_velocity: Vector3<f64>,
         limits: Limits,
     ) -> Self {
-        let keeps_to = |it: &Self| {
+        let is_within_limits = |it: &Self| {
             let fits = |(_, by): &(f64, Vector3<f64>)| by.norm() <= limits.acceleration_mps2;
-            it.pieces.iter().all(fits) && (along + it.coasting).norm() <= limits.speed_mps
+            it.pieces.iter().all(fits) && (target_velocity + it.coasting).norm() <= limits.speed_mps
         };
         let mut seconds = CORRECTION_MIN_S;
         for _ in 0..CORRECTIONS_MAX {
-            let in_time = SHARES.map(|share| Self::within(seconds, share, displacement, velocity));
-            if let Some(correction) = in_time.into_iter().find(keeps_to) {
+            let candidates =
+                SHARES.map(|share| Self::within(seconds, share, displacement, velocity));
+            if let Some(correction) = candidates.into_iter().find(is_within_limits) {
                 return correction;
             }
             seconds *= CORRECTION_GROWTH;
@@ -94,8 +94,8 @@ impl Correction {
     }
 }
 
-/// For how long each, in seconds, and how to accelerate, in m/s², to be at rest `distance_m` farther, at no more than
-/// `speed_mps` and beginning with `velocity_mps`: the trapezoid that takes the least time.
+/// The fastest trapezoid to rest at `distance_m`, from `velocity_mps` and with at most `speed_mps`: each piece's duration in
+/// seconds and acceleration in m/s².
 fn trapezoid(
     distance_m: f64,
     velocity_mps: f64,
@@ -125,7 +125,7 @@ fn trapezoid(
 const REST: (f64, Vector3<f64>) = (0.0, Vector3::new(0.0, 0.0, 0.0));
 
 impl Motion {
-    /// Gets to a place that moves, moves along with it until `hold` from now, and comes to rest.
+    /// Tracks a moving target until `hold` after `at`, then comes to rest.
     pub(super) fn track(
         &mut self,
         at: Timestamp,
@@ -135,8 +135,8 @@ impl Motion {
     ) {
         let own = self.velocity(at).unwrap_or_default();
         let from = self.position(at).0;
-        let along = velocity.0.cap_magnitude(limits.speed_mps);
-        let correction = Correction::quickest(from - to.0, own - along, along, limits);
+        let target = velocity.0.cap_magnitude(limits.speed_mps);
+        let correction = Correction::quickest(from - to.0, own - target, target, limits);
         self.braking_mps2 = limits.acceleration_mps2;
         self.cut(at);
         let mut now = (at, from, own);
@@ -152,7 +152,7 @@ impl Motion {
         self.come_to_rest_from(now);
     }
 
-    /// Changes to a velocity, keeps to it for `hold`, and comes to rest.
+    /// Accelerates to a velocity, keeps it for `hold`, then comes to rest.
     pub(super) fn steer(
         &mut self,
         at: Timestamp,
@@ -176,7 +176,7 @@ impl Motion {
         self.come_to_rest_from(now);
     }
 
-    /// Comes to rest over ground and, at the same time, at another height, each as fast as it may.
+    /// Brakes horizontally while climbing or descending to `altitude_m`, each as fast as the limits allow.
     pub(super) fn hold(
         &mut self,
         at: Timestamp,
@@ -188,9 +188,9 @@ impl Motion {
         let from = self.position(at).0;
         self.braking_mps2 = acceleration_mps2;
         self.cut(at);
-        let over_ground = Vector3::new(own.x, own.y, 0.0);
-        let braking_s = over_ground.norm() / acceleration_mps2;
-        let braking = over_ground
+        let horizontal = Vector3::new(own.x, own.y, 0.0);
+        let braking_s = horizontal.norm() / acceleration_mps2;
+        let braking = horizontal
             .try_normalize(0.0)
             .map_or_else(Vector3::zeros, |ahead| ahead * -acceleration_mps2);
         let mut vertical = (0.0, 0.0);
@@ -203,25 +203,25 @@ impl Motion {
         let mut ends: Vec<f64> = vertical.iter().map(|(end_s, _)| *end_s).collect();
         ends.push(braking_s);
         ends.sort_by(f64::total_cmp);
-        let (mut now, mut begun_s) = ((at, from, own), 0.0);
+        let (mut now, mut start_s) = ((at, from, own), 0.0);
         for end_s in ends.into_iter().filter(|end_s| *end_s > 0.0) {
-            let current = vertical.iter().find(|(until_s, _)| begun_s < *until_s);
+            let current = vertical.iter().find(|(until_s, _)| start_s < *until_s);
             let down_mps2 = current.map_or(0.0, |(_, down_mps2)| *down_mps2);
-            let level = if begun_s < braking_s {
+            let level = if start_s < braking_s {
                 braking
             } else {
                 Vector3::zeros()
             };
             let acceleration = level + Vector3::new(0.0, 0.0, down_mps2);
-            now = self.accelerate(now, acceleration, end_s - begun_s);
-            begun_s = end_s;
+            now = self.accelerate(now, acceleration, end_s - start_s);
+            start_s = end_s;
         }
-        // A rest exactly at that height, free of rounding.
+        // A rest at exactly this altitude, without rounding error.
         let end = Vector3::new(now.1.x, now.1.y, -altitude_m);
         self.push(now.0, end, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
-    /// Plans a piece; when, where and how fast it ends.
+    /// Plans a piece. Returns its end: time, position and velocity.
     fn accelerate(
         &mut self,
         (start, from, velocity): (Timestamp, Vector3<f64>, Vector3<f64>),
@@ -229,7 +229,7 @@ impl Motion {
         seconds: f64,
     ) -> (Timestamp, Vector3<f64>, Vector3<f64>) {
         let end = self.push(start, from, velocity, acceleration, seconds);
-        // As long as the piece is once its ends are whole nanoseconds, so that pieces meet.
+        // The duration between whole nanoseconds, so that pieces meet.
         let seconds = end.since(start).as_secs_f64();
         (
             end,

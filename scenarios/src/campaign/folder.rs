@@ -1,4 +1,4 @@
-//! A campaign's folder: whose it is, and the rows that are already there.
+//! A campaign's folder: its identity, its lock and its journal of rows.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write as _;
@@ -12,14 +12,14 @@ use super::plan::{Campaign, PROGRAM};
 use super::publish::{PUBLISHED, RUNS_JSONL};
 use super::row::Row;
 use super::rows::Rows;
-use crate::report::{Complete, Draft, Engine, WriteError, make_folder};
+use crate::report::{CompleteFile, DraftFile, Engine, WriteError, create_folder};
 
-/// The file that says whose a folder is.
+/// File that identifies the campaign of a folder.
 const CAMPAIGN_JSON: &str = "campaign.json";
-/// The rows of a campaign that is not at its end.
+/// Journal: rows of a campaign that is not complete.
 const JOURNAL: &str = "runs.journal";
 
-/// What `campaign.json` holds: arguments as they are typed.
+/// Content of `campaign.json`: the arguments as typed.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Identity {
@@ -76,27 +76,28 @@ impl TryFrom<Identity> for Campaign {
 }
 
 impl Campaign {
-    /// Whose a folder is; nothing if nobody's.
+    /// Reads the campaign of a folder; `None` if the folder is unused.
     ///
     /// # Errors
-    /// When it is a file, or has files of a campaign but none that says which.
-    pub(super) fn of_folder(dir: &Path) -> Result<Option<Self>, BadInput> {
+    /// If `dir` is a file, or if it has files of a campaign but no valid `campaign.json`.
+    pub(super) fn read_folder(dir: &Path) -> Result<Option<Self>, BadInput> {
         if dir.exists() && !dir.is_dir() {
-            let help = "a campaign needs a folder, which is made if it is not there";
+            let help = "name a folder; it is created if it does not exist";
             return Err(BadInput::without_excerpt(dir, "is a file", help));
         }
         let path = dir.join(CAMPAIGN_JSON);
-        let help = "name another folder, or delete this one if nothing in it is needed";
+        let help = "name another folder, or delete this one";
         if !path.exists() {
-            let written = |name: &&str| fs::metadata(dir.join(name)).is_ok_and(|it| it.len() > 0);
+            let has_content =
+                |name: &&str| fs::metadata(dir.join(name)).is_ok_and(|it| it.len() > 0);
             let stray = PUBLISHED
                 .iter()
                 .chain(&[JOURNAL])
-                .find(|name| written(name));
+                .find(|name| has_content(name));
             return match stray {
                 None => Ok(None),
                 Some(name) => {
-                    let message = format!("has {name} and no {CAMPAIGN_JSON} that says what of");
+                    let message = format!("has {name} but no {CAMPAIGN_JSON}");
                     Err(BadInput::without_excerpt(dir, message, help))
                 }
             };
@@ -108,14 +109,14 @@ impl Campaign {
         Ok(Some(campaign))
     }
 
-    /// In what it differs from another, in words; nothing if the rows of either are those of the other.
+    /// First difference from another campaign, in words; `None` if both have the same rows.
     ///
-    /// The path of the scenario is left out: what the file says is compared.
+    /// The content of the scenario counts, not its path.
     pub(super) fn difference(&self, other: &Self) -> Option<String> {
         let (mine, others) = (Identity::from(self), Identity::from(other));
         let list = |values: &[String]| {
             if values.is_empty() {
-                "nothing".to_owned()
+                "none".to_owned()
             } else {
                 values.join(" ")
             }
@@ -132,42 +133,42 @@ impl Campaign {
         match different {
             Some((what, mine, others)) => Some(format!("{what}: {mine}, not {others}")),
             None if self.content != other.content => {
-                Some("the scenario or its mission said something else".to_owned())
+                Some("the scenario or its mission changed".to_owned())
             }
             None => None,
         }
     }
 
-    /// Refuses a folder that is another campaign's.
+    /// Reads the campaign of a folder and refuses one that belongs to another campaign.
     pub(super) fn check_folder(&self, dir: &Path) -> Result<Option<Self>, BadInput> {
-        let there = Self::of_folder(dir)?;
-        if let Some(difference) = there.as_ref().and_then(|there| there.difference(self)) {
-            let message = format!("is the folder of another campaign ({difference})");
-            let help = "name another folder with --out, or delete this one to begin anew";
+        let existing = Self::read_folder(dir)?;
+        if let Some(difference) = existing.as_ref().and_then(|it| it.difference(self)) {
+            let message = format!("belongs to another campaign ({difference})");
+            let help = "name another folder with --out, or delete this one to start again";
             return Err(BadInput::without_excerpt(dir, message, help));
         }
-        Ok(there)
+        Ok(existing)
     }
 
-    /// Whether a folder is this campaign's, or nobody's yet.
+    /// Whether a folder belongs to this campaign or is unused.
     #[must_use]
-    pub fn may_use(&self, dir: &Path) -> bool {
+    pub fn can_use(&self, dir: &Path) -> bool {
         self.check_folder(dir).is_ok()
     }
 
-    /// Refuses what another version of the program has begun.
+    /// Refuses a campaign of another program version.
     pub(super) fn check_program(&self, dir: &Path) -> Result<(), BadInput> {
         if self.program == PROGRAM {
             return Ok(());
         }
-        let message = format!("is of {}, and this is {PROGRAM}", self.program);
+        let message = format!("was written by {}; this is {PROGRAM}", self.program);
         let help =
-            "use the version that made it; two versions may fly the same scenario differently";
+            "use the version that wrote it; two versions may simulate a scenario differently";
         Err(BadInput::without_excerpt(dir, message, help))
     }
 }
 
-/// A campaign's folder, which no other process works in as long as this is held.
+/// A campaign's folder, locked against other processes.
 #[derive(Debug)]
 pub(super) struct Folder {
     dir: PathBuf,
@@ -175,14 +176,13 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Takes a folder for a campaign, and the campaign as it was first named there.
+    /// Creates or opens the folder of a campaign, and returns the campaign as first written there.
     ///
     /// # Errors
-    /// When it is another campaign's or another process works in it, of which nothing is changed, or when the system
-    /// refuses.
-    pub(super) fn take(dir: &Path, campaign: &Campaign) -> Result<(Self, Campaign), CampaignError> {
+    /// If the folder belongs to another campaign or another process uses it (it stays unchanged), or if the system refuses.
+    pub(super) fn open(dir: &Path, campaign: &Campaign) -> Result<(Self, Campaign), CampaignError> {
         campaign.check_folder(dir)?;
-        make_folder(dir)?;
+        create_folder(dir)?;
         let path = dir.join(JOURNAL);
         let open = OpenOptions::new()
             .read(true)
@@ -193,34 +193,33 @@ impl Folder {
         match journal.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                let message = "another process works in this folder";
-                let help = "wait for it, or name another folder with --out";
+                let message = "is in use by another process";
+                let help = "wait until it ends, or name another folder with --out";
                 return Err(BadInput::without_excerpt(dir, message, help).into());
             }
             Err(TryLockError::Error(error)) => return Err(WriteError::file(&path, error).into()),
         }
         remove_drafts(dir);
-        // Looked at again: it may have been taken and left in between.
-        let named = match campaign.check_folder(dir)? {
-            Some(named) => named,
+        // Checked again: another process may have used the folder before the lock.
+        let original = match campaign.check_folder(dir)? {
+            Some(original) => original,
             None => {
                 let mut text = serde_json::to_string_pretty(&Identity::from(campaign))
-                    .expect("an identity holds text alone");
+                    .expect("an identity holds only text");
                 text.push('\n');
-                Complete::new(dir, CAMPAIGN_JSON, text.as_bytes())?.publish()?;
+                CompleteFile::new(dir, CAMPAIGN_JSON, text.as_bytes())?.publish()?;
                 campaign.clone()
             }
         };
         let dir = dir.to_owned();
-        Ok((Self { dir, journal }, named))
+        Ok((Self { dir, journal }, original))
     }
 
     pub(super) fn dir(&self) -> &Path {
         &self.dir
     }
 
-    /// The rows that are there: those published if they are all, or else those of the journal, whose last line may
-    /// be broken.
+    /// The existing rows: the published ones if complete, else those of the journal. The journal's last line may be torn.
     pub(super) fn rows(&self, campaign: &Campaign) -> Result<Rows, CampaignError> {
         let published = self.dir.join(RUNS_JSONL);
         let journal = self.dir.join(JOURNAL);
@@ -237,30 +236,30 @@ impl Folder {
         Rows::scan(&journal, reopened, campaign)
     }
 
-    /// Cuts the journal to where its rows are good.
-    pub(super) fn cut_journal(&self, rows: &Rows) -> Result<(), WriteError> {
+    /// Truncates the journal after its last valid row.
+    pub(super) fn truncate_journal(&self, rows: &Rows) -> Result<(), WriteError> {
         self.journal
-            .set_len(rows.good())
+            .set_len(rows.valid_len())
             .map_err(|error| WriteError::file(&self.dir.join(JOURNAL), error))
     }
 
-    /// Adds a row to the journal, in one piece; a process that is killed leaves a part of the last one at most.
-    pub(super) fn keep(&mut self, row: &Row) -> Result<(), WriteError> {
-        let mut line = serde_json::to_string(row).expect("a row holds nothing that JSON can't");
+    /// Appends a row to the journal with one write. A killed process leaves at most one torn row.
+    pub(super) fn append(&mut self, row: &Row) -> Result<(), WriteError> {
+        let mut line = serde_json::to_string(row).expect("all values of a row are valid JSON");
         line.push('\n');
         self.journal
             .write_all(line.as_bytes())
             .map_err(|error| WriteError::file(&self.dir.join(JOURNAL), error))
     }
 
-    /// Lets go of the folder at the campaign's end: the journal's rows are published.
+    /// Removes the journal and the lock, once the rows are published.
     pub(super) fn close(self) -> Result<(), WriteError> {
         let path = self.dir.join(JOURNAL);
         fs::remove_file(&path).map_err(|error| WriteError::file(&path, error))
     }
 }
 
-/// The rows that a finished shard has published; nothing if it is not at its end.
+/// The published rows of a shard; `None` if it is not complete.
 pub(super) fn published(dir: &Path, campaign: &Campaign) -> Result<Option<Rows>, CampaignError> {
     let path = dir.join(RUNS_JSONL);
     let Ok(file) = File::open(&path) else {
@@ -270,14 +269,14 @@ pub(super) fn published(dir: &Path, campaign: &Campaign) -> Result<Option<Rows>,
     Ok(rows.is_complete().then_some(rows))
 }
 
-/// Removes what a killed process was about to publish; none can be at it, for the folder is held.
+/// Removes the drafts of a killed process. No other process writes drafts, because the folder is locked.
 fn remove_drafts(dir: &Path) {
     let Ok(entries) = fs::read_dir(dir) else {
         return;
     };
     for entry in entries.flatten() {
-        if Draft::is_name(&entry.file_name()) {
-            // What can't be removed is in nobody's way.
+        if DraftFile::is_name(&entry.file_name()) {
+            // A draft that stays does no harm.
             let _ = fs::remove_file(entry.path());
         }
     }

@@ -1,3 +1,5 @@
+//! Merging of shards.
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -9,80 +11,21 @@ use super::plan::Campaign;
 use super::publish::{Published, publish};
 use super::shard::Shard;
 
-/// Puts the shards of a campaign, one in each of `parts`, together in the folder `dir`.
+/// Merges the shards of a campaign, one in each of `parts`, into the folder `dir`.
 ///
-/// What comes of it are the same bytes as those of the campaign run undivided under the scenario's name of the first
-/// shard. The parts are left as they are.
+/// The result has the same bytes as an undivided campaign with the scenario path of the first shard. The parts stay
+/// unchanged.
 ///
 /// # Errors
-/// When a folder is no shard at its end, the shards are not all of one campaign, one is missing or there twice, or
-/// `dir` is another campaign's: of all that nothing is written. When the system refuses.
+/// If a folder is not a complete shard, the shards belong to different campaigns, one is missing or given twice, or `dir`
+/// belongs to another campaign; then no file is written. If the system refuses.
 pub fn merge(parts: &[PathBuf], dir: &Path) -> Result<Published, CampaignError> {
-    let mut shards: BTreeMap<Shard, (Campaign, &Path)> = BTreeMap::new();
-    for part in parts {
-        let campaign = shard(part)?;
-        if let Some((first, path)) = shards.values().next() {
-            let alike = Campaign {
-                shard: first.shard,
-                ..campaign.clone()
-            };
-            let same_division = first.shard.of() == campaign.shard.of();
-            let difference = match alike.difference(first) {
-                None if same_division => None,
-                None => Some(format!(
-                    "shard: {}, not of {}",
-                    campaign.shard,
-                    first.shard.of()
-                )),
-                difference => difference,
-            };
-            if let Some(difference) = difference {
-                let message = format!(
-                    "is of another campaign than {} ({difference})",
-                    path.display()
-                );
-                return refuse(
-                    part,
-                    message,
-                    "give the folders of all shards of one campaign",
-                );
-            }
-        }
-        if let Some((_, other)) = shards.insert(campaign.shard, (campaign.clone(), part)) {
-            let message = format!("is shard {}, as {} is", campaign.shard, other.display());
-            return refuse(part, message, "give each shard once");
-        }
-    }
+    let shards = read_shards(parts)?;
     let Some((first, path)) = shards.values().next() else {
-        return refuse(
-            dir,
-            "no shards to merge were named".to_owned(),
-            "name their folders",
-        );
+        let message = "no shards to merge".to_owned();
+        return refuse(dir, message, "name the folders of all shards");
     };
-    let missing: Vec<_> = first
-        .shard
-        .all()
-        .filter(|shard| !shards.contains_key(shard))
-        .map(|shard| shard.to_string())
-        .collect();
-    if !missing.is_empty() {
-        let message = format!(
-            "is one of {} shards, and {} not there: {}",
-            first.shard.of(),
-            if missing.len() == 1 {
-                "one is"
-            } else {
-                "some are"
-            },
-            missing.join(", ")
-        );
-        return refuse(
-            path,
-            message,
-            "run the shards that are missing, and give their folders too",
-        );
-    }
+    check_complete(first, path, &shards)?;
     let whole = Campaign {
         shard: Shard::WHOLE,
         ..first.clone()
@@ -93,21 +36,85 @@ pub fn merge(parts: &[PathBuf], dir: &Path) -> Result<Published, CampaignError> 
         match folder::published(part, campaign)? {
             Some(rows) => sources.push(rows),
             None => {
-                let message = format!("shard {} is not at its end", campaign.shard);
-                return refuse(part, message, "run it again: it goes on from where it was");
+                let message = format!("shard {} is not complete", campaign.shard);
+                return refuse(part, message, "run the shard again to resume it");
             }
         }
     }
-    let (folder, whole) = Folder::take(dir, &whole)?;
+    let (folder, whole) = Folder::open(dir, &whole)?;
     let published = publish(folder.dir(), &whole, &mut sources)?;
     folder.close()?;
     Ok(published)
 }
 
+/// Reads the campaign of each part, and refuses different campaigns and duplicate shards.
+fn read_shards(parts: &[PathBuf]) -> Result<BTreeMap<Shard, (Campaign, &Path)>, CampaignError> {
+    let mut shards: BTreeMap<Shard, (Campaign, &Path)> = BTreeMap::new();
+    for part in parts {
+        let campaign = shard(part)?;
+        if let Some((first, path)) = shards.values().next()
+            && let Some(difference) = difference(&campaign, first)
+        {
+            let message = format!(
+                "belongs to another campaign than {} ({difference})",
+                path.display()
+            );
+            let help = "give the folders of all shards of one campaign";
+            return refuse(part, message, help);
+        }
+        if let Some((_, other)) = shards.insert(campaign.shard, (campaign.clone(), part)) {
+            let message = format!("is shard {}, and so is {}", campaign.shard, other.display());
+            return refuse(part, message, "give each shard once");
+        }
+    }
+    Ok(shards)
+}
+
+/// First difference of two shards other than their index; `None` if both belong to one campaign.
+fn difference(campaign: &Campaign, first: &Campaign) -> Option<String> {
+    let with_first_shard = Campaign {
+        shard: first.shard,
+        ..campaign.clone()
+    };
+    let of = first.shard.of();
+    let division =
+        (of != campaign.shard.of()).then(|| format!("shard: {}, not of {of}", campaign.shard));
+    with_first_shard.difference(first).or(division)
+}
+
+/// Refuses shards of which some are missing.
+fn check_complete(
+    first: &Campaign,
+    path: &Path,
+    shards: &BTreeMap<Shard, (Campaign, &Path)>,
+) -> Result<(), CampaignError> {
+    let missing: Vec<_> = first
+        .shard
+        .all()
+        .filter(|shard| !shards.contains_key(shard))
+        .map(|shard| shard.to_string())
+        .collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let message = format!(
+        "is one of {} shards; missing: {}",
+        first.shard.of(),
+        missing.join(", ")
+    );
+    let help = "run the missing shards, and give their folders too";
+    refuse(path, message, help)
+}
+
+/// Reads the campaign of one part.
 fn shard(part: &Path) -> Result<Campaign, BadInput> {
-    let Some(campaign) = Campaign::of_folder(part)? else {
-        let help = "give folders that `muster campaign --shard` wrote";
-        return Err(BadInput::without_excerpt(part, "holds no campaign", help));
+    let Some(campaign) = Campaign::read_folder(part)? else {
+        let help = "give folders written by `muster campaign --shard`";
+        return Err(BadInput::without_excerpt(
+            part,
+            "contains no campaign",
+            help,
+        ));
     };
     campaign.check_program(part)?;
     Ok(campaign)

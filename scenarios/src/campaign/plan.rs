@@ -1,4 +1,4 @@
-//! What a campaign runs: a list that follows from its arguments and its files alone.
+//! The list of runs of a campaign. It depends only on the arguments and the files.
 
 use std::path::{Path, PathBuf};
 
@@ -10,35 +10,35 @@ use crate::report::Engine;
 use crate::report::figures::quoted;
 use crate::scenario::{self, Override, Scenario, Variation};
 
-/// The most runs of a campaign, all its shards together.
+/// Maximum number of runs of a campaign, over all shards.
 pub const RUNS_MAX: u64 = 10_000_000;
-/// The most combinations of varied values; the scenario of each is held in memory.
+/// Maximum number of combinations of varied values. The scenario of each is held in memory.
 pub const COMBINATIONS_MAX: u64 = 10_000;
 
-/// What an operator asks for.
+/// Arguments of a campaign.
 #[derive(Debug, Clone)]
 pub struct Request {
-    /// The scenario file.
+    /// Path of the scenario file.
     pub scenario: PathBuf,
-    /// What runs the drones.
+    /// Simulation engine.
     pub engine: Engine,
-    /// Fields that are set in every run.
+    /// Fields set in every run.
     pub set: Vec<Override>,
-    /// Fields that take several values, the slowest to change first.
+    /// Varied fields; the first changes slowest.
     pub vary: Vec<Variation>,
-    /// The seeds that each combination is run with.
+    /// Seeds of each combination.
     pub seeds: Seeds,
-    /// Which part of the list is to be run.
+    /// The shard to run.
     pub shard: Shard,
 }
 
-/// A list of runs, and the part of it that is at hand.
+/// A list of runs, and this process's shard of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Campaign {
     pub(super) program: String,
-    /// The scenario file as it was named; by itself it makes no other campaign.
+    /// Path of the scenario file; not part of the campaign's identity.
     pub(super) scenario: String,
-    /// BLAKE3 of what the files say.
+    /// BLAKE3 of the parsed scenarios.
     pub(super) content: String,
     pub(super) engine: Engine,
     pub(super) set: Vec<Override>,
@@ -47,22 +47,22 @@ pub struct Campaign {
     pub(super) shard: Shard,
 }
 
-/// The program, as folders of campaigns name it.
+/// Program and version, as written to campaign folders.
 pub(crate) const PROGRAM: &str = concat!("muster ", env!("CARGO_PKG_VERSION"));
 
 impl Campaign {
-    /// Reads the scenario and its mission once for each combination; the scenarios are in the combinations' order.
+    /// Loads the scenario and its mission for each combination, in the order of the combinations.
     ///
     /// # Errors
-    /// When the request contradicts itself, asks for more than the limits, or a file can't be used.
+    /// If the request is contradictory, exceeds the limits, or a file can't be used.
     pub fn load(request: &Request) -> Result<(Self, Vec<Scenario>), BadInput> {
         let refuse = |message: String, help: &str| {
             Err(BadInput::without_excerpt(&request.scenario, message, help))
         };
         if request.set.iter().any(Override::is_seed) {
             return refuse(
-                "the seed is set, and --seeds gives it".to_owned(),
-                "leave --set seed=… out",
+                "the seed is set by both --set and --seeds".to_owned(),
+                "remove --set seed=…",
             );
         }
         for (place, variation) in request.vary.iter().enumerate() {
@@ -70,13 +70,13 @@ impl Campaign {
             if request.set.iter().any(|change| change.key() == key) {
                 return refuse(
                     format!("{key} is both set and varied"),
-                    "leave one of the two out",
+                    "remove --set or --vary for this field",
                 );
             }
             if request.vary[..place].iter().any(|other| other.key() == key) {
                 return refuse(
                     format!("{key} is varied twice"),
-                    "give all its values at once, as in --vary radio.loss=0,0.1,0.2",
+                    "list all values in one option, as in --vary radio.loss=0,0.1,0.2",
                 );
             }
         }
@@ -91,7 +91,7 @@ impl Campaign {
             shard: request.shard,
         };
         if let Err(message) = campaign.check_size() {
-            return refuse(message, "split the campaign, or leave values or seeds out");
+            return refuse(message, "split the campaign, or remove values or seeds");
         }
         let scenarios = (0..campaign.combinations())
             .map(|combination| scenario::load(&request.scenario, &campaign.overrides(combination)))
@@ -100,7 +100,7 @@ impl Campaign {
         Ok((campaign, scenarios))
     }
 
-    /// Refuses, in words, more than can be run or counted.
+    /// Checks [`COMBINATIONS_MAX`] and [`RUNS_MAX`].
     pub(super) fn check_size(&self) -> Result<(), String> {
         let combinations = self
             .vary
@@ -124,7 +124,7 @@ impl Campaign {
         Ok(())
     }
 
-    /// How many combinations of varied values there are; 1 if nothing is varied.
+    /// Number of combinations of varied values; 1 without varied fields.
     #[must_use]
     pub fn combinations(&self) -> u64 {
         self.vary
@@ -133,26 +133,26 @@ impl Campaign {
             .product()
     }
 
-    /// How many runs there are, all shards together.
+    /// Number of runs over all shards.
     #[must_use]
     pub fn runs(&self) -> u64 {
         self.combinations() * self.seeds.number()
     }
 
-    /// How many of them are this shard's.
+    /// Number of runs of this shard.
     #[must_use]
-    pub fn runs_at_hand(&self) -> u64 {
+    pub fn shard_runs(&self) -> u64 {
         self.shard.number(self.runs())
     }
 
-    /// The combination and the seed of a run.
+    /// Combination and seed of a run.
     #[must_use]
     pub fn run(&self, run: u64) -> (u64, u64) {
         let seeds = self.seeds.number();
         (run / seeds, self.seeds.at(run % seeds))
     }
 
-    /// What each varied field is in a combination, in the order of the variations.
+    /// Values of the varied fields in a combination, in the order of the variations.
     #[must_use]
     pub fn varied(&self, combination: u64) -> Vec<&Override> {
         let mut rest = combination;
@@ -171,7 +171,7 @@ impl Campaign {
         values
     }
 
-    /// The scenario's name: its file's, without folder and extension.
+    /// File name of the scenario without folder and extension.
     #[must_use]
     pub fn name(&self) -> &str {
         let stem = Path::new(&self.scenario).file_stem();
@@ -179,13 +179,13 @@ impl Campaign {
             .unwrap_or(&self.scenario)
     }
 
-    /// Which part of the list is at hand.
+    /// This process's shard.
     #[must_use]
     pub const fn shard(&self) -> Shard {
         self.shard
     }
 
-    /// The command that makes the campaign, this shard of it if it is divided, to be typed into a POSIX shell.
+    /// Command that runs this shard of the campaign, quoted for a POSIX shell.
     #[must_use]
     pub fn command(&self) -> String {
         let mut command = format!(
@@ -203,7 +203,7 @@ impl Campaign {
         command
     }
 
-    /// Everything that is set in the place of what the file says, the seed apart.
+    /// All overrides of a combination, without the seed.
     #[must_use]
     pub fn overrides(&self, combination: u64) -> Vec<Override> {
         let varied = self.varied(combination);
@@ -211,10 +211,10 @@ impl Campaign {
     }
 }
 
-/// BLAKE3 of all that is known of the scenarios, name and seed apart.
+/// BLAKE3 of the parsed scenarios without name and seed.
 ///
-/// What they are once read is what matters: a comment in a file makes no other campaign, a waypoint does. The text
-/// of it is that of `Debug`, which leaves no field out and writes floats exactly; the same program writes it alike.
+/// A changed comment gives the same campaign, a changed waypoint another one. The hashed text is that of `Debug`: it
+/// includes all fields and exact floats, and one program version always writes the same.
 fn content(scenarios: &[Scenario]) -> String {
     let mut hasher = blake3::Hasher::new();
     for scenario in scenarios {
@@ -232,7 +232,7 @@ fn content(scenarios: &[Scenario]) -> String {
 pub(super) mod tests {
     use super::*;
 
-    /// A campaign of two fields, three and two values, five seeds.
+    /// A campaign with two varied fields (three and two values) and five seeds.
     pub(in crate::campaign) fn campaign() -> Campaign {
         Campaign {
             program: PROGRAM.to_owned(),
@@ -261,7 +261,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_list_goes_by_combination_and_then_by_seed() {
+    fn runs_are_ordered_by_combination_then_by_seed() {
         let campaign = campaign();
         assert_eq!(campaign.runs(), 30);
         let listed: Vec<_> = (0..campaign.runs()).map(|run| campaign.run(run)).collect();
@@ -271,7 +271,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn every_combination_is_there_once_and_the_first_field_changes_slowest() {
+    fn combinations_are_complete_and_the_first_field_changes_slowest() {
         let campaign = campaign();
         let combinations: Vec<_> = (0..campaign.combinations())
             .map(|it| {
@@ -314,7 +314,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn requests_that_contradict_themselves_or_ask_for_too_much_are_refused() {
+    fn contradictory_or_too_large_requests_are_refused() {
         let hundred: Vec<_> = (1..=101).map(|it| it.to_string()).collect();
         let many = |key: &str| format!("{key}={}", hundred.join(","));
         let (periods, discoveries) = (many("protocol.period_ms"), many("protocol.discovery_ms"));
@@ -354,7 +354,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_the_files_say_makes_the_campaign_and_not_where_they_are() {
+    fn campaign_identity_depends_on_file_content() {
         let content = |set: &[&str]| {
             Campaign::load(&request(&[], set, "0..1"))
                 .unwrap()

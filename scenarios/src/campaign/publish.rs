@@ -1,4 +1,4 @@
-//! A campaign's files: the rows in the order of the list, and what they come to.
+//! The files of a complete campaign: rows in list order, and statistics.
 
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -8,45 +8,45 @@ use super::html::page;
 use super::plan::Campaign;
 use super::row;
 use super::rows::Rows;
-use super::summary::{self, Broken, Summary, Tally};
-use crate::report::{Complete, Draft, WriteError};
+use super::summary::{self, BrokenRun, Summary, Tally};
+use crate::report::{CompleteFile, DraftFile, WriteError};
 
-/// A row a run, for a spreadsheet.
+/// One row per run, as CSV.
 pub const RUNS_CSV: &str = "runs.csv";
-/// Likewise, a JSON object a line; once it is there, the others are.
+/// One JSON object per line and run; written last, so the other files exist once it does.
 pub const RUNS_JSONL: &str = "runs.jsonl";
-/// A row a combination: medians and intervals.
+/// One row per combination: medians and intervals.
 pub const SUMMARY_CSV: &str = "summary.csv";
-/// The same to look at.
+/// The page with plots and tables.
 pub const SUMMARY_HTML: &str = "summary.html";
 
-/// All of them, in the order in which they take their places.
+/// All files, in the order of publication.
 pub(super) const PUBLISHED: [&str; 4] = [SUMMARY_HTML, SUMMARY_CSV, RUNS_CSV, RUNS_JSONL];
 
-/// How many of the runs that broke a rule are told.
+/// Maximum number of broken runs that are listed.
 const BROKEN_MAX: usize = 5;
 
-/// A campaign at its end.
+/// A complete campaign.
 #[derive(Debug)]
 pub struct Published {
-    /// Which one, as it was first named in its folder.
+    /// The campaign, as first written to its folder.
     pub campaign: Campaign,
-    /// What each combination with a run at hand came to, in order.
+    /// Statistics of each combination with a run in this shard, in order.
     pub summaries: Vec<Summary>,
-    /// The first of the runs that broke a rule.
-    pub broken: Vec<Broken>,
-    /// The files that were written, for a person first.
+    /// The first runs that broke a rule.
+    pub broken: Vec<BrokenRun>,
+    /// Written files, the page first.
     pub files: Vec<PathBuf>,
 }
 
 impl Published {
-    /// How many runs broke a rule.
+    /// Number of runs that broke a rule.
     #[must_use]
     pub fn broken_runs(&self) -> u64 {
         self.summaries.iter().map(|summary| summary.broken).sum()
     }
 
-    /// How many runs kept the rules and did not fly the mission to its end.
+    /// Number of runs that broke no rule but did not complete the mission.
     #[must_use]
     pub fn incomplete_runs(&self) -> u64 {
         self.summaries
@@ -56,17 +56,17 @@ impl Published {
     }
 }
 
-/// Writes the files of a campaign from the rows of one shard, or from those of all shards in their order.
+/// Writes the files of a campaign from the rows of one shard, or of all shards in order.
 ///
-/// All are complete on the disk, under other names, before the first takes its place. Memory: that of one
-/// combination's figures and of the summaries.
+/// All files are written and synced under temporary names before the first is renamed. Memory: the figures of one
+/// combination, and the summaries.
 pub(super) fn publish(
     dir: &Path,
     campaign: &Campaign,
     sources: &mut [Rows],
 ) -> Result<Published, CampaignError> {
     let refused = |name: &str, error: io::Error| WriteError::file(&dir.join(name), error);
-    let mut jsonl = Draft::create(dir, RUNS_JSONL)?;
+    let mut jsonl = DraftFile::create(dir, RUNS_JSONL)?;
     let mut csv = Table::create(dir, RUNS_CSV, row::heading(campaign))?;
     let mut summary_csv = Table::create(dir, SUMMARY_CSV, summary::heading(campaign))?;
     let (mut summaries, mut broken) = (Vec::new(), Vec::new());
@@ -74,7 +74,7 @@ pub(super) fn publish(
     for combination in 0..campaign.combinations() {
         let mut tally = Tally::default();
         for run in combination * seeds..(combination + 1) * seeds {
-            // Of several shards the run is in one; of a shard by itself it may be in none.
+            // With all shards, exactly one has the run. A single shard may not have it.
             let source = usize::try_from(run).expect("at most RUNS_MAX") % sources.len();
             let Some((row, line)) = sources[source].row(run)? else {
                 continue;
@@ -85,7 +85,7 @@ pub(super) fn publish(
             csv.add(row.record(campaign))?;
             tally.add(&row);
             if row.is_broken() && broken.len() < BROKEN_MAX {
-                broken.push(Broken::new(campaign, &row));
+                broken.push(BrokenRun::new(campaign, &row));
             }
         }
         let summary = tally.summary(campaign, combination);
@@ -94,7 +94,7 @@ pub(super) fn publish(
             summaries.push(summary);
         }
     }
-    let mut html = Draft::create(dir, SUMMARY_HTML)?;
+    let mut html = DraftFile::create(dir, SUMMARY_HTML)?;
     html.write_all(page(campaign, &summaries, &broken).as_bytes())
         .map_err(|error| refused(SUMMARY_HTML, error))?;
     let complete = [
@@ -105,7 +105,7 @@ pub(super) fn publish(
     ];
     let files = complete
         .into_iter()
-        .map(Complete::publish)
+        .map(CompleteFile::publish)
         .collect::<Result<_, _>>()?;
     Ok(Published {
         campaign: campaign.clone(),
@@ -115,17 +115,17 @@ pub(super) fn publish(
     })
 }
 
-/// A file of comma-separated values on its way.
+/// A CSV file being written.
 struct Table {
     path: PathBuf,
-    writer: csv::Writer<Draft>,
+    writer: csv::Writer<DraftFile>,
 }
 
 impl Table {
     fn create(dir: &Path, name: &str, heading: Vec<String>) -> Result<Self, WriteError> {
         let mut table = Self {
             path: dir.join(name),
-            writer: csv::Writer::from_writer(Draft::create(dir, name)?),
+            writer: csv::Writer::from_writer(DraftFile::create(dir, name)?),
         };
         table.add(heading)?;
         Ok(table)
@@ -136,7 +136,7 @@ impl Table {
         written.map_err(|error| WriteError::file(&self.path, error.into()))
     }
 
-    fn complete(self) -> Result<Complete, WriteError> {
+    fn complete(self) -> Result<CompleteFile, WriteError> {
         match self.writer.into_inner() {
             Ok(draft) => draft.complete(),
             Err(error) => Err(WriteError::file(&self.path, error.into_error())),

@@ -1,4 +1,4 @@
-//! What is kept of one run.
+//! The row of one run.
 
 use std::collections::BTreeMap;
 
@@ -7,73 +7,72 @@ use serde::{Deserialize, Serialize};
 use super::plan::Campaign;
 use crate::report::{Barrier, DroneReport, Engine, Report};
 
-/// A line of `runs.jsonl`; `runs.csv` has the same, with a column for each varied field.
+/// A line of `runs.jsonl`. `runs.csv` has the same fields, and one column per varied field.
 ///
-/// Nothing in it depends on when, where or how fast it was run. Times and lengths are rounded to millionths, which
-/// JSON readers of any kind read back as they were written.
+/// No field depends on when, where or how fast the run was made. Times and lengths are rounded to 1e-6, so that any JSON
+/// reader reads back the same value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
-    /// Its place in the campaign's list, from 0.
+    /// Index in the campaign's list, from 0.
     pub run: u64,
-    /// Which combination of varied values, from 0.
+    /// Index of the combination of varied values, from 0.
     pub combination: u64,
-    /// The varied fields' values.
+    /// Values of the varied fields.
     pub varied: BTreeMap<String, String>,
-    /// The seed of every random draw.
+    /// Random seed.
     pub seed: u64,
-    /// What ran the drones.
+    /// Simulation engine.
     pub engine: Engine,
-    /// BLAKE3 of everything observable, in hexadecimal.
+    /// BLAKE3 of all observable events, in hexadecimal.
     pub trace: String,
-    /// How long the run lasted, in simulated seconds.
+    /// Duration in simulated seconds.
     pub simulated_s: f64,
-    /// How many drones the scenario's own swarm has, which the figures below are of unless they say otherwise.
+    /// Number of drones of the scenario's own swarm. The fields below refer to this swarm unless they say otherwise.
     pub drones: u64,
-    /// How many of them flew and came down.
+    /// Number of drones that flew and landed.
     pub landed: u64,
-    /// The flight time of the drone that led, in seconds; nothing if it has none.
+    /// Flight time of the master, in seconds; `None` if it did not land.
     pub flight_time_master_s: Option<f64>,
-    /// The mean of the flight times that there are.
+    /// Mean flight time of the drones that have one.
     pub flight_time_mean_s: Option<f64>,
-    /// The longest of them.
+    /// Longest flight time.
     pub flight_time_max_s: Option<f64>,
-    /// Frames let in, the mean over the drones.
+    /// Accepted frames, mean over the drones.
     pub messages_received_mean: f64,
-    /// Frames sent, the mean over the drones.
+    /// Sent frames, mean over the drones.
     pub messages_sent_mean: f64,
-    /// How many waypoints the swarm waited at.
+    /// Number of barriers.
     pub barriers: u64,
-    /// From the last arrival to the last departure, in milliseconds, the mean over the barriers.
+    /// Barrier wait, from the last arrival to the last departure, in milliseconds; mean over the barriers.
     pub waypoint_wait_mean_ms: Option<f64>,
-    /// Frames sent by anyone from the first arrival to the last departure, keep-alives apart, the mean over the
-    /// barriers.
+    /// Frames sent by all drones from the first arrival to the last departure, without keep-alives; mean over the barriers.
     pub transmissions_per_barrier: Option<f64>,
-    /// Frames sent meanwhile only because their time had come.
+    /// Keep-alives sent in the same time; mean over the barriers.
     pub keep_alives_per_barrier: Option<f64>,
-    /// Frames that the medium sent again meanwhile, for want of an acknowledgement.
+    /// Retries of the medium in the same time; mean over the barriers.
     pub retries_per_barrier: Option<f64>,
-    /// From a drone's own arrival to its own departure, in seconds, the mean of the drones' means.
+    /// Time from a drone's arrival to its departure, in seconds; mean of the drones' means.
     pub waypoint_delay_mean_s: Option<f64>,
-    /// How often a part of any swarm had no master, or more than one.
+    /// Number of periods in which a segment of any swarm had no master, or more than one.
     pub elections: u64,
-    /// How long the longest of these times took, in seconds.
+    /// Longest such period, in seconds.
     pub election_max_s: Option<f64>,
-    /// The closest that two flying drones came, in metres.
+    /// Closest approach of two flying drones, in metres.
     pub min_separation_m: Option<f64>,
-    /// How often an actor of any drone was restarted.
+    /// Number of actor restarts of all drones.
     pub restarts: u64,
-    /// Whether all missions were flown to their ends, as in [`Report::are_missions_completed`].
+    /// Whether all swarms completed their missions; see [`Report::are_missions_completed`].
     pub mission_completed: bool,
-    /// How often a rule was broken; the first ends the run.
+    /// Number of violations; the first one stops the run.
     pub violations: u64,
-    /// The number of the first rule that was broken.
+    /// Number of the first broken rule.
     pub rule: Option<u8>,
-    /// What happened then.
+    /// Description of the first violation.
     pub violation: Option<String>,
 }
 
-/// The columns of `runs.csv` before those of the varied fields and after them.
+/// The columns of `runs.csv` before and after the varied fields.
 const COLUMNS: (&[&str], &[&str]) = (
     &["run", "combination"],
     &[
@@ -106,7 +105,7 @@ const COLUMNS: (&[&str], &[&str]) = (
 );
 
 impl Row {
-    /// The row of the run at `run` of a campaign's list.
+    /// The row of run `run` of a campaign.
     #[must_use]
     pub(super) fn new(campaign: &Campaign, run: u64, report: &Report) -> Self {
         let (combination, seed) = campaign.run(run);
@@ -148,7 +147,7 @@ impl Row {
         }
     }
 
-    /// Whether it is the row of the run at `run` of a campaign's list.
+    /// Whether it is the row of run `run` of a campaign.
     pub(super) fn belongs_to(&self, campaign: &Campaign, run: u64) -> bool {
         let (combination, seed) = campaign.run(run);
         (self.run, self.combination, self.seed, self.engine)
@@ -156,19 +155,19 @@ impl Row {
             && self.varied == varied(campaign, combination)
     }
 
-    /// Whether a rule was broken, which ended the run before its time.
+    /// Whether a rule was broken, which stopped the run.
     #[must_use]
     pub const fn is_broken(&self) -> bool {
         self.violations > 0
     }
 
-    /// Whether all rules were kept and the mission was not flown to its end all the same.
+    /// Whether no rule was broken but the mission was not completed.
     #[must_use]
     pub const fn is_incomplete(&self) -> bool {
         !self.is_broken() && !self.mission_completed
     }
 
-    /// Its fields as they stand in `runs.csv`.
+    /// Its fields in the order of `runs.csv`.
     pub(super) fn record(&self, campaign: &Campaign) -> Vec<String> {
         let varied = campaign.varied(self.combination);
         let mut fields = vec![self.run.to_string(), self.combination.to_string()];
@@ -204,7 +203,7 @@ impl Row {
     }
 }
 
-/// The heading of `runs.csv`.
+/// The header of `runs.csv`.
 pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
     let (before, after) = COLUMNS;
     let owned = |names: &[&str]| {
@@ -224,7 +223,7 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
     names
 }
 
-/// A value as it stands in a table for programs; nothing is an empty field.
+/// A value as a CSV field; empty for `None`.
 pub(super) fn or_empty(value: Option<impl ToString>) -> String {
     value.map(|value| value.to_string()).unwrap_or_default()
 }
@@ -241,7 +240,7 @@ fn restarts(drone: &DroneReport) -> u64 {
     u64::from(drone.restarts)
 }
 
-/// To a millionth: with at most 15 digits in all, a decimal number and a float stand for each other exactly.
+/// Rounds to 1e-6. Up to 15 digits, decimal text and float convert exactly in both directions.
 pub(super) fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
@@ -252,10 +251,10 @@ pub(super) mod tests {
     use crate::campaign::plan;
     use crate::report::sample;
 
-    /// The row of a made-up run without trouble, or of one with.
-    pub(in crate::campaign) fn row(campaign: &Campaign, run: u64, troubled: bool) -> Row {
-        let (mut report, _) = if troubled {
-            sample::troubled()
+    /// The row of a sample run, with or without faults.
+    pub(in crate::campaign) fn row(campaign: &Campaign, run: u64, faulty: bool) -> Row {
+        let (mut report, _) = if faulty {
+            sample::faulty()
         } else {
             sample::swarm(5)
         };
@@ -270,10 +269,10 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_row_reads_back_as_it_was_written() {
+    fn row_is_read_back_as_written() {
         let campaign = plan::tests::campaign();
-        for troubled in [false, true] {
-            let row = row(&campaign, 7, troubled);
+        for faulty in [false, true] {
+            let row = row(&campaign, 7, faulty);
             let line = serde_json::to_string(&row).unwrap();
             assert_eq!(serde_json::from_str::<Row>(&line).unwrap(), row);
             assert!(row.belongs_to(&campaign, 7));
@@ -282,7 +281,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_record_has_a_field_for_each_column() {
+    fn record_has_one_field_per_column() {
         let campaign = plan::tests::campaign();
         let names = heading(&campaign);
         let record = row(&campaign, 29, true).record(&campaign);
@@ -296,7 +295,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_row_holds_nothing_that_differs_from_run_to_run() {
+    fn row_does_not_depend_on_wall_time_and_path() {
         let campaign = plan::tests::campaign();
         let (mut report, _) = sample::swarm(5);
         let first = Row::new(&campaign, 0, &report);

@@ -1,4 +1,4 @@
-//! A file of rows, one JSON object a line, in which each row is found by its run.
+//! A file of rows, one JSON object per line, indexed by run.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read as _, Seek as _, SeekFrom};
@@ -8,31 +8,31 @@ use super::plan::Campaign;
 use super::row::Row;
 use super::{CampaignError, shard::Shard};
 
-/// The longest line that is taken for a row, in bytes: a thousand times what a row has.
+/// Maximum length of a row, in bytes; about a thousand times the usual.
 const LINE_MAX: u64 = 1 << 20;
 
-/// The rows of a campaign's shard in a file: 16 bytes of memory a run.
+/// Index of the rows of a campaign's shard in a file; 16 bytes of memory per run.
 #[derive(Debug)]
 pub(super) struct Rows {
     path: PathBuf,
     reader: BufReader<File>,
     position: u64,
     shard: Shard,
-    /// Where the line of each of the shard's runs begins, in the order of the runs.
+    /// Offset of the line of each of the shard's runs, in order.
     offsets: Vec<Option<u64>>,
     found: u64,
-    /// Where the last good line ends: what comes behind was being written when the process was stopped.
-    good: u64,
+    /// End of the last valid line. Bytes after it were being written when the process stopped.
+    valid_len: u64,
 }
 
 impl Rows {
-    /// Looks through a file up to its end or to the first line that is no row of the campaign's shard, or one again.
+    /// Scans a file up to its end, or to the first line that is invalid, of another shard or a duplicate.
     pub(super) fn scan(
         path: &Path,
         file: File,
         campaign: &Campaign,
     ) -> Result<Self, CampaignError> {
-        let runs = usize::try_from(campaign.runs_at_hand()).expect("at most RUNS_MAX");
+        let runs = usize::try_from(campaign.shard_runs()).expect("at most RUNS_MAX");
         let mut rows = Self {
             path: path.to_owned(),
             reader: BufReader::new(file),
@@ -40,11 +40,11 @@ impl Rows {
             shard: campaign.shard,
             offsets: vec![None; runs],
             found: 0,
-            good: 0,
+            valid_len: 0,
         };
         loop {
-            let begin = rows.good;
-            let line = rows.line(begin).map_err(|error| rows.unreadable(error))?;
+            let start = rows.valid_len;
+            let line = rows.line(start).map_err(|error| rows.unreadable(error))?;
             let row = line
                 .as_deref()
                 .and_then(|line| serde_json::from_str::<Row>(line).ok());
@@ -53,21 +53,21 @@ impl Rows {
             let place = own.and_then(|row| rows.shard.place(row.run)).map(to_index);
             match (line, place) {
                 (Some(line), Some(place)) if rows.offsets[place].is_none() => {
-                    rows.offsets[place] = Some(begin);
+                    rows.offsets[place] = Some(start);
                     rows.found += 1;
-                    rows.good = begin + line.len() as u64;
+                    rows.valid_len = start + line.len() as u64;
                 }
                 _ => return Ok(rows),
             }
         }
     }
 
-    /// Where the last good line ends.
-    pub(super) const fn good(&self) -> u64 {
-        self.good
+    /// End of the last valid line.
+    pub(super) const fn valid_len(&self) -> u64 {
+        self.valid_len
     }
 
-    /// How many runs have their rows.
+    /// Number of runs with a row.
     pub(super) const fn found(&self) -> u64 {
         self.found
     }
@@ -86,7 +86,7 @@ impl Rows {
         self.offsets.get(to_index(place)).copied().flatten()
     }
 
-    /// The row of a run, and its line with the line feed; nothing if it is not there.
+    /// The row of a run, and its line with the line feed; `None` if there is no row.
     pub(super) fn row(&mut self, run: u64) -> Result<Option<(Row, String)>, CampaignError> {
         let Some(offset) = self.offset(run) else {
             return Ok(None);
@@ -98,10 +98,10 @@ impl Rows {
         read.map(Some).map_err(|error| self.unreadable(error))
     }
 
-    /// The line that begins at `offset`, with its line feed; nothing if there is no whole one.
+    /// The line at `offset` with its line feed; `None` if there is no complete line.
     fn line(&mut self, offset: u64) -> io::Result<Option<String>> {
         match i64::try_from(i128::from(offset) - i128::from(self.position)) {
-            // Keeps what is buffered where it can.
+            // Keeps the buffer if possible.
             Ok(distance) => self.reader.seek_relative(distance)?,
             Err(_) => self.reader.seek(SeekFrom::Start(offset)).map(drop)?,
         }
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_found_by_their_runs_in_whatever_order_they_were_written() {
+    fn rows_are_found_by_run_in_any_order_of_the_file() {
         let campaign = plan::tests::campaign();
         let lines: Vec<_> = [7, 3, 29, 0].map(|run| line(&campaign, run)).into();
         let mut rows = scan(lines.concat().as_bytes(), &campaign);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_cut_anywhere_keeps_its_whole_lines() {
+    fn truncated_file_keeps_its_complete_lines() {
         let campaign = plan::tests::campaign();
         let lines: Vec<_> = (0..3).map(|run| line(&campaign, run)).collect();
         let text = lines.concat();
@@ -169,7 +169,7 @@ mod tests {
             let whole = text[..cut].matches('\n').count() as u64;
             assert_eq!(rows.found(), whole, "{cut}");
             assert_eq!(
-                rows.good(),
+                rows.valid_len(),
                 lines
                     .iter()
                     .take(whole as usize)
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_behind_a_line_that_is_no_row_of_the_shard_is_believed() {
+    fn scan_stops_at_the_first_invalid_line() {
         let mut campaign = plan::tests::campaign();
         campaign.shard = "1/2".parse().unwrap();
         let good = line(&campaign, 2);
@@ -197,7 +197,11 @@ mod tests {
         for bad in bad {
             let text = format!("{good}{bad}{}", line(&campaign, 6));
             let rows = scan(text.as_bytes(), &campaign);
-            assert_eq!((rows.found(), rows.good()), (1, good.len() as u64), "{bad}");
+            assert_eq!(
+                (rows.found(), rows.valid_len()),
+                (1, good.len() as u64),
+                "{bad}"
+            );
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Flying a campaign: a queue of runs, threads that take from it, and one that keeps what they bring.
+//! Running a campaign: worker threads take runs from a queue, and one thread stores the rows.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -15,59 +15,58 @@ use super::rows::Rows;
 use crate::engine::{self, RunError};
 use crate::scenario::Scenario;
 
-/// The most runs that are flown at once.
+/// Maximum number of concurrent runs.
 pub const JOBS_MAX: usize = 1_024;
-/// Wall-clock time that a run of a campaign may take, unless the operator says otherwise.
+/// Default wall-clock limit of a run.
 pub const RUN_LIMIT: Duration = Duration::from_secs(600);
 
-/// How many runs are flown at once, and how long each may take.
+/// Number of concurrent runs, and the time limit of each.
 #[derive(Debug, Clone, Copy)]
-pub struct Effort {
-    /// Runs at once.
+pub struct RunOptions {
+    /// Concurrent runs.
     pub jobs: NonZeroUsize,
-    /// Wall-clock time for each run. One that takes longer is ended, and has broken rule 10.
+    /// Wall-clock limit of a run. A run that exceeds it is stopped and breaks rule 10.
     pub run_limit: Duration,
 }
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Runs whose rows are kept.
+    /// Runs with a stored row.
     pub done: u64,
-    /// How many of them were there from the start.
+    /// Rows that existed before this process.
     pub kept: u64,
-    /// How many runs there are to be.
+    /// All runs of the shard.
     pub total: u64,
-    /// How many of this process's runs broke a rule.
+    /// Runs of this process that broke a rule.
     pub broken: u64,
 }
 
-/// Flies whatever runs of a campaign have no row in the folder `dir` yet, `effort.jobs` at a time, and publishes them all.
+/// Simulates the runs without a row in the folder `dir`, `options.jobs` at a time, and publishes all rows.
 ///
-/// The scenarios are those that [`Campaign::load`] gave with it. A row is kept as soon as its run ends: whatever
-/// stops the process, even at once, the same call goes on from there and comes to the same files. Only for a run that
-/// reached its limit do the files depend on the machine.
+/// `scenarios` are those of [`Campaign::load`]. A row is stored as soon as its run ends. After an interruption, the same
+/// call resumes and gives the same files. Only runs that exceed their time limit depend on the machine.
 ///
 /// # Errors
-/// When the folder is another campaign's or another process works in it, a run can't be made, or a file can't be
-/// written. All rows that were kept stay.
+/// If the folder belongs to another campaign or is in use, a run can't be started, or a file can't be written. Stored
+/// rows stay.
 pub fn run(
     campaign: &Campaign,
     scenarios: &[Scenario],
     dir: &Path,
-    effort: Effort,
+    options: RunOptions,
     mut watcher: impl FnMut(Progress),
 ) -> Result<Published, CampaignError> {
-    let (mut folder, campaign) = Folder::take(dir, campaign)?;
+    let (mut folder, campaign) = Folder::open(dir, campaign)?;
     let mut rows = folder.rows(&campaign)?;
     if !rows.is_complete() {
-        folder.cut_journal(&rows)?;
+        folder.truncate_journal(&rows)?;
         fly(
             &campaign,
             scenarios,
             &mut folder,
             &rows,
-            effort,
+            options,
             &mut watcher,
         )?;
         rows = folder.rows(&campaign)?;
@@ -82,13 +81,13 @@ fn fly(
     scenarios: &[Scenario],
     folder: &mut Folder,
     rows: &Rows,
-    effort: Effort,
+    options: RunOptions,
     watcher: &mut impl FnMut(Progress),
 ) -> Result<(), CampaignError> {
     let mut progress = Progress {
         done: rows.found(),
         kept: rows.found(),
-        total: campaign.runs_at_hand(),
+        total: campaign.shard_runs(),
         broken: 0,
     };
     watcher(progress);
@@ -97,8 +96,8 @@ fn fly(
         .runs(campaign.runs())
         .filter(|run| !rows.has(*run));
     let queue = Mutex::new(pending);
-    let jobs = effort.jobs.get().min(JOBS_MAX);
-    let run_limit = effort.run_limit;
+    let jobs = options.jobs.get().min(JOBS_MAX);
+    let run_limit = options.run_limit;
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(jobs);
         for _ in 0..jobs {
@@ -106,10 +105,10 @@ fn fly(
             scope.spawn(move || work(campaign, scenarios, run_limit, queue, &sender));
         }
         drop(sender);
-        // Returning drops the receiver: every thread ends after the run that it is at.
+        // Returning drops the receiver, so each thread stops after its current run.
         for row in receiver {
             let row = row?;
-            folder.keep(&row)?;
+            folder.append(&row)?;
             progress.done += 1;
             progress.broken += u64::from(row.is_broken());
             watcher(progress);
@@ -118,7 +117,7 @@ fn fly(
     })
 }
 
-/// Takes runs from the queue until it is empty or nobody wants their rows.
+/// Simulates runs from the queue until it is empty or the receiver is dropped.
 fn work(
     campaign: &Campaign,
     scenarios: &[Scenario],
@@ -150,7 +149,7 @@ mod tests {
     use crate::report::Engine;
 
     #[test]
-    fn a_run_that_reaches_its_limit_has_a_row_and_the_next_is_flown() {
+    fn run_that_exceeds_its_limit_has_a_row_and_the_campaign_continues() {
         let (campaign, scenarios) = Campaign::load(&Request {
             scenario: Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml"),
             engine: Engine::Events,
@@ -161,11 +160,11 @@ mod tests {
         })
         .unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let effort = Effort {
+        let options = RunOptions {
             jobs: NonZeroUsize::MIN,
             run_limit: Duration::ZERO,
         };
-        let published = run(&campaign, &scenarios, folder.path(), effort, |_| ()).unwrap();
+        let published = run(&campaign, &scenarios, folder.path(), options, |_| ()).unwrap();
         let broken: Vec<_> = published
             .broken
             .iter()
@@ -173,7 +172,7 @@ mod tests {
             .collect();
         assert_eq!(broken, [0, 1, 2].map(|run| (run, Some(10))));
         let [first, ..] = &published.broken[..] else {
-            panic!("no run is told of");
+            panic!("no broken run is listed");
         };
         assert_eq!(
             first.what,

@@ -1,25 +1,27 @@
+//! Ranges of seeds.
+
 use std::fmt;
 use std::str::FromStr;
 
-/// The seeds of a campaign: a range with at least one.
+/// A non-empty range of seeds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Seeds {
     first: u64,
-    /// The first that is not in it.
+    /// Exclusive end.
     end: u64,
 }
 
-/// The highest seed that a scenario takes: TOML's whole numbers have 64 bits with a sign.
+/// Highest seed of a scenario: TOML integers are signed 64-bit.
 const SEED_MAX: u64 = i64::MAX as u64;
 
 impl Seeds {
-    /// How many there are.
+    /// Number of seeds.
     #[must_use]
     pub const fn number(self) -> u64 {
         self.end - self.first
     }
 
-    /// The one at `place`, counted from 0.
+    /// The seed at index `place`, from 0.
     #[must_use]
     pub const fn at(self, place: u64) -> u64 {
         self.first + place
@@ -35,7 +37,7 @@ impl fmt::Display for Seeds {
 impl FromStr for Seeds {
     type Err = String;
 
-    /// From `A..B`, which leaves B out, or `A..=B`, which does not.
+    /// Parses `A..B` (without B) or `A..=B` (with B).
     fn from_str(text: &str) -> Result<Self, String> {
         let parsed = text.split_once("..").and_then(|(first, last)| {
             let first = first.parse::<u64>().ok()?;
@@ -46,13 +48,13 @@ impl FromStr for Seeds {
         });
         match parsed {
             None => Err(format!(
-                "`{text}` is no range of seeds; use A..B, which leaves B out, or A..=B, as in 0..100"
+                "`{text}` is not a range of seeds; accepted: A..B (without B) or A..=B (with B), as in 0..100"
             )),
             Some((first, end)) if first >= end => Err(format!(
-                "`{text}` holds no seed; A..B leaves B out, so {first}..={first} is the seed {first} alone"
+                "`{text}` is an empty range; A..B excludes B: use {first}..={first} for seed {first} alone"
             )),
             Some((_, end)) if end - 1 > SEED_MAX => {
-                Err(format!("`{text}` goes beyond the highest seed, {SEED_MAX}"))
+                Err(format!("`{text}` exceeds the highest seed, {SEED_MAX}"))
             }
             Some((first, end)) => Ok(Self { first, end }),
         }
@@ -69,21 +71,21 @@ mod tests {
     }
 
     #[test]
-    fn a_range_leaves_its_end_out_unless_told() {
+    fn range_excludes_its_end_unless_inclusive() {
         assert_eq!(seeds("3..6"), [3, 4, 5]);
         assert_eq!(seeds("3..=6"), [3, 4, 5, 6]);
         assert_eq!(seeds("0..=0"), [0]);
     }
 
     #[test]
-    fn both_ways_of_writing_a_range_are_the_same_range() {
+    fn inclusive_and_exclusive_notation_are_equal() {
         let parse = |text: &str| text.parse::<Seeds>().unwrap();
         assert_eq!(parse("3..=6"), parse("3..7"));
         assert_eq!(parse("3..=6").to_string(), "3..7");
     }
 
     #[test]
-    fn what_is_no_range_or_holds_no_seed_is_refused() {
+    fn invalid_and_empty_ranges_are_refused() {
         for text in [
             "",
             "5",

@@ -1,28 +1,26 @@
-//! The median of a sample, an interval around it that holds whatever the sample's distribution, and its 99th percentile.
+//! Median of a sample with a distribution-free confidence interval, and the 99th percentile.
 
-/// How sure an interval is at least.
+/// Minimum confidence of an interval.
 pub(super) const CONFIDENCE: f64 = 0.95;
 
-/// The most runs of a sample that are kept to be drawn.
+/// Maximum number of values kept for plots.
 const DRAWN_MAX: usize = 60;
 
-/// What a sample comes to.
+/// Statistics of a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
-    /// The middle value; of the middle two, the mean.
+    /// Middle value, or the mean of the two middle values.
     pub median: f64,
-    /// Between these the median of the distribution lies with at least 95 % confidence; nothing for fewer than six
-    /// values, which can't tell.
+    /// Interval that contains the median of the distribution with at least 95 % confidence; `None` below six values.
     pub interval: Option<(f64, f64)>,
-    /// The smallest value that at least 99 of 100 do not exceed; nothing for fewer than a hundred values, of which it
-    /// would be the largest.
+    /// 99th percentile (nearest rank); `None` below 100 values, where it would be the largest.
     pub p99: Option<f64>,
-    /// The sample, or an evenly ranked part of it with both ends, rising.
+    /// The sample in ascending order, or evenly ranked values of it with both ends.
     pub drawn: Vec<f64>,
 }
 
 impl Estimate {
-    /// Of a sample in any order; nothing for an empty one.
+    /// Statistics of a sample in any order; `None` for an empty one.
     #[must_use]
     pub fn of(mut sample: Vec<f64>) -> Option<Self> {
         sample.sort_unstable_by(f64::total_cmp);
@@ -42,13 +40,13 @@ impl Estimate {
     }
 }
 
-/// The ranks, from 1, of the values of a sample of `number` that bound its median with at least 95 % confidence.
+/// Ranks, from 1, of the values that bound the median of a sample of `number` with at least 95 % confidence.
 ///
-/// The median lies between the j-th smallest and the j-th largest value unless fewer than j values are below it or
-/// fewer than j above, and each value is on either side of it as a coin falls. So j is the highest rank with
-/// 2 P(B < j) ≤ 0.05 for B binomial of `number` and ½. No distribution is assumed.
+/// The median lies between the j-th smallest and the j-th largest value unless fewer than j values are on one side of it.
+/// Each value is on either side with probability ½. So j is the highest rank with 2 P(B < j) ≤ 0.05 for B binomial of
+/// `number` and ½. No distribution is assumed.
 ///
-/// Takes `number` / 2 steps, and nothing but sums, products and powers of two: the ranks are the same everywhere.
+/// Takes `number` / 2 steps of sums, products and powers of two, so the ranks are the same on all machines.
 ///
 /// Source: H. A. David and H. N. Nagaraja, *Order Statistics*, 3rd ed., section 7.1; tabulated in J.-Y. Le Boudec,
 /// *Performance Evaluation of Computer and Communication Systems*, appendix A.
@@ -56,7 +54,7 @@ impl Estimate {
 pub fn interval_ranks(number: usize) -> Option<(usize, usize)> {
     const STEP: i32 = 256;
     let tail_max = (1.0 - CONFIDENCE) / 2.0;
-    // P(B = below) and P(B ≤ below), both times 2^(number − shift), so that they neither vanish nor overflow.
+    // P(B = below) and P(B ≤ below), both scaled by 2^(number − shift) against underflow and overflow.
     let (mut term, mut sum, mut shift) = (1.0_f64, 1.0_f64, 0_usize);
     let mut below = 0;
     loop {
@@ -89,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranks_are_those_of_the_published_table() {
+    fn ranks_equal_the_published_table() {
         // Le Boudec, appendix A, median at 95 %.
         for (number, ranks) in [
             (6, (1, 6)),
@@ -109,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_than_six_values_bound_nothing() {
+    fn fewer_than_six_values_have_no_interval() {
         for number in 0..6 {
             assert_eq!(interval_ranks(number), None, "{number}");
         }
@@ -127,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_a_hundred_is_above_the_99th_percentile() {
+    fn one_of_100_values_is_above_the_99th_percentile() {
         let p99 = |number: u32| Estimate::of((1..=number).rev().map(f64::from).collect());
         assert_eq!(p99(99).unwrap().p99, None);
         assert_eq!(p99(100).unwrap().p99, Some(99.0));
@@ -136,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_of_an_even_sample_is_between_the_middle_two() {
+    fn median_of_an_even_sample_is_the_mean_of_the_middle_two() {
         let estimate = Estimate::of(vec![4.0, 1.0, 3.0, 2.0]).unwrap();
         assert_eq!(estimate.median.to_bits(), 2.5_f64.to_bits());
         assert_eq!(estimate.interval, None);
@@ -146,14 +144,14 @@ mod tests {
     }
 
     #[test]
-    fn the_interval_is_made_of_values_of_the_sample() {
+    fn interval_consists_of_values_of_the_sample() {
         let estimate = Estimate::of((1..=100).rev().map(f64::from).collect()).unwrap();
         assert_eq!(estimate.interval, Some((40.0, 61.0)));
         assert_eq!(estimate.median.to_bits(), 50.5_f64.to_bits());
     }
 
     #[test]
-    fn what_is_drawn_of_a_large_sample_has_both_its_ends() {
+    fn plotted_values_include_both_ends_of_the_sample() {
         let drawn = Estimate::of((0..10_000).map(f64::from).collect())
             .unwrap()
             .drawn;

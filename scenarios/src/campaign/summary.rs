@@ -1,36 +1,36 @@
-//! What the runs of each combination come to.
+//! Statistics of the runs of each combination.
 
 use super::plan::Campaign;
 use super::row::{Row, or_empty, rounded};
 use super::statistics::Estimate;
 use crate::report::command;
 
-/// A figure that a run has and a summary estimates.
+/// A figure of a run that a summary estimates.
 #[derive(Debug)]
 pub struct Figure {
-    /// Its column in `runs.csv`.
+    /// Column in `runs.csv`.
     pub column: &'static str,
-    /// What it is, for a heading.
+    /// Name in headings.
     pub name: &'static str,
-    /// The same in two short lines, with its unit.
+    /// Short name of two lines, with the unit.
     pub short: &'static str,
-    /// In what; empty for a count.
+    /// Unit; empty for a count.
     pub unit: &'static str,
-    /// How it is measured, in a sentence.
+    /// How it is measured.
     pub about: &'static str,
-    /// Digits after the point that mean something to a person.
+    /// Number of decimals in texts.
     pub digits: usize,
     of: fn(&Row) -> Option<f64>,
 }
 
-/// Every figure of a summary, in the order of its columns.
+/// All figures of a summary, in the order of the columns.
 pub const FIGURES: [Figure; 10] = [
     Figure {
         column: "flight_time_master_s",
         name: "Flight time of the master",
         short: "flight s\nmaster",
         unit: "s",
-        about: "From the start of its neighbour discovery to the end of its landing.",
+        about: "From the start of neighbour discovery to the end of landing.",
         digits: 1,
         of: |row| row.flight_time_master_s,
     },
@@ -39,7 +39,7 @@ pub const FIGURES: [Figure; 10] = [
         name: "Flight time, mean of the drones",
         short: "flight s\nmean",
         unit: "s",
-        about: "Over the drones of a run that flew and came down.",
+        about: "Mean over the drones of a run that flew and landed.",
         digits: 1,
         of: |row| row.flight_time_mean_s,
     },
@@ -48,7 +48,7 @@ pub const FIGURES: [Figure; 10] = [
         name: "Flight time, longest",
         short: "flight s\nlongest",
         unit: "s",
-        about: "Of the drone of a run that flew the longest.",
+        about: "Longest flight time of a drone in a run.",
         digits: 1,
         of: |row| row.flight_time_max_s,
     },
@@ -57,44 +57,43 @@ pub const FIGURES: [Figure; 10] = [
         name: "Messages received, mean of the drones",
         short: "messages\nreceived",
         unit: "",
-        about: "Frames that a drone let in during its flight time.",
+        about: "Frames that a drone accepted during its flight time.",
         digits: 0,
         of: |row| Some(row.messages_received_mean),
     },
     Figure {
         column: "waypoint_wait_mean_ms",
-        name: "Wait at a waypoint, mean",
-        short: "waypoint\nwait ms",
+        name: "Barrier wait, mean",
+        short: "barrier\nwait ms",
         unit: "ms",
-        about: "From the arrival of the last drone to the departure of the last drone.",
+        about: "From the last arrival to the last departure at a waypoint.",
         digits: 1,
         of: |row| row.waypoint_wait_mean_ms,
     },
     Figure {
         column: "transmissions_per_barrier",
-        name: "Transmissions a barrier, mean",
-        short: "frames a\nbarrier",
+        name: "Transmissions per barrier, mean",
+        short: "frames/\nbarrier",
         unit: "",
-        about: "Frames that anyone sent from the arrival of the first drone to the departure of the last, those apart \
-                that were sent only because their time had come.",
+        about: "Frames of all drones from the first arrival to the last departure, without keep-alives.",
         digits: 1,
         of: |row| row.transmissions_per_barrier,
     },
     Figure {
         column: "keep_alives_per_barrier",
-        name: "Keep-alives a barrier, mean",
+        name: "Keep-alives per barrier, mean",
         short: "keep-\nalives",
         unit: "",
-        about: "Frames that were sent meanwhile only because their time had come.",
+        about: "Periodic frames sent in the same time.",
         digits: 1,
         of: |row| row.keep_alives_per_barrier,
     },
     Figure {
         column: "retries_per_barrier",
-        name: "Retries of the medium a barrier, mean",
+        name: "Retries per barrier, mean",
         short: "MAC\nretries",
         unit: "",
-        about: "Frames for one drone that the medium sent again meanwhile, for want of an acknowledgement.",
+        about: "Unicast frames retransmitted by the medium in the same time, for lack of an acknowledgement.",
         digits: 1,
         of: |row| row.retries_per_barrier,
     },
@@ -103,58 +102,58 @@ pub const FIGURES: [Figure; 10] = [
         name: "Election, longest",
         short: "election\nlongest s",
         unit: "s",
-        about: "From when a part of the swarm had lost its master until each part had one that all in it leader.",
+        about: "From the loss of the master until each network segment has one master that all its drones follow.",
         digits: 2,
         of: |row| row.election_max_s,
     },
     Figure {
         column: "min_separation_m",
-        name: "Closest two drones came",
+        name: "Closest approach",
         short: "closest\nm",
         unit: "m",
-        about: "In a straight line, at the closest approach of any two flying drones.",
+        about: "Smallest straight-line distance of two flying drones.",
         digits: 2,
         of: |row| row.min_separation_m,
     },
 ];
 
-/// A combination of varied values and what its runs come to.
+/// Statistics of a combination of varied values.
 ///
-/// Runs that broke a rule are counted and not estimated from: they ended before their time.
+/// Runs that broke a rule are counted but excluded from the estimates, because they stopped early.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Which combination, from 0.
+    /// Index of the combination, from 0.
     pub combination: u64,
-    /// Its values, in the order of the variations.
+    /// Values of the varied fields, in the order of the variations.
     pub values: Vec<String>,
-    /// How many runs it has.
+    /// Number of runs.
     pub runs: u64,
-    /// How many of them broke a rule.
+    /// Runs that broke a rule.
     pub broken: u64,
-    /// How many of the others did not fly the mission to its end.
+    /// Runs that broke no rule but did not complete the mission.
     pub incomplete: u64,
-    /// How often rules were broken in them.
+    /// Number of violations.
     pub violations: u64,
-    /// How often a part of a swarm had lost its master in them.
+    /// Number of elections.
     pub elections: u64,
-    /// Each of [`FIGURES`], over the runs that kept the rules and have it.
+    /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure.
     pub estimates: Vec<Option<Estimate>>,
 }
 
 /// A run that broke a rule.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Broken {
-    /// Its place in the list.
+pub struct BrokenRun {
+    /// Index in the campaign's list.
     pub run: u64,
-    /// The number of the first rule that it broke.
+    /// Number of the first broken rule.
     pub rule: Option<u8>,
-    /// What happened.
+    /// Description of the violation.
     pub what: String,
-    /// The command that flies it again.
+    /// Command that repeats the run.
     pub command: String,
 }
 
-impl Broken {
+impl BrokenRun {
     pub(super) fn new(campaign: &Campaign, row: &Row) -> Self {
         let overrides = campaign.overrides(row.combination);
         let overrides: Vec<_> = overrides.iter().map(ToString::to_string).collect();
@@ -172,7 +171,7 @@ impl Broken {
     }
 }
 
-/// The figures of a combination's runs: 80 bytes of memory a run.
+/// Collected figures of a combination's runs; 80 bytes of memory per run.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     runs: u64,
@@ -216,7 +215,7 @@ impl Tally {
     }
 }
 
-/// The heading of `summary.csv`.
+/// The header of `summary.csv`.
 pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
     let mut names = vec!["combination".to_owned()];
     names.extend(
@@ -239,7 +238,7 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
 }
 
 impl Summary {
-    /// Its fields as they stand in `summary.csv`.
+    /// Its fields in the order of `summary.csv`.
     pub(super) fn record(&self) -> Vec<String> {
         let mut fields = vec![self.combination.to_string()];
         fields.extend(self.values.iter().cloned());
@@ -270,7 +269,7 @@ mod tests {
     use crate::campaign::{plan, row};
 
     #[test]
-    fn runs_that_broke_a_rule_are_counted_and_not_estimated_from() {
+    fn broken_runs_are_counted_but_excluded_from_estimates() {
         let campaign = plan::tests::campaign();
         let mut tally = Tally::default();
         for run in 0..6 {
@@ -293,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_has_a_field_for_each_column_even_if_nothing_was_measured() {
+    fn record_without_runs_has_one_field_per_column() {
         let campaign = plan::tests::campaign();
         let record = Tally::default().summary(&campaign, 0).record();
         assert_eq!(record.len(), heading(&campaign).len());
@@ -301,9 +300,9 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_run_names_the_command_that_repeats_it() {
+    fn broken_run_has_the_command_that_repeats_it() {
         let campaign = plan::tests::campaign();
-        let broken = Broken::new(&campaign, &row::tests::row(&campaign, 29, true));
+        let broken = BrokenRun::new(&campaign, &row::tests::row(&campaign, 29, true));
         assert_eq!(
             broken.command,
             "muster sim scenarios/thesis-1.toml --seed 14 --engine events \

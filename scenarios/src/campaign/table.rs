@@ -1,4 +1,4 @@
-//! The table that a campaign ends with on a terminal.
+//! The table of a campaign for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
@@ -7,64 +7,64 @@ use super::statistics::Estimate;
 use super::summary::{FIGURES, Figure, Summary};
 use crate::report::Colour;
 use crate::report::table::{GREEN, RED, STYLE, painted};
-use muster_runtime::text::{NOTHING, figure, plural};
+use muster_runtime::text::{NO_VALUE, figure, plural};
 
-/// The most combinations that are listed.
+/// Maximum number of listed combinations.
 const LISTED_MAX: usize = 50;
 
-/// What a campaign came to, as text; it ends with a line feed.
+/// The results of a campaign as text, with a final line feed.
 #[must_use]
 pub fn table(published: &Published, colour: Colour) -> String {
-    let Published {
-        campaign,
-        summaries,
-        broken,
-        ..
-    } = published;
     let mut text = medians(published, colour);
-    if let Some(more) = summaries.len().checked_sub(LISTED_MAX + 1) {
+    if let Some(more) = published.summaries.len().checked_sub(LISTED_MAX + 1) {
         text.push_str(&format!(
             " … and {}, in {SUMMARY_CSV}\n",
             plural(more + 1, "combination")
         ));
     }
-    let (runs, broken_runs) = (campaign.runs_at_hand(), published.broken_runs());
+    text.push_str(
+        "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations.\n\n",
+    );
+    text.push_str(&runs(published));
+    text.push_str(&rules(published, colour));
+    text
+}
+
+/// Number of runs, combinations, seeds and engine.
+fn runs(published: &Published) -> String {
+    let campaign = &published.campaign;
+    let runs = campaign.shard_runs();
     let shard = if runs == campaign.runs() {
         String::new()
     } else {
         format!(", shard {} of {}", campaign.shard, campaign.runs())
     };
-    text.push_str(
-        "\n Medians, below them their 95 % intervals and, from a hundred runs on, 99th percentiles (≤) of the runs that \
-         kept the rules.\n\n",
-    );
-    text.push_str(&format!(
+    format!(
         " runs   {runs}{shard}: {}, seeds {}, engine {}\n",
-        plural(summaries.len(), "combination"),
+        plural(published.summaries.len(), "combination"),
         campaign.seeds,
         campaign.engine
-    ));
-    let (paint, verdict) = match broken_runs {
+    )
+}
+
+/// Broken rules and incomplete missions, with the commands that repeat the first broken runs.
+fn rules(published: &Published, colour: Colour) -> String {
+    let number = |runs: u64| plural(usize::try_from(runs).unwrap_or(usize::MAX), "run");
+    let broken_runs = published.broken_runs();
+    let (paint, result) = match broken_runs {
         0 => (GREEN, "none broken".to_owned()),
-        runs => (
-            RED,
-            format!(
-                "broken in {}",
-                plural(usize::try_from(runs).unwrap_or(usize::MAX), "run")
-            ),
-        ),
+        runs => (RED, format!("broken in {}", number(runs))),
     };
-    text.push_str(&format!(" rules  {}\n", painted(&verdict, paint, colour)));
+    let mut text = format!(" rules  {}\n", painted(&result, paint, colour));
     match published.incomplete_runs() {
         0 => {}
         runs => {
-            let runs = plural(usize::try_from(runs).unwrap_or(usize::MAX), "run");
-            let verdict = format!("not flown to the end in {runs}");
-            let verdict = painted(&verdict, RED, colour);
-            text.push_str(&format!(" missions  {verdict}\n"));
+            let result = format!("incomplete in {}", number(runs));
+            let result = painted(&result, RED, colour);
+            text.push_str(&format!(" missions  {result}\n"));
         }
     }
-    for run in broken {
+    for run in &published.broken {
         let rule = run
             .rule
             .map_or_else(String::new, |rule| format!("rule {rule}, "));
@@ -75,9 +75,9 @@ pub fn table(published: &Published, colour: Colour) -> String {
             run.command
         ));
     }
-    let told = broken.len() as u64;
-    if broken_runs > told {
-        text.push_str(&format!("   … and {} more\n", broken_runs - told));
+    let listed = published.broken.len() as u64;
+    if broken_runs > listed {
+        text.push_str(&format!("   … and {} more\n", broken_runs - listed));
     }
     text
 }
@@ -110,15 +110,15 @@ fn medians(published: &Published, colour: Colour) -> String {
 
 fn row(summary: &Summary) -> Vec<String> {
     let figures = FIGURES.iter().zip(&summary.estimates);
-    let estimates = figures.map(|(figure, estimate)| in_two_lines(figure, estimate.as_ref()));
+    let estimates = figures.map(|(figure, estimate)| estimate_lines(figure, estimate.as_ref()));
     let counts = [summary.runs, summary.broken, summary.elections].map(|count| count.to_string());
     let values = summary.values.iter().cloned();
     values.chain(counts).chain(estimates).collect()
 }
 
-fn in_two_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
+fn estimate_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else {
-        return NOTHING.to_owned();
+        return NO_VALUE.to_owned();
     };
     let median = self::figure(estimate.median, figure.digits);
     let lines = [
@@ -129,13 +129,13 @@ fn in_two_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
     lines.into_iter().flatten().collect::<Vec<_>>().join("\n")
 }
 
-/// A 99th percentile as a person reads it.
+/// A 99th percentile as text.
 pub(super) fn p99(of: &Figure, estimate: &Estimate) -> Option<String> {
     let p99 = estimate.p99?;
     Some(format!("≤{}", figure(p99, of.digits)))
 }
 
-/// An interval as a person reads it.
+/// An interval as text.
 pub(super) fn interval(of: &Figure, estimate: &Estimate) -> Option<String> {
     let (low, high) = estimate.interval?;
     Some(format!(

@@ -1,4 +1,4 @@
-//! Which faults befell, and what they met.
+//! Coverage: how often each kind of fault was injected, and in which states.
 
 use std::collections::BTreeMap;
 
@@ -8,39 +8,39 @@ use super::grammar;
 use crate::scenario::Fault;
 use crate::world::{Injection, Phase};
 
-/// How often each kind of fault befell, and what it met.
+/// Number of injections by kind of fault and state of the target.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Coverage(BTreeMap<String, Row>);
 
-/// How often one kind of fault befell.
+/// Number of injections of one kind of fault, by state of the target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Row {
-    /// A drone that waited on the ground.
+    /// Waiting on the ground.
     pub ground: u64,
-    /// One that took off, or was learning who is near.
+    /// Taking off, or in neighbour discovery.
     pub taking_off: u64,
-    /// One that waited at a waypoint.
+    /// Waiting at a waypoint.
     pub waiting: u64,
-    /// One on its way to a waypoint.
+    /// Flying to a waypoint.
     pub flying: u64,
-    /// One that changed its place in the formation.
+    /// Changing formation.
     pub changing: u64,
-    /// One that kept its place around a master that it follows.
+    /// Following the master.
     pub following: u64,
-    /// One that came down.
+    /// Landing.
     pub landing: u64,
-    /// One that was done, or dead.
+    /// Landed or dead.
     pub down: u64,
-    /// Of all of these, a master.
+    /// Of all injections: on the master.
     pub master: u64,
-    /// Of all, while some of the swarm had no master, or several.
+    /// Of all injections: while there was no agreed master.
     pub electing: u64,
-    /// Of all, while the swarm was in several parts.
-    pub apart: u64,
+    /// Of all injections: while the network was partitioned.
+    pub partitioned: u64,
 }
 
 impl Row {
-    /// What the columns of a table are called, in the order of [`Self::cells`].
+    /// Column names, in the order of [`Self::cells`].
     pub(super) const COLUMNS: [&'static str; 11] = [
         "ground",
         "taking off",
@@ -50,12 +50,12 @@ impl Row {
         "following",
         "landing",
         "down",
-        "a master",
+        "master",
         "electing",
-        "apart",
+        "partitioned",
     ];
 
-    /// Each number.
+    /// All counts.
     pub(super) const fn cells(&self) -> [u64; 11] {
         [
             self.ground,
@@ -68,11 +68,11 @@ impl Row {
             self.down,
             self.master,
             self.electing,
-            self.apart,
+            self.partitioned,
         ]
     }
 
-    /// How often it befell anything.
+    /// Total number of injections.
     #[must_use]
     pub fn times(&self) -> u64 {
         self.cells()[..Phase::ALL.len()].iter().sum()
@@ -103,11 +103,20 @@ impl Row {
             down,
             master,
             electing,
-            apart,
+            partitioned,
         } = self;
         let own = [
-            ground, taking_off, waiting, flying, changing, following, landing, down, master,
-            electing, apart,
+            ground,
+            taking_off,
+            waiting,
+            flying,
+            changing,
+            following,
+            landing,
+            down,
+            master,
+            electing,
+            partitioned,
         ];
         for (own, others) in own.into_iter().zip(other.cells()) {
             *own += others;
@@ -116,20 +125,20 @@ impl Row {
 }
 
 impl Coverage {
-    /// Every kind of fault that the grammar has, by name.
+    /// All kinds of faults of the grammar, with their counts.
     pub fn rows(&self) -> impl Iterator<Item = (&'static str, Row)> + '_ {
         grammar::names().map(|name| (name, self.0.get(name).copied().unwrap_or_default()))
     }
 
-    /// Counts what the faults of a plan met that were drawn; the first `own` of them are the scenario's own.
-    pub(super) fn count(&mut self, own: usize, faults: &[Fault], struck: &[Injection]) {
-        for injection in struck.iter().filter(|injection| injection.fault >= own) {
+    /// Counts the injections of a plan's drawn faults. The first `own` faults are the scenario's own and don't count.
+    pub(super) fn count(&mut self, own: usize, faults: &[Fault], injections: &[Injection]) {
+        for injection in injections.iter().filter(|injection| injection.fault >= own) {
             let fault = &faults[injection.fault];
             let row = self.0.entry(fault.kind.name()).or_default();
             *row.phase(injection.phase) += 1;
             row.master += u64::from(injection.leads);
             row.electing += u64::from(injection.electing);
-            row.apart += u64::from(injection.apart);
+            row.partitioned += u64::from(injection.apart);
         }
     }
 

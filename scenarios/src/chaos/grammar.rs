@@ -1,8 +1,8 @@
-//! What a plan may hold.
+//! Random fault plans.
 //!
-//! Every kind of fault is as likely as any other. It befalls at a time of the flight, at a waypoint, or upon an occasion;
-//! a master, or any drone, or several at once; once, or several times; for a while, or for good. Links are those between two
-//! drones or between two halves of the swarm.
+//! All kinds of faults are equally likely. A fault is injected at a time, at a waypoint or on a trigger. It on_drone the
+//! master, any drone, or several drones at once; once or repeatedly; for a limited time or for good. Link faults affect the
+//! links between two drones or between two groups of drones.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,122 +14,126 @@ use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{Rng, RngExt};
 
 use crate::scenario::{
-    Distortion, DroneFault, Fault, FaultKind, Link, Links, Scenario, Tampered, Target, Trigger,
-    When,
+    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Scenario, Tampered, Target,
+    Trigger, When,
 };
 
-/// A kind of fault, by the name that a scenario file has for it.
-type Kind<R> = (&'static str, fn(&mut Drawing<'_, R>) -> FaultKind);
+/// A kind of fault: its name in scenario files, and a function that draws one.
+type Kind<R> = (&'static str, fn(&mut Generator<'_, R>) -> FaultKind);
 
-/// The shortest that a fault lasts which is over after a while, in milliseconds, and how often that is doubled at most:
-/// half a minute. Each doubling is as likely.
-const LASTS_MIN_MS: u64 = 50;
-const LASTS_DOUBLINGS: u32 = 9;
-/// How much later than an occasion a fault befalls, at most, in milliseconds.
+/// Shortest duration of a temporary fault, in milliseconds, and maximum number of doublings (up to half a minute). All
+/// doublings are equally likely.
+const DURATION_MIN_MS: u64 = 50;
+const DURATION_DOUBLINGS: u32 = 9;
+/// Maximum delay of a fault after its trigger, in milliseconds.
 const AFTER_MAX_MS: u64 = 4_000;
-/// How often a fault befalls, at most.
+/// Maximum number of injections of a fault.
 const TIMES_MAX: u32 = 4;
-/// The longest time from one to the next, in milliseconds.
+/// Maximum time between injections, in milliseconds.
 const EVERY_MAX_MS: u64 = 6_000;
-/// How much later frames may arrive, in milliseconds.
-const LATE_MAX_MS: u64 = 100;
-/// How many millionths a clock gains or loses, at most: a hundred times what a crystal does.
+/// Maximum delay of frames, in milliseconds.
+const DELAY_MAX_MS: u64 = 100;
+/// Maximum clock drift, in ppm: a hundred times that of a crystal.
 const PPM_MAX: i32 = 5_000;
-/// The least and the largest share of frames that are lost, or tampered with.
+/// Range of the share of frames that are lost or tampered with.
 const SHARE: (f64, f64) = (0.05, 1.0);
 
 fn kinds<R: Rng>() -> [Kind<R>; 28] {
     [
-        ("crash radio", |it| {
-            it.affects(DroneFault::CrashActor(Address::Radio))
+        ("crash-actor radio", |it| {
+            it.on_drone(DroneFault::CrashActor(Address::Radio))
         }),
-        ("crash routing", |it| {
-            it.affects(DroneFault::CrashActor(Address::Routing))
+        ("crash-actor routing", |it| {
+            it.on_drone(DroneFault::CrashActor(Address::Routing))
         }),
-        ("crash mission", |it| {
-            it.affects(DroneFault::CrashActor(Address::Mission))
+        ("crash-actor mission", |it| {
+            it.on_drone(DroneFault::CrashActor(Address::Mission))
         }),
-        ("crash navigation", |it| {
-            it.affects(DroneFault::CrashActor(Address::Navigation))
+        ("crash-actor navigation", |it| {
+            it.on_drone(DroneFault::CrashActor(Address::Navigation))
         }),
-        ("crash msp", |it| {
-            it.affects(DroneFault::CrashActor(Address::Msp))
+        ("crash-actor msp", |it| {
+            it.on_drone(DroneFault::CrashActor(Address::Msp))
         }),
         ("hang radio", |it| {
-            it.affects(DroneFault::Hang(Some(Address::Radio)))
+            it.on_drone(DroneFault::Hang(Some(Address::Radio)))
         }),
         ("hang routing", |it| {
-            it.affects(DroneFault::Hang(Some(Address::Routing)))
+            it.on_drone(DroneFault::Hang(Some(Address::Routing)))
         }),
         ("hang mission", |it| {
-            it.affects(DroneFault::Hang(Some(Address::Mission)))
+            it.on_drone(DroneFault::Hang(Some(Address::Mission)))
         }),
         ("hang navigation", |it| {
-            it.affects(DroneFault::Hang(Some(Address::Navigation)))
+            it.on_drone(DroneFault::Hang(Some(Address::Navigation)))
         }),
         ("hang msp", |it| {
-            it.affects(DroneFault::Hang(Some(Address::Msp)))
+            it.on_drone(DroneFault::Hang(Some(Address::Msp)))
         }),
-        ("hang", |it| it.affects(DroneFault::Hang(None))),
-        ("restart", |it| it.affects(DroneFault::Restart)),
-        ("kill", |it| it.affects(DroneFault::Kill)),
-        ("crash_aircraft", |it| it.affects(DroneFault::CrashAircraft)),
-        ("lose_gps", |it| it.affects(DroneFault::LoseGps)),
+        ("hang", |it| it.on_drone(DroneFault::Hang(None))),
+        ("restart", |it| it.on_drone(DroneFault::Restart)),
+        ("kill", |it| it.on_drone(DroneFault::Kill)),
+        ("crash-aircraft", |it| {
+            it.on_drone(DroneFault::CrashAircraft)
+        }),
+        ("lose-gps", |it| it.on_drone(DroneFault::LoseGps)),
         ("drain", |it| {
             let to = it.hundredths(0.0, 0.3);
-            it.affects(DroneFault::Drain(to))
+            it.on_drone(DroneFault::Drain(to))
         }),
-        ("replay", |it| it.affects(DroneFault::Replay)),
-        ("forge", |it| it.affects(DroneFault::Forge)),
+        ("replay", |it| it.on_drone(DroneFault::Replay)),
+        ("forge", |it| it.on_drone(DroneFault::Forge)),
         ("skew", |it| {
             let ppm = it.rng.random_range(-PPM_MAX..=PPM_MAX);
-            it.affects(DroneFault::Skew(ppm))
+            it.on_drone(DroneFault::Skew(ppm))
         }),
-        ("cut", |it| FaultKind::Links(it.links(), Link::Cut)),
-        ("one_way", |it| FaultKind::Links(it.links(), Link::OneWay)),
+        ("cut", |it| FaultKind::Links(it.links(), LinkFault::Cut)),
+        ("one-way", |it| {
+            FaultKind::Links(it.links(), LinkFault::OneWay)
+        }),
         ("degrade", |it| {
             let loss = it.hundredths(SHARE.0, SHARE.1);
-            FaultKind::Links(it.links(), Link::Degraded(loss))
+            FaultKind::Links(it.links(), LinkFault::Degraded(loss))
         }),
-        ("heal", |it| FaultKind::Links(it.links(), Link::Healed)),
-        ("jam", |it| it.disc()),
-        ("corrupt", |it| it.tampers(Distortion::Corrupt)),
-        ("duplicate", |it| it.tampers(Distortion::Duplicate)),
+        ("heal", |it| FaultKind::Links(it.links(), LinkFault::Healed)),
+        ("jam", |it| it.jamming()),
+        ("corrupt", |it| it.tampering(Distortion::Corrupt)),
+        ("duplicate", |it| it.tampering(Distortion::Duplicate)),
         ("delay", |it| {
-            let by = it.milliseconds(1..=LATE_MAX_MS);
-            it.tampers(Distortion::Delay(by))
+            let by = it.milliseconds(1..=DELAY_MAX_MS);
+            it.tampering(Distortion::Delay(by))
         }),
         ("reorder", |it| {
-            let by = it.milliseconds(1..=LATE_MAX_MS);
-            it.tampers(Distortion::Reorder(by))
+            let by = it.milliseconds(1..=DELAY_MAX_MS);
+            it.tampering(Distortion::Reorder(by))
         }),
     ]
 }
 
-/// The kinds of faults that there are.
+/// Names of all kinds of faults.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     kinds::<rand_chacha::ChaCha8Rng>()
         .into_iter()
         .map(|(name, _)| name)
 }
 
-/// Draws from one to `most` faults for a scenario. Times are whole milliseconds, so that a file says them exactly.
-pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<Fault> {
-    let mut drawing = Drawing {
+/// Draws one to `max` faults for a scenario. Times are whole milliseconds, so that files hold them exactly.
+pub(super) fn draw<R: Rng>(scenario: &Scenario, max: u32, rng: &mut R) -> Vec<Fault> {
+    let mut generator = Generator {
         nodes: scenario.plan.nodes(),
         scenario,
         rng,
     };
-    let number = drawing.rng.random_range(1..=most) as usize;
+    let number = generator.rng.random_range(1..=max) as usize;
     let mut faults = Vec::with_capacity(number);
     while faults.len() < number {
-        let fault = drawing.fault();
+        let fault = generator.fault();
         faults.push(fault.clone());
         let FaultKind::Drone(_, what) = fault.kind else {
             continue;
         };
-        while faults.len() < number && drawing.rng.random_ratio(1, 3) {
-            let kind = FaultKind::Drone(Target::Drone(drawing.node()), what);
+        while faults.len() < number && generator.rng.random_ratio(1, 3) {
+            let kind = FaultKind::Drone(Target::Drone(generator.node()), what);
             let fault = fault.clone();
             faults.push(Fault { kind, ..fault });
         }
@@ -137,18 +141,21 @@ pub(super) fn draw<R: Rng>(scenario: &Scenario, most: u32, rng: &mut R) -> Vec<F
     faults
 }
 
-struct Drawing<'a, R> {
+struct Generator<'a, R> {
     scenario: &'a Scenario,
     nodes: u32,
     rng: &'a mut R,
 }
 
-impl<R: Rng> Drawing<'_, R> {
+impl<R: Rng> Generator<'_, R> {
     fn fault(&mut self) -> Fault {
-        let (_, kind) = kinds().choose(self.rng).copied().expect("there are kinds");
+        let (_, kind) = kinds()
+            .choose(self.rng)
+            .copied()
+            .expect("the list of kinds is not empty");
         let kind = kind(self);
-        let lasts = kind.can_last() && self.rng.random_ratio(4, 5);
-        let lasts = lasts.then(|| self.length());
+        let lasts = kind.can_end() && self.rng.random_ratio(4, 5);
+        let lasts = lasts.then(|| self.duration());
         let repeats = self.rng.random_ratio(1, 8);
         let (times, every) = if repeats {
             let times = self.rng.random_range(2..=TIMES_MAX);
@@ -159,7 +166,7 @@ impl<R: Rng> Drawing<'_, R> {
         Fault {
             when: self.when(),
             kind,
-            lasts,
+            duration: lasts,
             times,
             every,
         }
@@ -188,7 +195,7 @@ impl<R: Rng> Drawing<'_, R> {
         When::After(trigger, after)
     }
 
-    fn affects(&mut self, fault: DroneFault) -> FaultKind {
+    fn on_drone(&mut self, fault: DroneFault) -> FaultKind {
         let target = if self.rng.random_ratio(2, 5) {
             Target::Master
         } else {
@@ -197,13 +204,13 @@ impl<R: Rng> Drawing<'_, R> {
         FaultKind::Drone(target, fault)
     }
 
-    fn tampers(&mut self, how: Distortion) -> FaultKind {
+    fn tampering(&mut self, how: Distortion) -> FaultKind {
         let from = self.rng.random_ratio(1, 2).then(|| self.node());
         let share = self.hundredths(SHARE.0, SHARE.1);
         FaultKind::Tamper(Tampered { from, share, how })
     }
 
-    /// The links between two drones or two halves; a swarm of one has none.
+    /// Links between two drones or two groups; empty for a swarm of one.
     fn links(&mut self) -> Links {
         let mut ids: Vec<_> = (0..self.nodes).map(NodeId).collect();
         if self.rng.random_ratio(1, 2) {
@@ -212,8 +219,8 @@ impl<R: Rng> Drawing<'_, R> {
         } else if self.rng.random_ratio(1, 2) {
             ids.shuffle(self.rng);
         }
-        let near = self.rng.random_range(1..ids.len().max(2)).min(ids.len());
-        let mut far = ids.split_off(near);
+        let first = self.rng.random_range(1..ids.len().max(2)).min(ids.len());
+        let mut far = ids.split_off(first);
         ids.sort_unstable();
         far.sort_unstable();
         Links {
@@ -222,10 +229,10 @@ impl<R: Rng> Drawing<'_, R> {
         }
     }
 
-    /// A disc around a drone's slot at a waypoint.
-    fn disc(&mut self) -> FaultKind {
+    /// Jamming in a disc around a drone's slot at a waypoint.
+    fn jamming(&mut self) -> FaultKind {
         let waypoint =
-            *(self.scenario.plan.waypoints.choose(self.rng)).expect("a mission has some");
+            *(self.scenario.plan.waypoints.choose(self.rng)).expect("a mission has waypoints");
         let drones = self.scenario.plan.layout.formation().drones();
         let id = NodeId(self.rng.random_range(0..drones));
         let mut centre = self
@@ -246,8 +253,8 @@ impl<R: Rng> Drawing<'_, R> {
         NodeId(self.rng.random_range(0..self.nodes))
     }
 
-    fn length(&mut self) -> Duration {
-        let least = LASTS_MIN_MS << self.rng.random_range(0..LASTS_DOUBLINGS);
+    fn duration(&mut self) -> Duration {
+        let least = DURATION_MIN_MS << self.rng.random_range(0..DURATION_DOUBLINGS);
         self.milliseconds(least..=least * 2)
     }
 
@@ -255,7 +262,7 @@ impl<R: Rng> Drawing<'_, R> {
         Duration::from_millis(self.rng.random_range(range))
     }
 
-    /// A number of hundredths.
+    /// A number with two decimals.
     fn hundredths(&mut self, least: f64, most: f64) -> f64 {
         (self.rng.random_range(least..=most) * 100.0).round() / 100.0
     }
@@ -278,21 +285,21 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_is_drawn_and_bears_the_name_that_it_has() {
+    fn every_kind_is_drawn_with_its_name() {
         let (_, scenario) = chaos();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for (name, kind) in kinds() {
-            let mut drawing = Drawing {
+            let mut generator = Generator {
                 nodes: scenario.plan.nodes(),
                 scenario: &scenario,
                 rng: &mut rng,
             };
-            assert_eq!(kind(&mut drawing).name(), name);
+            assert_eq!(kind(&mut generator).name(), name);
         }
     }
 
     #[test]
-    fn a_file_says_what_was_drawn() {
+    fn drawn_faults_survive_a_scenario_file() {
         let (path, scenario) = chaos();
         let text = std::fs::read_to_string(&path).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(2);

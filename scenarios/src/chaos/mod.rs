@@ -1,9 +1,8 @@
-//! The search for a fault plan that breaks a rule: plans drawn at random, flown on the events engine, and the first one
-//! that breaks a rule made as small as it gets.
+//! Search for a fault plan that breaks a rule: random plans run on the events engine, and the first one that breaks a rule
+//! is shrunk.
 //!
-//! All of a plan follows from its seed: which of the values of `[chaos.vary]` the swarm has, and what befalls it, when
-//! and whom, by the grammar (`grammar.rs`). Plans are taken in the order of their seeds, and the one that is told of is the
-//! first of them that breaks a rule, however many are flown at once.
+//! A plan depends on its seed only: the values of `[chaos.vary]`, and the faults with their times and targets (see
+//! `grammar.rs`). Plans are ordered by seed. The reported plan is the first that breaks a rule, for any number of threads.
 
 mod coverage;
 mod grammar;
@@ -14,7 +13,7 @@ mod state;
 mod table;
 
 pub use coverage::{Coverage, Row};
-pub use run::{Finding, Progress, RUN_LIMIT, Searched, run};
+pub use run::{Finding, Progress, RUN_LIMIT, SearchResult, run};
 pub use search::{Request, Search};
-pub use state::{Broken, CHAOS_JSON};
+pub use state::{BrokenPlan, CHAOS_JSON};
 pub use table::table;

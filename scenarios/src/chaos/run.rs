@@ -1,4 +1,4 @@
-//! Making a search: threads that take plans in the order of their seeds, and one that adds up what they bring.
+//! Running a search: worker threads take plans in the order of their seeds, and one thread adds up the results.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,132 +10,134 @@ use std::time::{Duration, Instant};
 use muster_runtime::diagnostic::read_text;
 
 use super::coverage::Coverage;
-use super::search::{Drawn, Plan, Search};
+use super::search::{DrawnPlan, Plan, Search};
 use super::shrink::shrink;
-use super::state::{self, Broken, Tally};
-use crate::campaign::{CampaignError, Effort};
+use super::state::{self, BrokenPlan, Tally};
+use crate::campaign::{CampaignError, RunOptions};
 use crate::engine;
-use crate::report::{self, Complete, Engine, Report, Violation, is_completed, make_folder};
+use crate::report::{self, CompleteFile, Engine, Report, Violation, create_folder, is_completed};
 use crate::scenario::{self, Scenario};
 
-/// How many plans a thread takes at once, and so how many are flown again after an interruption.
+/// Plans per work item; this many are repeated after an interruption.
 const CHUNK: u64 = 50;
-/// Wall-clock time that a plan may be flown for, unless the operator says otherwise.
+/// Default wall-clock limit of a plan.
 pub const RUN_LIMIT: Duration = Duration::from_secs(60);
-/// The scenario that breaks a rule, and the folder of its report.
+/// File of the scenario that breaks a rule, and folder of its report.
 const FOUND_TOML: &str = "found.toml";
 const FOUND: &str = "found";
 
-/// How far a search is.
+/// Progress of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Progress {
-    /// Plans are flown.
+    /// Plans are run.
     Searching {
-        /// How many were flown so far.
+        /// Plans run so far.
         plans: u64,
-        /// How many of them were flown by an earlier process.
+        /// Plans of them run by an earlier process.
         kept: u64,
-        /// How many there are to be.
+        /// All plans of the search.
         total: u64,
-        /// For how long they flew, in simulated seconds.
+        /// Total simulated seconds.
         simulated_s: f64,
     },
-    /// One broke a rule, and is made smaller.
+    /// A plan broke a rule and is being shrunk.
     Shrinking {
-        /// Its seed.
+        /// Seed of the plan.
         seed: u64,
-        /// How many faults it has left.
+        /// Remaining faults.
         faults: usize,
-        /// How many smaller ones were tried.
+        /// Smaller plans tried.
         tried: u64,
     },
 }
 
-/// What a search came to.
+/// Result of a search.
 #[derive(Debug)]
-pub struct Searched {
-    /// Plans that were flown, from the first seed on; without the one that the search ended with.
+pub struct SearchResult {
+    /// Plans run from the first seed, without the one that ended the search.
     pub plans: u64,
-    /// Those of them that broke a rule, where the search went on.
-    pub broken: Vec<Broken>,
-    /// How many of them flew their mission to its end, for whoever was left.
+    /// Plans of them that broke a rule, if the search kept going.
+    pub broken: Vec<BrokenPlan>,
+    /// Plans of them in which the remaining drones completed the mission.
     pub completed: u64,
-    /// How many times the values of a plan were drawn anew, as they did not fit each other.
+    /// Number of redraws because the values of a plan were incompatible.
     pub redrawn: u64,
-    /// How many combinations of values there are, those included that don't fit each other.
+    /// Number of combinations of values, including incompatible ones.
     pub combinations: u64,
-    /// For how long they flew, in simulated seconds.
+    /// Total simulated seconds.
     pub simulated_s: f64,
-    /// All their drones together.
+    /// Total simulated seconds of all drones.
     pub drone_s: f64,
-    /// How long cores were at it, in seconds.
+    /// Processor time, in core-seconds.
     pub core_s: f64,
-    /// Which faults befell, and what they met.
+    /// Injected faults by state of the target.
     pub coverage: Coverage,
-    /// The first plan that broke a rule, unless the search went on.
+    /// The first plan that broke a rule, unless the search kept going.
     pub finding: Option<Finding>,
 }
 
-/// A plan that breaks a rule, made as small as it gets.
+/// A shrunk plan that breaks a rule.
 #[derive(Debug)]
 pub struct Finding {
-    /// The seed that it was drawn from.
+    /// Seed of the plan.
     pub seed: u64,
-    /// The command that finds it again.
+    /// Command that finds it again.
     pub command: String,
-    /// How many faults it had, and how many are left.
+    /// Number of faults before and after shrinking.
     pub faults: (usize, usize),
-    /// How many smaller plans were tried.
+    /// Smaller plans tried.
     pub tried: u64,
-    /// The rule that the small one breaks.
+    /// Violation of the shrunk plan.
     pub violation: Violation,
-    /// The scenario file that breaks it by itself.
+    /// Scenario file that reproduces the violation.
     pub scenario: PathBuf,
-    /// What came of it.
+    /// Report of that scenario.
     pub report: Box<Report>,
-    /// The files of its report.
-    pub written: report::Written,
+    /// Files of that report.
+    pub written: report::ReportFiles,
 }
 
-/// What a thread brings.
-struct Brought {
+/// Result of one work item.
+struct ChunkResult {
     chunk: u64,
     tally: Tally,
-    last: Option<Last>,
+    breaking: Option<BreakingPlan>,
 }
 
-/// The plan that a search ends with, as it was drawn: it breaks a rule.
-struct Last {
+/// The drawn plan that breaks a rule and ends the search.
+struct BreakingPlan {
     plan: Plan,
     violation: Violation,
 }
 
-/// Flies the plans of a search, `effort.jobs` at a time, until one breaks a rule, and makes that one small, unless it is to
-/// go on. How far the search is, is kept in the folder `dir`: whatever stops the process, the same call goes on from there.
+/// Runs the plans of a search, `options.jobs` at a time, until one breaks a rule, and shrinks that one.
 ///
-/// Whatever flies is called within `around`, on each thread by itself.
+/// With [`Request::keeps_going`](super::Request::keeps_going), it runs all plans. The progress is stored in the folder
+/// `dir`; the same call resumes.
+///
+/// `around` wraps the work of each thread.
 ///
 /// # Errors
-/// When the folder is another search's, no drawn values fit each other, a run can't be made, or a file can't be
+/// If the folder belongs to another search, all drawn values are incompatible, a run can't be started, or a file can't be
 /// written.
 pub fn run(
     search: &Search,
     dir: &Path,
-    effort: Effort,
+    options: RunOptions,
     around: &(dyn Fn(&mut dyn FnMut()) + Sync),
     mut watcher: impl FnMut(Progress),
-) -> Result<Searched, CampaignError> {
-    let mut tally = state::begin(search, dir)?;
-    let last = fly(search, dir, effort, around, &mut tally, &mut watcher)?;
+) -> Result<SearchResult, CampaignError> {
+    let mut tally = state::load(search, dir)?;
+    let breaking = fly(search, dir, options, around, &mut tally, &mut watcher)?;
     let mut finding = None;
-    if let Some(last) = last {
-        let (run_limit, mut found) = (effort.run_limit, Ok(None));
+    if let Some(breaking) = breaking {
+        let (run_limit, mut found) = (options.run_limit, Ok(None));
         around(&mut || {
-            found = find(search, dir, run_limit, &last, &mut watcher).map(Some);
+            found = find(search, dir, run_limit, &breaking, &mut watcher).map(Some);
         });
         finding = found?;
     }
-    Ok(Searched {
+    Ok(SearchResult {
         plans: tally.plans,
         broken: tally.broken,
         completed: tally.completed,
@@ -149,17 +151,17 @@ pub fn run(
     })
 }
 
-/// Adds what is flown to the tally; the plan that the search ends with.
+/// Runs the plans and adds them to the tally. Returns the plan that ends the search, if any.
 fn fly(
     search: &Search,
     dir: &Path,
-    effort: Effort,
+    options: RunOptions,
     around: &(dyn Fn(&mut dyn FnMut()) + Sync),
     tally: &mut Tally,
     watcher: &mut impl FnMut(Progress),
-) -> Result<Option<Last>, CampaignError> {
+) -> Result<Option<BreakingPlan>, CampaignError> {
     let (kept, total) = (tally.plans, search.seeds().number());
-    let mut told = |tally: &Tally| {
+    let mut report_progress = |tally: &Tally| {
         watcher(Progress::Searching {
             plans: tally.plans,
             kept,
@@ -167,19 +169,19 @@ fn fly(
             simulated_s: tally.simulated_s,
         });
     };
-    told(tally);
-    // Chunks from the first that is not kept on, in order.
+    report_progress(tally);
+    // Chunks in order, from the first plan that is not stored.
     let next = AtomicU64::new(0);
     let chunks = (total - kept).div_ceil(CHUNK);
     std::thread::scope(|scope| {
-        let (sender, receiver) = sync_channel(effort.jobs.get());
-        for _ in 0..effort.jobs.get() {
+        let (sender, receiver) = sync_channel(options.jobs.get());
+        for _ in 0..options.jobs.get() {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
                 around(&mut || {
                     work(
                         search,
-                        effort.run_limit,
+                        options.run_limit,
                         (kept, total),
                         (next, chunks),
                         &sender,
@@ -188,36 +190,36 @@ fn fly(
             });
         }
         drop(sender);
-        let (mut early, mut due) = (BTreeMap::new(), 0);
-        // Returning drops the receiver: every thread ends after the chunk that it is at.
-        for brought in receiver {
-            let brought = brought?;
-            if brought.last.is_some() {
-                // Those before this one are still looked at: they are taken in order, so all of them are under way.
+        let (mut waiting, mut next_chunk) = (BTreeMap::new(), 0);
+        // Returning drops the receiver, so each thread stops after its current chunk.
+        for result in receiver {
+            let result = result?;
+            if result.breaking.is_some() {
+                // Chunks are taken in order, so all earlier ones are finished or running. They still count.
                 next.store(chunks, Ordering::Relaxed);
             }
-            early.insert(brought.chunk, brought);
-            while let Some(brought) = early.remove(&due) {
-                tally.add(&brought.tally);
-                state::keep(search, dir, tally)?;
-                told(tally);
-                if brought.last.is_some() {
-                    return Ok(brought.last);
+            waiting.insert(result.chunk, result);
+            while let Some(result) = waiting.remove(&next_chunk) {
+                tally.add(&result.tally);
+                state::store(search, dir, tally)?;
+                report_progress(tally);
+                if result.breaking.is_some() {
+                    return Ok(result.breaking);
                 }
-                due += 1;
+                next_chunk += 1;
             }
         }
         Ok(None)
     })
 }
 
-/// Takes chunks of plans until there are none left or nobody wants them.
+/// Runs chunks of plans until none is left or the receiver is dropped.
 fn work(
     search: &Search,
     run_limit: Duration,
     (kept, total): (u64, u64),
     (next, chunks): (&AtomicU64, u64),
-    brings: &SyncSender<Result<Brought, CampaignError>>,
+    results: &SyncSender<Result<ChunkResult, CampaignError>>,
 ) {
     loop {
         let chunk = next.fetch_add(1, Ordering::Relaxed);
@@ -225,25 +227,29 @@ fn work(
             return;
         }
         let first = kept + chunk * CHUNK;
-        let brought = fly_chunk(search, run_limit, first..(first + CHUNK).min(total));
-        let brought = brought.map(|(tally, last)| Brought { chunk, tally, last });
-        if brings.send(brought).is_err() {
+        let result = fly_chunk(search, run_limit, first..(first + CHUNK).min(total));
+        let result = result.map(|(tally, breaking)| ChunkResult {
+            chunk,
+            tally,
+            breaking,
+        });
+        if results.send(result).is_err() {
             return;
         }
     }
 }
 
-/// Flies some plans, all or up to the first that breaks a rule.
+/// Runs some plans: all, or up to the first that breaks a rule.
 fn fly_chunk(
     search: &Search,
     run_limit: Duration,
     places: std::ops::Range<u64>,
-) -> Result<(Tally, Option<Last>), CampaignError> {
+) -> Result<(Tally, Option<BreakingPlan>), CampaignError> {
     let started = Instant::now();
     let mut tally = Tally::default();
-    let mut last = None;
+    let mut breaking = None;
     for place in places {
-        let Drawn {
+        let DrawnPlan {
             plan,
             scenario,
             redrawn,
@@ -252,10 +258,10 @@ fn fly_chunk(
         if let Some(violation) = outcome.violations.first() {
             let violation = Violation::from(violation);
             if !search.keeps_going() {
-                last = Some(Last { plan, violation });
+                breaking = Some(BreakingPlan { plan, violation });
                 break;
             }
-            tally.broken.push(Broken {
+            tally.broken.push(BrokenPlan {
                 seed: plan.seed,
                 rule: violation.rule,
                 what: violation.what,
@@ -269,18 +275,18 @@ fn fly_chunk(
         tally.completed += u64::from(is_completed(&scenario, &outcome.swarms[0].recorder));
         tally
             .coverage
-            .count(search.own_faults(), &scenario.faults, &outcome.struck);
+            .count(search.own_faults(), &scenario.faults, &outcome.injections);
     }
     tally.core_s = started.elapsed().as_secs_f64();
-    Ok((tally, last))
+    Ok((tally, breaking))
 }
 
-/// Makes a plan that breaks a rule small, and writes it down as a scenario.
+/// Shrinks a plan that breaks a rule, and writes it as a scenario with its report.
 fn find(
     search: &Search,
     dir: &Path,
     run_limit: Duration,
-    Last { plan, violation }: &Last,
+    BreakingPlan { plan, violation }: &BreakingPlan,
     watcher: &mut impl FnMut(Progress),
 ) -> Result<Finding, CampaignError> {
     let breaks = |scenario: &Scenario| {
@@ -300,23 +306,23 @@ fn find(
     }
     let text = search.written(&small, &mission_name)?;
     let text = format!("# Breaks a rule, as found by: {command}\n\n{text}");
-    make_folder(dir)?;
-    Complete::new(dir, &mission_name, read_text(&mission)?.as_bytes())?.publish()?;
-    let path = Complete::new(dir, FOUND_TOML, text.as_bytes())?.publish()?;
-    // What was written, and nothing else, is what breaks the rule.
+    create_folder(dir)?;
+    CompleteFile::new(dir, &mission_name, read_text(&mission)?.as_bytes())?.publish()?;
+    let path = CompleteFile::new(dir, FOUND_TOML, text.as_bytes())?.publish()?;
+    // The written file must reproduce the violation, so it is read back.
     let reread = scenario::load(&path, &[])?;
     let (report, flight) = engine::run_within(run_limit, &reread, Engine::Events)?;
     let folder = dir.join(FOUND);
     let _ = fs::remove_dir_all(&folder);
     let written = report::write(&folder, &report, &flight)?;
-    // A run that reached its limit may end within it the next time.
-    let again = report.violations.first().cloned();
+    // A run that exceeded its time limit may stay within it the next time.
+    let reproduced = report.violations.first().cloned();
     Ok(Finding {
         seed: plan.seed,
         command,
         faults: (plan.faults.len(), small.faults.len()),
         tried,
-        violation: again.unwrap_or_else(|| violation.clone()),
+        violation: reproduced.unwrap_or_else(|| violation.clone()),
         scenario: path,
         report: Box::new(report),
         written,
@@ -330,7 +336,7 @@ mod tests {
     use super::super::search::Request;
     use super::*;
 
-    /// Small swarms over radios that lose nothing.
+    /// Small swarms with a lossless radio.
     const SIMPLE: [&str; 4] = [
         "formation.drones=5",
         "radio.model=range",
@@ -349,58 +355,64 @@ mod tests {
         .unwrap()
     }
 
-    fn effort(jobs: usize) -> Effort {
-        Effort {
+    fn options(jobs: usize) -> RunOptions {
+        RunOptions {
             jobs: NonZeroUsize::new(jobs).unwrap(),
             run_limit: RUN_LIMIT,
         }
     }
 
     fn searched(seeds: &str, dir: &Path, jobs: usize) -> (u64, f64, Coverage) {
-        let searched = run(&search(seeds), dir, effort(jobs), &|fly| fly(), |_| ()).unwrap();
+        let searched = run(&search(seeds), dir, options(jobs), &|fly| fly(), |_| ()).unwrap();
         assert!(searched.finding.is_none());
         (searched.plans, searched.simulated_s, searched.coverage)
     }
 
     #[test]
-    fn a_search_that_is_gone_on_with_comes_to_what_it_would_have_come_to() {
+    fn resumed_search_gives_the_same_result() {
         let [whole, parts] = [(); 2].map(|()| tempfile::tempdir().unwrap());
         let (plans, simulated_s, coverage) = searched("0..70", whole.path(), 2);
         assert_eq!(plans, 70);
         searched("0..20", parts.path(), 1);
-        let again = searched("0..70", parts.path(), 1);
-        assert!((again.1 - simulated_s).abs() < 1e-6);
-        assert_eq!((again.0, again.2), (plans, coverage));
+        let resumed = searched("0..70", parts.path(), 1);
+        assert!((resumed.1 - simulated_s).abs() < 1e-6);
+        assert_eq!((resumed.0, resumed.2), (plans, coverage));
     }
 
     #[test]
-    fn a_plan_that_reaches_its_limit_is_a_finding_and_so_is_each_try_to_make_it_small() {
+    fn plan_that_exceeds_its_time_limit_is_a_finding() {
         let folder = tempfile::tempdir().unwrap();
-        let effort = Effort {
+        let options = RunOptions {
             run_limit: Duration::ZERO,
-            ..effort(2)
+            ..options(2)
         };
-        let searched = run(&search("3..9"), folder.path(), effort, &|fly| fly(), |_| ());
+        let searched = run(
+            &search("3..9"),
+            folder.path(),
+            options,
+            &|fly| fly(),
+            |_| (),
+        );
         let finding = searched.unwrap().finding.unwrap();
         let what = "the run did not end within 0 s of wall-clock time";
         assert_eq!((finding.seed, finding.violation.rule), (3, 10));
         assert_eq!(finding.violation.what, what);
-        assert_eq!(finding.faults.1, 0, "every smaller plan reaches it, too");
+        assert_eq!(finding.faults.1, 0, "every smaller plan exceeds it too");
         let repeats = search("3..9").command("3..4".parse().unwrap());
         assert_eq!(finding.command, format!("{repeats} --run-limit 0"));
         assert!(finding.scenario.exists());
     }
 
     #[test]
-    fn a_search_that_goes_on_lists_the_plans_that_break_a_rule() {
+    fn search_that_keeps_going_lists_the_plans_that_break_a_rule() {
         let folder = tempfile::tempdir().unwrap();
         let mut search = search("3..9");
         search.request.keeps_going = true;
-        let effort = |seconds| Effort {
+        let options = |seconds| RunOptions {
             run_limit: Duration::from_secs(seconds),
-            ..effort(2)
+            ..options(2)
         };
-        let searched = run(&search, folder.path(), effort(0), &|fly| fly(), |_| ()).unwrap();
+        let searched = run(&search, folder.path(), options(0), &|fly| fly(), |_| ()).unwrap();
         let broken: Vec<_> = searched
             .broken
             .iter()
@@ -409,20 +421,26 @@ mod tests {
         assert_eq!(broken, [3, 4, 5, 6, 7, 8].map(|seed| (seed, 10)));
         assert!(searched.finding.is_none() && searched.plans == 6);
         search.request.seeds = "3..12".parse().unwrap();
-        let more = run(&search, folder.path(), effort(60), &|fly| fly(), |_| ()).unwrap();
+        let more = run(&search, folder.path(), options(60), &|fly| fly(), |_| ()).unwrap();
         assert_eq!(
             (more.plans, more.broken),
             (9, searched.broken),
-            "it went on"
+            "the search resumed"
         );
     }
 
     #[test]
-    fn a_folder_of_another_search_is_refused_and_left_alone() {
+    fn folder_of_another_search_is_refused_and_unchanged() {
         let dir = tempfile::tempdir().unwrap();
         searched("0..2", dir.path(), 1);
         let kept = fs::read(dir.path().join(state::CHAOS_JSON)).unwrap();
-        let refused = run(&search("5..7"), dir.path(), effort(1), &|fly| fly(), |_| ());
+        let refused = run(
+            &search("5..7"),
+            dir.path(),
+            options(1),
+            &|fly| fly(),
+            |_| (),
+        );
         let message = refused.unwrap_err().to_string();
         assert!(message.contains("another search"), "{message}");
         assert_eq!(fs::read(dir.path().join(state::CHAOS_JSON)).unwrap(), kept);

@@ -1,4 +1,4 @@
-//! What is searched: a scenario's file, what may vary, and the plans that their seeds stand for.
+//! The plans of a search: a scenario file, its varied fields, and one plan per seed.
 
 use std::path::{Path, PathBuf};
 
@@ -12,88 +12,86 @@ use crate::campaign::Seeds;
 use crate::report::figures::quoted;
 use crate::scenario::{self, Chaos, Fault, Override, Scenario, Variation, written};
 
-/// What an operator asks for.
+/// Arguments of a search.
 #[derive(Debug, Clone)]
 pub struct Request {
-    /// The scenario file.
+    /// Path of the scenario file.
     pub scenario: PathBuf,
-    /// Fields that are set in every plan.
+    /// Fields set in every plan.
     pub set: Vec<Override>,
-    /// The seeds of the plans.
+    /// Seeds of the plans.
     pub seeds: Seeds,
-    /// Whether the search goes on past plans that break a rule, and lists them.
+    /// Whether to continue after plans that break a rule, and list them.
     pub keeps_going: bool,
 }
 
-/// A search that can be made.
+/// A loaded search.
 #[derive(Debug, Clone)]
 pub struct Search {
     pub(super) request: Request,
-    /// What the scenario's file says.
+    /// Text of the scenario file.
     text: String,
     chaos: Chaos,
-    /// How many faults the scenario has of its own; they are in every plan.
+    /// Number of the scenario's own faults; every plan has them.
     own_faults: usize,
-    /// BLAKE3 of what the files say.
+    /// BLAKE3 of the parsed scenarios.
     pub(super) content: String,
 }
 
-/// What befalls a swarm, and which swarm: all that is drawn for one seed.
+/// What is drawn for one seed: the values of the varied fields and the faults.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Plan {
     pub(super) seed: u64,
-    /// The place of each varied field's value among its values.
+    /// Index of each varied field's value.
     pub(super) values: Vec<usize>,
     pub(super) faults: Vec<Fault>,
 }
 
-/// What is drawn for a seed.
+/// A plan with its scenario.
 #[derive(Debug)]
-pub(super) struct Drawn {
+pub(super) struct DrawnPlan {
     pub(super) plan: Plan,
-    /// What is flown by it.
+    /// The scenario to run.
     pub(super) scenario: Scenario,
-    /// How many times its values were drawn anew, as they did not fit each other.
+    /// Number of redraws because its values were incompatible.
     pub(super) redrawn: u64,
 }
 
-/// How often values are drawn anew for a plan: enough where one combination of a hundred fits, but for one plan in 20,000.
+/// Maximum number of redraws per plan. If one combination in 100 is compatible, this fails for one plan in 20,000.
 const REDRAWS_MAX: u64 = 1_000;
 
-/// The generator of plans; those of the worlds are drawn from the same seeds by other numbers.
+/// Random stream of plans; the simulation uses other streams of the same seed.
 const PLAN_STREAM: u64 = u64::MAX - 1;
 
 impl Search {
-    /// Reads the scenario as it is asked for, and as its file has it with each value of what varies. A field that is set
-    /// does not vary.
+    /// Loads the scenario with the requested overrides, and checks it with each value of each varied field. A field that
+    /// is set does not vary.
     ///
     /// # Errors
-    /// When the request contradicts itself or a file can't be used.
+    /// If the request is contradictory or a file can't be used.
     pub fn load(request: &Request) -> Result<Self, BadInput> {
         let path = &request.scenario;
         let refuse =
             |message: String, help: &str| Err(BadInput::without_excerpt(path, message, help));
         if request.set.iter().any(Override::is_seed) {
-            let help = "leave --set seed=… out";
-            return refuse("the seed is set, and --seeds gives it".to_owned(), help);
+            let help = "remove --set seed=…";
+            return refuse("the seed is set by both --set and --seeds".to_owned(), help);
         }
         let base = scenario::load(path, &request.set)?;
         if !base.others.is_empty() {
-            let help = "leave `swarms` out";
-            return refuse(
-                "has other swarms, and a search is about one".to_owned(),
-                help,
-            );
+            let help = "remove `swarms`";
+            let message = "has several swarms; a search needs a scenario with one".to_owned();
+            return refuse(message, help);
         }
         let mut chaos = base.chaos.clone();
         let is_set = |key: &str| request.set.iter().any(|change| change.key() == key);
         chaos.vary.retain(|variation| !is_set(variation.key()));
         let mut content = blake3::Hasher::new();
-        let mut take_in = |scenario: Scenario| {
+        let mut add_to_hash = |scenario: Scenario| {
             let name = String::new();
             content.update(format!("{:?}", Scenario { name, ..scenario }).as_bytes());
         };
-        take_in(base.clone());
+        add_to_hash(base.clone());
         let mut search = Self {
             request: request.clone(),
             text: read_text(path)?,
@@ -102,24 +100,24 @@ impl Search {
             content: String::new(),
         };
         for value in base.chaos.vary.iter().flat_map(Variation::values) {
-            take_in(search.with(std::slice::from_ref(value))?);
+            add_to_hash(search.with(std::slice::from_ref(value))?);
         }
         search.content = content.finalize().to_hex().to_string();
         Ok(search)
     }
 
-    /// Which plans.
+    /// Seeds of the plans.
     #[must_use]
     pub const fn seeds(&self) -> Seeds {
         self.request.seeds
     }
 
-    /// Whether it goes on past plans that break a rule.
+    /// Whether to continue after plans that break a rule.
     pub(super) const fn keeps_going(&self) -> bool {
         self.request.keeps_going
     }
 
-    /// The command that makes the search, up to the first plan that breaks a rule, to be typed into a POSIX shell.
+    /// Command that runs the search with these seeds, quoted for a POSIX shell.
     #[must_use]
     pub fn command(&self, seeds: Seeds) -> String {
         let path = quoted(&self.request.scenario.display().to_string());
@@ -130,11 +128,11 @@ impl Search {
         command
     }
 
-    /// The plan of a seed, and what is flown by it. Values that don't fit each other are drawn anew, all of them.
+    /// Draws the plan of a seed. Incompatible values are all redrawn.
     ///
     /// # Errors
-    /// When values did not fit each other so often that none may.
-    pub(super) fn draw(&self, seed: u64) -> Result<Drawn, BadInput> {
+    /// If the values are still incompatible after [`REDRAWS_MAX`] redraws.
+    pub(super) fn draw(&self, seed: u64) -> Result<DrawnPlan, BadInput> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(PLAN_STREAM);
         let mut redrawn = 0;
@@ -157,32 +155,32 @@ impl Search {
             values,
             faults,
         };
-        Ok(Drawn {
+        Ok(DrawnPlan {
             plan,
             scenario,
             redrawn,
         })
     }
 
-    /// What is flown by a plan.
+    /// The scenario of a plan.
     pub(super) fn scenario(&self, plan: &Plan) -> Result<Scenario, BadInput> {
         let mut scenario = self.varied(plan.seed, &plan.values)?;
         scenario.faults.extend(plan.faults.iter().cloned());
         Ok(scenario)
     }
 
-    /// How many combinations the values of what varies have, those included that don't fit each other.
+    /// Number of combinations of varied values, including incompatible ones.
     pub(super) fn combinations(&self) -> u64 {
         let values = self.chaos.vary.iter().map(|it| it.values().len() as u64);
         values.fold(1, u64::saturating_mul)
     }
 
-    /// The faults that every plan has besides what was drawn for it.
+    /// Number of the scenario's own faults.
     pub(super) const fn own_faults(&self) -> usize {
         self.own_faults
     }
 
-    /// A plan as a scenario file, whose mission's file has that name.
+    /// A plan as the text of a scenario file that refers to the mission file `mission`.
     pub(super) fn written(&self, plan: &Plan, mission: &str) -> Result<String, BadInput> {
         let set = self.set(plan.seed, &plan.values);
         written(
@@ -193,7 +191,7 @@ impl Search {
         )
     }
 
-    /// Where the mission of a plan is.
+    /// Path of a plan's mission file.
     pub(super) fn mission(&self, plan: &Plan) -> Result<PathBuf, BadInput> {
         let folder = self.request.scenario.parent().unwrap_or(Path::new(""));
         let set = self.set(plan.seed, &plan.values);
@@ -207,7 +205,7 @@ impl Search {
         self.with(&self.set(seed, values))
     }
 
-    /// The scenario with fields set.
+    /// The scenario with overrides.
     fn with(&self, set: &[Override]) -> Result<Scenario, BadInput> {
         let path = &self.request.scenario;
         scenario::load_from(path, set, &|file| {
@@ -251,17 +249,17 @@ mod tests {
     }
 
     #[test]
-    fn values_that_do_not_fit_each_other_are_drawn_anew_from_the_same_seed() {
-        let (search, again) = (search(&[]), search(&[]));
+    fn incompatible_values_are_redrawn_from_the_same_seed() {
+        let (search, same) = (search(&[]), search(&[]));
         let mut drawn = BTreeSet::new();
         let mut redrawn = 0;
         for seed in 0..300 {
             let plan = search.draw(seed).unwrap();
             redrawn += plan.redrawn;
-            assert_eq!(plan.plan, again.draw(seed).unwrap().plan, "seed {seed}");
+            assert_eq!(plan.plan, same.draw(seed).unwrap().plan, "seed {seed}");
             drawn.extend(plan.plan.values.iter().copied().enumerate());
         }
-        // Of relays with `flood` and of changes on the way with `follow`, five combinations of twelve fit.
+        // Relays exclude `flood`, and formation changes exclude `follow`: 5 of 12 combinations are compatible.
         assert!((300..600).contains(&redrawn), "{redrawn}");
         let values = search.chaos.vary.iter().map(|it| it.values().len());
         assert_eq!(
@@ -272,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_is_set_is_not_varied() {
+    fn set_field_is_not_varied() {
         let set = ["protocol.kind=follow", "relays=[]"];
         let (search, all) = (search(&set), search(&[]));
         assert_eq!(search.combinations() * 2 * 3, all.combinations());
@@ -282,8 +280,8 @@ mod tests {
     }
 
     #[test]
-    fn values_of_which_none_fit_are_refused_with_the_reason() {
-        // All that is varied fits the simplest swarm, and no swarm fits the limit.
+    fn search_without_compatible_values_is_refused_with_the_reason() {
+        // The limit is set after loading, so that loading succeeds.
         let mut search = search(&["protocol.policy=tree", "protocol.kind=muscop"]);
         search.request.set = vec!["limits.altitude_max_m=1".parse().unwrap()];
         let error = search.draw(1).unwrap_err().to_string();

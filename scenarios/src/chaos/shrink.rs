@@ -1,4 +1,4 @@
-//! Making a plan that breaks a rule small: whatever can be left out while the same rule is broken is.
+//! Shrinking of a plan: removes and simplifies everything that is not needed to break the same rule.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,11 +10,13 @@ use super::search::{Plan, Search};
 use crate::campaign::CampaignError;
 use crate::scenario::{Fault, FaultKind, Links, Scenario, Target, When};
 
-/// The most plans that are tried.
+/// Maximum number of plans tried.
 const TRIED_MAX: u64 = 600;
 
-/// A smaller plan of which `breaks` holds, which holds of `plan`, and how many were tried. Faults go first, one after another; then the
-/// swarm gets simpler values; then what is left of the faults gets simpler. All that again, as long as it helps.
+/// Returns a smaller plan for which `breaks` still holds, and the number of plans tried.
+///
+/// Tries to remove faults, then to simplify the swarm's values, then to simplify the remaining faults. Starts again after
+/// each success.
 pub(super) fn shrink(
     search: &Search,
     plan: &Plan,
@@ -35,11 +37,11 @@ pub(super) fn shrink(
                 faults: small.faults.len(),
                 tried,
             });
-            // Values that don't fit each other, or faults that name somebody who is not there, are no smaller plan.
+            // Incompatible values, or faults on drones that don't exist, make no valid plan.
             let Ok(scenario) = search.scenario(&candidate) else {
                 continue;
             };
-            if names_strangers(&candidate, scenario.plan.nodes()) {
+            if has_unknown_drones(&candidate, scenario.plan.nodes()) {
                 continue;
             }
             if breaks(&scenario)? {
@@ -53,7 +55,7 @@ pub(super) fn shrink(
     }
 }
 
-/// Plans that are a step smaller, the greatest steps first.
+/// Plans that are one step smaller, the largest steps first.
 fn smaller(plan: &Plan) -> Vec<Plan> {
     let mut all = Vec::new();
     for index in 0..plan.faults.len() {
@@ -78,7 +80,7 @@ fn smaller(plan: &Plan) -> Vec<Plan> {
     all
 }
 
-/// A fault that befalls once, at a rounder time, for a rounder while, or fewer links.
+/// Simpler versions of a fault: fewer injections, rounded times and durations, fewer links.
 fn simpler(fault: &Fault) -> Vec<Fault> {
     let mut all = Vec::new();
     let mut with = |change: &dyn Fn(&mut Fault)| {
@@ -102,11 +104,11 @@ fn simpler(fault: &Fault) -> Vec<Fault> {
             }
         });
         with(&|it| {
-            it.lasts = it
-                .lasts
+            it.duration = it
+                .duration
                 .map(|lasts| rounded(lasts, step))
                 .filter(|it| !it.is_zero())
-                .or(it.lasts);
+                .or(it.duration);
         });
     }
     if let FaultKind::Links(links, link) = &fault.kind {
@@ -122,7 +124,7 @@ fn rounded(time: Duration, step: Duration) -> Duration {
     step * u32::try_from(steps).unwrap_or(u32::MAX)
 }
 
-/// With one drone less on either side.
+/// The links without one drone on either side.
 fn fewer_links(links: &Links) -> Vec<Links> {
     let without = |ids: &Arc<[_]>| -> Vec<Arc<[_]>> {
         if ids.len() < 2 {
@@ -150,8 +152,8 @@ fn fewer_links(links: &Links) -> Vec<Links> {
     from.chain(to).collect()
 }
 
-/// Whether a fault names a drone that a swarm of so many has not.
-fn names_strangers(plan: &Plan, nodes: u32) -> bool {
+/// Whether a fault names a drone that a swarm of `nodes` does not have.
+fn has_unknown_drones(plan: &Plan, nodes: u32) -> bool {
     plan.faults.iter().any(|fault| match &fault.kind {
         FaultKind::Drone(Target::Drone(drone), _) => drone.0 >= nodes,
         FaultKind::Links(links, _) => links
@@ -169,19 +171,19 @@ mod tests {
     use muster_machines::identity::NodeId;
 
     use super::*;
-    use crate::scenario::{DroneFault, Link};
+    use crate::scenario::{DroneFault, LinkFault};
 
     #[test]
-    fn every_step_is_smaller_than_the_plan() {
+    fn every_step_changes_the_plan() {
         let links = Links {
             from: [0, 1].map(NodeId).into(),
             to: [2].map(NodeId).into(),
         };
         let mut cut = Fault::at(
             Timestamp::from_secs_f64(1.26),
-            FaultKind::Links(links, Link::Cut),
+            FaultKind::Links(links, LinkFault::Cut),
         );
-        cut.lasts = Some(Duration::from_millis(30));
+        cut.duration = Some(Duration::from_millis(30));
         cut.times = 3;
         let kill = FaultKind::Drone(Target::Master, DroneFault::Kill);
         let plan = Plan {
@@ -191,18 +193,18 @@ mod tests {
         };
         let all = smaller(&plan);
         assert!(all.iter().all(|it| *it != plan));
-        // Two without one of the faults, two of simpler swarms; the cut once, twice, at 1 s, at 1.3 s, of two drones.
+        // Without one of two faults; two simpler swarms; the cut once or twice, at 1 s or 1.3 s, with either drone alone.
         assert_eq!(all.len(), 2 + 2 + 2 + 2 + 2, "{all:?}");
     }
 
     #[test]
-    fn whoever_is_not_there_is_noticed() {
+    fn faults_on_unknown_drones_are_detected() {
         let kill = |drone| FaultKind::Drone(Target::Drone(NodeId(drone)), DroneFault::Kill);
         let plan = Plan {
             seed: 1,
             values: Vec::new(),
             faults: vec![Fault::at(Timestamp::ZERO, kill(4))],
         };
-        assert!(names_strangers(&plan, 4) && !names_strangers(&plan, 5));
+        assert!(has_unknown_drones(&plan, 4) && !has_unknown_drones(&plan, 5));
     }
 }

@@ -1,4 +1,4 @@
-//! How far a search is, on the disk.
+//! The stored progress of a search.
 
 use std::path::Path;
 
@@ -8,27 +8,27 @@ use serde::{Deserialize, Serialize};
 use super::coverage::Coverage;
 use super::search::Search;
 use crate::campaign::CampaignError;
-use crate::report::{Complete, json, make_folder};
+use crate::report::{CompleteFile, create_folder, json};
 
-/// The file that says how far a search is.
+/// File with the progress of a search.
 pub const CHAOS_JSON: &str = "chaos.json";
 
-/// What a search has come to.
+/// Results so far.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tally {
-    /// Plans that were flown, from the first seed on.
+    /// Plans run from the first seed.
     pub(super) plans: u64,
-    /// Those of them that broke a rule.
+    /// Plans of them that broke a rule.
     #[serde(default)]
-    pub(super) broken: Vec<Broken>,
-    /// How many of them flew their mission to its end for whoever was left.
+    pub(super) broken: Vec<BrokenPlan>,
+    /// Plans of them in which the remaining drones completed the mission.
     pub(super) completed: u64,
-    /// How many times values were drawn anew, as they did not fit each other.
+    /// Number of redraws because values were incompatible.
     pub(super) redrawn: u64,
     pub(super) simulated_s: f64,
     pub(super) drone_s: f64,
-    /// How long cores were at it.
+    /// Processor time, in core-seconds.
     pub(super) core_s: f64,
     pub(super) coverage: Coverage,
 }
@@ -49,22 +49,22 @@ impl Tally {
 /// A plan that broke a rule.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Broken {
-    /// The seed that it was drawn from.
+pub struct BrokenPlan {
+    /// Seed of the plan.
     pub seed: u64,
-    /// The rule that it broke first.
+    /// First broken rule.
     pub rule: u8,
-    /// What happened.
+    /// Description of the violation.
     pub what: String,
 }
 
-/// What [`CHAOS_JSON`] holds: whose the folder is, and how far.
+/// Content of [`CHAOS_JSON`]: identity of the search, and its progress.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct State {
     program: String,
     content: String,
-    /// The seed of its first plan.
+    /// Seed of the first plan.
     first: u64,
     tally: Tally,
 }
@@ -80,42 +80,42 @@ impl State {
     }
 }
 
-/// How far a search is in the folder `dir`, which is made if it is not there.
+/// Loads the progress of a search from the folder `dir`, which is created if needed.
 ///
 /// # Errors
-/// When the folder is another search's, which is left as it is, or can't be made.
-pub(super) fn begin(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
-    make_folder(dir)?;
+/// If the folder belongs to another search (it stays unchanged) or can't be created.
+pub(super) fn load(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
+    create_folder(dir)?;
     let path = dir.join(CHAOS_JSON);
     if !path.exists() {
         return Ok(Tally::default());
     }
-    let help = "name another folder with --out, or delete this one to begin anew";
+    let help = "name another folder with --out, or delete this one to start again";
     let state: State = serde_json::from_str(&read_text(&path)?)
         .map_err(|error| BadInput::without_excerpt(&path, error.to_string(), help))?;
     let own = State::new(search, &state.tally);
     let refuse = |difference: String| {
-        let message = format!("is the folder of another search ({difference})");
+        let message = format!("belongs to another search ({difference})");
         Err(BadInput::without_excerpt(dir, message, help).into())
     };
     if state.program != own.program {
-        return refuse(format!("by {}, not {}", state.program, own.program));
+        return refuse(format!("program: {}, not {}", state.program, own.program));
     }
     if state.content != own.content {
-        return refuse("the scenario or its mission said something else".to_owned());
+        return refuse("the scenario or its mission changed".to_owned());
     }
     if state.first != own.first {
-        return refuse(format!("from seed {} on, not {}", state.first, own.first));
+        return refuse(format!("first seed: {}, not {}", state.first, own.first));
     }
     if state.tally.plans > search.seeds().number() {
-        return refuse(format!("of {} plans already", state.tally.plans));
+        return refuse(format!("it has {} plans already", state.tally.plans));
     }
     Ok(state.tally)
 }
 
-/// Writes down how far a search is, at once and whole.
-pub(super) fn keep(search: &Search, dir: &Path, tally: &Tally) -> Result<(), CampaignError> {
+/// Stores the progress of a search atomically.
+pub(super) fn store(search: &Search, dir: &Path, tally: &Tally) -> Result<(), CampaignError> {
     let state = json(&State::new(search, tally));
-    Complete::new(dir, CHAOS_JSON, &state)?.publish()?;
+    CompleteFile::new(dir, CHAOS_JSON, &state)?.publish()?;
     Ok(())
 }

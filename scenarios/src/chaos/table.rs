@@ -1,21 +1,21 @@
-//! What a search ends with on a terminal.
+//! The table of a search for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
 use super::coverage::Row;
-use super::run::{Finding, Searched};
-use super::state::Broken;
+use super::run::{Finding, SearchResult};
+use super::state::BrokenPlan;
 use crate::report::Colour;
 use crate::report::figures::count;
 use crate::report::table::{GREEN, RED, STYLE, painted};
 use muster_runtime::text::{drones, figure, plural};
 
-/// What a search came to, as text; it ends with a line feed.
+/// The result of a search as text, with a final line feed.
 #[must_use]
-pub fn table(searched: &Searched, colour: Colour) -> String {
+pub fn table(searched: &SearchResult, colour: Colour) -> String {
     let mut text = coverage(searched, colour);
-    text.push_str(&never(searched));
-    let Searched {
+    text.push_str(&gaps(searched));
+    let SearchResult {
         plans,
         completed,
         redrawn,
@@ -26,17 +26,17 @@ pub fn table(searched: &Searched, colour: Colour) -> String {
         ..
     } = *searched;
     let hours = figure(simulated_s / 3_600.0, 1);
-    let a_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
+    let per_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
     text.push_str(&format!(
-        "\n plans  {} without a violation, {completed} of them flown to the end of the mission\n values {} \
-         combinations; {} drawn anew as they did not fit each other\n time   {hours} simulated \
-         hours in {} core-seconds: {} plans and {} drone-seconds a core-second\n",
+        "\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {} redraws of \
+         incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds \
+         per core-second\n",
         plans - searched.broken.len() as u64,
         figure(count(combinations), 0),
         redrawn,
         figure(core_s, 0),
         figure(count(plans) / core_s.max(f64::EPSILON), 1),
-        a_second(drone_s),
+        per_second(drone_s),
     ));
     text.push_str(&match &searched.finding {
         Some(finding) => found(finding, colour),
@@ -48,13 +48,13 @@ pub fn table(searched: &Searched, colour: Colour) -> String {
     text
 }
 
-/// How many plans that broke a rule are listed; all are in the folder.
+/// Maximum number of listed plans; the folder has all.
 const LISTED_MAX: usize = 20;
 
-fn listed(broken: &[Broken], colour: Colour) -> String {
+fn listed(broken: &[BrokenPlan], colour: Colour) -> String {
     let plans = format!("broken by {}", plural(broken.len(), "plan"));
     let mut text = format!(" rules  {}\n", painted(&plans, RED, colour));
-    for Broken { seed, rule, what } in broken.iter().take(LISTED_MAX) {
+    for BrokenPlan { seed, rule, what } in broken.iter().take(LISTED_MAX) {
         text.push_str(&format!("   seed {seed}: rule {rule}, {what}\n"));
     }
     if let Some(more) = broken
@@ -67,7 +67,7 @@ fn listed(broken: &[Broken], colour: Colour) -> String {
     text
 }
 
-fn coverage(searched: &Searched, colour: Colour) -> String {
+fn coverage(searched: &SearchResult, colour: Colour) -> String {
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
     if colour == Colour::Always {
@@ -75,7 +75,7 @@ fn coverage(searched: &Searched, colour: Colour) -> String {
     }
     let head = |name: &str| Cell::new(name).add_attribute(Attribute::Bold);
     let columns = Row::COLUMNS.iter().map(|name| head(name));
-    table.set_header(std::iter::once(head("befell")).chain(columns));
+    table.set_header(std::iter::once(head("injected fault")).chain(columns));
     for (name, row) in searched.coverage.rows() {
         let cells = row
             .cells()
@@ -85,8 +85,8 @@ fn coverage(searched: &Searched, colour: Colour) -> String {
     format!("{table}\n")
 }
 
-/// Which states no fault of a kind has met.
-fn never(searched: &Searched) -> String {
+/// States in which some kind of fault was never injected.
+fn gaps(searched: &SearchResult) -> String {
     let rows: Vec<_> = searched.coverage.rows().collect();
     let mut lines = String::new();
     for (place, column) in Row::COLUMNS.iter().enumerate() {
@@ -97,8 +97,8 @@ fn never(searched: &Searched) -> String {
             .collect();
         let line = match missed.len() {
             0 => continue,
-            all if all == rows.len() => format!("no fault has met: {column}"),
-            _ => format!("never met {column}: {}", missed.join(", ")),
+            all if all == rows.len() => format!("no fault injected: {column}"),
+            _ => format!("not injected, {column}: {}", missed.join(", ")),
         };
         lines.push_str(&format!(" {line}\n"));
     }

@@ -11,46 +11,46 @@ use super::Violation;
 /// Rule 6: no drone arms or takes off because something restarted.
 ///
 /// What is checked:
-/// - A drone begins to take off only if it has been told to: the master by the operator, who tells it to fly; any other
-///   by an order to take off, under the ballot of a master that the operator chose, not of one that was elected.
-/// - A mission that was restarted on the ground has forgotten the order and must be told again, by its routing; that
-///   the operator told the master to fly outlives it.
-/// - A vehicle is told to arm only while its drone takes off, or flies on after that, and never again once the drone has
-///   begun to land: so once a flight, whatever is restarted in the air.
-/// - A drone whose process starts anew arms no vehicle in that flight any more; one that had been told to fly, and was
-///   still on the ground, does not take off at all.
+/// - A drone takes off only if it is ordered to: the master by the operator, a member by the order of a master that the
+///   operator chose. An elected master can't order a take-off.
+/// - A mission that restarts on the ground forgets the order, and must receive it again from its routing. The operator's
+///   command to the master outlives a restart.
+/// - A vehicle is armed only while its drone takes off or flies, and not again once it has begun to land: once a flight.
+/// - A drone whose process is restarted does not arm again in that flight. If it was ordered to fly and still on the ground,
+///   it stays there.
 #[derive(Debug)]
 pub(crate) struct ArmingChecker {
     drones: Vec<Phase>,
 }
 
-/// How far a drone is on its way from the ground to the ground.
+/// The phase of a drone's flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Phase {
-    /// On the ground, told nothing that makes it take off.
+    /// On the ground, not ordered to take off.
     #[default]
     Grounded,
-    /// A member, told to take off by a master that the operator chose.
-    Told,
+    /// A member, ordered to take off by a master that the operator chose.
+    Ordered,
     /// The master, told to fly by the operator.
     Leads,
     /// It takes off or has done so.
     Up,
-    /// Likewise, but its process has started anew since, or its flight controller brings it down.
-    UpAgain,
-    /// It lands or has landed, or never will take off.
+    /// Likewise, but its process has been restarted, or its flight controller lands it.
+    MayNotArm,
+    /// It lands, has landed, or will not take off.
     Down,
 }
 
 impl ArmingChecker {
+    /// Drones on the ground.
     pub(crate) fn new(drones: usize) -> Self {
         Self {
             drones: vec![Phase::default(); drones],
         }
     }
 
-    /// A drone's mission is told something.
-    pub(crate) fn told(&mut self, drone: NodeId, envelope: &Envelope) {
+    /// A drone's actor receives a message.
+    pub(crate) fn receives(&mut self, drone: NodeId, envelope: &Envelope) {
         let phase = &mut self.drones[drone.0 as usize];
         if !matches!(phase, Phase::Grounded) {
             return;
@@ -61,38 +61,39 @@ impl ArmingChecker {
                 if !ballot.is_elected()
                     && matches!(wire::decode_order(order), Ok(Order::TakeOff { .. })) =>
             {
-                *phase = Phase::Told;
+                *phase = Phase::Ordered;
             }
             _ => {}
         }
     }
 
-    /// A drone that runs elsewhere waits to take off, under a ballot of the operator's.
-    pub(crate) fn told_by(&mut self, drone: NodeId, ballot: Ballot) {
+    /// In a mirror: a drone waits to take off under a ballot of a master that the operator chose.
+    pub(crate) fn waits_for_take_off(&mut self, drone: NodeId, ballot: Ballot) {
         let phase = &mut self.drones[drone.0 as usize];
         if *phase == Phase::Grounded && ballot.master != drone {
-            *phase = Phase::Told;
+            *phase = Phase::Ordered;
         }
     }
 
-    /// A machine of a drone is built, for the first time or anew.
+    /// An actor is built, at first or again.
     pub(crate) fn starting(&mut self, drone: NodeId, address: Address) {
         let phase = &mut self.drones[drone.0 as usize];
-        if address == Address::Mission && *phase == Phase::Told {
+        if address == Address::Mission && *phase == Phase::Ordered {
             *phase = Phase::Grounded;
         }
     }
 
-    /// A drone's process starts anew.
+    /// A drone's process starts again.
     pub(crate) fn boots(&mut self, drone: NodeId) {
         let phase = &mut self.drones[drone.0 as usize];
         *phase = match phase {
             Phase::Grounded => Phase::Grounded,
-            Phase::Up | Phase::UpAgain => Phase::UpAgain,
-            Phase::Told | Phase::Leads | Phase::Down => Phase::Down,
+            Phase::Up | Phase::MayNotArm => Phase::MayNotArm,
+            Phase::Ordered | Phase::Leads | Phase::Down => Phase::Down,
         };
     }
 
+    /// A drone's mission reports an event while it follows `leader`.
     pub(crate) fn observe(
         &mut self,
         now: Timestamp,
@@ -104,26 +105,26 @@ impl ArmingChecker {
             return None;
         };
         let phase = &mut self.drones[drone.0 as usize];
-        if !state.is_following() {
+        if !state.is_on_mission() {
             if !matches!(state, State::Start | State::SetUp) {
                 *phase = Phase::Down;
             }
             return None;
         }
         let what = match *phase {
-            Phase::Up | Phase::UpAgain => return None,
-            Phase::Down => format!("drone {drone} flies though it was to stay down"),
-            Phase::Grounded => format!("drone {drone} takes off and was not told to"),
-            Phase::Told | Phase::Leads => {
+            Phase::Up | Phase::MayNotArm => return None,
+            Phase::Down => format!("drone {drone} flies although it must stay down"),
+            Phase::Grounded => format!("drone {drone} takes off without an order"),
+            Phase::Ordered | Phase::Leads => {
                 *phase = Phase::Up;
                 let elected = leader.filter(Ballot::is_elected)?;
-                format!("drone {drone} takes off under {elected}")
+                format!("drone {drone} takes off under {elected}, which was elected")
             }
         };
         Some(violation(now, drone, what))
     }
 
-    /// A drone's vehicle is told something.
+    /// A drone commands its vehicle.
     pub(crate) fn commands(
         &mut self,
         now: Timestamp,
@@ -133,25 +134,25 @@ impl ArmingChecker {
         let phase = &mut self.drones[drone.0 as usize];
         match (command, *phase) {
             (FlightCommand::Land, _) => {
-                // A mission that lands has said so before; one that has not, for it does not run, may take a while to
-                // find out that its aircraft came down, but does not fly a second time.
+                // A mission that lands has reported so before. One that does not run may take a while to notice that its
+                // aircraft came down, but must not fly again.
                 *phase = match phase {
-                    Phase::Up | Phase::UpAgain => Phase::UpAgain,
+                    Phase::Up | Phase::MayNotArm => Phase::MayNotArm,
                     Phase::Down => Phase::Down,
-                    Phase::Grounded | Phase::Told | Phase::Leads => Phase::Grounded,
+                    Phase::Grounded | Phase::Ordered | Phase::Leads => Phase::Grounded,
                 };
                 None
             }
-            (FlightCommand::Arm, Phase::UpAgain) => {
-                let what = format!("drone {drone} arms after its process has started anew");
+            (FlightCommand::Arm, Phase::MayNotArm) => {
+                let what = format!("drone {drone} arms after its process was restarted");
                 Some(violation(now, drone, what))
             }
             (FlightCommand::Arm, Phase::Down) => {
-                let what = format!("drone {drone} arms though it was to stay down");
+                let what = format!("drone {drone} arms although it must stay down");
                 Some(violation(now, drone, what))
             }
-            (FlightCommand::Arm, Phase::Grounded | Phase::Told | Phase::Leads) => {
-                let what = format!("drone {drone} arms and does not take off");
+            (FlightCommand::Arm, Phase::Grounded | Phase::Ordered | Phase::Leads) => {
+                let what = format!("drone {drone} arms without taking off");
                 Some(violation(now, drone, what))
             }
             (FlightCommand::Arm, Phase::Up)
@@ -183,43 +184,43 @@ mod tests {
         }
     }
 
-    /// What one drone does, in order.
+    /// A step of a drone's history.
     #[derive(Clone, Copy)]
-    enum Does {
-        IsToldToFly,
-        /// Told an order to take off, under a ballot of this term.
-        IsToldToTakeOff(u32),
+    enum Step {
+        OperatorFlies,
+        /// It receives an order to take off, under a ballot of this term.
+        Ordered(u32),
         RestartsMission,
         RestartsNavigation,
         Boots,
-        /// Enters a state while it obeys a ballot of this term.
+        /// Enters a state while it follows a ballot of this term.
         Enters(State, u32),
         Commands(FlightCommand),
     }
-    use Does::{
-        Boots, Commands, Enters, IsToldToFly, IsToldToTakeOff, RestartsMission, RestartsNavigation,
+    use Step::{
+        Boots, Commands, Enters, OperatorFlies, Ordered, RestartsMission, RestartsNavigation,
     };
 
-    const TAKES_OFF: Does = Enters(State::TakingOff, 1);
-    const ARMS: Does = Commands(FlightCommand::Arm);
+    const TAKES_OFF: Step = Enters(State::TakingOff, 1);
+    const ARMS: Step = Commands(FlightCommand::Arm);
 
-    /// At which step of a history the checker finds something.
-    fn found(history: &[Does]) -> Option<usize> {
+    /// The step of a history that breaks the rule.
+    fn found(history: &[Step]) -> Option<usize> {
         let mut checker = ArmingChecker::new(2);
         let now = Timestamp::ZERO;
-        history.iter().position(|does| {
-            let found = match *does {
-                IsToldToFly => {
-                    checker.told(DRONE, &Envelope::Mission(Input::Fly));
+        history.iter().position(|step| {
+            let found = match *step {
+                OperatorFlies => {
+                    checker.receives(DRONE, &Envelope::Mission(Input::Fly));
                     None
                 }
-                IsToldToTakeOff(term) => {
+                Ordered(term) => {
                     let order = Notice::Order {
                         ballot: ballot(term),
                         sequence: 2,
                         order: wire::encode_order(&Order::TakeOff { wave: 0 }).into(),
                     };
-                    checker.told(DRONE, &Envelope::Mission(Input::Routing(order)));
+                    checker.receives(DRONE, &Envelope::Mission(Input::Routing(order)));
                     None
                 }
                 RestartsMission => {
@@ -245,10 +246,10 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_that_is_told_to_may_take_off_and_arm() {
+    fn an_ordered_drone_may_take_off_and_arm() {
         let flight = [
             Enters(State::SetUp, 1),
-            IsToldToTakeOff(1),
+            Ordered(1),
             TAKES_OFF,
             ARMS,
             RestartsNavigation,
@@ -261,91 +262,77 @@ mod tests {
         ];
         assert_eq!(found(&flight), None);
         assert_eq!(
-            found(&[IsToldToFly, RestartsMission, TAKES_OFF, ARMS]),
+            found(&[OperatorFlies, RestartsMission, TAKES_OFF, ARMS]),
             None
         );
     }
 
     #[test]
-    fn a_drone_that_takes_off_or_arms_untold_is_found() {
+    fn take_off_or_arming_without_an_order_breaks_the_rule() {
         assert_eq!(found(&[TAKES_OFF]), Some(0));
         assert_eq!(found(&[ARMS]), Some(0));
-        assert_eq!(found(&[IsToldToTakeOff(1), ARMS]), Some(1));
+        assert_eq!(found(&[Ordered(1), ARMS]), Some(1));
     }
 
     #[test]
-    fn a_drone_that_takes_off_at_the_word_of_an_elected_master_is_found() {
-        assert_eq!(found(&[IsToldToTakeOff(2), TAKES_OFF]), Some(1));
-        let after_an_election = [IsToldToTakeOff(1), Enters(State::TakingOff, 2)];
+    fn take_off_by_order_of_an_elected_master_breaks_the_rule() {
+        assert_eq!(found(&[Ordered(2), TAKES_OFF]), Some(1));
+        let after_an_election = [Ordered(1), Enters(State::TakingOff, 2)];
         assert_eq!(found(&after_an_election), Some(1));
     }
 
     #[test]
-    fn a_mission_restarted_on_the_ground_that_takes_off_is_found_unless_it_is_told_again() {
-        let restarted = [IsToldToTakeOff(1), RestartsMission, TAKES_OFF];
+    fn mission_restarted_on_the_ground_needs_the_order_again() {
+        let restarted = [Ordered(1), RestartsMission, TAKES_OFF];
         assert_eq!(found(&restarted), Some(2));
-        let told_again = [
-            IsToldToTakeOff(1),
-            RestartsMission,
-            IsToldToTakeOff(1),
-            TAKES_OFF,
-        ];
-        assert_eq!(found(&told_again), None);
+        let ordered_again = [Ordered(1), RestartsMission, Ordered(1), TAKES_OFF];
+        assert_eq!(found(&ordered_again), None);
     }
 
     #[test]
-    fn a_drone_that_arms_again_after_it_has_landed_is_found() {
-        let flight = [
-            IsToldToTakeOff(1),
-            TAKES_OFF,
-            ARMS,
-            Commands(FlightCommand::Land),
-        ];
+    fn arming_again_after_landing_breaks_the_rule() {
+        let flight = [Ordered(1), TAKES_OFF, ARMS, Commands(FlightCommand::Land)];
         let again = [&flight[..], &[ARMS]].concat();
         assert_eq!(found(&again), Some(4));
     }
 
     #[test]
-    fn a_drone_that_said_that_it_lands_and_flies_on_is_found() {
+    fn flying_on_after_reporting_a_landing_breaks_the_rule() {
         let lands = [
             Enters(State::Landing, 1),
             Commands(FlightCommand::Land),
             TAKES_OFF,
         ];
-        let flight = [&[IsToldToTakeOff(1), TAKES_OFF, ARMS][..], &lands].concat();
+        let flight = [&[Ordered(1), TAKES_OFF, ARMS][..], &lands].concat();
         assert_eq!(found(&flight), Some(5));
     }
 
     #[test]
-    fn a_drone_whose_aircraft_came_down_while_its_process_was_away_may_take_a_while_to_find_out() {
+    fn a_restarted_process_may_notice_late_that_its_aircraft_landed() {
         let away = [
             Commands(FlightCommand::Land),
             Boots,
             Enters(State::HopUpdate, 1),
         ];
         let finds_out = [Enters(State::Landing, 1), Enters(State::Finished, 1)];
-        let flight = [
-            &[IsToldToTakeOff(1), TAKES_OFF, ARMS][..],
-            &away,
-            &finds_out,
-        ];
+        let flight = [&[Ordered(1), TAKES_OFF, ARMS][..], &away, &finds_out];
         assert_eq!(found(&flight.concat()), None);
         assert_eq!(found(&[&flight.concat()[..], &[ARMS]].concat()), Some(8));
     }
 
     #[test]
-    fn a_drone_whose_process_starts_anew_flies_on_and_never_arms() {
-        let flight = [IsToldToTakeOff(1), TAKES_OFF, ARMS, Boots, TAKES_OFF];
+    fn a_restarted_process_flies_on_and_does_not_arm() {
+        let flight = [Ordered(1), TAKES_OFF, ARMS, Boots, TAKES_OFF];
         assert_eq!(found(&flight), None);
         let again = [&flight[..], &[ARMS]].concat();
         assert_eq!(found(&again), Some(5));
-        assert_eq!(found(&[IsToldToFly, Boots, TAKES_OFF]), Some(2));
-        assert_eq!(found(&[Boots, IsToldToTakeOff(1), TAKES_OFF, ARMS]), None);
+        assert_eq!(found(&[OperatorFlies, Boots, TAKES_OFF]), Some(2));
+        assert_eq!(found(&[Boots, Ordered(1), TAKES_OFF, ARMS]), None);
     }
 
     #[test]
-    fn a_drone_killed_on_the_ground_must_be_told_again() {
-        let killed = [IsToldToFly, Commands(FlightCommand::Land), TAKES_OFF];
+    fn a_drone_killed_on_the_ground_needs_the_order_again() {
+        let killed = [OperatorFlies, Commands(FlightCommand::Land), TAKES_OFF];
         assert_eq!(found(&killed), Some(2));
     }
 }

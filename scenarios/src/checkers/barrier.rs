@@ -6,16 +6,15 @@ use muster_machines::time::Timestamp;
 
 use super::Violation;
 
-/// Rule 3: waypoints open one by one, each once every live member of the master's part that is not landing has reached
-/// the one before; no drone skips one. Of the master's part are those whom links that are up connect with it, and who obey it
-/// for long enough that it knows.
-/// Where the master waits for its neighbours only, it may open one before the others have reached the one before.
+/// Rule 3: waypoints open one by one, and no drone skips one. Each opens once all live members of the master's segment that
+/// are not landing have reached the one before. Members count once they have followed the master for long enough that it
+/// knows. A master that waits for its neighbours only may open a waypoint before the others have reached the one before.
 #[derive(Debug)]
 pub(crate) struct BarrierChecker {
     barrier: Barrier,
-    /// The highest waypoint opened, by whomever.
+    /// The highest waypoint opened by any master.
     opened: Option<u16>,
-    /// Under which ballot a waypoint was opened last, and which.
+    /// The ballot under which the last waypoint was opened, and that waypoint.
     last: Option<(Option<Ballot>, u16)>,
     drones: Vec<Progress>,
 }
@@ -27,6 +26,7 @@ struct Progress {
 }
 
 impl BarrierChecker {
+    /// Drones at the start of a mission.
     pub(crate) fn new(barrier: Barrier, drones: usize) -> Self {
         Self {
             barrier,
@@ -36,19 +36,20 @@ impl BarrierChecker {
         }
     }
 
+    /// A drone's mission reports an event under `epoch`; `awaited` yields whom it must await.
     pub(crate) fn observe(
         &mut self,
         now: Timestamp,
         drone: NodeId,
         event: &Event,
         epoch: Option<Ballot>,
-        part: impl FnOnce() -> BTreeSet<NodeId>,
+        awaited: impl FnOnce() -> BTreeSet<NodeId>,
     ) -> Option<Violation> {
         match *event {
             Event::State(state) => self.enters(now, drone, state),
             Event::Opened { waypoint } => {
                 let awaited = match self.barrier {
-                    Barrier::Strict => part(),
+                    Barrier::Strict => awaited(),
                     Barrier::Neighbours => BTreeSet::new(),
                 };
                 self.opens(now, (drone, epoch), waypoint, &awaited)
@@ -57,8 +58,7 @@ impl BarrierChecker {
         }
     }
 
-    /// A drone's mission may not be there any more to say what it does: it is being brought down, or its process has ended.
-    /// It counts again once it says so.
+    /// A drone's mission may have stopped: the drone is not awaited until it reports a state again.
     pub(crate) fn given_up(&mut self, drone: NodeId) {
         self.drones[drone.0 as usize].state = State::Landing;
     }
@@ -76,7 +76,7 @@ impl BarrierChecker {
                 rule: 3,
                 at: now,
                 drones: vec![drone],
-                what: format!("drone {drone} makes for waypoint {waypoint} before waypoint {next}"),
+                what: format!("drone {drone} flies to waypoint {waypoint} before waypoint {next}"),
             }),
             _ => None,
         }
@@ -91,7 +91,7 @@ impl BarrierChecker {
     ) -> Option<Violation> {
         let next = self.opened.map_or(0, |opened| opened + 1);
         self.opened = self.opened.max(Some(waypoint));
-        // Whoever was elected may not know, or not be told by anyone in its part, how far the master before it had got.
+        // An elected master may not know, nor anyone in its segment, which waypoint its predecessor had opened.
         let is_next = match self.last.replace((epoch, waypoint)) {
             Some((last, opened)) if last == epoch => waypoint == opened + 1,
             _ => waypoint <= next,
@@ -101,14 +101,14 @@ impl BarrierChecker {
                 rule: 3,
                 at: now,
                 drones: vec![master],
-                what: format!("waypoint {waypoint} was opened where waypoint {next} was next"),
+                what: format!("waypoint {waypoint} was opened although waypoint {next} was next"),
             });
         }
         let before = waypoint.checked_sub(1)?;
         let behind: Vec<NodeId> = (0..)
             .map(NodeId)
             .zip(&self.drones)
-            .filter(|(_, drone)| drone.state.is_following() && drone.reached < Some(before))
+            .filter(|(_, drone)| drone.state.is_on_mission() && drone.reached < Some(before))
             .map(|(id, _)| id)
             .filter(|id| awaited.contains(id))
             .collect();
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_waypoint_opened_before_all_are_there_is_found() {
+    fn opening_a_waypoint_before_all_have_arrived_breaks_the_rule() {
         let mut checker = checker_at_waypoint_0(Barrier::Strict);
         let on_the_way = Event::State(State::HopUpdate);
         assert_eq!(
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_a_drone_that_lands() {
+    fn a_landing_drone_is_not_awaited() {
         let mut checker = checker_at_waypoint_0(Barrier::Strict);
         for state in [State::HopUpdate, State::Landing] {
             assert_eq!(
@@ -193,16 +193,16 @@ mod tests {
     }
 
     #[test]
-    fn a_skipped_waypoint_is_found() {
+    fn skipping_a_waypoint_breaks_the_rule() {
         let mut checker = checker_at_waypoint_0(Barrier::Strict);
-        let leaps = Event::State(State::MovingToWaypoint { waypoint: 2 });
-        assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &leaps).is_some());
+        let skips = Event::State(State::MovingToWaypoint { waypoint: 2 });
+        assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &skips).is_some());
         let opens = Event::Opened { waypoint: 2 };
         assert!(observe(&mut checker, Timestamp::ZERO, NodeId(0), &opens).is_some());
     }
 
     #[test]
-    fn nobody_waits_for_a_drone_that_no_radio_reaches() {
+    fn a_drone_out_of_reach_is_not_awaited() {
         let mut checker = checker_at_waypoint_0(Barrier::Strict);
         let on_the_way = Event::State(State::HopUpdate);
         observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_master_that_waits_for_its_neighbours_skips_no_waypoint_either() {
+    fn a_master_that_awaits_its_neighbours_must_not_skip_a_waypoint() {
         let mut checker = checker_at_waypoint_0(Barrier::Neighbours);
         let on_the_way = Event::State(State::HopUpdate);
         observe(&mut checker, Timestamp::ZERO, NodeId(1), &on_the_way);

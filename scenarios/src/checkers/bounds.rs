@@ -7,10 +7,16 @@ use super::Violation;
 /// Rule 8: queues and tables stay within their limits.
 #[derive(Debug)]
 pub(crate) struct BoundsChecker {
-    pub(crate) waiting_max: usize,
+    waiting_max: usize,
 }
 
 impl BoundsChecker {
+    /// At most `waiting_max` messages may be queued for an actor.
+    pub(crate) const fn new(waiting_max: usize) -> Self {
+        Self { waiting_max }
+    }
+
+    /// A step leaves the largest table of an actor with this occupancy.
     pub(crate) fn table(
         &self,
         now: Timestamp,
@@ -23,19 +29,20 @@ impl BoundsChecker {
             at: now,
             drones: vec![drone],
             what: format!(
-                "a table of the {address} actor holds {} entries of at most {}",
+                "a table of the {address} actor has {} entries; the limit is {}",
                 table.len, table.max
             ),
         })
     }
 
+    /// This many messages are queued for an actor.
     pub(crate) fn queue(&self, now: Timestamp, drone: NodeId, waiting: usize) -> Option<Violation> {
         (waiting > self.waiting_max).then(|| Violation {
             rule: 8,
             at: now,
             drones: vec![drone],
             what: format!(
-                "{waiting} messages wait where at most {} may",
+                "{waiting} messages are queued for an actor; the limit is {}",
                 self.waiting_max
             ),
         })
@@ -47,8 +54,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_table_is_fine_and_one_entry_more_is_not() {
-        let checker = BoundsChecker { waiting_max: 4 };
+    fn a_limit_may_be_reached_but_not_exceeded() {
+        let checker = BoundsChecker::new(4);
         let check = |len| {
             let table = Occupancy { len, max: 3 };
             checker.table(Timestamp::ZERO, NodeId(0), Address::Radio, table)

@@ -4,12 +4,13 @@ use muster_machines::time::Timestamp;
 
 use super::Violation;
 
-/// Rule 1, (a) and (b): only the drone named in a ballot acts under it, and the ballot that a drone obeys never falls,
-/// restarts included.
+/// Rule 1, (a) and (b): only the drone named in a ballot leads under it; the ballot that a drone follows never falls, not
+/// even by a restart.
 #[derive(Debug)]
 pub(crate) struct ElectionChecker {
+    /// The ballot that each drone follows.
     leader: Vec<Option<Ballot>>,
-    /// Since when.
+    /// When each turned to it.
     since: Vec<Timestamp>,
 }
 
@@ -40,27 +41,27 @@ impl ElectionChecker {
         match *event {
             Event::Obeys(ballot) => match leader.replace(ballot) {
                 Some(before) if !ballot.beats(&before) => Some(violation(format!(
-                    "drone {drone} turned from {before} to {ballot}, which is no better"
+                    "drone {drone} turned from {before} to {ballot}, which is not better"
                 ))),
                 _ => None,
             },
             Event::Opened { .. } | Event::LeftOut(_)
                 if leader.is_none_or(|ballot| ballot.master != drone) =>
             {
-                let under = leader.map_or_else(|| "nobody".to_owned(), |ballot| ballot.to_string());
-                let what = format!("drone {drone} acted as master while it leader {under}");
+                let leader = leader.map_or_else(|| "no ballot".to_owned(), |it| it.to_string());
+                let what = format!("drone {drone} acted as master while it followed {leader}");
                 Some(violation(what))
             }
             _ => None,
         }
     }
 
-    /// Since when a drone has obeyed whom it obeys.
+    /// When a drone turned to the ballot that it follows; 0 if to none.
     pub(crate) fn since(&self, drone: NodeId) -> Timestamp {
         self.since[drone.0 as usize]
     }
 
-    /// Whom a drone obeys.
+    /// The ballot that a drone follows.
     pub(crate) fn leader(&self, drone: NodeId) -> Option<Ballot> {
         self.leader[drone.0 as usize]
     }
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ballot_that_falls_is_found() {
+    fn a_falling_ballot_breaks_the_rule() {
         let mut checker = ElectionChecker::new(2);
         assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(1, 0))));
         assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
@@ -92,15 +93,15 @@ mod tests {
         assert!(observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
         assert!(
             observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))),
-            "nor stays"
+            "nor may it stay"
         );
     }
 
     #[test]
-    fn whoever_acts_under_the_ballot_of_another_is_found() {
+    fn leading_under_the_ballot_of_another_breaks_the_rule() {
         let mut checker = ElectionChecker::new(2);
         let opens = Event::Opened { waypoint: 3 };
-        assert!(observe(&mut checker, 0, &opens), "nobody has a ballot yet");
+        assert!(observe(&mut checker, 0, &opens), "it has no ballot yet");
         observe(&mut checker, 0, &Event::Obeys(ballot(1, 0)));
         assert!(!observe(&mut checker, 0, &opens));
         observe(&mut checker, 1, &Event::Obeys(ballot(1, 0)));

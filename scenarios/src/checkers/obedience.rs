@@ -6,20 +6,20 @@ use muster_machines::time::Timestamp;
 
 use super::Violation;
 
-/// Rule 2: no drone obeys an older ballot.
+/// Rule 2: no drone follows an older ballot.
 ///
-/// An order that comes to a mission under a ballot that the one it obeys beats must change nothing: in that step the
-/// mission sends nothing, lets nothing be seen, and what it keeps of itself is what it had kept before.
+/// An order under a ballot that the drone's own ballot beats must change nothing. In that step its mission sends nothing,
+/// reports no event, and keeps the checkpoint that it had kept before.
 #[derive(Debug, Default)]
 pub(crate) struct ObedienceChecker {
-    /// The drone whose mission is about to be told an order that it must not obey, and under which ballots.
-    refuses: Option<(NodeId, [Ballot; 2])>,
+    /// A drone whose mission receives an order that it must ignore: the order's ballot, and the drone's own.
+    must_ignore: Option<(NodeId, [Ballot; 2])>,
 }
 
 impl ObedienceChecker {
-    /// A machine of a drone is about to be told something; the drone obeys that ballot.
-    /// What the world calls a member that the drone speaks of is told by `number`.
-    pub(crate) fn told(
+    /// An actor is about to receive a message while its drone follows `leader`. `number` gives the world's number of a
+    /// member that the message names.
+    pub(crate) fn receives(
         &mut self,
         drone: NodeId,
         envelope: &Envelope,
@@ -27,22 +27,22 @@ impl ObedienceChecker {
         number: impl Fn(NodeId) -> NodeId,
     ) {
         if let Envelope::Mission(Input::Routing(Notice::Order { ballot, .. })) = envelope {
-            let told = Ballot {
+            let received = Ballot {
                 master: number(ballot.master),
                 ..*ballot
             };
-            let newer = leader.filter(|leader| leader.beats(&told));
-            self.refuses = newer.map(|newer| (drone, [told, newer]));
+            let newer = leader.filter(|leader| leader.beats(&received));
+            self.must_ignore = newer.map(|newer| (drone, [received, newer]));
         }
     }
 
-    /// Something else is about to happen: a mission that panicked at what it was told has done nothing.
-    pub(crate) const fn keeps_going(&mut self) {
-        self.refuses = None;
+    /// The next task is about to be taken: a mission that panicked at its order has done nothing.
+    pub(crate) const fn before_task(&mut self) {
+        self.must_ignore = None;
     }
 
-    /// What came of a step, before it is carried out.
-    pub(crate) fn stepped(
+    /// A step yields effects that have yet to be carried out.
+    pub(crate) fn yields(
         &mut self,
         now: Timestamp,
         drone: NodeId,
@@ -50,17 +50,18 @@ impl ObedienceChecker {
         effects: &[Effect],
         kept: &Checkpoints,
     ) -> Option<Violation> {
-        let (told, [older, newer]) = self.refuses.take()?;
+        let (receiver, [older, newer]) = self.must_ignore.take()?;
         let changes = |effect: &Effect| match effect {
             Effect::Keep(checkpoint) => !kept.holds(checkpoint),
             _ => true,
         };
-        let is_heeded = (told, Address::Mission) == (drone, from) && effects.iter().any(changes);
-        is_heeded.then(|| Violation {
+        let is_followed =
+            (receiver, Address::Mission) == (drone, from) && effects.iter().any(changes);
+        is_followed.then(|| Violation {
             rule: 2,
             at: now,
             drones: vec![drone],
-            what: format!("drone {drone} heeds an order under {older} while it obeys {newer}"),
+            what: format!("drone {drone} follows an order under {older} while it follows {newer}"),
         })
     }
 }
@@ -91,8 +92,8 @@ mod tests {
         Checkpoint::Mission(Box::new(checkpoint))
     }
 
-    /// Whether a mission that obeys term 2 is found that does this on being told an order of a term.
-    fn is_found(term: u32, effects: &[Effect]) -> bool {
+    /// Whether a mission under term 2 breaks the rule that answers an order of a term with these effects.
+    fn breaks_rule(term: u32, effects: &[Effect]) -> bool {
         let mut kept = Checkpoints::default();
         kept.keep(keep(State::TakingOff));
         let mut checker = ObedienceChecker::default();
@@ -102,35 +103,38 @@ mod tests {
             order: Bytes::new(),
         };
         let order = Envelope::Mission(Input::Routing(order));
-        checker.told(DRONE, &order, Some(ballot(2)), |id| id);
-        let found = checker.stepped(Timestamp::ZERO, DRONE, Address::Mission, effects, &kept);
+        checker.receives(DRONE, &order, Some(ballot(2)), |id| id);
+        let found = checker.yields(Timestamp::ZERO, DRONE, Address::Mission, effects, &kept);
         found.is_some_and(|violation| violation.rule == 2)
     }
 
     #[test]
-    fn an_older_order_that_is_carried_out_is_found() {
+    fn following_an_older_order_breaks_the_rule() {
         let event = mission::Event::State(State::Landing);
         let seen = Effect::Observe(Observation::Mission(event));
-        assert!(is_found(1, std::slice::from_ref(&seen)));
-        assert!(is_found(1, &[Effect::Keep(keep(State::Landing))]));
-        assert!(!is_found(2, &[seen]), "it is of the epoch that is leader");
+        assert!(breaks_rule(1, std::slice::from_ref(&seen)));
+        assert!(breaks_rule(1, &[Effect::Keep(keep(State::Landing))]));
+        assert!(
+            !breaks_rule(2, &[seen]),
+            "the order is of the current leader"
+        );
     }
 
     #[test]
-    fn an_older_order_that_changes_nothing_is_right() {
-        assert!(!is_found(1, &[Effect::Keep(keep(State::TakingOff))]));
-        assert!(!is_found(1, &[]));
+    fn an_older_order_may_be_ignored() {
+        assert!(!breaks_rule(1, &[Effect::Keep(keep(State::TakingOff))]));
+        assert!(!breaks_rule(1, &[]));
     }
 
     #[test]
-    fn what_a_mission_does_that_panicked_at_an_order_and_is_built_anew_is_not_looked_at() {
+    fn a_mission_that_panicked_at_an_order_is_not_checked() {
         let mut checker = ObedienceChecker {
-            refuses: Some((DRONE, [ballot(1), ballot(2)])),
+            must_ignore: Some((DRONE, [ballot(1), ballot(2)])),
         };
-        checker.keeps_going();
+        checker.before_task();
         let effects = [Effect::Keep(keep(State::Landing))];
         let kept = Checkpoints::default();
-        let found = checker.stepped(Timestamp::ZERO, DRONE, Address::Mission, &effects, &kept);
+        let found = checker.yields(Timestamp::ZERO, DRONE, Address::Mission, &effects, &kept);
         assert_eq!(found, None);
     }
 }

@@ -6,19 +6,20 @@ use muster_machines::time::Timestamp;
 
 use super::Violation;
 
-/// Steps that a drone may take at one instant, for each node and each message that may wait for an actor. At one instant a drone
-/// may hear every other node, and be handed every message that waited while it hung. Each leads to some ten steps. With a radio
-/// without latency, answers fall into the same instant too; hence a thousand times as many.
+/// Steps that a drone may take at one instant, for each node and each message that may wait for an actor. At one instant it
+/// may hear every other node, and receive every message held back while it hung. Each leads to about ten steps. On a radio
+/// without latency, answers fall into the same instant; hence a thousand times as many.
 const STEPS_EACH_MAX: u64 = 10_000;
 
-/// Rule 10: no machine spins. After it has handled a timeout, its next deadline lies after now. A drone takes a limited number of
-/// steps at one instant. A run that has a limit of wall-clock time ends within it.
+/// Rule 10: no machine spins. After a timeout, its next deadline lies after now. A drone takes a limited number of steps at
+/// one instant. A run with a limit of wall-clock time ends within it.
 #[derive(Debug)]
 pub(crate) struct ProgressChecker {
     steps_max: u64,
 }
 
 impl ProgressChecker {
+    /// For this many nodes, each of whose actors may have `waiting_max` messages queued.
     pub(crate) const fn new(nodes: u32, waiting_max: usize) -> Self {
         let sources = (nodes as u64).saturating_add(waiting_max as u64);
         Self {
@@ -26,8 +27,8 @@ impl ProgressChecker {
         }
     }
 
-    /// A machine was stepped, and is overdue or not, as
-    /// [`StepOutput::is_overdue`](muster_machines::node::StepOutput::is_overdue) says.
+    /// A machine was stepped; `is_overdue` is
+    /// [`StepOutput::is_overdue`](muster_machines::node::StepOutput::is_overdue).
     pub(crate) fn stepped(
         at: Timestamp,
         drone: NodeId,
@@ -39,7 +40,7 @@ impl ProgressChecker {
             at,
             drones: vec![drone],
             what: format!(
-                "the {address} actor of drone {drone} handled a timeout and has a deadline that is not after it"
+                "the {address} actor of drone {drone} handled a timeout and its next deadline is not after it"
             ),
         })
     }
@@ -57,7 +58,7 @@ impl ProgressChecker {
             at,
             drones: vec![drone],
             what: format!(
-                "drone {drone} takes more than {} steps at one instant, the last in its {address} actor",
+                "drone {drone} took more than {} steps at one instant, the last in its {address} actor",
                 self.steps_max
             ),
         })
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_deadline_that_has_passed_after_a_timeout_breaks_the_rule() {
+    fn a_past_deadline_after_a_timeout_breaks_the_rule() {
         let stepped = |is_overdue| {
             ProgressChecker::stepped(Timestamp::ZERO, NodeId(3), Address::Mission, is_overdue)
         };
@@ -93,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn each_node_and_each_message_that_waits_allows_for_more_steps() {
+    fn the_step_limit_grows_with_nodes_and_queued_messages() {
         let checker = ProgressChecker::new(5, 64);
         let steps = |nth| checker.steps(Timestamp::ZERO, NodeId(1), Address::Routing, nth);
         assert_eq!(steps(690_000), None);

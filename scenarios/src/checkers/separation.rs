@@ -10,25 +10,27 @@ use super::Violation;
 use muster_runtime::text::rounded_down;
 use muster_runtime::vehicle::{Piece, Vehicle};
 
-/// Rule 4: any two drones of which one flies are far enough apart over ground or in height, by closest approach along
-/// their paths; nobody lands on one that is in its landing place already. An aircraft that fell is left out from then on,
-/// and one on the ground anywhere else: one that has not taken off, and one that came down nobody knows where.
+/// Rule 4: any two drones, of which at least one flies, keep the minimum separation over ground or in height. It is checked
+/// by the closest approach along their paths, a drone in its landing place included. Left out are an aircraft that fell, and
+/// one on the ground elsewhere: before take-off, or after a landing outside its landing place.
 ///
-/// A pair is looked at whenever the path of one of the two changes, over the time since one of theirs last did; pairs that
-/// come neither too near nor nearer than any before, by the boxes that their paths fit into, are left out.
+/// A pair is checked whenever the path of one of the two changes, over the time since its last check. Pairs are left out
+/// whose bounding boxes show that they come neither too near nor nearer than any before.
 #[derive(Debug)]
 pub(crate) struct SeparationChecker {
     separation: Separation,
-    /// Until when each drone's path has been looked at.
+    /// Up to when each drone's path has been checked.
     checked: Vec<Timestamp>,
-    /// Who is on the ground, and not in its landing place.
+    /// Drones on the ground outside their landing places.
     strayed: Vec<bool>,
     nearby: Nearby,
+    /// Memory for the drones near one, used again.
     others: Vec<u32>,
     closest_m: Option<f64>,
 }
 
 impl SeparationChecker {
+    /// Vehicles at the start of a run.
     pub(crate) fn new(separation: Separation, vehicles: &[Vehicle]) -> Self {
         let mut nearby = Nearby::new(vehicles.len());
         for (drone, vehicle) in vehicles.iter().enumerate() {
@@ -47,7 +49,7 @@ impl SeparationChecker {
         }
     }
 
-    /// The closest that two flying drones came so far, in metres.
+    /// The closest approach of two drones so far, in metres.
     pub(crate) const fn closest_m(&self) -> Option<f64> {
         self.closest_m
     }
@@ -57,17 +59,17 @@ impl SeparationChecker {
         self.strayed[drone.0 as usize] = false;
     }
 
-    /// A drone has come down elsewhere than in its landing place.
+    /// A drone has landed outside its landing place.
     pub(crate) fn strays(&mut self, drone: NodeId) {
         self.strayed[drone.0 as usize] = true;
     }
 
-    /// A drone's path is from now on as its vehicle has it.
+    /// A drone's path has changed to that of its vehicle.
     pub(crate) fn path_begins(&mut self, now: Timestamp, drone: NodeId, vehicle: &Vehicle) {
         self.nearby.place(drone.0 as usize, vehicle.motion(), now);
     }
 
-    /// Looks at all pairs with `drone`, whose path is about to change or end, up to `now`.
+    /// Checks all pairs with `drone` up to `now`, as its path is about to change or end.
     pub(crate) fn path_ends(
         &mut self,
         now: Timestamp,
@@ -89,13 +91,13 @@ impl SeparationChecker {
             let flies = pair.0.is_armed() || pair.1.is_armed();
             let strayed = self.strayed[index] || self.strayed[other];
             if since < now && flies && !strayed && !pair.0.is_wreck() && !pair.1.is_wreck() {
-                let found = self.look_at(pair, since..now);
+                let found = self.check_pair(pair, since..now);
                 violation = violation.or(found.map(|(at, horizontal_m, vertical_m)| Violation {
                     rule: 4,
                     at,
                     drones: vec![drone, NodeId(u32::try_from(other).unwrap_or(u32::MAX))],
                     what: format!(
-                        "drones {drone} and {other} are {} m apart over ground and {} m in height",
+                        "drones {drone} and {other} are {} m apart horizontally and {} m vertically",
                         rounded_down(horizontal_m, 2),
                         rounded_down(vertical_m, 2)
                     ),
@@ -107,7 +109,9 @@ impl SeparationChecker {
         violation
     }
 
-    fn look_at(
+    /// Checks a pair over a span of time. Returns the first violation: its time, and the horizontal and vertical distance
+    /// in metres.
+    fn check_pair(
         &mut self,
         (a, b): (&Vehicle, &Vehicle),
         span: std::ops::Range<Timestamp>,
@@ -133,7 +137,7 @@ impl SeparationChecker {
     }
 }
 
-/// How two drones move relative to each other, both under constant acceleration.
+/// The relative motion of two drones, both under constant acceleration.
 #[derive(Debug, Clone, Copy)]
 struct Approach {
     from: Vector3<f64>,
@@ -142,12 +146,11 @@ struct Approach {
     duration_s: f64,
 }
 
-/// How finely the instant of a closest approach is found, in halvings of the time looked at: a run of a day to a
-/// hundredth of a microsecond.
+/// Halvings of the time span to find the instant of a closest approach: 0.01 µs for a run of a day.
 const HALVINGS: usize = 44;
 
 impl Approach {
-    /// Of two pieces, the second of which lies within the first.
+    /// For two pieces of motion, the second of which lies within the first.
     fn between(a: &Piece, b: &Piece) -> Self {
         let start = b.start;
         Self {
@@ -162,14 +165,14 @@ impl Approach {
         self.from + self.velocity * t + self.acceleration * (t * t / 2.0)
     }
 
-    /// How near they can come at most, cheaply: never more than they do.
+    /// A cheap lower bound of their distance, in metres.
     fn lower_bound_m(&self) -> f64 {
         let travelled = self.velocity.norm() * self.duration_s
             + self.acceleration.norm() * self.duration_s * self.duration_s / 2.0;
         self.from.norm() - travelled
     }
 
-    /// The closest that they come, if that is less than `limit_m`.
+    /// Their closest distance, if it is less than `limit_m`.
     fn closest_below(&self, limit_m: f64) -> Option<f64> {
         if self.lower_bound_m() >= limit_m {
             return None;
@@ -179,14 +182,14 @@ impl Approach {
         Some(self.at(t).norm()).filter(|distance_m| *distance_m < limit_m)
     }
 
-    /// When both distances are too small at once, if they ever are.
+    /// When both distances are below the minimum, in seconds from the start.
     fn violates(&self, separation: Separation) -> Option<f64> {
         let too_near_m = separation.horizontal_m + separation.vertical_m;
         if self.lower_bound_m() >= too_near_m {
             return None;
         }
         let vertical_m = separation.vertical_m;
-        // Between these the difference in height does not cross the minimum.
+        // Between these instants the vertical distance does not cross the minimum.
         let mut cuts = vec![0.0, self.duration_s];
         for level in [vertical_m, -vertical_m] {
             cuts.extend(self.when_height_is(level));
@@ -212,10 +215,10 @@ impl Approach {
         roots.into_iter().filter(|t| t.is_finite())
     }
 
-    /// The instant of the smallest distance, counting the axes that `axes` has ones for.
+    /// The instant of the smallest distance along the axes that are 1 in `axes`.
     ///
-    /// The squared distance is a polynomial of degree four; where its slope, of degree three, turns is known in
-    /// closed form, so that between those instants each of its zeros is found by halving.
+    /// The squared distance is a polynomial of degree 4. The extrema of its slope, of degree 3, are known in closed form.
+    /// Between them each zero of the slope is found by bisection.
     fn closest_within(&self, (start, end): (f64, f64), axes: Vector3<f64>) -> f64 {
         let [p, v, a] =
             [self.from, self.velocity, self.acceleration].map(|it| it.component_mul(&axes));
@@ -256,7 +259,7 @@ impl Approach {
     }
 }
 
-/// The real roots; NaN for one that is not there.
+/// The real roots; NaN for each that does not exist.
 fn quadratic_roots(a: f64, b: f64, c: f64) -> [f64; 2] {
     if a == 0.0 {
         return [-c / b, f64::NAN];

@@ -7,52 +7,52 @@ use super::Violation;
 use crate::scenario::Settling;
 use crate::segments::{Segment, Segments};
 
-/// Rule 1, (c): once links have been still for the settling time, and while no grey link decides who is connected, each
-/// part has exactly one master, obeyed by all its members. Not owed over more hops than policy `flood` carries a sign of the
-/// master ([`Settling::hops_max`]).
+/// Rule 1, (c): each segment has exactly one master, followed by all its members, once its links have not changed for the
+/// settling time. The rule does not apply while a grey link decides who is connected, nor over more hops than policy `flood`
+/// carries a heartbeat ([`Settling::hops_max`]).
 ///
-/// A part is whoever is connected by links that are up; it is still while none of its links changes and none of its
-/// members fails, hangs, takes off, begins or ends a change of formation, goes to land or falls silent. Its members are
-/// those in the air that fly the mission; drones on the ground or going to land only pass on. Their master is the one
-/// drone that they all obey, itself included; it must be one of them. Where a swarm does not elect, drones without a
-/// master are to be landing by then. The instant at which anyone turns to another ballot counts like any other: a false election is found even if
-/// all agree again a moment later.
+/// The settling time starts again when a link of the segment changes, or when a member fails, hangs, takes off, begins or
+/// ends a change of formation, goes to land or falls silent. Only drones in the air that fly the mission need a master;
+/// those on the ground or going to land relay frames. The master must be a member of the segment and follow itself. Where a
+/// swarm does not elect, drones without a master must be landing by then. A false election breaks the rule even if all
+/// agree again a moment later.
 #[derive(Debug)]
 pub(crate) struct SettledChecker {
     settling: Settling,
 }
 
-/// What a drone does, as far as this rule is about it.
+/// The state of a drone, as far as this rule needs it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MemberState {
-    /// Whether it is in the air and flies the mission.
+    /// It is in the air and flies the mission.
     pub(crate) flies: bool,
-    /// Whether it can lead others that do.
+    /// It can lead others that do.
     pub(crate) leads: bool,
-    /// Whether it takes off or changes formation.
+    /// It takes off or changes formation.
     pub(crate) spreads: bool,
-    /// Whom it obeys.
-    pub(crate) obeys: Option<Ballot>,
+    /// The ballot that it follows.
+    pub(crate) leader: Option<Ballot>,
 }
 
 impl SettledChecker {
+    /// For a swarm with these settling times.
     pub(crate) const fn new(settling: Settling) -> Self {
         Self { settling }
     }
 
-    /// How long a part may take to settle.
+    /// How long a segment may take to settle.
     pub(crate) const fn settling(&self) -> Settling {
         self.settling
     }
 
-    /// Looks at every part.
+    /// Checks every segment.
     pub(crate) fn look(
         &self,
         now: Timestamp,
         segments: &Segments,
         member_state: impl Fn(NodeId) -> MemberState,
     ) -> Option<Violation> {
-        // The diameter, which is long to find, is asked for only where something is wrong.
+        // The diameter is expensive, so it is computed only where something is wrong.
         let is_settled = |segment: &Segment, diameter| {
             let spreads = segment.members.iter().any(|id| member_state(*id).spreads);
             let more = if spreads {
@@ -61,8 +61,8 @@ impl SettledChecker {
                 Duration::ZERO
             };
             let settling = self.settling;
-            let is_owed = segment.is_decided && settling.is_owed(diameter);
-            is_owed && now.since(segment.still_since) > settling.time(diameter) + more
+            let applies = segment.is_decided && settling.applies_to(diameter);
+            applies && now.since(segment.unchanged_since) > settling.time(diameter) + more
         };
         segments.iter().find_map(|segment| {
             if !is_settled(segment, 0) {
@@ -74,8 +74,8 @@ impl SettledChecker {
                 at: now,
                 drones: flying(segment, &member_state).collect(),
                 what: format!(
-                    "{what}, though no link of their segment has changed for {:.1} s",
-                    now.since(segment.still_since).as_secs_f64()
+                    "{what}, although no link of their segment has changed for {:.1} s",
+                    now.since(segment.unchanged_since).as_secs_f64()
                 ),
             })
         })
@@ -90,32 +90,32 @@ fn flying(
     members.filter(move |id| member_state(*id).flies)
 }
 
-/// What is wrong with who leads a part; nothing if it has its one master, or nobody who needs one.
+/// What is wrong with the leadership of a segment. `None` if it has one master, or no member that needs one.
 fn disagreement(
     segment: &Segment,
     member_state: &impl Fn(NodeId) -> MemberState,
 ) -> Option<String> {
     let first = flying(segment, member_state).next()?;
-    let Some(ballot) = member_state(first).obeys else {
-        return Some(format!("drone {first} obeys nobody"));
+    let Some(ballot) = member_state(first).leader else {
+        return Some(format!("drone {first} follows no ballot"));
     };
     let master = ballot.master;
     if let Some(other) =
-        flying(segment, member_state).find(|id| member_state(*id).obeys != Some(ballot))
+        flying(segment, member_state).find(|id| member_state(*id).leader != Some(ballot))
     {
-        let leader = member_state(other).obeys;
-        let leader = leader.map_or_else(|| "nobody".to_owned(), |it| it.to_string());
+        let leader = member_state(other).leader;
+        let leader = leader.map_or_else(|| "no ballot".to_owned(), |it| it.to_string());
         return Some(format!(
-            "drone {first} obeys {ballot} and drone {other} {leader}"
+            "drone {first} follows {ballot} and drone {other} {leader}"
         ));
     }
     if !segment.members.contains(&master) {
         return Some(format!(
-            "drone {first} obeys drone {master}, which no link leads to"
+            "drone {first} follows drone {master}, which is not in its segment"
         ));
     }
     (!member_state(master).leads)
-        .then(|| format!("drone {first} obeys {ballot}, which does not fly"))
+        .then(|| format!("drone {first} follows drone {master}, which does not fly"))
 }
 
 #[cfg(test)]
@@ -128,7 +128,7 @@ mod tests {
         detection: Duration::from_secs(1),
         spreading: Duration::from_secs(10),
         hop: Duration::from_secs(1),
-        back_off: Duration::from_secs(1),
+        retransmission: Duration::from_secs(1),
         hops_max: None,
     });
 
@@ -137,7 +137,7 @@ mod tests {
             flies: true,
             leads: true,
             spreads: false,
-            obeys: Some(Ballot {
+            leader: Some(Ballot {
                 term,
                 rank: master,
                 master: NodeId(master),
@@ -145,7 +145,7 @@ mod tests {
         }
     }
 
-    /// Three in line, still since the start.
+    /// Three in line, without changes since the start.
     fn segments() -> Segments {
         let mut segments = Segments::default();
         segments.look(at(0.0), vec![Some(0); 3], line(3));
@@ -161,19 +161,19 @@ mod tests {
     }
 
     #[test]
-    fn one_master_obeyed_by_all_is_right_at_any_time() {
+    fn one_master_followed_by_all_keeps_the_rule() {
         assert_eq!(found(100.0, &segments(), &[under(2, 1); 3]), None);
     }
 
     #[test]
-    fn two_masters_are_found_once_the_part_has_settled_and_not_before() {
+    fn two_masters_break_the_rule_once_the_segment_must_have_settled() {
         let drones = [under(1, 0), under(2, 2), under(2, 2)];
         assert_eq!(found(6.0, &segments(), &drones), None);
         assert!(found(6.1, &segments(), &drones).is_some());
     }
 
     #[test]
-    fn nothing_is_owed_over_more_hops_than_the_master_is_heard_of() {
+    fn rule_does_not_apply_beyond_the_reach_of_heartbeats() {
         let drones = [under(1, 0), under(2, 2), under(2, 2)];
         let found_with = |hops_max| {
             let settling = Settling {
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_starts_anew_with_every_change_of_a_link() {
+    fn settling_time_starts_again_with_every_change_of_a_link() {
         let mut segments = segments();
         let mut links = line(3);
         links.push(link(0, 2, 0.5));
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_while_a_grey_link_decides() {
+    fn rule_does_not_apply_while_a_grey_link_decides() {
         let mut segments = Segments::default();
         let links = vec![link(0, 1, 0.0), link(1, 2, 0.6)];
         segments.look(at(0.0), vec![Some(0); 3], links);
@@ -206,15 +206,15 @@ mod tests {
     }
 
     #[test]
-    fn a_master_that_is_not_in_the_part_is_found() {
+    fn a_master_outside_the_segment_breaks_the_rule() {
         let mut segments = segments();
         segments.look(at(0.0), vec![Some(0), Some(0), None], line(3));
         let what = found(100.0, &segments, &[under(1, 2); 3]).unwrap();
-        assert!(what.contains("which no link leads to"), "{what}");
+        assert!(what.contains("not in its segment"), "{what}");
     }
 
     #[test]
-    fn a_master_that_obeys_another_or_goes_to_land_is_found() {
+    fn a_master_that_follows_another_or_lands_breaks_the_rule() {
         let drones = [under(2, 2), under(3, 1), under(2, 2)];
         assert!(found(100.0, &segments(), &drones).is_some());
         let lands = MemberState {
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_spreads_has_longer_to_settle() {
+    fn a_segment_that_spreads_has_longer_to_settle() {
         let spreads = MemberState {
             spreads: true,
             ..under(2, 2)
@@ -238,12 +238,12 @@ mod tests {
     }
 
     #[test]
-    fn whoever_is_on_the_ground_or_landing_needs_no_master() {
+    fn drones_on_the_ground_or_landing_need_no_master() {
         let down = MemberState {
             flies: false,
             leads: false,
             spreads: false,
-            obeys: None,
+            leader: None,
         };
         assert_eq!(
             found(100.0, &segments(), &[under(1, 0), down, under(1, 0)]),
@@ -251,7 +251,7 @@ mod tests {
         );
         assert_eq!(found(100.0, &segments(), &[down; 3]), None);
         let lost = MemberState {
-            obeys: None,
+            leader: None,
             ..under(1, 0)
         };
         assert!(found(100.0, &segments(), &[under(1, 0), lost, down]).is_some());

@@ -1,7 +1,7 @@
-//! The supervision tree that flies, in virtual time.
+//! The engine that runs the supervision tree of a real flight, in virtual time.
 //!
-//! All actors share one thread. When they are quiet the asynchronous runtime is about to park that thread, and calls
-//! the driver, which lets the next thing happen in the world and hands it to an actor. Nothing else makes time pass.
+//! All actors share one thread. When they are idle, the asynchronous runtime is about to park that thread and calls the
+//! driver. The driver takes the next task from the world and sends it to an actor. Only that advances time.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -29,7 +29,7 @@ pub(super) fn run(
     });
     let parked = Arc::clone(&driver);
     let runtime = tokio::runtime::Builder::new_current_thread()
-        .on_thread_park(move || parked.go_on())
+        .on_thread_park(move || parked.step())
         .build()
         .map_err(RunError::Runtime)?;
     let world = Arc::clone(&driver.world);
@@ -38,7 +38,7 @@ pub(super) fn run(
         .map_err(RunError::Spawn)?;
     drop(runtime);
     drop(driver);
-    let world = Arc::into_inner(world).expect("all actors, and the driver, are gone");
+    let world = Arc::into_inner(world).expect("all actors and the driver have been dropped");
     Ok(world.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
@@ -56,7 +56,7 @@ async fn fly(scenario: &Scenario, driver: &Arc<Driver>) -> Result<(), ractor::Sp
         });
         drones.push(Drone::start(config, environment).await?);
     }
-    // From here on the driver may let things happen.
+    // From here on the driver takes tasks.
     let drones = driver.drones.get_or_init(|| drones);
     driver.over.notified().await;
     for drone in drones {
@@ -73,8 +73,8 @@ struct Driver {
 }
 
 impl Driver {
-    /// Lets the next thing happen that an actor has to be told of; says so once the run is over.
-    fn go_on(&self) {
+    /// Sends the next task to its actor; notifies once the run is over.
+    fn step(&self) {
         let Some(drones) = self.drones.get() else {
             return;
         };
@@ -105,7 +105,7 @@ impl Driver {
         drone
             .book()
             .cast(address, message)
-            .expect("one message at a time is handed to an actor that runs");
+            .expect("an actor that runs has one message at a time");
     }
 }
 
@@ -140,7 +140,7 @@ impl Environment for SimulatedEnvironment {
     }
 }
 
-/// A panic under this lock would be the world's, whose state is then given up with it.
+/// A panic under this lock is the world's own, whose state is lost with it.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! The machines, called directly from the event heap.
+//! The engine that steps machines directly, without actors.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -13,7 +13,7 @@ use crate::scenario::Scenario;
 use crate::world::{What, World, blueprints};
 
 struct Drone {
-    /// Apart from the cells, for it is seldom looked at.
+    /// Apart from the machines, since it is seldom read.
     blueprint: Box<Blueprint>,
     machines: [Option<NodeMachine>; 5],
     supervision: Supervision,
@@ -69,8 +69,8 @@ pub(super) fn run(scenario: &Scenario, mut world: World, mut meter: Option<Meter
     world
 }
 
-/// Has the memory of radios and routings at hand that will be needed soon: first what lies in each, then what that leads to, so
-/// that it is waited for side by side.
+/// Loads the memory of radios and routings that will be needed soon: first what lies in each, then what that refers to, so
+/// that the loads overlap.
 fn read_ahead(drones: &[Drone], soon: &[(NodeId, Option<NodeId>)]) {
     let machines = |id: NodeId| {
         let [radio, routing, ..] = &drones[id.0 as usize].machines;
@@ -112,7 +112,7 @@ impl Drone {
 
     fn fail(&mut self, world: &mut World, id: NodeId, address: Address) {
         self.machines[address as usize] = None;
-        let verdict = self.supervision.failed(world.now_of(id));
-        world.failed(id, address, verdict);
+        let decision = self.supervision.failed(world.now_of(id), address);
+        world.failed(id, address, decision);
     }
 }

@@ -1,4 +1,4 @@
-//! The two engines. Same scenario, same seed: the same trace, byte for byte, on both.
+//! The two engines. The same scenario with the same seed has the same trace on both.
 
 mod actors;
 mod events;
@@ -14,35 +14,35 @@ use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
 use crate::world::{Outcome, World};
 
-/// Why a run could not be made: the machine's fault or ours, never the scenario's. Nothing is left behind.
+/// Why a run could not start. The cause is the computer or this program, never the scenario. It leaves nothing behind.
 #[derive(Debug, Error)]
 pub enum RunError {
     /// The asynchronous runtime could not be built.
-    #[error("no runtime for the actors")]
+    #[error("the asynchronous runtime could not be built")]
     Runtime(#[source] std::io::Error),
     /// An actor could not be started.
     #[error("an actor could not be started")]
     Spawn(#[source] ractor::SpawnErr),
 }
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
-    /// Waypoints reached and landings made, all drones together.
+    /// Waypoints reached and landings, of all drones together.
     pub done: u64,
-    /// How many of them there are in the scenario.
+    /// Their number in the whole scenario.
     pub total: u64,
-    /// How far the clock of the world is, in whole simulated seconds.
+    /// Simulated time, in whole seconds.
     pub simulated_s: u64,
 }
 
-/// Whoever wants to know how far a run is; told once a simulated second.
+/// Receives the progress of a run, once a simulated second.
 pub type Watcher = Box<dyn FnMut(Progress) + Send>;
 
-/// Flies a scenario from the order to take off until all drones are down, a rule is broken or the time is up.
+/// Flies a scenario from the order to take off until all drones are down, a rule is violated or the time is up.
 ///
 /// # Errors
-/// When the engine can't be started.
+/// If the engine can't be started.
 pub fn run(
     scenario: &Scenario,
     engine: Engine,
@@ -54,7 +54,7 @@ pub fn run(
     Ok(summary(scenario, Some(engine), &outcome, started.elapsed()))
 }
 
-/// Likewise; a run that takes longer than `run_limit` of wall-clock time ends there and breaks rule 10.
+/// As [`run`]; a run that takes longer than `run_limit` of wall-clock time ends there and violates rule 10.
 ///
 /// # Errors
 /// As [`run`].
@@ -101,11 +101,14 @@ pub(crate) fn flown(scenario: &Scenario) -> World {
     events::run(scenario, World::new(scenario), None)
 }
 
-/// Tells a watcher how far a run is.
+/// Reports the progress of a run to a watcher.
+///
+/// Invariant: at most one report a simulated second.
 struct Meter {
     watcher: Watcher,
     total: u64,
-    told_s: Option<u64>,
+    /// The second of the last report.
+    reported_s: Option<u64>,
 }
 
 impl Meter {
@@ -114,14 +117,14 @@ impl Meter {
         Self {
             watcher,
             total,
-            told_s: None,
+            reported_s: None,
         }
     }
 
     fn read(&mut self, world: &World) {
         let simulated_s = world.now().as_nanos() / 1_000_000_000;
-        if self.told_s != Some(simulated_s) {
-            self.told_s = Some(simulated_s);
+        if self.reported_s != Some(simulated_s) {
+            self.reported_s = Some(simulated_s);
             (self.watcher)(Progress {
                 done: world.steps_done().min(self.total),
                 total: self.total,

@@ -1,10 +1,10 @@
 use std::time::{Duration, Instant};
 
-/// Steps between two looks at the clock, some milliseconds.
+/// Steps between two looks at the clock: a few milliseconds.
 const LOOK_EVERY: u32 = 4_096;
 
-/// Wall-clock time that a run may take. This is for runs that never end: whether a run reaches its limit depends on the machine,
-/// while any other end of a run is the same each time.
+/// Wall-clock time that a run may take, for runs that would not end. Whether a run reaches it depends on the computer; any
+/// other end of a run is deterministic.
 #[derive(Debug)]
 pub(crate) struct RunLimit {
     pub(crate) limit: Duration,
@@ -22,7 +22,7 @@ impl RunLimit {
         }
     }
 
-    /// Whether the time is over. To be asked at each step; a step that never returns is not ended.
+    /// Whether the time is over. Call it at each step; it can't end a step that does not return.
     pub(crate) fn is_over(&mut self) -> bool {
         self.steps = (self.steps + 1) % LOOK_EVERY;
         self.steps == 0 && self.started.elapsed() >= self.limit
@@ -34,7 +34,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_limit_that_has_passed_is_noticed_within_so_many_steps() {
+    fn a_passed_limit_is_noticed_within_the_steps_between_looks() {
         let over_at = |limit| {
             let mut limit = RunLimit::begin(limit);
             (1..=LOOK_EVERY).find(|_| limit.is_over())

@@ -1,4 +1,4 @@
-//! What follows from a report's figures, and how figures are written for a person.
+//! Figures derived from a report, and their text form.
 
 use std::path::Path;
 
@@ -6,22 +6,22 @@ use muster_runtime::text::figure;
 
 use super::{Barrier, DroneReport, Engine, FormationChange, Report, Role};
 
-/// What a drone did for the swarm's radio, as it is drawn.
+/// A drone's part in the radio network; sets its colour and mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// It led.
+    /// Led the swarm.
     Master,
-    /// It was led, and repeated orders for others.
+    /// Relayed orders for other drones.
     Relay,
-    /// It was led, and repeated nothing.
+    /// Relayed nothing.
     Leaf,
 }
 
 impl Kind {
-    /// Every kind, in the order of a legend.
+    /// All kinds, in the order of the legend.
     pub(super) const ALL: [Self; 3] = [Self::Master, Self::Relay, Self::Leaf];
 
-    /// Its name, as a person reads it and as the page's styles call it.
+    /// Name in texts and in CSS classes.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Master => "master",
@@ -32,7 +32,7 @@ impl Kind {
 }
 
 impl DroneReport {
-    /// What it did for the swarm's radio.
+    /// Its part in the radio network.
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match (self.role, self.relay) {
@@ -44,7 +44,7 @@ impl DroneReport {
 }
 
 impl Barrier {
-    /// Seconds from the last arrival to the last departure.
+    /// Barrier wait: seconds from the last arrival to the last departure.
     #[must_use]
     pub fn wait_s(&self) -> f64 {
         self.moving_s - self.arrived_s
@@ -52,7 +52,7 @@ impl Barrier {
 }
 
 impl FormationChange {
-    /// Seconds from the first drone's start to the last one's arrival; nothing if none got there.
+    /// Seconds from the first drone's start to the last drone's arrival; `None` if none arrived.
     #[must_use]
     pub fn took_s(&self) -> Option<f64> {
         self.done_s.map(|done_s| done_s - self.begun_s)
@@ -60,43 +60,43 @@ impl FormationChange {
 }
 
 impl Report {
-    /// Whether every swarm of the run flew its mission to its end.
+    /// Whether all swarms of the run completed their missions.
     #[must_use]
     pub fn are_missions_completed(&self) -> bool {
         self.swarms().all(|report| report.mission_completed)
     }
 
-    /// What came of each swarm of the run, the scenario's own first.
+    /// Reports of all swarms of the run, the scenario's own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.others)
     }
 
-    /// How many changes of formation took all drones to their new slots.
+    /// Number of formation changes that all drones completed.
     #[must_use]
     pub fn changes_made(&self) -> usize {
         let all = |change: &&FormationChange| change.drones as usize == self.drones.len();
         self.changes.iter().filter(all).count()
     }
 
-    /// The drone that led, the one with the lowest id if several did in turn.
+    /// The master; the one with the lowest id if there are several.
     #[must_use]
     pub fn master(&self) -> Option<&DroneReport> {
         self.drones.iter().find(|drone| drone.role == Role::Master)
     }
 
-    /// The mean of the waits at the waypoints; nothing without a waypoint.
+    /// Mean barrier wait; `None` without barriers.
     #[must_use]
     pub fn mean_wait_s(&self) -> Option<f64> {
         mean(self.barriers.iter().map(Barrier::wait_s))
     }
 
-    /// The mean of some count of each wait at a waypoint; nothing without a waypoint.
+    /// Mean of a counter over the barriers; `None` without barriers.
     #[must_use]
-    pub fn mean_of_barriers(&self, what: impl Fn(&Barrier) -> u64) -> Option<f64> {
-        mean(self.barriers.iter().map(|barrier| count(what(barrier))))
+    pub fn mean_of_barriers(&self, counter: impl Fn(&Barrier) -> u64) -> Option<f64> {
+        mean(self.barriers.iter().map(|barrier| count(counter(barrier))))
     }
 
-    /// The mean of the waypoint delays that there are.
+    /// Mean waypoint delay over the drones that have one.
     #[must_use]
     pub fn mean_waypoint_delay_s(&self) -> Option<f64> {
         mean(
@@ -106,19 +106,19 @@ impl Report {
         )
     }
 
-    /// The mean of the frames sent.
+    /// Mean number of frames sent; `None` without drones.
     #[must_use]
     pub fn mean_messages_sent(&self) -> Option<f64> {
         mean(self.drones.iter().map(|drone| count(drone.messages_sent)))
     }
 
-    /// Simulated seconds a second of the wall's clock; nothing if the run took no time that could be measured.
+    /// Simulated seconds per wall-clock second; `None` if the run took no measurable time.
     #[must_use]
     pub fn speedup(&self) -> Option<f64> {
         (self.wall_s > 0.0).then(|| self.simulated_s / self.wall_s)
     }
 
-    /// The scenario's name: its file's, without folder and extension.
+    /// File name of the scenario without folder and extension.
     #[must_use]
     pub fn name(&self) -> &str {
         let stem = Path::new(&self.scenario).file_stem();
@@ -127,7 +127,7 @@ impl Report {
     }
 }
 
-/// The command that makes a run, to be typed into a POSIX shell.
+/// Command that repeats a run, quoted for a POSIX shell.
 pub(crate) fn command(
     scenario: &str,
     seed: u64,
@@ -146,7 +146,7 @@ pub(crate) fn command(
     command
 }
 
-/// `text` as one word of a POSIX shell.
+/// Quotes `text` as one word of a POSIX shell.
 pub(crate) fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(plain) {
@@ -163,7 +163,7 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (number > 0).then(|| sum / f64::from(number))
 }
 
-/// A count as a number to reckon with.
+/// Converts a count to a float.
 #[expect(
     clippy::cast_precision_loss,
     reason = "a run has far fewer than 2^52 frames"
@@ -172,8 +172,8 @@ pub(crate) fn count(number: u64) -> f64 {
     number as f64
 }
 
-/// How fast the run was, in words; nothing if it took no time that could be measured.
-pub(super) fn pace(report: &Report) -> Option<String> {
+/// The speed-up in words; `None` if the run took no measurable time.
+pub(super) fn speedup_text(report: &Report) -> Option<String> {
     let speedup = report.speedup()?;
     Some(if speedup >= 10.0 {
         format!("{} times faster than real time", figure(speedup, 0))
@@ -188,7 +188,7 @@ mod tests {
     use crate::report::sample;
 
     #[test]
-    fn the_command_survives_a_shell() {
+    fn command_is_quoted_for_the_shell() {
         let command =
             |scenario: &str| command(scenario, 7, Some(Engine::Actors), &["a=[1]".to_owned()]);
         assert_eq!(
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn means_of_nothing_are_nothing() {
+    fn means_without_values_are_none() {
         let (mut report, _) = sample::swarm(2);
         report.barriers.clear();
         report.drones.clear();

@@ -1,4 +1,4 @@
-//! What a drone was doing, and where, at any instant of its flight.
+//! State and position of a drone at any time of its flight.
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
@@ -7,26 +7,26 @@ use muster_machines::time::Timestamp;
 use super::{Flight, FlightOfDrone};
 
 impl Flight {
-    /// Each swarm's, the scenario's own first.
+    /// Flights of all swarms, the scenario's own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.others)
     }
 }
 
 impl FlightOfDrone {
-    /// What it was doing at `at`.
+    /// State at time `at`.
     #[must_use]
     pub fn state_at(&self, at: Timestamp) -> State {
-        let begun = self.states.partition_point(|&(since, _)| since <= at);
-        let states = self.states.get(..begun).unwrap_or_default();
+        let started = self.states.partition_point(|&(since, _)| since <= at);
+        let states = self.states.get(..started).unwrap_or_default();
         states.last().map(|&(_, state)| state).unwrap_or_default()
     }
 
-    /// Where it was at `at`, in a straight line between two points of its track; nothing without a track.
+    /// Position at time `at`, interpolated linearly between track points; `None` without a track.
     ///
-    /// Before its track it was where that begins, after it where that ends.
+    /// Before and after the track it is the first and the last point.
     #[must_use]
-    pub fn place_at(&self, at: Timestamp) -> Option<Ned> {
+    pub fn position_at(&self, at: Timestamp) -> Option<Ned> {
         let next = self.track.partition_point(|&(then, _)| then < at);
         let Some(&(to_t, to)) = self.track.get(next) else {
             return self.track.last().map(|&(_, place)| place);
@@ -39,7 +39,7 @@ impl FlightOfDrone {
         Some(Ned(from.0.lerp(&to.0, share)))
     }
 
-    /// When it first was at a waypoint.
+    /// Time of its first arrival at a waypoint.
     #[must_use]
     pub fn first_waypoint_at(&self) -> Option<Timestamp> {
         let reached = |state: State| matches!(state, State::WaypointReached { .. });
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_holds_until_the_next_one() {
+    fn state_holds_until_the_next_one() {
         let drone = northbound();
         assert_eq!(drone.state_at(at(1.4)), State::TakingOff);
         assert_eq!(
@@ -80,16 +80,16 @@ mod tests {
     }
 
     #[test]
-    fn a_place_is_between_its_neighbours_and_stays_at_the_ends() {
+    fn position_is_interpolated_and_constant_beyond_the_track() {
         let drone = northbound();
-        assert_eq!(drone.place_at(at(1.25)), Some(Ned::new(2.5, 0.0, 0.0)));
-        assert_eq!(drone.place_at(at(0.0)), Some(Ned::HOME));
-        assert_eq!(drone.place_at(at(9.0)), Some(Ned::new(10.0, 0.0, 0.0)));
-        let nowhere = FlightOfDrone {
+        assert_eq!(drone.position_at(at(1.25)), Some(Ned::new(2.5, 0.0, 0.0)));
+        assert_eq!(drone.position_at(at(0.0)), Some(Ned::HOME));
+        assert_eq!(drone.position_at(at(9.0)), Some(Ned::new(10.0, 0.0, 0.0)));
+        let without_track = FlightOfDrone {
             track: vec![],
             states: vec![],
         };
-        assert_eq!(nowhere.place_at(at(1.0)), None);
-        assert_eq!(nowhere.state_at(at(1.0)), State::Start);
+        assert_eq!(without_track.position_at(at(1.0)), None);
+        assert_eq!(without_track.state_at(at(1.0)), State::Start);
     }
 }

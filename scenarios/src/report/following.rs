@@ -1,4 +1,4 @@
-//! How well drones kept formation on a master that they followed.
+//! Formation error of drones that follow the master.
 
 use std::time::Duration;
 
@@ -10,14 +10,18 @@ use muster_machines::time::Timestamp;
 use super::FormationError;
 use super::figures::count;
 use crate::scenario::Scenario;
-use crate::world::{Flown, Record};
+use crate::world::{Record, SwarmOutcome};
 use muster_runtime::vehicle::Vehicle;
 
-/// How often a drone's place is compared with its slot.
+/// Sampling period of the formation error.
 const SAMPLE_EVERY: Duration = Duration::from_millis(100);
 
-/// Each drone's distances from its slot while it followed, in metres; none for the master and for whoever never did.
-pub(super) fn distances_m(scenario: &Scenario, flown: &Flown, ended: Timestamp) -> Vec<Vec<f64>> {
+/// Each drone's distances from its slot while following, in metres; empty for the master and for drones that don't follow.
+pub(super) fn distances_m(
+    scenario: &Scenario,
+    flown: &SwarmOutcome,
+    ended: Timestamp,
+) -> Vec<Vec<f64>> {
     let layout = scenario
         .plan
         .changes
@@ -30,13 +34,15 @@ pub(super) fn distances_m(scenario: &Scenario, flown: &Flown, ended: Timestamp) 
     let centre = layout.formation().centre();
     let master = drones().find(|(id, _)| *id == centre);
     let of_drone = |(id, drone)| match master {
-        Some((centre, master)) if centre != id => of_drone((id, drone), master, layout, ended),
+        Some((centre, master)) if centre != id => {
+            drone_distances_m((id, drone), master, layout, ended)
+        }
         _ => Vec::new(),
     };
     drones().map(of_drone).collect()
 }
 
-fn of_drone(
+fn drone_distances_m(
     (id, (record, vehicle)): (NodeId, (&Record, &Vehicle)),
     (masters_record, masters_vehicle): (&Record, &Vehicle),
     layout: &Layout,
@@ -56,12 +62,12 @@ fn of_drone(
         .collect()
 }
 
-/// What distances come to; nothing where there are none.
+/// Summary of the distances; `None` if there are none.
 pub(super) fn error(mut distances_m: Vec<f64>) -> Option<FormationError> {
     distances_m.sort_by(f64::total_cmp);
     let number = distances_m.len();
     let max_m = *distances_m.last()?;
-    // The smallest value that at least 95 of 100 do not exceed.
+    // Nearest-rank percentile.
     let p95_m = distances_m[(number * 95).div_ceil(100) - 1];
     let number = count(number as u64);
     Some(FormationError {

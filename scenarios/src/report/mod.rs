@@ -1,4 +1,4 @@
-//! What is kept of a run: figures for a program, pictures and tables for a person.
+//! The report of a run: figures for programs, a page and tables for people.
 
 pub(crate) mod figures;
 mod flight;
@@ -19,7 +19,7 @@ pub use html::page;
 pub use html::scaling::{Scaling, scaling};
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
-pub use write::{REPORT_HTML, REPORT_JSON, TRACKS_CSV, WriteError, Written, write};
+pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write};
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
@@ -28,109 +28,110 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use figures::command;
 pub(crate) use summary::{is_completed, summary};
-pub(crate) use write::{Complete, Draft, json, make_folder};
+pub(crate) use write::{CompleteFile, DraftFile, create_folder, json};
 
-/// The figures of a run: what `--json` prints and `report.json` holds.
+/// The figures of a run, as printed by `--json` and written to `report.json`.
 ///
-/// All times are simulated seconds from the start of the run, all lengths metres.
+/// Times are simulated seconds from the start of the run. Lengths are in metres.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
-    /// The scenario's file.
+    /// Path of the scenario file.
     pub scenario: String,
-    /// The seed of every random draw.
+    /// Random seed.
     pub seed: u64,
-    /// Fields that were set in the place of what the file says, each as `key=value`.
+    /// Fields that override the file, each as `key=value`.
     pub overrides: Vec<String>,
-    /// What ran the drones of a simulation; nothing where they flew as processes.
+    /// Simulation engine; `None` if the drones flew as processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub engine: Option<Engine>,
-    /// The command that repeats the run, to be typed into a POSIX shell.
+    /// Command that repeats the run, quoted for a POSIX shell.
     pub command: String,
-    /// BLAKE3 of everything observable, in hexadecimal; nothing where drones flew as processes, each time differently.
+    /// BLAKE3 of all observable events, in hexadecimal. `None` if the drones flew as processes: such runs don't repeat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<String>,
-    /// How long the run lasted, in simulated seconds; in real ones where drones flew as processes.
+    /// Duration in simulated seconds; in real seconds if the drones flew as processes.
     pub simulated_s: f64,
-    /// How long it took.
+    /// Wall-clock duration, in seconds.
     pub wall_s: f64,
-    /// By how much the clocks of the machines that flew may have differed at most from what was reckoned with, in seconds:
-    /// how far apart in time things on two of them happened is known to twice that. Nothing where there was one clock.
+    /// Largest error of the estimated clock offsets between hosts, in seconds. Times on two hosts compare to within twice
+    /// this value. `None` if there was one clock.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_uncertainty_s: Option<f64>,
-    /// Each drone, in the order of their ids.
+    /// Drones, by id.
     pub drones: Vec<DroneReport>,
-    /// Each pure relay, in the order of their ids.
+    /// Pure relays, by id.
     pub relays: Vec<RelayReport>,
     /// Means over the drones.
     pub means: Means,
-    /// Each waypoint at which the swarm waited for its members.
+    /// Barriers: waypoints at which the swarm waited for its members.
     pub barriers: Vec<Barrier>,
-    /// Each change of formation in flight.
+    /// Changes of formation in flight.
     pub changes: Vec<FormationChange>,
-    /// How well the others kept formation on a master that was followed; nothing where none was.
+    /// Formation error of the drones that followed the master; `None` if no drone followed.
     pub following: Option<FormationError>,
-    /// Each time that a part of the swarm had no master, or more than one.
+    /// Periods in which a network segment had no master, or more than one.
     pub elections: Vec<Election>,
-    /// The master's own view of who is out of its range and who bridges to them.
+    /// The drones out of the master's range and their bridges, as the master knows them.
     pub bridges: Vec<Bridge>,
-    /// Frames that radios did not let in, by reason.
+    /// Received frames that radios dropped, by reason.
     pub dropped: BTreeMap<String, u64>,
-    /// What the radios did, on a medium that they share; nothing on an ideal one.
+    /// Counters of the shared medium; `None` on an ideal medium.
     pub medium: Option<MediumCounters>,
-    /// The closest that two flying drones came, in a straight line; nothing for fewer than two.
+    /// Closest approach of two flying drones, straight-line; `None` for fewer than two drones.
     pub min_separation_m: Option<f64>,
-    /// Whether the swarm, or what was left of it, reached the last waypoint and left it to land.
+    /// Whether the remaining swarm reached the last waypoint and left it to land.
     pub mission_completed: bool,
-    /// Rules that were broken.
+    /// Violated rules.
     pub violations: Vec<Violation>,
-    /// Whether no rule was checked: the run measures what flying costs and proves nothing. Not there otherwise.
+    /// Whether rule checks were off: the run measures cost only. Omitted if false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub unchecked: bool,
-    /// Every other swarm of the scenario: the same of it, of the same run. Drones and relays are numbered on.
+    /// Reports of the scenario's other swarms in the same run. Their ids continue those of this swarm.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Self>,
 }
 
-/// A time in which some of the drones that flew the mission had no master that they could reach, or did not all obey
-/// the same one; before the first election it begins when the master was killed.
+/// A period in which some flying drones could not reach a master, or connected drones followed different masters.
+///
+/// Before the first election it starts when the master is killed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Election {
-    /// When it began, in simulated seconds.
+    /// Start, in simulated seconds.
     pub at_s: f64,
-    /// How long it took until the first drone led that was elected meanwhile; nothing if none was.
+    /// Seconds from the start until the first newly elected drone led; `None` if none was elected.
     pub led_after_s: Option<f64>,
-    /// How long it took until each part had one master that all in it obeyed; nothing if that never came to be.
+    /// Seconds from the start until each segment had one master that all its drones followed; `None` if never.
     pub settled_after_s: Option<f64>,
-    /// Who led then, one for each part.
+    /// The masters at that time, one per segment.
     pub masters: Vec<u32>,
 }
 
-/// What radios that share a medium did, all of them together, from the start of the run to its end.
+/// Totals of all radios on a shared medium over the whole run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct MediumCounters {
-    /// Frames with a datagram that went on the air, those sent again included.
+    /// Transmitted frames with a datagram, including retries.
     pub sent: u64,
-    /// Acknowledgements that did.
+    /// Transmitted acknowledgements.
     pub acknowledgements: u64,
-    /// Frames that were sent again for want of one.
+    /// Frames retransmitted because no acknowledgement arrived.
     pub retries: u64,
-    /// Datagrams for one drone that were given up after the last try.
+    /// Unicast datagrams given up after the last retry.
     pub given_up: u64,
-    /// Datagrams that found the queue full.
+    /// Datagrams dropped because the send queue was full.
     pub dropped: u64,
-    /// Frames that a radio heard and could not make out: others were in the air, or it was sending itself.
+    /// Receptions lost to a collision or because the receiver was transmitting.
     pub collided: u64,
-    /// Frames that a radio made out and that were lost on it, by `radio.loss`.
+    /// Receptions lost by `radio.loss`.
     pub lost: u64,
 }
 
-/// What runs the drones of a simulation.
+/// Simulation engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Engine {
-    /// The supervision tree that flies, in virtual time.
+    /// The supervision tree of the real drone, in virtual time.
     Actors,
-    /// The same machines called from the event heap.
+    /// The same state machines, driven directly from the event heap.
     Events,
 }
 
@@ -146,173 +147,173 @@ impl fmt::Display for Engine {
 /// The figures of one drone.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DroneReport {
-    /// Which drone.
+    /// Drone id.
     pub id: u32,
-    /// Whether it led.
+    /// Role at the end.
     pub role: Role,
     /// Hops to the master.
     pub hops: Option<u16>,
-    /// The neighbour through which its acknowledgements went.
+    /// Its parent: the next hop to the master.
     pub parent: Option<u32>,
-    /// Whether it repeated orders for others.
+    /// Whether it relayed orders.
     pub relay: bool,
-    /// Whether it did not hear the master itself.
+    /// Whether it was out of the master's range.
     pub out_of_range: bool,
-    /// The thesis's routing list.
+    /// Routing list, as the thesis defines it.
     pub routing_list: Vec<u32>,
-    /// From the start of its neighbour discovery to the end of its landing; nothing if it has not got there.
+    /// From the start of neighbour discovery to the end of landing; `None` if it did not get there.
     pub flight_time_s: Option<f64>,
-    /// Frames that it sent in that time.
+    /// Frames sent during the flight time.
     pub messages_sent: u64,
-    /// Frames that it let in in that time.
+    /// Frames accepted during the flight time.
     pub messages_received: u64,
-    /// From its own arrival at a waypoint to its own departure, the mean over its waypoints.
+    /// Mean time from its arrival at a waypoint to its departure.
     pub waypoint_delay_s: Option<f64>,
-    /// The longest of them.
+    /// Longest such time.
     pub waypoint_delay_max_s: Option<f64>,
-    /// How well it kept formation on a master that it followed.
+    /// Formation error while it followed the master.
     pub following: Option<FormationError>,
-    /// What it was doing at the end.
+    /// Mission state at the end.
     pub state: String,
-    /// How many waypoints it has reached, the one where the take-off ends included.
+    /// Number of waypoints reached, including waypoint 0 at the end of the take-off.
     pub waypoints: usize,
-    /// Why it came down, if not because its mission was over.
+    /// Reason for an early landing; `None` if it landed at the mission's end.
     pub landed_because: Option<String>,
-    /// How often an actor of it was restarted.
+    /// Number of actor restarts.
     pub restarts: u32,
 }
 
 /// The figures of a pure relay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RelayReport {
-    /// Which one; relays are numbered after the drones.
+    /// Node id; relays are numbered after the drones.
     pub id: u32,
-    /// Where it is, in metres north of home.
+    /// Metres north of home.
     pub north_m: f64,
-    /// In metres east of home.
+    /// Metres east of home.
     pub east_m: f64,
-    /// In metres above home.
+    /// Metres above home.
     pub altitude_m: f64,
-    /// Hops to the master, by the last way that it had.
+    /// Hops to the master on its last route.
     pub hops: Option<u16>,
-    /// The neighbour through which it passed acknowledgements on.
+    /// Its parent: the next hop to the master.
     pub parent: Option<u32>,
-    /// Frames that it sent.
+    /// Frames sent.
     pub messages_sent: u64,
-    /// Frames that it let in.
+    /// Frames accepted.
     pub messages_received: u64,
-    /// How often an actor of it was restarted.
+    /// Number of actor restarts.
     pub restarts: u32,
 }
 
-/// Whether a drone leads.
+/// Role of a drone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// It leads.
+    /// Leads the swarm.
     Master,
-    /// It is led.
+    /// Follows the master's orders.
     Slave,
 }
 
 /// Means over the drones of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Means {
-    /// Of the flight times that there are.
+    /// Mean flight time of the drones that have one.
     pub flight_time_s: Option<f64>,
-    /// Of the frames let in.
+    /// Mean number of accepted frames.
     pub messages_received: f64,
 }
 
-/// A waypoint at which the swarm waited for its members.
+/// A barrier: a waypoint at which the swarm waited for its members.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Barrier {
-    /// Which one; 0 is where the take-off ended.
+    /// Waypoint number; 0 is the end of the take-off.
     pub waypoint: u16,
-    /// When the last live member had arrived.
+    /// Arrival of the last live member.
     pub arrived_s: f64,
-    /// When the last live member had begun to move on.
+    /// Departure of the last live member.
     pub moving_s: f64,
-    /// Frames that were sent by anyone from the first member's arrival to the last one's departure, keep-alives apart.
+    /// Frames sent by all drones from the first arrival to the last departure, without keep-alives.
     pub transmissions: u64,
-    /// Frames that were sent meanwhile only because their time had come, and so were no part of it.
+    /// Periodic keep-alives sent in the same time.
     pub keep_alives: u64,
-    /// How often the medium sent a frame for one drone, of whichever swarm, again meanwhile, for want of an
-    /// acknowledgement.
+    /// Unicast retries on the medium in the same time, of all swarms.
     pub retries: u64,
 }
 
 /// A change of formation in flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FormationChange {
-    /// At which waypoint.
+    /// Waypoint at which it took place.
     pub waypoint: u16,
-    /// The formation that it led to.
+    /// The new formation.
     pub to: &'static str,
-    /// When the first drone began it.
+    /// Start of the first drone.
     pub begun_s: f64,
-    /// When the last drone was in its new slot; nothing if none got there.
+    /// Arrival of the last drone in its new slot; `None` if none arrived.
     pub done_s: Option<f64>,
-    /// How many drones got to their new slots.
+    /// Number of drones that reached their new slots.
     pub drones: u32,
-    /// The highest altitude sector that was flown, in metres above the waypoint.
+    /// Highest altitude layer used, in metres above the waypoint.
     pub sector_max_m: f64,
 }
 
-/// How far drones were from their slots around a master that they followed: straight distances in metres, ten a second
-/// from when each began to follow until it was called to assemble.
+/// Formation error: straight-line distance of following drones from their slots around the master, in metres.
+///
+/// Sampled ten times a second, from the start of following to the order to assemble.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FormationError {
-    /// For how long that was, all drones together, in simulated seconds.
+    /// Total following time of all drones, in simulated seconds.
     pub followed_s: f64,
-    /// The mean.
+    /// Mean error.
     pub mean_m: f64,
-    /// 95 of 100 were at most this.
+    /// 95th percentile.
     pub p95_m: f64,
-    /// The largest.
+    /// Largest error.
     pub max_m: f64,
 }
 
-/// A neighbour of the master that passes on the acknowledgements of drones out of the master's range.
+/// A neighbour of the master that relays for drones out of the master's range.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Bridge {
-    /// The neighbour.
+    /// Id of the neighbour.
     pub bridge: u32,
-    /// The drones beyond, lowest first.
+    /// Drones reached through it, in ascending order.
     pub out_of_range: Vec<u32>,
 }
 
-/// A rule that was broken.
+/// A violated rule.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Violation {
-    /// The number of the rule among the invariants.
+    /// Rule number.
     pub rule: u8,
-    /// When.
+    /// Time of the violation.
     pub at_s: f64,
-    /// Who was in it.
+    /// Drones involved.
     pub drones: Vec<u32>,
-    /// What happened.
+    /// Description.
     pub what: String,
 }
 
-/// What is drawn of a run.
+/// Tracks and states of a run, for the map and the timeline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flight {
-    /// The waypoints of the mission.
+    /// Waypoints of the mission.
     pub waypoints: Vec<Ned>,
-    /// How far a radio reaches, in metres; with fading, how far it would without.
+    /// Radio range without fading, in metres.
     pub range_m: f64,
-    /// Each drone, in the order of their ids.
+    /// Drones, by id.
     pub drones: Vec<FlightOfDrone>,
-    /// Of every other swarm.
+    /// The other swarms.
     pub others: Vec<Self>,
 }
 
-/// What is drawn of one drone.
+/// Track and states of one drone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightOfDrone {
-    /// Where it was, at rising instants a second apart or less.
+    /// Positions in order of time, at most one second apart.
     pub track: Vec<(Timestamp, Ned)>,
-    /// What it began to do, and when; the first is its state at the start of the run.
+    /// State changes with their times; the first is the state at the start of the run.
     pub states: Vec<(Timestamp, State)>,
 }

@@ -1,4 +1,4 @@
-//! Runs made up for tests: a line of drones that flies 2,500 m north and lands in a row.
+//! Sample runs for tests: a line of drones that flies 2,500 m north and lands.
 
 use std::collections::BTreeMap;
 
@@ -11,20 +11,20 @@ use super::{
 };
 
 const SPACING_M: f64 = 160.0;
-const GATHERED_M: f64 = 5.0;
+const LANDING_SPACING_M: f64 = 5.0;
 const ALTITUDE_M: f64 = 20.0;
 const LEG_M: f64 = 500.0;
 const LEGS: u16 = 5;
 const SPEED_MPS: f64 = 12.0;
 const CLIMB_S: f64 = 15.0;
 
-/// A run of `drones` drones without trouble, the middle one leading.
+/// A run of `drones` drones without faults; the middle one is the master.
 pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
     let master = (drones - 1) / 2;
     let script = Script::new(drones);
     let flight = Flight {
         waypoints: (0..=LEGS)
-            .map(|leg| aloft(f64::from(leg) * LEG_M, 0.0))
+            .map(|leg| at_altitude(f64::from(leg) * LEG_M, 0.0))
             .collect(),
         range_m: 300.0,
         drones: (0..drones).map(|id| script.fly(id, master)).collect(),
@@ -74,15 +74,15 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         barriers: script.barriers(drones),
         changes: vec![],
         following: None,
-        min_separation_m: (drones > 1).then_some(GATHERED_M - 0.13),
+        min_separation_m: (drones > 1).then_some(LANDING_SPACING_M - 0.13),
         violations: vec![],
         others: vec![],
     };
     (report, flight)
 }
 
-/// A run of six drones in which much went wrong.
-pub(crate) fn troubled() -> (Report, Flight) {
+/// A run of six drones with restarts, an early landing and violations.
+pub(crate) fn faulty() -> (Report, Flight) {
     let (mut report, flight) = swarm(6);
     let lost = &mut report.drones[5];
     lost.flight_time_s = None;
@@ -93,7 +93,7 @@ pub(crate) fn troubled() -> (Report, Flight) {
     lost.state = "moving to waypoint 3".to_owned();
     lost.restarts = 1;
     let early = &mut report.drones[0];
-    early.landed_because = Some("the master was silent for too long".to_owned());
+    early.landed_because = Some("the master was silent".to_owned());
     early.restarts = 2;
     report.violations = vec![
         Violation {
@@ -116,22 +116,22 @@ fn at(seconds: f64) -> Timestamp {
     Timestamp::from_secs_f64(seconds)
 }
 
-fn aloft(north_m: f64, east_m: f64) -> Ned {
+fn at_altitude(north_m: f64, east_m: f64) -> Ned {
     Ned::new(north_m, east_m, -ALTITUDE_M)
 }
 
-/// When the swarm does what.
+/// Schedule of the swarm.
 struct Script {
-    /// The last drone is in its slot.
+    /// Time when the last drone is in its slot.
     formed_s: f64,
-    /// Everyone sets out for waypoint 1, 2 and so on, and last to land.
+    /// Departures to waypoints 1, 2, …, and to land.
     departures_s: Vec<f64>,
     end_s: f64,
 }
 
 impl Script {
     fn new(drones: u32) -> Self {
-        let farthest_m = f64::from(drones / 2) * (SPACING_M - GATHERED_M);
+        let farthest_m = f64::from(drones / 2) * (SPACING_M - LANDING_SPACING_M);
         let formed_s = 5.0 + CLIMB_S + farthest_m / SPEED_MPS;
         let first_s = formed_s + 36.0;
         let leg_s = LEG_M / SPEED_MPS + wait_s(f64::from(drones / 2));
@@ -149,14 +149,14 @@ impl Script {
     fn fly(&self, id: u32, master: u32) -> FlightOfDrone {
         let slots = f64::from(id) - f64::from(master);
         let lag_s = 0.11 * slots.abs();
-        let (slot_m, place_m) = (slots * SPACING_M, slots * GATHERED_M);
+        let (slot_m, place_m) = (slots * SPACING_M, slots * LANDING_SPACING_M);
         let spread_s = (slot_m - place_m).abs() / SPEED_MPS;
         let ground = |north_m: f64| Ned::new(north_m, place_m, 0.0);
         let mut keys = vec![
             (0.0, ground(0.0)),
             (5.0, ground(0.0)),
-            (5.0 + CLIMB_S, aloft(0.0, place_m)),
-            (5.0 + CLIMB_S + spread_s, aloft(0.0, slot_m)),
+            (5.0 + CLIMB_S, at_altitude(0.0, place_m)),
+            (5.0 + CLIMB_S + spread_s, at_altitude(0.0, slot_m)),
         ];
         let mut states = vec![
             (0.0, State::Start),
@@ -176,8 +176,8 @@ impl Script {
         for leg in 1..=LEGS {
             let from_s = self.departures_s[usize::from(leg) - 1] + lag_s;
             let to_s = from_s + LEG_M / SPEED_MPS;
-            keys.push((from_s, aloft(f64::from(leg - 1) * LEG_M, slot_m)));
-            keys.push((to_s, aloft(f64::from(leg) * LEG_M, slot_m)));
+            keys.push((from_s, at_altitude(f64::from(leg - 1) * LEG_M, slot_m)));
+            keys.push((to_s, at_altitude(f64::from(leg) * LEG_M, slot_m)));
             states.push((from_s, State::MovingToWaypoint { waypoint: leg }));
             states.push((to_s, State::WaypointReached { waypoint: leg }));
         }
@@ -186,8 +186,8 @@ impl Script {
             self.departures_s[usize::from(LEGS)],
         );
         let above_s = from_s + lag_s + spread_s;
-        keys.push((from_s + lag_s, aloft(north_m, slot_m)));
-        keys.push((above_s, aloft(north_m, place_m)));
+        keys.push((from_s + lag_s, at_altitude(north_m, slot_m)));
+        keys.push((above_s, at_altitude(north_m, place_m)));
         keys.push((above_s + CLIMB_S, ground(north_m)));
         states.push((from_s + lag_s, State::MovingToLand));
         states.push((above_s, State::Landing));
@@ -217,12 +217,12 @@ impl Script {
     }
 }
 
-/// How long the swarm waits at a waypoint when its last drone is `hops` away.
+/// Barrier wait of a swarm with its farthest drone `hops` away.
 fn wait_s(hops: f64) -> f64 {
     0.35 * hops + 0.2
 }
 
-/// A point a second on the straight lines between `keys`, swaying by up to 1 m.
+/// One point per second on the lines between `keys`, with a lateral sway of up to 1 m.
 fn sampled(keys: &[(f64, Ned)]) -> Vec<(Timestamp, Ned)> {
     let mut track = vec![];
     let mut time_s = 0.0;
@@ -245,7 +245,7 @@ fn sampled(keys: &[(f64, Ned)]) -> Vec<(Timestamp, Ned)> {
 
 fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport {
     let hops = id.abs_diff(master);
-    let towards = if id < master {
+    let parent = if id < master {
         id + 1
     } else {
         id.saturating_sub(1)
@@ -254,12 +254,12 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
     let states = &flight.drones[id as usize].states;
     let (discovery, finished) = (states[3].0, states[states.len() - 1].0);
     let flight_time_s = finished.since(discovery).as_secs_f64();
-    let heard = if at_an_end { 1.0 } else { 2.0 } * flight_time_s * 5.2;
+    let received = if at_an_end { 1.0 } else { 2.0 } * flight_time_s * 5.2;
     DroneReport {
         id,
         role: if hops == 0 { Role::Master } else { Role::Slave },
         hops: u16::try_from(hops).ok(),
-        parent: (hops > 0).then_some(towards),
+        parent: (hops > 0).then_some(parent),
         relay: hops > 0 && !at_an_end,
         out_of_range: hops > 1,
         routing_list: if id < master {
@@ -269,7 +269,7 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         },
         flight_time_s: Some(flight_time_s),
         messages_sent: (flight_time_s * 5.0) as u64 + u64::from(id % 4) * 17,
-        messages_received: heard as u64 + u64::from(id % 3) * 41,
+        messages_received: received as u64 + u64::from(id % 3) * 41,
         waypoint_delay_s: Some(wait_s(f64::from(drones / 2)) + 0.03 * f64::from(hops)),
         waypoint_delay_max_s: Some(wait_s(f64::from(drones / 2)) + 0.05 * f64::from(hops)),
         state: "finished".to_owned(),

@@ -11,9 +11,9 @@ use super::{
     MediumCounters, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
-use crate::world::{Flown, Outcome, Record, Recorder, track};
+use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
 
-/// What came of a run, for a program and for a person.
+/// Report and flight of a finished run.
 pub(crate) fn summary(
     scenario: &Scenario,
     engine: Option<Engine>,
@@ -25,7 +25,37 @@ pub(crate) fn summary(
     if scenario.unchecked {
         command.push_str(" --unchecked");
     }
-    let of_swarm = |(swarm, joins): (&Scenario, Joins), flown: &Flown| {
+    let run = Run {
+        scenario,
+        engine,
+        outcome,
+        wall,
+        command,
+    };
+    let swarms = scenario.swarms().zip(&outcome.swarms);
+    let mut swarms = swarms.map(|((swarm, joins), flown)| {
+        let report = run.report(swarm, joins, flown);
+        (report, run.flight(swarm, joins, flown))
+    });
+    let (mut report, mut flight) = swarms.next().expect("a scenario has a swarm of its own");
+    (report.others, flight.others) = swarms.unzip();
+    report.overrides = overrides;
+    (report, flight)
+}
+
+/// What the reports of all swarms of a run share.
+struct Run<'a> {
+    scenario: &'a Scenario,
+    engine: Option<Engine>,
+    outcome: &'a Outcome,
+    wall: Duration,
+    command: String,
+}
+
+impl Run<'_> {
+    /// Report of one swarm, without overrides and other swarms.
+    fn report(&self, swarm: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Report {
+        let outcome = self.outcome;
         let distances_m = distances_m(swarm, flown, outcome.ended);
         let drones: Vec<_> = (flown.recorder.drones())
             .zip(&distances_m)
@@ -35,15 +65,15 @@ pub(crate) fn summary(
             })
             .collect();
         let dropped = flown.recorder.dropped().iter();
-        let report = Report {
+        Report {
             scenario: swarm.name.clone(),
-            seed: scenario.seed,
+            seed: self.scenario.seed,
             overrides: Vec::new(),
-            engine,
-            command: command.clone(),
-            trace: engine.map(|_| outcome.trace.clone()),
+            engine: self.engine,
+            command: self.command.clone(),
+            trace: self.engine.map(|_| outcome.trace.clone()),
             simulated_s: outcome.ended.as_secs_f64(),
-            wall_s: wall.as_secs_f64(),
+            wall_s: self.wall.as_secs_f64(),
             clock_uncertainty_s: None,
             means: means(&drones),
             drones,
@@ -56,38 +86,35 @@ pub(crate) fn summary(
             dropped: dropped
                 .map(|(reason, count)| (reason.to_string(), *count))
                 .collect(),
-            medium: medium(scenario, outcome),
+            medium: medium(self.scenario, outcome),
             min_separation_m: outcome.closest_m,
             mission_completed: is_completed(swarm, &flown.recorder),
             violations: outcome.violations.iter().map(Violation::from).collect(),
-            unchecked: scenario.unchecked,
+            unchecked: self.scenario.unchecked,
             others: Vec::new(),
-        };
-        let drawn = flown.recorder.drones().zip(&flown.vehicles);
-        let flight = Flight {
+        }
+    }
+
+    /// Tracks and states of one swarm.
+    fn flight(&self, swarm: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Flight {
+        let drones = flown.recorder.drones().zip(&flown.vehicles);
+        Flight {
             waypoints: swarm
                 .plan
                 .waypoints
                 .iter()
                 .map(|it| *it + joins.home)
                 .collect(),
-            range_m: scenario.radio.propagation.range_m(),
-            drones: drawn
+            range_m: self.scenario.radio.propagation.range_m(),
+            drones: drones
                 .map(|((_, record), vehicle)| FlightOfDrone {
-                    track: track(vehicle, record, outcome.ended),
+                    track: track(vehicle, record, self.outcome.ended),
                     states: record.states.clone(),
                 })
                 .collect(),
             others: Vec::new(),
-        };
-        (report, flight)
-    };
-    let swarms = scenario.swarms().zip(&outcome.swarms);
-    let mut swarms = swarms.map(|(swarm, flown)| of_swarm(swarm, flown));
-    let (mut report, mut flight) = swarms.next().expect("a scenario has a swarm of its own");
-    (report.others, flight.others) = swarms.unzip();
-    report.overrides = overrides;
-    (report, flight)
+        }
+    }
 }
 
 fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
@@ -122,7 +149,7 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
     }
 }
 
-fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> {
+fn relays(scenario: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Vec<RelayReport> {
     let relays = flown.recorder.relays().zip(scenario.plan.relays.iter());
     relays
         .map(|((id, record), place)| {
@@ -144,7 +171,7 @@ fn relays(scenario: &Scenario, joins: Joins, flown: &Flown) -> Vec<RelayReport> 
         .collect()
 }
 
-/// What a drone was doing at the end, as far as it could still tell.
+/// State of a drone at the end, or how it was lost.
 fn state(record: &Record) -> String {
     let last = record
         .states
@@ -153,35 +180,35 @@ fn state(record: &Record) -> String {
     if record.fell {
         format!("fell while {last}")
     } else if record.ran_empty {
-        format!("its battery empty while {last}")
+        format!("battery empty while {last}")
     } else if record.killed.is_some() {
         format!("killed while {last}")
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
-        format!("on the ground, an actor given up while {last}")
+        format!("on the ground, an actor failed for good while {last}")
     } else {
         last.to_string()
     }
 }
 
-/// Why a drone came down, in words; nothing if its mission was over.
+/// Reason for an early landing, in words; `None` at the mission's end.
 const fn unplanned(reason: LandingReason) -> Option<&'static str> {
     match reason {
         LandingReason::MissionOver => None,
         LandingReason::MasterSilent => Some("the master was silent"),
-        LandingReason::Late => Some("it was late at its slot"),
-        LandingReason::Overdue => Some("a leg took too long"),
-        LandingReason::ActorGivenUp => Some("an actor could not be kept alive"),
-        LandingReason::Alone => Some("it heard of no other drone"),
+        LandingReason::Late => Some("it reached its slot too late"),
+        LandingReason::Overdue => Some("a leg exceeded its time limit"),
+        LandingReason::ActorGivenUp => Some("an actor failed for good"),
+        LandingReason::Alone => Some("it had no contact with other drones"),
         LandingReason::Geofence => Some("it was about to leave the geofence"),
         LandingReason::BatteryLow => Some("its battery was low"),
-        LandingReason::PositionLost => Some("it did not know where it was"),
-        LandingReason::BatteryCritical => Some("its battery was all but empty"),
-        LandingReason::FlightTime => Some("it had flown for as long as it may"),
+        LandingReason::PositionLost => Some("it lost its position"),
+        LandingReason::BatteryCritical => Some("its battery was critically low"),
+        LandingReason::FlightTime => Some("it reached its flight time limit"),
         LandingReason::Restarted => Some("its process restarted on the ground"),
-        LandingReason::Recalled => Some("it was called down"),
-        LandingReason::NetworkLost => Some("its process could not listen any more"),
+        LandingReason::Recalled => Some("it was recalled"),
+        LandingReason::NetworkLost => Some("its network task failed"),
         LandingReason::JournalLost => Some("its journal could not be written"),
-        LandingReason::Controller => Some("its flight controller brought it down"),
+        LandingReason::Controller => Some("its flight controller landed it"),
     }
 }
 
@@ -272,8 +299,7 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
     .collect()
 }
 
-/// Whether a swarm, or what was left of it, reached the last waypoint and left it to land, or assembled around the master
-/// that it followed.
+/// Whether the remaining swarm left the last waypoint to land; if it followed, whether it assembled around the master.
 pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     if scenario.plan.follow.is_some() {
         let master = recorder.of(recorder.centre());

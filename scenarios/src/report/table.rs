@@ -1,15 +1,15 @@
-//! The table that a run ends with on a terminal.
+//! The table of a run for a terminal.
 
 use comfy_table::{
     Attribute, Cell, CellAlignment, Color, ColumnConstraint, ContentArrangement, LineStyle, Row,
     Table, TableStyle, Width,
 };
 
-use super::figures::{count, pace};
+use super::figures::{count, speedup_text};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
-use muster_runtime::text::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
+use muster_runtime::text::{NO_VALUE, drones, figure, figure_or_dash, plural, ranges};
 
-/// Whether text is coloured.
+/// Whether text has colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Colour {
     /// Plain text.
@@ -18,14 +18,14 @@ pub enum Colour {
     Always,
 }
 
-/// So many elections are told one by one.
+/// Up to this many elections are listed one by one; more are summarized.
 const LISTED_ELECTIONS_MAX: usize = 10;
 
-/// How tables on a terminal are ruled.
+/// Lines of all tables on a terminal.
 pub const STYLE: TableStyle =
     TableStyle::new().header_separator(LineStyle::none().fill('─').junction('─'));
 
-/// The columns, named in two lines, and whether each holds numbers.
+/// Column headings of two lines, and whether the column holds numbers.
 const COLUMNS: [(&str, bool); 9] = [
     ("\ndrone", true),
     ("\nrole", false),
@@ -37,24 +37,24 @@ const COLUMNS: [(&str, bool); 9] = [
     ("waypoint\ndelay s", true),
     ("\nstate", false),
 ];
-/// States are not wrapped to less than this.
+/// Minimum width of the state column.
 const STATE_MIN: u16 = 12;
 
-/// The figures of a run as text for a terminal of `width` columns, or of any width; it ends with a line feed.
+/// The figures of a run as text for a terminal of `width` columns, with a final line feed; `None` is any width.
 ///
-/// It takes less than 100 columns for hundreds of drones. In fewer than it needs, the states are wrapped.
+/// It needs less than 100 columns for hundreds of drones. States are wrapped if the terminal is narrower.
 #[must_use]
 pub fn table(report: &Report, width: Option<u16>, colour: Colour) -> String {
     let mut text = swarm(report, summary(report), width, colour);
     for other in &report.others {
-        text.push_str(&format!("\n the swarm of {}\n", other.scenario));
-        text.push_str(&swarm(other, of_swarm(other), width, colour));
+        text.push_str(&format!("\n swarm of {}\n", other.scenario));
+        text.push_str(&swarm(other, swarm_summary(other), width, colour));
     }
     rules(report, colour, &mut text);
     text
 }
 
-/// The drones of a swarm, `lines` on it all, and a remark on each drone that asks for one.
+/// Table of a swarm, its summary `lines`, and remarks on single drones.
 fn swarm(
     report: &Report,
     lines: Vec<(&'static str, String)>,
@@ -77,7 +77,7 @@ fn swarm(
     text
 }
 
-/// A row a drone and a row of means under a line.
+/// One row per drone, and a row of means below a line.
 fn figures(report: &Report, width: Option<u16>, colour: Colour) -> String {
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
@@ -126,12 +126,12 @@ fn row(drone: &DroneReport) -> Row {
         if leads { "master" } else { "slave" }.to_owned(),
         drone
             .hops
-            .map_or_else(|| NOTHING.to_owned(), |hops| hops.to_string()),
+            .map_or_else(|| NO_VALUE.to_owned(), |hops| hops.to_string()),
         if drone.relay { "relay" } else { "" }.to_owned(),
-        figure_or_nothing(drone.flight_time_s, 1),
+        figure_or_dash(drone.flight_time_s, 1),
         figure(count(drone.messages_sent), 0),
         figure(count(drone.messages_received), 0),
-        figure_or_nothing(drone.waypoint_delay_s, 2),
+        figure_or_dash(drone.waypoint_delay_s, 2),
         drone.state.clone(),
     ];
     let unfinished = drone.flight_time_s.is_none();
@@ -155,46 +155,46 @@ fn means(report: &Report) -> Row {
         String::new(),
         String::new(),
         String::new(),
-        figure_or_nothing(report.means.flight_time_s, 1),
-        figure_or_nothing(report.mean_messages_sent(), 0),
+        figure_or_dash(report.means.flight_time_s, 1),
+        figure_or_dash(report.mean_messages_sent(), 0),
         figure(report.means.messages_received, 0),
-        figure_or_nothing(report.mean_waypoint_delay_s(), 2),
+        figure_or_dash(report.mean_waypoint_delay_s(), 2),
         String::new(),
     ])
 }
 
 fn summary(report: &Report) -> Vec<(&'static str, String)> {
-    let pace = pace(report)
-        .map(|pace| format!(": {pace}"))
+    let speedup = speedup_text(report)
+        .map(|text| format!(": {text}"))
         .unwrap_or_default();
-    let lasted = figure(report.simulated_s, 1);
+    let duration = figure(report.simulated_s, 1);
     let mut lines = vec![match report.engine {
         Some(_) => (
             "simulated",
-            format!("{lasted} s in {} s{pace}", figure(report.wall_s, 2)),
+            format!("{duration} s in {} s{speedup}", figure(report.wall_s, 2)),
         ),
         None => (
             "flown",
-            format!("{lasted} s in real time, each drone a process of its own"),
+            format!("{duration} s in real time, one process per drone"),
         ),
     }];
     if let Some(uncertainty_s) = report.clock_uncertainty_s {
         let uncertainty_ms = figure(uncertainty_s * 1e3, 2);
-        lines.push(("clocks", format!("known to {uncertainty_ms} ms")));
+        lines.push(("clocks", format!("error at most {uncertainty_ms} ms")));
     }
     if let Some(separation_m) = report.min_separation_m {
         lines.push((
             "separation",
-            format!("{} m at the closest", figure(separation_m, 1)),
+            format!("{} m at closest approach", figure(separation_m, 1)),
         ));
     }
-    lines.extend(of_swarm(report));
+    lines.extend(swarm_summary(report));
     lines.extend(report.trace.clone().map(|trace| ("trace", trace)));
     lines
 }
 
-/// What a swarm did.
-fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
+/// Summary lines of one swarm.
+fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
     let wait = report
         .mean_wait_s()
         .map(|wait_s| format!(", mean wait {} s", figure(wait_s, 2)));
@@ -203,9 +203,9 @@ fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
         format!("{}{}", report.barriers.len(), wait.unwrap_or_default()),
     )];
     if let Some(error) = &report.following {
-        lines.push(("following", kept_formation(error)));
+        lines.push(("following", formation_error(error)));
     }
-    if let Some(changes) = made_changes(report) {
+    if let Some(changes) = changes(report) {
         lines.push(("changes", changes));
     }
     match &report.elections[..] {
@@ -214,8 +214,8 @@ fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
         }
         many => lines.extend(describe_elections(many)),
     }
-    if let Some(beyond) = beyond_the_master(report) {
-        lines.push(("relaying", beyond));
+    if let Some(bridges) = bridges(report) {
+        lines.push(("relaying", bridges));
     }
     if !report.relays.is_empty() {
         lines.push(("relays", relays(report)));
@@ -229,80 +229,80 @@ fn of_swarm(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("dropped", format!("frames: {}", reasons.join(", "))));
     }
     if !report.mission_completed {
-        lines.push(("mission", not_completed(report).to_owned()));
+        lines.push(("mission", incomplete_mission(report).to_owned()));
     }
     lines
 }
 
-/// How a swarm ended that has not left its last waypoint to land.
-fn not_completed(report: &Report) -> &'static str {
-    let has_begun = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
+/// Why a mission was not completed.
+fn incomplete_mission(report: &Report) -> &'static str {
+    let has_flown = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
     if !report.violations.is_empty() {
-        "not completed: the run ended where a rule was broken"
+        "not completed: the run stopped when a rule was broken"
     } else if report.unchecked {
         "not completed"
-    } else if report.drones.iter().any(has_begun) {
-        "not completed: the swarm came down before the last waypoint"
+    } else if report.drones.iter().any(has_flown) {
+        "not completed: the swarm landed before the last waypoint"
     } else {
-        "not flown: no drone got to the first waypoint"
+        "not flown: no drone reached the first waypoint"
     }
 }
 
-/// What each pure relay did.
+/// Route and traffic of each pure relay.
 fn relays(report: &Report) -> String {
     let relays = report.relays.iter().map(|relay| {
-        let way = match (relay.parent, relay.hops) {
+        let route = match (relay.parent, relay.hops) {
             (Some(parent), Some(hops)) => {
                 format!(
-                    "{} from the master over {parent}",
+                    "{} to the master through {parent}",
                     plural(hops.into(), "hop")
                 )
             }
-            _ => "no way to the master".to_owned(),
+            _ => "no route to the master".to_owned(),
         };
-        format!("{}: {way}, {} frames sent", relay.id, relay.messages_sent)
+        format!("{}: {route}, {} frames sent", relay.id, relay.messages_sent)
     });
     relays.collect::<Vec<_>>().join("; ")
 }
 
-/// How well the others kept formation on the master.
-fn kept_formation(error: &FormationError) -> String {
+fn formation_error(error: &FormationError) -> String {
     format!(
-        "formation kept to {} m in the mean, {} m for 95 of 100, {} m at most",
+        "formation error: mean {} m, 95th percentile {} m, maximum {} m",
         figure(error.mean_m, 2),
         figure(error.p95_m, 2),
         figure(error.max_m, 2)
     )
 }
 
-/// How the changes of formation went, if there were any.
-fn made_changes(report: &Report) -> Option<String> {
+/// Summary of the formation changes; `None` if none was completed by any drone.
+fn changes(report: &Report) -> Option<String> {
     let longest_s = report
         .changes
         .iter()
         .filter_map(FormationChange::took_s)
         .reduce(f64::max)?;
-    let made = report.changes_made();
-    let of = report.changes.len();
-    let made = if made == of {
-        format!("{}, all drones there", plural(of, "change"))
-    } else {
-        format!("all drones there after {made} of {}", plural(of, "change"))
+    let all = plural(report.changes.len(), "change");
+    let completed = match report.changes_made() {
+        made if made == report.changes.len() => all,
+        made => format!("{made} of {all}"),
     };
-    Some(format!("{made}, {} s at most", figure(longest_s, 1)))
+    let longest = figure(longest_s, 1);
+    Some(format!(
+        "{completed} completed by all drones, longest {longest} s"
+    ))
 }
 
-/// How often the swarm had lost its master, and for how long.
+/// Number and duration of many elections.
 fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
-    let spread = |what: fn(&Election) -> Option<f64>| {
-        let mut times_s: Vec<_> = elections.iter().filter_map(what).collect();
+    let distribution = |time: fn(&Election) -> Option<f64>| {
+        let mut times_s: Vec<_> = elections.iter().filter_map(time).collect();
         times_s.sort_by(f64::total_cmp);
         let Some(longest_s) = times_s.last() else {
             return "never".to_owned();
         };
         let percentile_s = |percent: usize| times_s[(times_s.len() - 1) * percent / 100];
         format!(
-            "{} of {} times: after {:.3} s in the median, {:.3} s in 99 of 100, {longest_s:.3} s at most",
+            "{} of {}: median {:.3} s, 99th percentile {:.3} s, longest {longest_s:.3} s",
             times_s.len(),
             elections.len(),
             percentile_s(50),
@@ -312,65 +312,60 @@ fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
     [
         (
             "elections",
-            format!(
-                "{} times a part of the swarm had no master",
-                elections.len()
-            ),
+            format!("{} periods without an agreed master", elections.len()),
         ),
-        ("led again", spread(|it| it.led_after_s)),
-        ("all agreed", spread(|it| it.settled_after_s)),
+        ("new leader", distribution(|it| it.led_after_s)),
+        ("all agreed", distribution(|it| it.settled_after_s)),
     ]
 }
 
-/// When the swarm had lost its master, and who led how much later.
+/// Time and result of one election.
 fn describe_election(election: &Election) -> String {
-    let begun = format!(
-        "at {:.1} s a part of the swarm had no master",
-        election.at_s
-    );
+    let start = format!("at {:.1} s: no agreed master", election.at_s);
     let Some(after_s) = election.settled_after_s else {
-        return format!("{begun}, and that remained so");
+        return format!("{start} until the end");
     };
     let masters: Vec<_> = election.masters.iter().map(u32::to_string).collect();
     match &masters[..] {
-        [] => format!("{begun}; {after_s:.2} s later nobody was left that needed one"),
+        [] => format!("{start}; {after_s:.2} s later: no drone left that needs one"),
+        [master] => format!("{start}; {after_s:.2} s later: master {master}"),
         masters => format!(
-            "{begun}; {after_s:.2} s later {} led",
+            "{start}; {after_s:.2} s later: masters {}, one per segment",
             masters.join(" and ")
         ),
     }
 }
 
-/// Whom the master does not hear, and through whom it hears of them.
-fn beyond_the_master(report: &Report) -> Option<String> {
+/// The drones out of the master's range and their bridges; `None` if there are none.
+fn bridges(report: &Report) -> Option<String> {
     let bridges: Vec<_> = report
         .bridges
         .iter()
         .map(|bridge| format!("{} for {}", bridge.bridge, ranges(&bridge.out_of_range)))
         .collect();
-    let beyond: usize = report
+    let out_of_range: usize = report
         .bridges
         .iter()
         .map(|bridge| bridge.out_of_range.len())
         .sum();
-    (beyond > 0).then(|| {
+    (out_of_range > 0).then(|| {
         let bridges = bridges.join("; ");
-        format!("{beyond} drones are out of the master's range; bridges: {bridges}")
+        format!("{out_of_range} drones out of the master's range; bridges: {bridges}")
     })
 }
 
-/// What a person would ask about this drone.
+/// Early landing and restarts of a drone; `None` if there were none.
 fn remark(drone: &DroneReport) -> Option<String> {
     let landed = drone
         .landed_because
         .as_ref()
-        .map(|why| format!("came down early: {why}"));
-    let restarted = match drone.restarts {
+        .map(|why| format!("landed early: {why}"));
+    let restarts = match drone.restarts {
         0 => None,
-        1 => Some("an actor was restarted once".to_owned()),
-        times => Some(format!("actors were restarted {times} times")),
+        1 => Some("1 actor restart".to_owned()),
+        restarts => Some(format!("{restarts} actor restarts")),
     };
-    let remarks: Vec<_> = landed.into_iter().chain(restarted).collect();
+    let remarks: Vec<_> = landed.into_iter().chain(restarts).collect();
     (!remarks.is_empty()).then(|| remarks.join("; "))
 }
 
@@ -411,7 +406,7 @@ fn in_words(violation: &Violation) -> String {
     )
 }
 
-/// What stands where a run without checkers would have passed.
+/// Shown instead of the violations if rule checks were off.
 pub(crate) const UNCHECKED: &str = "none checked: this run proves nothing";
 pub(crate) const GREEN: &str = "\x1b[32m";
 pub(crate) const RED: &str = "\x1b[31m";
@@ -430,7 +425,7 @@ mod tests {
     use crate::report::sample;
 
     #[test]
-    fn fifteen_drones_fit_a_hundred_columns() {
+    fn table_of_fifteen_drones_fits_in_100_columns() {
         let (report, _) = sample::swarm(15);
         let text = table(&report, Some(100), Colour::Never);
         assert!(
@@ -441,34 +436,34 @@ mod tests {
     }
 
     #[test]
-    fn what_went_wrong_is_said_in_words() {
-        let (report, _) = sample::troubled();
+    fn table_shows_restarts_early_landings_and_violations() {
+        let (report, _) = sample::faulty();
         insta::assert_snapshot!(table(&report, None, Colour::Never));
     }
 
     #[test]
-    fn nobody_is_said_to_have_come_down_who_may_still_fly() {
-        let (mut report, _) = sample::troubled();
+    fn incomplete_mission_says_landed_only_if_drones_landed() {
+        let (mut report, _) = sample::faulty();
         report.violations.clear();
-        assert!(not_completed(&report).contains("came down"));
-        let (broken, _) = sample::troubled();
-        assert!(!broken.violations.is_empty() && !not_completed(&broken).contains("came down"));
+        assert!(incomplete_mission(&report).contains("landed"));
+        let (broken, _) = sample::faulty();
+        assert!(!broken.violations.is_empty() && !incomplete_mission(&broken).contains("landed"));
         for drone in &mut report.drones {
             (drone.waypoints, drone.landed_because) = (0, None);
         }
-        assert!(not_completed(&report).starts_with("not flown"));
+        assert!(incomplete_mission(&report).starts_with("not flown"));
     }
 
     #[test]
-    fn a_drone_alone_has_no_separation_and_no_barrier() {
+    fn table_of_one_drone_has_no_separation_and_no_barrier() {
         let (mut report, _) = sample::swarm(1);
         report.barriers.clear();
         insta::assert_snapshot!(table(&report, Some(80), Colour::Never));
     }
 
     #[test]
-    fn a_narrow_terminal_wraps_states_and_no_numbers() {
-        let (report, _) = sample::troubled();
+    fn narrow_terminal_wraps_states_but_not_numbers() {
+        let (report, _) = sample::faulty();
         let narrow = table(&report, Some(70), Colour::Never);
         for drone in &report.drones {
             assert!(
@@ -479,8 +474,8 @@ mod tests {
     }
 
     #[test]
-    fn escapes_are_written_only_when_asked_for() {
-        let (report, _) = sample::troubled();
+    fn plain_table_has_no_escapes() {
+        let (report, _) = sample::faulty();
         assert!(!table(&report, None, Colour::Never).contains('\x1b'));
         assert!(table(&report, None, Colour::Always).contains('\x1b'));
     }

@@ -1,4 +1,4 @@
-//! Where everyone was, for a program that plots.
+//! Positions of all drones as CSV.
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
@@ -15,9 +15,9 @@ const HEADER: [&str; 6] = [
     "state",
 ];
 
-/// Every point of every track as CSV with a header, a row a point, by time and then by drone.
+/// All track points as CSV with a header, one row per point, ordered by time and drone.
 ///
-/// Times are in simulated seconds, positions in metres from home, all to three digits after the point.
+/// Times are in simulated seconds, positions in metres from home, both with three decimals.
 #[must_use]
 pub fn tracks(report: &Report, flight: &Flight) -> Vec<u8> {
     let swarms = report.swarms().zip(flight.swarms());
@@ -32,7 +32,7 @@ pub fn tracks(report: &Report, flight: &Flight) -> Vec<u8> {
     points.sort_by_key(|&(at, id, ..)| (at, id));
 
     let mut rows = csv::Writer::from_writer(Vec::new());
-    let memory = "a vector takes all that is written to it";
+    let memory = "writing to a vector never fails";
     rows.write_record(HEADER).expect(memory);
     for (at, id, place, state) in points {
         rows.write_record([
@@ -48,7 +48,7 @@ pub fn tracks(report: &Report, flight: &Flight) -> Vec<u8> {
     rows.into_inner().expect(memory)
 }
 
-/// `value` to a thousandth, without the sign of a negative zero.
+/// `value` with three decimals; never a negative zero.
 fn decimal(value: f64) -> String {
     format!("{:.3}", (value * 1e3).round() / 1e3 + 0.0)
 }
@@ -59,7 +59,7 @@ mod tests {
     use crate::report::sample;
 
     #[test]
-    fn every_point_is_a_row_in_the_order_of_time_and_drone() {
+    fn points_are_rows_ordered_by_time_and_drone() {
         let (report, flight) = sample::swarm(3);
         let bytes = tracks(&report, &flight);
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_says_what_the_drone_was_doing() {
+    fn row_holds_the_state_of_the_drone() {
         let (report, flight) = sample::swarm(1);
         let text = String::from_utf8(tracks(&report, &flight)).unwrap();
         assert_eq!(text.lines().nth(1), Some("0.000,0,0.000,0.000,0.000,start"));
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn no_zero_is_negative() {
+    fn zero_is_never_negative() {
         assert_eq!(decimal(-0.0001), "0.000");
         assert_eq!(decimal(-1.5), "-1.500");
     }

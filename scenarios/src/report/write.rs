@@ -1,4 +1,4 @@
-//! A report's way to the disk.
+//! Writes a report's files.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -11,47 +11,47 @@ use thiserror::Error;
 
 use super::{Flight, Report, page, tracks};
 
-/// The file that holds the figures; once it is there, the others are.
+/// File with the figures; written last, so the other files exist once it does.
 pub const REPORT_JSON: &str = "report.json";
-/// The file that holds the page for a browser.
+/// File with the page for a browser.
 pub const REPORT_HTML: &str = "report.html";
-/// The file that holds everyone's positions.
+/// File with the positions of all drones.
 pub const TRACKS_CSV: &str = "tracks.csv";
 
-/// The files of a report.
+/// Paths of a report's files.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
-    /// The figures, for a program.
+pub struct ReportFiles {
+    /// Figures.
     pub json: PathBuf,
-    /// The page, for a person.
+    /// Page for a browser.
     pub html: PathBuf,
-    /// The positions, for a plot.
+    /// Positions.
     pub tracks: PathBuf,
 }
 
-/// Why a report could not be written; the folder holds no part of a file because of it.
+/// Why a report could not be written. No partly written file remains.
 #[derive(Debug, Error)]
 pub enum WriteError {
-    /// The operator named a file; it is untouched.
+    /// The operator named a file instead of a folder; it is unchanged.
     #[error("{} is not a folder", path.display())]
     NotAFolder {
-        /// What was named.
+        /// The named path.
         path: PathBuf,
     },
-    /// The folder can't be made.
-    #[error("can't make the folder {}", path.display())]
+    /// The folder can't be created.
+    #[error("can't create the folder {}", path.display())]
     Folder {
-        /// Which one.
+        /// The folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
-    /// A file can't be written; the report's other files are either those of before or new.
+    /// A file can't be written. Each of the other files is complete, from this report or an earlier one.
     #[error("can't write {}", path.display())]
     File {
-        /// Which one.
+        /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: io::Error,
     },
 }
@@ -65,38 +65,37 @@ impl WriteError {
     }
 }
 
-/// Writes the files of a report into the folder `dir`, which is made if need be.
+/// Writes the files of a report into the folder `dir`, which is created if needed.
 ///
-/// All of them are complete on the disk, under other names, before the first takes its place, and each takes its
-/// place at once: whatever interrupts the run, no file of a report is ever half there. The figures come last.
+/// All files are written and synced under temporary names, then renamed one by one. So no file is ever partly written.
+/// The figures come last.
 ///
 /// # Errors
-/// When the system refuses. What was made under other names is removed; a process that is killed can't do that,
-/// and leaves files whose names begin with `.muster-`.
-pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<Written, WriteError> {
+/// If the system refuses. Temporary files are removed; a killed process leaves files that start with `.muster-`.
+pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<ReportFiles, WriteError> {
     let html = page(report, flight);
     let tracks = tracks(report, flight);
     let json = json(report);
 
-    make_folder(dir)?;
-    let html = Complete::new(dir, REPORT_HTML, html.as_bytes())?;
-    let tracks = Complete::new(dir, TRACKS_CSV, &tracks)?;
-    let json = Complete::new(dir, REPORT_JSON, &json)?;
-    Ok(Written {
+    create_folder(dir)?;
+    let html = CompleteFile::new(dir, REPORT_HTML, html.as_bytes())?;
+    let tracks = CompleteFile::new(dir, TRACKS_CSV, &tracks)?;
+    let json = CompleteFile::new(dir, REPORT_JSON, &json)?;
+    Ok(ReportFiles {
         html: html.publish()?,
         tracks: tracks.publish()?,
         json: json.publish()?,
     })
 }
 
-/// A report as the text of a file.
+/// A report as JSON text with a final line feed.
 pub(crate) fn json(report: &impl Serialize) -> Vec<u8> {
     let mut json = serde_json::to_vec_pretty(report).expect("reports hold no fallible values");
     json.push(b'\n');
     json
 }
 
-pub(crate) fn make_folder(dir: &Path) -> Result<(), WriteError> {
+pub(crate) fn create_folder(dir: &Path) -> Result<(), WriteError> {
     let path = dir.to_owned();
     match fs::create_dir_all(dir) {
         Ok(()) => Ok(()),
@@ -105,23 +104,23 @@ pub(crate) fn make_folder(dir: &Path) -> Result<(), WriteError> {
     }
 }
 
-/// A file that is being written under another name than its own; dropped, it is removed.
-pub(crate) struct Draft {
+/// A file being written under a temporary name; removed on drop.
+pub(crate) struct DraftFile {
     writer: BufWriter<NamedTempFile>,
     path: PathBuf,
 }
 
-/// How the other names of drafts begin.
+/// Prefix of temporary file names.
 const DRAFT_PREFIX: &str = ".muster-";
 
-impl Draft {
+impl DraftFile {
     pub(crate) fn create(dir: &Path, name: &str) -> Result<Self, WriteError> {
         let path = dir.join(name);
-        // Created by hand: a temporary file of the library's could be read by its owner alone.
-        let made = tempfile::Builder::new()
+        // `File::create_new` gives the usual permissions; `tempfile` would allow the owner only.
+        let created = tempfile::Builder::new()
             .prefix(DRAFT_PREFIX)
             .make_in(dir, |path| File::create_new(path));
-        match made {
+        match created {
             Ok(file) => Ok(Self {
                 writer: BufWriter::new(file),
                 path,
@@ -130,8 +129,8 @@ impl Draft {
         }
     }
 
-    /// Puts what was written on the disk.
-    pub(crate) fn complete(self) -> Result<Complete, WriteError> {
+    /// Flushes and syncs the file.
+    pub(crate) fn complete(self) -> Result<CompleteFile, WriteError> {
         let path = self.path;
         let synced = self
             .writer
@@ -139,18 +138,18 @@ impl Draft {
             .map_err(IntoInnerError::into_error)
             .and_then(|file| file.as_file().sync_all().map(|()| file));
         match synced {
-            Ok(file) => Ok(Complete { file, path }),
+            Ok(file) => Ok(CompleteFile { file, path }),
             Err(source) => Err(WriteError::File { path, source }),
         }
     }
 
-    /// Whether a file is a draft by its name.
+    /// Whether a file name is that of a draft.
     pub(crate) fn is_name(name: &OsStr) -> bool {
         name.as_encoded_bytes().starts_with(DRAFT_PREFIX.as_bytes())
     }
 }
 
-impl Write for Draft {
+impl Write for DraftFile {
     fn write(&mut self, content: &[u8]) -> io::Result<usize> {
         self.writer.write(content)
     }
@@ -160,16 +159,16 @@ impl Write for Draft {
     }
 }
 
-/// A file that is complete and not in its place yet; dropped, it is removed.
-pub(crate) struct Complete {
+/// A complete file that still has its temporary name; removed on drop.
+pub(crate) struct CompleteFile {
     file: NamedTempFile,
     path: PathBuf,
 }
 
-impl Complete {
-    /// A file with all its content.
+impl CompleteFile {
+    /// Writes and syncs a file with this content.
     pub(crate) fn new(dir: &Path, name: &str, content: &[u8]) -> Result<Self, WriteError> {
-        let mut draft = Draft::create(dir, name)?;
+        let mut draft = DraftFile::create(dir, name)?;
         match draft.write_all(content) {
             Ok(()) => draft.complete(),
             Err(error) => Err(WriteError::file(&draft.path, error)),
@@ -202,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_is_three_files_and_nothing_else() {
+    fn report_consists_of_three_files() {
         let home = tempfile::tempdir().unwrap();
         let dir = home.path().join("runs/thesis-2-7");
         let (report, flight) = sample::swarm(3);
@@ -219,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_report_replaces_an_old_one() {
+    fn new_report_replaces_the_old_one() {
         let dir = tempfile::tempdir().unwrap();
         let (report, flight) = sample::swarm(3);
         write(dir.path(), &report, &flight).unwrap();
@@ -233,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_in_the_folders_place_is_named_and_left_alone() {
+    fn file_in_place_of_the_folder_is_refused_and_kept() {
         let home = tempfile::tempdir().unwrap();
         let dir = home.path().join("results");
         fs::write(&dir, "mine").unwrap();
@@ -249,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_file_leaves_no_draft_behind() {
+    fn failed_write_leaves_no_draft() {
         let (report, flight) = sample::swarm(2);
         for taken in [REPORT_HTML, TRACKS_CSV, REPORT_JSON] {
             let dir = tempfile::tempdir().unwrap();
@@ -265,7 +264,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn others_may_read_a_report_as_far_as_files_made_by_hand() {
+    fn report_has_default_file_permissions() {
         use std::os::unix::fs::PermissionsExt as _;
         let dir = tempfile::tempdir().unwrap();
         let (report, flight) = sample::swarm(2);

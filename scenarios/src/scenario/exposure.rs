@@ -1,28 +1,27 @@
-//! How near drones come to each other, phase by phase: what is refused of it, and what `muster check` tells.
+//! Separation of drones in each phase: the table of `muster check`.
 
 use std::collections::BTreeSet;
 
 use comfy_table::Table;
 use muster_machines::formation::{
-    Act, Approach, Exposed, Exposure, Flown, Layering, Nearness, Phase,
+    PhaseKind, ClosestApproach, PhaseSeparation, Exposure, FlightPlan, Layering, Proximity, Phase,
 };
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
 use muster_runtime::diagnostic::BadInput;
-use toml::Spanned;
 
 use super::Scenario;
 use crate::report::table::STYLE;
-use muster_runtime::plan::apart::{distances, in_words, metres, when};
+use muster_runtime::plan::separation::{describe_clearance, describe_exposure, describe_phase, format_metres};
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::Raw;
-use muster_runtime::text::{NOTHING, drones, plural};
+use muster_runtime::text::{NO_VALUE, drones, plural};
 
-/// For swarms of at most so many it is found what single faults expose drones to.
+/// Largest swarm whose exposures to single faults are computed.
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;
 
-/// Refuses a plan in which drones out of the master's reach follow another one, without a layer for each: those that follow
-/// give way to nobody.
+/// Refuses a plan in which drones out of the master's reach would follow a master of their own without a layer per drone.
+/// Followers do not give way.
 pub(super) fn check_followers(
     source: &Source,
     raw: &Raw,
@@ -37,117 +36,115 @@ pub(super) fn check_followers(
         return Ok(());
     };
     let message = format!(
-        "{} {} out of the master's reach, over others too, and follow a master of their own; without room for a layer for \
-         each drone they may come too near the others, who give way to nobody either; this takes a higher \
-         `limits.altitude_max_m`, a larger `radio.range_m`, `protocol.succession = \"land\"`, or \"apart\" in \
-         `limits.accept`",
+        "{} can't reach the master, not even over other drones. They would follow a master of their own, and there is no room \
+         for one altitude layer per drone: they may come too near the others. Raise `limits.altitude_max_m` or \
+         `radio.range_m`, set `protocol.succession = \"land\"`, or list \"apart\" in `limits.accept`",
         drones(&apart),
-        if apart.len() == 1 { "is" } else { "are" },
     );
-    let place = raw.limits.altitude_max_m.as_ref();
-    let span = place.map_or_else(|| raw.formation.spacing_m.span(), Spanned::span);
+    let span = raw.limits.altitude_max_m.span();
+    let span = span.unwrap_or_else(|| raw.formation.spacing_m.span());
     Err(source.error(span, &message))
 }
 
-/// The name of a row for one wave of several, the first being 0.
-fn in_wave(name: &str, wave: u16) -> String {
+/// The name of a row for one wave, from 0.
+fn name_with_wave(name: &str, wave: u16) -> String {
     match wave {
         0 => name.to_owned(),
         _ => format!("{name}, wave {}", wave + 1),
     }
 }
 
-/// What a row of the table is called.
-fn name(act: Act) -> String {
-    match act {
-        Act::TakesOff { wave } => in_wave("taking off", wave),
-        Act::Flies { to } => format!("leg {to}"),
-        Act::Climbs { change } => format!("change {change}: climbing"),
-        Act::Crosses { change, wave } => in_wave(&format!("change {change}: crossing"), wave),
-        Act::Descends { change } => format!("change {change}: descending"),
-        Act::Lands { wave } => in_wave("going to land", wave),
+/// The name of a row.
+fn phase_name(kind: PhaseKind) -> String {
+    match kind {
+        PhaseKind::TakeOff { wave } => name_with_wave("taking off", wave),
+        PhaseKind::Leg { to } => format!("leg {to}"),
+        PhaseKind::Climb { change } => format!("change {change}: climbing"),
+        PhaseKind::Cross { change, wave } => name_with_wave(&format!("change {change}: crossing"), wave),
+        PhaseKind::Descend { change } => format!("change {change}: descending"),
+        PhaseKind::Land { wave } => name_with_wave("going to land", wave),
     }
 }
 
-/// A phase as it is told.
+/// A phase in the table.
 struct Row {
-    act: Act,
-    /// Distance in lockstep, layers, who is out of reach, exposures.
+    kind: PhaseKind,
+    /// Distance in lockstep, layers, drones out of reach, exposures.
     cells: [String; 4],
 }
 
-/// What one exposure comes to over all phases.
+/// One exposure over all phases.
 #[derive(Default)]
 struct Total {
     affected: usize,
     phases: usize,
-    nearest: Option<(Act, Approach)>,
+    nearest: Option<(PhaseKind, ClosestApproach)>,
 }
 
 impl Total {
-    fn add(&mut self, act: Act, nearness: &Nearness) {
-        if nearness.too_near.is_empty() {
+    fn add(&mut self, kind: PhaseKind, nearness: &Proximity) {
+        if nearness.conflicts.is_empty() {
             return;
         }
         self.phases += 1;
         self.affected = self.affected.max(affected(nearness));
-        let room = |approach: &Approach| approach.clearance.room;
+        let room = |approach: &ClosestApproach| approach.clearance.ratio;
         let nearest = self
             .nearest
             .as_ref()
             .map_or(f64::INFINITY, |(_, it)| room(it));
         if let Some(closest) = nearness.closest.filter(|it| room(it) < nearest) {
-            self.nearest = Some((act, closest));
+            self.nearest = Some((kind, closest));
         }
     }
 }
 
-/// To how many drones something may happen that brings them too near others.
-fn affected(nearness: &Nearness) -> usize {
-    let affected: BTreeSet<NodeId> = nearness.too_near.iter().map(|[id, _]| *id).collect();
+/// Number of drones that a fault may bring too near others.
+fn affected(nearness: &Proximity) -> usize {
+    let affected: BTreeSet<NodeId> = nearness.conflicts.iter().map(|[id, _]| *id).collect();
     affected.len()
 }
 
 impl Scenario {
-    pub(super) fn flown(&self) -> Flown<'_> {
-        Flown {
+    pub(super) fn flown(&self) -> FlightPlan<'_> {
+        FlightPlan {
             layout: &self.plan.layout,
             changes: &self.plan.changes,
             waypoints: &self.plan.waypoints,
         }
     }
 
-    /// How near drones come to each other: first whether they keep apart, then phase by phase. `out_of_reach` tells how
-    /// many are out of the master's reach in a phase, if that is known.
-    pub(super) fn apart_in_words(
+    /// Describes the separation of drones: a summary, the exposures, then a table by phase. `out_of_reach` returns the number
+    /// of drones out of the master's reach in a phase, if known.
+    pub(super) fn describe_separation(
         &self,
         mut out_of_reach: impl FnMut(&Phase) -> Option<usize>,
     ) -> Vec<String> {
         let is_small = self.plan.layout.formation().drones() <= EXPOSED_DRONES_MAX;
         let mut exposures = is_small.then(|| self.flown().exposures());
-        let (mut rows, mut closest) = (Vec::<Row>::new(), None::<Approach>);
+        let (mut rows, mut closest) = (Vec::<Row>::new(), None::<ClosestApproach>);
         let mut totals = Exposure::ALL.map(|exposure| (exposure, Total::default()));
         let mut together = 0;
         for exposed in self.flown().in_lockstep() {
-            let act = exposed.phase.act;
-            let room = |it: &Approach| it.clearance.room;
+            let kind = exposed.phase.kind;
+            let room = |it: &ClosestApproach| it.clearance.ratio;
             let nearest = closest.as_ref().map_or(f64::INFINITY, room);
             closest = exposed
                 .lockstep
                 .closest
                 .filter(|it| room(it) < nearest)
                 .or(closest);
-            together += exposed.together.len();
+            together += exposed.time_separated.len();
             let of = exposures
                 .as_mut()
                 .and_then(Iterator::next)
                 .unwrap_or_default();
             for ((_, total), (_, nearness)) in totals.iter_mut().zip(&of) {
-                total.add(act, nearness);
+                total.add(kind, nearness);
             }
             let reach = out_of_reach(&exposed.phase);
             rows.push(Row {
-                act,
+                kind,
                 cells: [
                     in_lockstep(&exposed),
                     self.layers_of(&exposed.phase),
@@ -160,119 +157,119 @@ impl Scenario {
                 ],
             });
         }
-        let mut lines = vec![self.verdict(closest, together)];
+        let mut lines = vec![self.describe_lockstep(closest, together)];
         if is_small {
             lines.extend(
                 totals
                     .iter()
-                    .filter_map(|(exposure, total)| self.total_in_words(*exposure, total)),
+                    .filter_map(|(exposure, total)| self.describe_total(*exposure, total)),
             );
         }
         lines.extend(table(&rows));
         lines
     }
 
-    fn verdict(&self, closest: Option<Approach>, together: usize) -> String {
+    fn describe_lockstep(&self, closest: Option<ClosestApproach>, together: usize) -> String {
         let separation = self.plan.limits.separation;
         let Some(closest) = closest else {
-            return "kept apart in lockstep: there is one drone".to_owned();
+            return "separation in lockstep: there is one drone".to_owned();
         };
         let together = match together {
             0 => String::new(),
             _ => format!(
-                "; {} so only as they take off or land at the same time",
+                "; {} separated only in time, as they take off or land",
                 plural(together, "pair")
             ),
         };
         format!(
-            "kept apart in lockstep: {} at the closest, {} (limits: {} m over ground or {} m in height){together}",
-            distances(&closest),
+            "separation in lockstep: {} at the closest, {} (limits: {} m over ground or {} m in height){together}",
+            describe_clearance(&closest),
             drones(&closest.drones.map(|id| id.0)),
             separation.horizontal_m,
             separation.vertical_m,
         )
     }
 
-    fn total_in_words(&self, exposure: Exposure, total: &Total) -> Option<String> {
-        let (act, nearest) = total.nearest?;
-        let is_mended = self.plan.vehicle.avoid.is_some()
-            && exposure.is_mended_by_giving_way(self.plan.follow.is_some());
+    fn describe_total(&self, exposure: Exposure, total: &Total) -> Option<String> {
+        let (kind, nearest) = total.nearest?;
+        let is_resolved = self.plan.vehicle.avoid.is_some()
+            && exposure.is_resolved_by_right_of_way(self.plan.follow.is_some());
         let [affected, other] = nearest.drones;
         Some(format!(
-            "exposed to `{}`, one that {}: {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",
+            "exposed to `{}` (a drone {}): {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",
             exposure.name(),
-            in_words(exposure),
+            describe_exposure(exposure),
             total.affected,
             plural(self.plan.layout.formation().drones() as usize, "drone"),
             plural(total.phases, "phase"),
-            distances(&nearest),
-            when(act),
-            if is_mended {
-                "; by `safety.avoid` they give way"
+            describe_clearance(&nearest),
+            describe_phase(kind),
+            if is_resolved {
+                "; resolved by `safety.avoid`"
             } else {
                 ""
             },
         ))
     }
 
-    /// The highest layer or sector that is flown in a phase.
+    /// The highest layer or sector of a phase.
     fn layers_of(&self, phase: &Phase) -> String {
         let layout = self.flown().layout_after(phase.changes);
-        let layers_m: &[f64] = match phase.act {
-            Act::TakesOff { .. } => layout.take_off_layers_m(),
-            Act::Lands { .. } => layout.landing_layers_m(),
-            Act::Climbs { change } | Act::Crosses { change, .. } | Act::Descends { change } => {
+        let layers_m: &[f64] = match phase.kind {
+            PhaseKind::TakeOff { .. } => layout.take_off_layers_m(),
+            PhaseKind::Land { .. } => layout.landing_layers_m(),
+            PhaseKind::Climb { change } | PhaseKind::Cross { change, .. } | PhaseKind::Descend { change } => {
                 self.plan.changes[usize::from(change)].sectors_m()
             }
-            Act::Flies { .. } => &[],
+            PhaseKind::Leg { .. } => &[],
         };
         let highest_m = layers_m.iter().copied().fold(0.0, f64::max);
         if highest_m > 0.0 {
             format!("to +{} m", (highest_m * 1_000.0).round() / 1_000.0)
         } else {
-            NOTHING.to_owned()
+            NO_VALUE.to_owned()
         }
     }
 }
 
 fn count(number: usize) -> String {
     match number {
-        0 => NOTHING.to_owned(),
+        0 => NO_VALUE.to_owned(),
         some => some.to_string(),
     }
 }
 
-fn in_lockstep(exposed: &Exposed) -> String {
+fn in_lockstep(exposed: &PhaseSeparation) -> String {
     let closest = exposed.lockstep.closest.map(|closest| {
         let [one, other] = closest.drones;
         let clearance = closest.clearance;
         format!(
             "{} m / {} m ({one}, {other})",
-            metres(clearance.horizontal_m),
-            metres(clearance.vertical_m)
+            format_metres(clearance.horizontal_m),
+            format_metres(clearance.vertical_m)
         )
     });
-    closest.unwrap_or_else(|| NOTHING.to_owned())
+    closest.unwrap_or_else(|| NO_VALUE.to_owned())
 }
 
-fn exposed_to(of: &[(Exposure, Nearness)]) -> String {
+fn exposed_to(of: &[(Exposure, Proximity)]) -> String {
     let named = of
         .iter()
-        .filter(|(_, nearness)| !nearness.too_near.is_empty());
+        .filter(|(_, nearness)| !nearness.conflicts.is_empty());
     let named: Vec<String> = named
         .map(|(exposure, nearness)| format!("{} {}", exposure.name(), affected(nearness)))
         .collect();
     if named.is_empty() {
-        NOTHING.to_owned()
+        NO_VALUE.to_owned()
     } else {
         named.join(", ")
     }
 }
 
-/// So many lines of phases are told, the last one included.
+/// Most rows of the table, the last one included.
 const LISTED_PHASES_MAX: usize = 30;
 
-/// A line a phase; legs in a row that are alike share one.
+/// One row per phase; consecutive legs with equal values share a row.
 fn table(rows: &[Row]) -> Vec<String> {
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
@@ -286,7 +283,7 @@ fn table(rows: &[Row]) -> Vec<String> {
     for column in table.column_iter_mut() {
         column.set_padding((0, 2));
     }
-    let is_leg = |row: &Row| matches!(row.act, Act::Flies { .. });
+    let is_leg = |row: &Row| matches!(row.kind, PhaseKind::Leg { .. });
     let alike = rows.chunk_by(|a, b| is_leg(a) && is_leg(b) && a.cells == b.cells);
     let alike: Vec<&[Row]> = alike.collect();
     let left_out = alike.len().saturating_sub(LISTED_PHASES_MAX);
@@ -299,9 +296,9 @@ fn table(rows: &[Row]) -> Vec<String> {
             }
             continue;
         }
-        let first = name(alike[0].act);
-        let name = match alike[alike.len() - 1].act {
-            Act::Flies { to } if alike.len() > 1 => {
+        let first = phase_name(alike[0].kind);
+        let name = match alike[alike.len() - 1].kind {
+            PhaseKind::Leg { to } if alike.len() > 1 => {
                 let first = first.trim_start_matches("leg ");
                 format!("legs {first}–{to}")
             }

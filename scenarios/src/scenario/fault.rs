@@ -1,4 +1,4 @@
-//! What goes wrong in a scenario: a fault plan.
+//! The fault plan of a scenario.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,30 +7,31 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
+use muster_runtime::plan::raw::{ActorName, FaultKindName};
 
-/// Something that goes wrong, once or several times.
+/// A fault that happens once or several times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// When, for the first time.
+    /// When it happens for the first time.
     pub when: When,
-    /// What.
+    /// What happens.
     pub kind: FaultKind,
-    /// After how long it is over, where it lasts; for good otherwise.
-    pub lasts: Option<Duration>,
+    /// Time until it ends; `None` if it is momentary or lasts for good.
+    pub duration: Option<Duration>,
     /// How often it happens.
     pub times: u32,
-    /// From one time to the next.
+    /// Time from one occurrence to the next.
     pub every: Duration,
 }
 
 impl Fault {
-    /// A fault that happens once, at a time of the run, and for good.
+    /// A fault that happens once, at a time of the run, and does not end.
     #[must_use]
     pub const fn at(at: Timestamp, kind: FaultKind) -> Self {
         Self {
             when: When::At(at),
             kind,
-            lasts: None,
+            duration: None,
             times: 1,
             every: Duration::ZERO,
         }
@@ -42,117 +43,99 @@ impl Fault {
 pub enum When {
     /// At this time of the run.
     At(Timestamp),
-    /// So long after something has happened for the first time.
+    /// This long after the first such event.
     After(Trigger, Duration),
 }
 
-/// What a fault may wait for.
+/// An event that triggers a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trigger {
     /// A vehicle is armed.
     TakingOff,
     /// A drone has reached this waypoint.
     Waypoint(u16),
-    /// A drone leads that was elected.
+    /// An elected drone leads.
     Elected,
-    /// After an election each part of the swarm has one master again.
+    /// After an election, each segment has one master again.
     Settled,
-    /// A drone begins to come down: it makes for its landing place, or descends.
+    /// A drone goes to land or descends.
     Landing,
 }
 
-/// Whom a fault befalls.
+/// The drone that a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Target {
-    /// This one.
+    /// This drone or relay.
     Drone(NodeId),
-    /// Whoever leads by then; of several the one with the best ballot.
+    /// The current leader; of several, the one with the best ballot.
     Master,
 }
 
-/// What can go wrong.
+/// What goes wrong.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FaultKind {
-    /// Something befalls a drone.
+    /// A fault of a drone.
     Drone(Target, DroneFault),
-    /// Links between drones are not what they were.
-    Links(Links, Link),
-    /// Nothing is received within a disc, however high.
+    /// A change of the links between two groups.
+    Links(Links, LinkFault),
+    /// Nothing is received within a disc, at any height.
     Jam {
-        /// Its centre; the height does not matter.
+        /// Centre; its height does not matter.
         centre: Ned,
-        /// In metres.
+        /// Radius in metres.
         radius_m: f64,
     },
-    /// Frames are not what they were on their way.
+    /// Frames are changed, repeated or delayed.
     Tamper(Tampered),
 }
 
-/// What can befall a drone.
+/// A fault of a drone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DroneFault {
     /// One of its actors panics.
     CrashActor(Address),
-    /// Its companion computer dies: its aircraft comes down by its controller's failsafe.
+    /// Its companion computer dies; the flight controller's failsafe brings the aircraft down.
     Kill,
     /// Its aircraft falls out of the sky.
     CrashAircraft,
-    /// Its process ends, and is started again; the vehicle goes on with what it was told last.
+    /// Its process ends and is started again; the vehicle carries on with its last command.
     Restart,
-    /// One of its actors, or its whole process, does nothing any more, while what comes for it waits.
+    /// One of its actors, or its whole process with `None`, stops; its messages wait.
     Hang(Option<Address>),
-    /// All but this share of a full battery is gone at once.
+    /// Its battery drops to this share of a full one.
     Drain(f64),
-    /// Its vehicle does not know where it is over ground.
+    /// Its vehicle has no horizontal position.
     LoseGps,
-    /// What it has sent so far is sent again, by whoever listened.
+    /// An attacker sends again what it has sent so far.
     Replay,
-    /// Somebody speaks in its name, and in that of strangers.
+    /// An attacker sends frames in its name, and in that of strangers.
     Forge,
     /// Its clock gains this many millionths from now on.
     Skew(i32),
 }
 
-/// Whose frames are tampered with, how many of them, and how.
+/// Frames that are tampered with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tampered {
-    /// Whose; everybody's otherwise.
+    /// Their sender; `None` for all.
     pub from: Option<NodeId>,
-    /// The share of them, receiver by receiver, 0 to 1.
+    /// The affected share, drawn per receiver, 0 to 1.
     pub share: f64,
-    /// How.
+    /// What happens to them.
     pub how: Distortion,
 }
 
-/// What is done to a frame on its way.
+/// What happens to a frame on its way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Distortion {
     /// It is altered.
     Corrupt,
     /// It arrives twice.
     Duplicate,
-    /// It arrives so much later.
+    /// It arrives this much later.
     Delay(Duration),
-    /// It arrives later by up to this much, so that others overtake it.
+    /// It arrives up to this much later, so that others overtake it.
     Reorder(Duration),
-}
-
-impl FaultKind {
-    /// Whether it can be over after a while.
-    #[must_use]
-    pub const fn can_last(&self) -> bool {
-        match self {
-            Self::Drone(_, fault) => matches!(
-                fault,
-                DroneFault::Restart
-                    | DroneFault::Hang(_)
-                    | DroneFault::LoseGps
-                    | DroneFault::Skew(_)
-            ),
-            Self::Links(_, link) => !matches!(link, Link::Healed),
-            Self::Jam { .. } | Self::Tamper(_) => true,
-        }
-    }
 }
 
 /// The links from each drone of one group to each of another.
@@ -164,15 +147,75 @@ pub struct Links {
     pub to: Arc<[NodeId]>,
 }
 
-/// How links are.
+/// A change of links.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Link {
-    /// Nothing gets through, either way.
+pub enum LinkFault {
+    /// No frame gets through, either way.
     Cut,
-    /// Nothing gets through from the second group to the first.
+    /// No frame gets through from the second group to the first.
     OneWay,
-    /// This share of the frames is lost besides, either way.
+    /// This share of frames is lost in addition, both ways.
     Degraded(f64),
-    /// As the radio has them.
+    /// As the radio model has them.
     Healed,
+}
+
+impl FaultKind {
+    /// The kind in a scenario file.
+    pub(super) const fn kind(&self) -> FaultKindName {
+        match self {
+            Self::Drone(_, fault) => fault.kind(),
+            Self::Links(_, LinkFault::Cut) => FaultKindName::Cut,
+            Self::Links(_, LinkFault::OneWay) => FaultKindName::OneWay,
+            Self::Links(_, LinkFault::Degraded(_)) => FaultKindName::Degrade,
+            Self::Links(_, LinkFault::Healed) => FaultKindName::Heal,
+            Self::Jam { .. } => FaultKindName::Jam,
+            Self::Tamper(tampered) => tampered.how.kind(),
+        }
+    }
+
+    /// The name of its kind, with the actor that it affects, if any.
+    pub(crate) fn name(&self) -> String {
+        let kind = self.kind().name();
+        match self {
+            Self::Drone(_, DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor))) => {
+                format!("{kind} {}", ActorName::from(*actor).name())
+            }
+            _ => kind.to_owned(),
+        }
+    }
+
+    /// Whether it ends after a while, if the file has `for_s`.
+    #[must_use]
+    pub fn can_end(&self) -> bool {
+        self.kind().keys().iter().any(|key| key == "for_s")
+    }
+}
+
+impl DroneFault {
+    const fn kind(&self) -> FaultKindName {
+        match self {
+            Self::CrashActor(_) => FaultKindName::CrashActor,
+            Self::Kill => FaultKindName::Kill,
+            Self::CrashAircraft => FaultKindName::CrashAircraft,
+            Self::Restart => FaultKindName::Restart,
+            Self::Hang(_) => FaultKindName::Hang,
+            Self::Drain(_) => FaultKindName::Drain,
+            Self::LoseGps => FaultKindName::LoseGps,
+            Self::Replay => FaultKindName::Replay,
+            Self::Forge => FaultKindName::Forge,
+            Self::Skew(_) => FaultKindName::Skew,
+        }
+    }
+}
+
+impl Distortion {
+    const fn kind(&self) -> FaultKindName {
+        match self {
+            Self::Corrupt => FaultKindName::Corrupt,
+            Self::Duplicate => FaultKindName::Duplicate,
+            Self::Delay(_) => FaultKindName::Delay,
+            Self::Reorder(_) => FaultKindName::Reorder,
+        }
+    }
 }

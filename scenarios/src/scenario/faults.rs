@@ -6,21 +6,23 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
-use toml::Spanned;
+use muster_runtime::plan::file::Source;
+use muster_runtime::plan::raw::{
+    self, DroneName, FaultKindName, Pair, ProtocolKind, Raw, Role, Sender, Whole,
+};
+use muster_runtime::schema::Located;
 
 use super::{
-    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
+    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
 };
-use muster_runtime::plan::file::Source;
-use muster_runtime::plan::raw::{self, Office, Pair, ProtocolKind, Raw, Sender, Victim, Whole};
 
-/// What goes wrong, and when.
+/// The fault plan of a scenario file.
 pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec<Fault>, BadInput> {
     let reader = Reader {
         source,
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
         last_waypoint: match raw.protocol.kind {
-            // A swarm that follows its master is at waypoint 0 once it has taken off, and at none after that.
+            // A swarm that follows its master reaches waypoint 0 when it has taken off, and no other.
             ProtocolKind::Follow => 0,
             ProtocolKind::Muscop => waypoints - 1,
         },
@@ -28,229 +30,149 @@ pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec
     raw.faults.iter().map(|fault| reader.fault(fault)).collect()
 }
 
-const ONE_THING: &str = "a fault is one thing that goes wrong, no more and no less";
-const SHARE_ALONE: &str = "`share` goes with `corrupt`, `duplicate`, `delay` or `reorder`";
-const BY_ALONE: &str = "`by_ms` goes with `delay` or `reorder`";
+/// A key that was checked to be there.
+const CHECKED: &str = "the kind requires it";
 
 struct Reader<'a> {
     source: &'a Source,
-    /// How many drones and relays there are.
+    /// Number of drones and relays.
     drones: u64,
-    /// The number of the last waypoint that drones get to.
+    /// The last waypoint that drones reach.
     last_waypoint: usize,
 }
 
 impl Reader<'_> {
-    fn fault(&self, fault: &Spanned<raw::Fault>) -> Result<Fault, BadInput> {
+    fn fault(&self, fault: &Located<raw::Fault>) -> Result<Fault, BadInput> {
         let (span, fault) = (fault.span(), fault.get_ref());
-        let kind = self.kind(span.clone(), fault)?;
-        let lasts = fault.for_s.as_ref();
-        if let Some(lasts) = lasts
-            && !kind.can_last()
-        {
-            let message = "nothing that lasts, so nothing that is over after a while";
-            return Err(self.source.error(lasts.span(), message));
-        }
+        self.check_keys(fault)?;
+        let kind = self.kind(fault)?;
         let (times, every) = self.repetition(fault)?;
+        let duration = fault.for_s.as_ref();
         Ok(Fault {
             when: self.when(span, fault)?,
             kind,
-            lasts: lasts.map(|lasts| Duration::from_secs_f64(lasts.get_ref().0)),
+            duration: duration.map(|it| Duration::from_secs_f64(it.get_ref().0)),
             times,
             every,
         })
     }
 
+    /// Refuses a fault without a key that its kind requires, or with one that its kind does not take.
+    fn check_keys(&self, fault: &raw::Fault) -> Result<(), BadInput> {
+        let kind = *fault.kind.get_ref();
+        let (name, taken) = (kind.name(), kind.keys());
+        let all: Vec<String> = taken.iter().map(|key| format!("`{key}`")).collect();
+        let all = all.join(", ");
+        for (key, span) in fault.keys() {
+            match span {
+                Some(span) if !taken.iter().any(|it| it == key) => {
+                    let message =
+                        format!("a fault of kind `{name}` has no `{key}`; it takes {all}");
+                    return Err(self.source.error(span, &message));
+                }
+                None if taken.required.contains(&key) => {
+                    let message = format!("a fault of kind `{name}` needs `{key}`; it takes {all}");
+                    return Err(self.source.error(fault.kind.span(), &message));
+                }
+                Some(_) | None => {}
+            }
+        }
+        Ok(())
+    }
+
     fn when(&self, span: Range<usize>, fault: &raw::Fault) -> Result<When, BadInput> {
-        let after = fault.after_s.as_ref();
-        let later = after.map_or(Duration::ZERO, |it| Duration::from_secs_f64(it.get_ref().0));
+        let after = Duration::from_secs_f64(fault.after_s.0);
         match (&fault.at_s, &fault.at_waypoint, &fault.when) {
-            (Some(at), None, None) => match after {
+            (Some(at), None, None) => match fault.after_s.span() {
                 None => Ok(When::At(Timestamp::from_secs_f64(at.0))),
-                Some(after) => {
-                    let message = "`after_s` goes with `at_waypoint` or `when`, not with `at_s`";
-                    Err(self.source.error(after.span(), message))
+                Some(span) => {
+                    let message = "`after_s` needs `at_waypoint` or `when`, found `at_s`";
+                    Err(self.source.error(span, message))
                 }
             },
             (None, Some(waypoint), None) => {
                 let (at, last) = (waypoint.get_ref().0, self.last_waypoint);
                 if at > last as u64 {
-                    let message = format!("the last waypoint that drones get to is {last}");
+                    let message = format!("waypoint {at} is not reached, the last one is {last}");
                     return Err(self.source.error(waypoint.span(), &message));
                 }
                 let waypoint = u16::try_from(at).unwrap_or(u16::MAX);
-                Ok(When::After(Trigger::Waypoint(waypoint), later))
+                Ok(When::After(Trigger::Waypoint(waypoint), after))
             }
-            (None, None, Some(trigger)) => Ok(When::After((*trigger).into(), later)),
+            (None, None, Some(trigger)) => Ok(When::After((*trigger).into(), after)),
             _ => {
-                let message = "a fault happens either `at_s`, `at_waypoint` or `when`";
+                let message = "a fault needs one of `at_s`, `at_waypoint` and `when`";
                 Err(self.source.error(span, message))
             }
         }
     }
 
     fn repetition(&self, fault: &raw::Fault) -> Result<(u32, Duration), BadInput> {
-        match (&fault.times, &fault.every_s) {
+        match (fault.times.span(), &fault.every_s) {
             (None, None) => Ok((1, Duration::ZERO)),
-            (Some(times), Some(every)) => Ok((
-                u32::try_from(times.get_ref().0).unwrap_or(u32::MAX),
+            (Some(_), Some(every)) => Ok((
+                u32::try_from(fault.times.0).unwrap_or(u32::MAX),
                 Duration::from_secs_f64(every.get_ref().0),
             )),
-            (Some(alone), None) => {
-                let message = "`times` without `every_s`";
-                Err(self.source.error(alone.span(), message))
-            }
-            (None, Some(alone)) => {
-                let message = "`every_s` without `times`";
-                Err(self.source.error(alone.span(), message))
-            }
+            (Some(times), None) => Err(self.source.error(times, "`times` needs `every_s`")),
+            (None, Some(every)) => Err(self.source.error(every.span(), "`every_s` needs `times`")),
         }
     }
 
-    fn kind(&self, span: Range<usize>, fault: &raw::Fault) -> Result<FaultKind, BadInput> {
-        let mut kinds = Vec::new();
-        if let Some(actor) = &fault.actor
-            && fault.crash.is_none()
-            && fault.hang.is_none()
-        {
-            let message = "`actor` goes with `crash` or `hang`";
-            return Err(self.source.error(actor.span(), message));
-        }
+    /// What happens, of a fault whose keys were checked.
+    fn kind(&self, fault: &raw::Fault) -> Result<FaultKind, BadInput> {
         let actor = fault.actor.as_ref().map(|actor| actor.get_ref().address());
-        if let Some(victim) = &fault.crash {
-            let Some(actor) = actor else {
-                let message = "`crash` without the `actor` that panics";
-                return Err(self.source.error(victim.span(), message));
-            };
-            kinds.push(self.affects(victim, DroneFault::CrashActor(actor))?);
-        }
-        for (victim, what) in [
-            (&fault.hang, DroneFault::Hang(actor)),
-            (&fault.restart, DroneFault::Restart),
-            (&fault.kill, DroneFault::Kill),
-            (&fault.crash_aircraft, DroneFault::CrashAircraft),
-            (&fault.lose_gps, DroneFault::LoseGps),
-            (&fault.replay, DroneFault::Replay),
-            (&fault.forge, DroneFault::Forge),
-        ] {
-            if let Some(victim) = victim {
-                kinds.push(self.affects(victim, what)?);
+        let number =
+            |share: &Option<Located<raw::Share>>| share.as_ref().expect(CHECKED).get_ref().0;
+        let by = || Duration::from_millis(fault.by_ms.as_ref().expect(CHECKED).get_ref().0);
+        match fault.kind.get_ref() {
+            FaultKindName::CrashActor => {
+                self.of_drone(fault, DroneFault::CrashActor(actor.expect(CHECKED)))
             }
-        }
-        kinds.extend(self.drained(fault)?);
-        for (pair, link) in [
-            (&fault.cut, Link::Cut),
-            (&fault.one_way, Link::OneWay),
-            (&fault.degrade, self.degraded(fault)?),
-            (&fault.heal, Link::Healed),
-        ] {
-            if let Some(pair) = pair {
-                kinds.push(FaultKind::Links(self.links(pair)?, link));
+            FaultKindName::Hang => self.of_drone(fault, DroneFault::Hang(actor)),
+            FaultKindName::Restart => self.of_drone(fault, DroneFault::Restart),
+            FaultKindName::Kill => self.of_drone(fault, DroneFault::Kill),
+            FaultKindName::CrashAircraft => self.of_drone(fault, DroneFault::CrashAircraft),
+            FaultKindName::LoseGps => self.of_drone(fault, DroneFault::LoseGps),
+            FaultKindName::Drain => self.of_drone(fault, DroneFault::Drain(number(&fault.charge))),
+            FaultKindName::Replay => self.of_drone(fault, DroneFault::Replay),
+            FaultKindName::Forge => self.of_drone(fault, DroneFault::Forge),
+            FaultKindName::Skew => {
+                let ppm = fault.ppm.as_ref().expect(CHECKED).get_ref().0;
+                self.of_drone(fault, DroneFault::Skew(ppm))
             }
-        }
-        if let Some(disc) = &fault.jam {
-            kinds.push(FaultKind::Jam {
-                centre: Ned::new(disc.north_m.0, disc.east_m.0, 0.0),
-                radius_m: disc.radius_m.0,
-            });
-        }
-        kinds.extend(self.tampered(fault)?.map(FaultKind::Tamper));
-        match (&fault.skew, &fault.ppm) {
-            (Some(victim), Some(ppm)) => {
-                kinds.push(self.affects(victim, DroneFault::Skew(ppm.get_ref().0))?);
+            FaultKindName::Cut => self.of_links(fault, LinkFault::Cut),
+            FaultKindName::OneWay => self.of_links(fault, LinkFault::OneWay),
+            FaultKindName::Heal => self.of_links(fault, LinkFault::Healed),
+            FaultKindName::Degrade => {
+                self.of_links(fault, LinkFault::Degraded(number(&fault.loss)))
             }
-            (Some(victim), None) => {
-                let message = "`skew` without `ppm`, how much the clock gains";
-                return Err(self.source.error(victim.span(), message));
+            FaultKindName::Jam => {
+                let offset =
+                    |it: &Option<Located<raw::Offset>>| it.as_ref().expect(CHECKED).get_ref().0;
+                Ok(FaultKind::Jam {
+                    centre: Ned::new(offset(&fault.north_m), offset(&fault.east_m), 0.0),
+                    radius_m: fault.radius_m.as_ref().expect(CHECKED).get_ref().0,
+                })
             }
-            (None, Some(ppm)) => {
-                return Err(self.source.error(ppm.span(), "`ppm` goes with `skew`"));
-            }
-            (None, None) => {}
-        }
-        match (kinds.pop(), kinds.is_empty()) {
-            (Some(kind), true) => Ok(kind),
-            _ => Err(self.source.error(span, ONE_THING)),
+            FaultKindName::Corrupt => self.of_frames(fault, Distortion::Corrupt),
+            FaultKindName::Duplicate => self.of_frames(fault, Distortion::Duplicate),
+            FaultKindName::Delay => self.of_frames(fault, Distortion::Delay(by())),
+            FaultKindName::Reorder => self.of_frames(fault, Distortion::Reorder(by())),
         }
     }
 
-    fn drained(&self, fault: &raw::Fault) -> Result<Option<FaultKind>, BadInput> {
-        match (&fault.drain, &fault.to) {
-            (None, None) => Ok(None),
-            (Some(victim), Some(to)) => {
-                let fault = DroneFault::Drain(to.get_ref().0);
-                self.affects(victim, fault).map(Some)
-            }
-            (Some(alone), None) => {
-                let message = "`drain` without the charge `to` which it goes";
-                Err(self.source.error(alone.span(), message))
-            }
-            (None, Some(alone)) => Err(self.source.error(alone.span(), "`to` goes with `drain`")),
-        }
-    }
-
-    /// What is done to frames on their way, if that is the fault.
-    fn tampered(&self, fault: &raw::Fault) -> Result<Option<Tampered>, BadInput> {
-        let by = fault.by_ms.as_ref();
-        let late = by.map(|by| Duration::from_millis(by.get_ref().0));
-        let kinds = [
-            (&fault.corrupt, Some(Distortion::Corrupt), false),
-            (&fault.duplicate, Some(Distortion::Duplicate), false),
-            (&fault.delay, late.map(Distortion::Delay), true),
-            (&fault.reorder, late.map(Distortion::Reorder), true),
-        ];
-        let mut named = kinds
-            .iter()
-            .filter_map(|(sender, how, is_late)| Some((sender.as_ref()?, how, *is_late)));
-        let Some((sender, how, is_late)) = named.next() else {
-            return match (&fault.share, by) {
-                (Some(share), _) => Err(self.source.error(share.span(), SHARE_ALONE)),
-                (None, Some(by)) => Err(self.source.error(by.span(), BY_ALONE)),
-                (None, None) => Ok(None),
-            };
+    fn of_drone(&self, fault: &raw::Fault, what: DroneFault) -> Result<FaultKind, BadInput> {
+        let drone = fault.drone.as_ref().expect(CHECKED);
+        let target = match drone.get_ref() {
+            DroneName::Role(Role::Master) => Target::Master,
+            DroneName::Number(id) => Target::Drone(self.drone(id, drone.span())?),
         };
-        if let Some((other, ..)) = named.next() {
-            return Err(self.source.error(other.span(), ONE_THING));
-        }
-        let Some(how) = *how else {
-            let message = "this fault needs `by_ms`, how much later frames arrive";
-            return Err(self.source.error(sender.span(), message));
-        };
-        if let Some(by) = by.filter(|_| !is_late) {
-            return Err(self.source.error(by.span(), BY_ALONE));
-        }
-        let from = match sender.get_ref() {
-            Sender::All(_) => None,
-            Sender::Drone(id) => Some(self.drone(id, sender.span())?),
-        };
-        let share = fault.share.as_ref().map_or(1.0, |it| it.get_ref().0);
-        Ok(Some(Tampered { from, share, how }))
+        Ok(FaultKind::Drone(target, what))
     }
 
-    fn degraded(&self, fault: &raw::Fault) -> Result<Link, BadInput> {
-        match (&fault.degrade, &fault.loss) {
-            (_, None) if fault.degrade.is_none() => Ok(Link::Healed),
-            (Some(_), Some(loss)) => Ok(Link::Degraded(loss.get_ref().0)),
-            (Some(pair), None) => {
-                let message = "`degrade` without the `loss` that it brings";
-                Err(self.source.error(pair.span(), message))
-            }
-            (None, loss) => {
-                let span = loss.as_ref().map(Spanned::span).unwrap_or_default();
-                Err(self.source.error(span, "`loss` goes with `degrade`"))
-            }
-        }
-    }
-
-    fn affects(&self, victim: &Spanned<Victim>, fault: DroneFault) -> Result<FaultKind, BadInput> {
-        let target = match victim.get_ref() {
-            Victim::Office(Office::Master) => Target::Master,
-            Victim::Drone(id) => Target::Drone(self.drone(id, victim.span())?),
-        };
-        Ok(FaultKind::Drone(target, fault))
-    }
-
-    fn links(&self, pair: &Spanned<Pair>) -> Result<Links, BadInput> {
+    fn of_links(&self, fault: &raw::Fault, what: LinkFault) -> Result<FaultKind, BadInput> {
+        let pair = fault.links.as_ref().expect(CHECKED);
         let group = |ids: &[Whole<0, 99_999>]| {
             let ids = ids.iter().map(|id| self.drone(id, pair.span()));
             ids.collect::<Result<Arc<[NodeId]>, BadInput>>()
@@ -260,10 +182,20 @@ impl Reader<'_> {
             Pair::Groups(groups) => [group(&groups[0])?, group(&groups[1])?],
         };
         if let Some(both) = from.iter().find(|id| to.contains(id)) {
-            let message = format!("drone {both} is on both sides");
+            let message = format!("drone {both} is in both groups");
             return Err(self.source.error(pair.span(), &message));
         }
-        Ok(Links { from, to })
+        Ok(FaultKind::Links(Links { from, to }, what))
+    }
+
+    fn of_frames(&self, fault: &raw::Fault, how: Distortion) -> Result<FaultKind, BadInput> {
+        let sender = fault.from.as_ref().expect(CHECKED);
+        let from = match sender.get_ref() {
+            Sender::All(_) => None,
+            Sender::Drone(id) => Some(self.drone(id, sender.span())?),
+        };
+        let share = fault.share.0;
+        Ok(FaultKind::Tamper(Tampered { from, share, how }))
     }
 
     fn drone(&self, id: &Whole<0, 99_999>, span: Range<usize>) -> Result<NodeId, BadInput> {

@@ -6,25 +6,25 @@ use muster_machines::wire;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
-use muster_runtime::plan::{put_together, to_usize};
+use muster_runtime::plan::{build_plan, to_usize};
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 
 use super::exposure::check_followers;
 use super::faults::faults;
 use super::{Chaos, Scenario, Variation};
 
-/// Reads a scenario and the mission that it names; `overrides` replace what the file says.
+/// Reads a scenario and its mission; `overrides` replace fields of the file.
 ///
 /// # Errors
-/// When either file can't be used: the error names the file, shows the place and says what would be accepted.
+/// If a file can't be used. The error names the file, shows the place and tells what is accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
     load_from(path, overrides, &read_text)
 }
 
-/// Likewise, with each file's text from `read`.
+/// As [`load`], with each file's text from `read`.
 ///
 /// # Errors
-/// As [`load`], and what `read` refuses.
+/// Those of [`load`] and of `read`.
 pub fn load_from(
     path: &Path,
     overrides: &[Override],
@@ -44,7 +44,7 @@ pub fn load_from(
     Ok(scenario)
 }
 
-/// The swarm of a file named by another one, whose seed and separation count for both.
+/// The scenario of another swarm, with the seed and the separation of the file that names it.
 fn other(
     (source, own): (&Source, &Raw),
     joins: &raw::Swarm,
@@ -57,22 +57,22 @@ fn other(
         let message = format!("{} can't be read", path.display());
         return Err(source.error(file.span(), &message));
     };
-    if let (Some(after), Some(duration)) = (&joins.after_s, own.limits.duration_s)
-        && after.get_ref().0 >= duration.0
+    if let (Some(span), Some(duration)) = (joins.after_s.span(), own.limits.duration_s)
+        && joins.after_s.0 >= duration.0
     {
-        let message = "the run is over by then, as `limits.duration_s` says";
-        return Err(source.error(after.span(), message));
+        let message = format!("the run ends before, at `limits.duration_s` = {}", duration.0);
+        return Err(source.error(span, &message));
     }
     let others = Source::new(&path, text, &[])?;
     let mut raw = others.parse()?;
     *raw.seed.get_mut() = *own.seed.get_ref();
-    raw.limits.separation_horizontal_m = own.limits.separation_horizontal_m;
-    raw.limits.separation_vertical_m = own.limits.separation_vertical_m;
-    for (field, is_there) in [
+    raw.limits.separation_horizontal_m = own.limits.separation_horizontal_m.clone();
+    raw.limits.separation_vertical_m = own.limits.separation_vertical_m.clone();
+    for (field, has_entries) in [
         ("swarms", !raw.swarms.is_empty()),
         ("faults", !raw.faults.is_empty()),
     ] {
-        if is_there {
+        if has_entries {
             let message = format!("{} has `{field}` of its own", path.display());
             return Err(source.error(file.span(), &message));
         }
@@ -80,14 +80,14 @@ fn other(
     alone(&path, (&others, &raw), &[], read)
 }
 
-/// A scenario without the other swarms that it names.
+/// A scenario without its other swarms.
 fn alone(
     path: &Path,
     (source, raw): (&Source, &Raw),
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
-    let plan = put_together(path, (source, raw), read)?;
+    let plan = build_plan(path, (source, raw), read)?;
     let faults = faults(source, raw, plan.waypoints.len())?;
     let scenario = Scenario {
         name: path.display().to_string(),
@@ -108,76 +108,58 @@ fn alone(
     Ok(scenario)
 }
 
-/// The most faults of a plan that is drawn: enough for three that only together break something, and one beside.
-const FAULTS_MAX: u32 = 4;
-
-/// What a search may choose: of each field that it varies, one of the values.
+/// What a search may choose.
 fn chaos(source: &Source, raw: &Raw) -> Result<Chaos, BadInput> {
     let vary = raw.chaos.vary.iter().map(|(key, values)| {
-        let listed: Vec<_> = values.get_ref().iter().map(in_words).collect();
+        let listed: Vec<_> = values.get_ref().iter().map(override_value).collect();
         Variation::new(key, &listed).map_err(|error| source.error(values.span(), &error))
     });
     Ok(Chaos {
-        faults_max: raw
-            .chaos
-            .faults_max
-            .and_then(|it| u32::try_from(it.0).ok())
-            .unwrap_or(FAULTS_MAX),
+        faults_max: u32::try_from(raw.chaos.faults_max.0).unwrap_or(u32::MAX),
         vary: vary.collect::<Result<_, _>>()?,
     })
 }
 
-/// A value as it is typed behind `--set`.
-fn in_words(value: &toml::Value) -> String {
+/// A value as it is given to `--set`.
+fn override_value(value: &toml::Value) -> String {
     value
         .as_str()
         .map_or_else(|| value.to_string(), str::to_owned)
 }
 
-/// An unloaded hop of a 64-byte datagram over 802.11a, as measured with ns-3.
-const LATENCY_US: u64 = 231;
-/// What a sender's own program adds, at most.
-const JITTER_US: u64 = 1_000;
-/// How many datagrams wait in a radio: 15 ms of airtime, more than a drone has to say at once.
-const QUEUE_MAX: NonZeroUsize = NonZeroUsize::new(64).expect("64 is not 0");
-/// A line of sight and some reflections; one of the two shapes that were compared with ns-3.
-const NAKAGAMI_M: f64 = 3.0;
-
 fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
     let radio = &raw.radio;
     let range_m = radio.range_m.0;
-    let shape = radio.nakagami_m.as_ref();
-    let propagation = match (radio.model, shape) {
-        (ModelName::Nakagami, shape) => Propagation::Nakagami {
+    let propagation = match (radio.model, radio.nakagami_m.span()) {
+        (ModelName::Nakagami, _) => Propagation::Nakagami {
             range_m,
-            shape: shape.map_or(NAKAGAMI_M, |shape| shape.get_ref().0),
+            shape: radio.nakagami_m.0,
         },
-        (_, Some(shape)) => {
+        (_, Some(span)) => {
             let message = "only the model \"nakagami\" has a shape";
-            return Err(source.error(shape.span(), message));
+            return Err(source.error(span, message));
         }
         (ModelName::Range, None) => Propagation::Range { range_m },
         (ModelName::Ieee80211a, None) => Propagation::Ieee80211a { range_m },
     };
-    let jitter = Duration::from_micros(radio.jitter_us.map_or(JITTER_US, |it| it.0));
-    let (latency, queue_max) = (radio.latency_us.as_ref(), radio.queue_max.as_ref());
-    let access = match (radio.medium, latency, queue_max) {
-        (MediumName::Ideal, latency, None) => {
-            let latency_us = latency.map_or(LATENCY_US, |it| it.get_ref().0);
-            let latency = Duration::from_micros(latency_us);
+    let jitter = Duration::from_micros(radio.jitter_us.0);
+    let access = match radio.medium {
+        MediumName::Ideal => {
+            if let Some(span) = radio.queue_max.span() {
+                let message = "only the medium \"csma\" has a queue";
+                return Err(source.error(span, message));
+            }
+            let latency = Duration::from_micros(radio.latency_us.0);
             Access::Ideal { latency, jitter }
         }
-        (MediumName::Ideal, _, Some(queue_max)) => {
-            let message = "on an ideal medium nothing waits, so there is no queue";
-            return Err(source.error(queue_max.span(), message));
-        }
-        (MediumName::Csma, Some(latency), _) => {
-            let message = "on a shared medium a frame takes its airtime and its turn, no latency";
-            return Err(source.error(latency.span(), message));
-        }
-        (MediumName::Csma, None, queue_max) => {
-            let queue_max = queue_max.and_then(|it| NonZeroUsize::new(to_usize(it.get_ref().0)));
-            let queue_max = queue_max.unwrap_or(QUEUE_MAX);
+        MediumName::Csma => {
+            if let Some(span) = radio.latency_us.span() {
+                let message =
+                    "only the medium \"ideal\" has a latency; with \"csma\" it follows from airtime and access";
+                return Err(source.error(span, message));
+            }
+            let queue_max = NonZeroUsize::new(to_usize(radio.queue_max.0));
+            let queue_max = queue_max.expect("read as a number from 1");
             Access::Csma { jitter, queue_max }
         }
     };
@@ -190,27 +172,27 @@ fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
     })
 }
 
-/// When links lose frames in bursts, if they do.
+/// The bursts of losses on links; `None` if there are none.
 fn bursts(source: &Source, radio: &raw::Radio) -> Result<Option<Bursts>, BadInput> {
-    let (every, length) = match (&radio.burst_every_ms, &radio.burst_ms, &radio.burst_loss) {
+    let loss = &radio.burst_loss;
+    let (every, length) = match (&radio.burst_every_ms, &radio.burst_ms, loss.span()) {
         (Some(every), Some(length), _) => (every.get_ref(), length.get_ref()),
         (Some(every), None, _) => {
-            let message = "bursts without a length: the field `burst_ms` is missing";
+            let message = "`burst_every_ms` needs `burst_ms`";
             return Err(source.error(every.span(), message));
         }
         (None, Some(length), _) => {
-            let message =
-                "bursts without a time between them: the field `burst_every_ms` is missing";
+            let message = "`burst_ms` needs `burst_every_ms`";
             return Err(source.error(length.span(), message));
         }
-        (None, None, Some(loss)) => {
-            let message = "a loss in bursts, and there are no bursts";
-            return Err(source.error(loss.span(), message));
+        (None, None, Some(span)) => {
+            let message = "`burst_loss` needs `burst_every_ms` and `burst_ms`";
+            return Err(source.error(span, message));
         }
         (None, None, None) => return Ok(None),
     };
-    let loss = radio.burst_loss.as_ref().map_or(1.0, |it| it.get_ref().0);
-    // Where nothing is lost in bursts, nothing is drawn for them either.
+    let loss = loss.0;
+    // Without losses no random number is drawn for bursts.
     Ok((loss > 0.0).then(|| Bursts {
         every: Duration::from_millis(every.0),
         length: Duration::from_millis(length.0),

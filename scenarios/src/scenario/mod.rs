@@ -1,4 +1,4 @@
-//! What is simulated: a scenario, as parsed.
+//! A parsed scenario: what is simulated.
 
 mod exposure;
 mod fault;
@@ -12,17 +12,16 @@ mod written;
 use std::time::Duration;
 
 use muster_machines::geometry::Ned;
-use muster_runtime::plan::fields::FIELDS;
 use muster_runtime::plan::{Plan, raw};
 use muster_transport::sim;
 
-pub use self::preview::holds_in_words;
+pub use self::preview::describe_holds;
 pub use fault::{
-    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
+    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
 };
 pub use load::{load, load_from};
 pub use muster_runtime::plan::file::Override;
-pub use muster_runtime::plan::{fence_in_words, mission_file};
+pub use muster_runtime::plan::{describe_fence, mission_file};
 pub use settling::Settling;
 pub use variation::Variation;
 pub use written::side_by_side;
@@ -30,43 +29,44 @@ pub(crate) use written::written;
 
 /// Every field of a scenario file, tables included, as in `radio.range_m`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
-    FIELDS.iter().map(|(field, _)| *field)
+    let fields = muster_runtime::plan::schema().fields.iter();
+    fields.map(|field| &*field.path)
 }
 
-/// A scenario whose fields fit each other.
+/// A scenario; its fields fit each other.
 #[derive(Debug, Clone)]
 pub struct Scenario {
-    /// What it is called: its file.
+    /// Path of its file.
     pub name: String,
-    /// Fields that were set in the place of what the file says, the seed apart.
+    /// Overrides of fields, without the seed.
     pub overrides: Vec<Override>,
-    /// Where every random draw starts from.
+    /// Random seed of the run.
     pub seed: u64,
-    /// What is flown.
+    /// What the swarm flies.
     pub plan: Plan,
-    /// What the medium is like.
+    /// The radio model.
     pub radio: sim::Config,
-    /// What goes wrong, and when.
+    /// The fault plan.
     pub faults: Vec<Fault>,
-    /// What a search for a fault plan that breaks a rule may choose.
+    /// What `muster chaos` may choose.
     pub chaos: Chaos,
-    /// Whether no rule is checked, to measure what flying alone costs: such a run proves nothing.
+    /// Whether no rule is checked, to measure the cost of flying alone. Such a run proves nothing.
     pub unchecked: bool,
-    /// Who else flies in the same air and over the same medium, and how each comes into it.
+    /// Other swarms in the same airspace and on the same medium.
     pub others: Vec<(Self, Joins)>,
 }
 
-/// How a swarm comes into a world.
+/// Where and when another swarm starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joins {
-    /// Where its home is, from the home of the scenario's own swarm.
+    /// Its home, relative to the home of the scenario's own swarm.
     pub home: Ned,
-    /// When its master is told to fly.
+    /// When its operator starts the flight.
     pub after: Duration,
 }
 
 impl Joins {
-    /// As the scenario's own swarm does.
+    /// Those of the scenario's own swarm.
     const OWN: Self = Self {
         home: Ned::HOME,
         after: Duration::ZERO,
@@ -74,19 +74,20 @@ impl Joins {
 }
 
 impl Scenario {
-    /// All swarms of its world, its own first.
+    /// All swarms of the world, its own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = (&Self, Joins)> {
         let others = self.others.iter().map(|(swarm, joins)| (swarm, *joins));
         std::iter::once((self, Joins::OWN)).chain(others)
     }
 
-    /// Whether its world has other swarms.
+    /// Whether the world has other swarms.
     #[must_use]
     pub const fn has_other_swarms(&self) -> bool {
         !self.others.is_empty()
     }
 
-    /// By when all are on the ground, from the start of the run: as its limits say, or the longest of those of all swarms.
+    /// Time by which all drones are on the ground, from the start of the run: its own limit if the file has one, otherwise the
+    /// latest of all swarms.
     pub(crate) fn bound(&self) -> Duration {
         let own = self.plan.limits.duration;
         if own != self.plan.limits.default_duration() {
@@ -99,7 +100,7 @@ impl Scenario {
         others.fold(own, Duration::max)
     }
 
-    /// How many waypoints its drones reach, take-off and landing counted as one each.
+    /// Number of steps of all drones: waypoints, changes of formation and landing.
     pub(crate) fn steps(&self) -> u64 {
         let stops = if self.plan.follow.is_some() {
             1
@@ -110,7 +111,7 @@ impl Scenario {
         drones * (stops + self.plan.changes.len() + 1) as u64
     }
 
-    /// How long it may take until each part of the swarm has its one master.
+    /// Times until each segment of the swarm has one master.
     #[must_use]
     pub fn settling(&self) -> Settling {
         let drone = self
@@ -119,19 +120,19 @@ impl Scenario {
         Settling::new(&drone.routing, &drone.mission, &self.radio)
     }
 
-    /// What it is, in a few words.
+    /// One line about it.
     #[must_use]
     pub fn description(&self) -> String {
         self.plan.description(self.bound())
     }
 }
 
-/// What a search for a fault plan that breaks a rule may choose.
+/// What `muster chaos` may choose.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Chaos {
-    /// The most faults of a plan.
+    /// Most faults of a plan.
     pub faults_max: u32,
-    /// Fields of which each plan takes one value.
+    /// Fields that vary; each plan takes one value of each.
     pub vary: Vec<Variation>,
 }
 
@@ -139,8 +140,7 @@ impl From<&raw::Swarm> for Joins {
     fn from(swarm: &raw::Swarm) -> Self {
         Self {
             home: Ned::new(swarm.north_m.0, swarm.east_m.0, 0.0),
-            after: (swarm.after_s.as_ref())
-                .map_or(Duration::ZERO, |it| Duration::from_secs_f64(it.get_ref().0)),
+            after: Duration::from_secs_f64(swarm.after_s.0),
         }
     }
 }

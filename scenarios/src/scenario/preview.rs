@@ -1,9 +1,9 @@
-//! What can be told of a scenario before it is flown.
+//! The preview of a scenario, printed by `muster check`.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::{Act, Change, Paths, Phase};
+use muster_machines::formation::{PhaseKind, Change, Paths, Phase};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Holds, Succession};
@@ -14,37 +14,35 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Scenario;
 use crate::segments::{Link, Segment, Segments};
-use muster_runtime::plan::room::Pace;
+use muster_runtime::plan::layering::WavePace;
 use muster_runtime::text::{drones, figure, plural};
 
-/// For swarms of at most so many it is found who is connected; the diameter of larger ones is taken for the most that it
-/// can be.
+/// Largest swarm whose connectivity is computed. Larger ones are taken to have the largest possible diameter.
 const DIAMETER_NODES_MAX: u32 = 1_000;
 
 impl Scenario {
-    /// How long it may take until each part has its one master, by when all are down, and who flies in which altitude
-    /// layer: a line each.
+    /// Separation, time to re-elect, bound of the run, holds, altitude layers, waves, fence and drones out of reach: one line each.
     #[must_use]
     pub fn preview(&self) -> Vec<String> {
         let connected = self.connected();
-        let mut lines = self.apart_in_words(self.counted_out_of_reach());
+        let mut lines = self.describe_separation(self.out_of_reach_counter());
         lines.extend([
-            self.settling_in_words(connected.as_ref()),
-            self.bound_in_words(),
+            self.describe_settling(connected.as_ref()),
+            self.describe_bound(),
         ]);
-        lines.extend(holds_in_words(&self.plan.holds));
-        lines.extend(self.layers_in_words());
-        lines.extend(self.waves_in_words());
+        lines.extend(describe_holds(&self.plan.holds));
+        lines.extend(self.describe_layers());
+        lines.extend(self.describe_waves());
         lines.extend(self.plan.fence.iter().cloned());
         if let Some(in_slots) = &connected {
-            lines.extend(self.unreached_in_words(in_slots));
-            lines.extend(self.apart_by_height_in_words(in_slots));
+            lines.extend(self.describe_unreached(in_slots));
+            lines.extend(self.describe_unreached_in_layers(in_slots));
         }
         let mut first = self.plan.nodes();
         for (swarm, joins) in &self.others {
             let last = first + swarm.plan.layout.formation().drones() - 1;
             lines.push(format!(
-                "{} of {}: home {} m north and {} m east of here, told to fly after {} s",
+                "{} of {}: home {} m north and {} m east of this one, started after {} s",
                 drones(&(first..=last).collect::<Vec<_>>()),
                 swarm.name,
                 joins.home.north_m(),
@@ -56,7 +54,7 @@ impl Scenario {
         lines
     }
 
-    fn settling_in_words(&self, connected: Option<&Segments>) -> String {
+    fn describe_settling(&self, connected: Option<&Segments>) -> String {
         let settling = self.settling();
         let known = connected.map(|segments| {
             self.masters_segment(segments)
@@ -66,62 +64,62 @@ impl Scenario {
         let seconds = |time: Duration, digits| figure(time.as_secs_f64(), digits);
         if let Some(hops_max) = settling.hops_max.filter(|hops| diameter > *hops) {
             return format!(
-                "settles in no known time: the swarm is {} across, and where so many frames are lost `flood` brings signs \
-                 of the master often enough over {} only; those beyond miss a master that incarnations (with `tree` they don't)",
-                plural(diameter as usize, "hop"),
+                "worst-case time to re-elect: none. With these losses, heartbeats of policy `flood` arrive in time over {}, \
+                 and the swarm is {} across: drones beyond miss a live master again and again. Policy `tree` has no such \
+                 limit",
                 plural(hops_max as usize, "hop"),
+                plural(diameter as usize, "hop"),
             );
         }
         format!(
-            "settles in {} s: {} s until whoever has lost the master misses it, 2 × {}{} of {} s, {} s until what was \
-             lost on the way has been said again{}",
+            "worst-case time to re-elect: {} s (detection {} s, propagation 2 × {}{} of {} s, retransmissions {} s){}",
             seconds(settling.time(diameter), 1),
             seconds(settling.detection, 2),
             if is_at_most { "at most " } else { "" },
             plural(diameter as usize, "hop"),
             seconds(settling.hop, 3),
-            seconds(settling.back_off, 2),
+            seconds(settling.retransmission, 2),
             match settling.spreading {
                 Duration::ZERO => String::new(),
                 more => format!(
-                    "; {} s more while it takes off or changes formation",
+                    "; {} s more during take-off and changes of formation",
                     seconds(more, 1)
                 ),
             }
         )
     }
 
-    /// Who is connected with whom, as all are in their slots; nothing for a swarm that is too large.
+    /// The segments with all drones in their slots; `None` if the swarm is too large.
     fn connected(&self) -> Option<Segments> {
         let nodes = self.plan.nodes();
         (nodes <= DIAMETER_NODES_MAX)
             .then(|| self.connected_at(|_| self.plan.waypoints[0].altitude_m()))
     }
 
-    /// How many are out of the master's reach in a phase, where they are the farthest apart in it; `None` for a swarm that is
-    /// too large. Relays are left out: they stay where the mission began.
-    fn counted_out_of_reach(&self) -> impl FnMut(&Phase) -> Option<usize> {
+    /// Counts the drones out of the master's reach in a phase, at the places where they are farthest apart. `None` if the swarm
+    /// is too large. Relays are left out, as they stay where the mission began.
+    fn out_of_reach_counter(&self) -> impl FnMut(&Phase) -> Option<usize> {
         let is_small = self.plan.nodes() <= DIAMETER_NODES_MAX;
-        // On each leg of one formation it is the same.
+        // All legs in one formation have the same count.
         let mut on_legs: BTreeMap<u16, Option<usize>> = BTreeMap::new();
         move |phase| {
             if !is_small {
                 return None;
             }
-            let look = || {
+            let count = || {
                 let above = |paths: &Paths| paths.get(1).unwrap_or(&paths[0]).to;
                 let places: Vec<_> = phase.paths.iter().map(above).collect();
                 self.out_of_reach(&self.connected_among(&places))
                     .map(|it| it.len())
             };
-            match phase.act {
-                Act::Flies { .. } => *on_legs.entry(phase.changes).or_insert_with(look),
-                _ => look(),
+            match phase.kind {
+                PhaseKind::Leg { .. } => *on_legs.entry(phase.changes).or_insert_with(count),
+                _ => count(),
             }
         }
     }
 
-    /// Who is connected with whom, as each is above its first slot, at a height of its own in metres above home.
+    /// The segments with each drone above its first slot, at its own height in metres above home.
     fn connected_at(&self, altitude_m: impl Fn(NodeId) -> f64) -> Segments {
         let drones = (0..self.plan.layout.formation().drones()).map(NodeId);
         let above = drones.map(|id| {
@@ -133,7 +131,7 @@ impl Scenario {
     }
 
     fn connected_among(&self, places: &[Ned]) -> Segments {
-        // Nothing is drawn from it.
+        // No random number is drawn.
         let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), places);
         let mut segments = Segments::default();
         let live = vec![Some(0); places.len()];
@@ -148,7 +146,7 @@ impl Scenario {
             .find(|segment| segment.members.contains(&master))
     }
 
-    /// Who is where no links that are up connect it with the master, lowest first.
+    /// The drones that no links that are up connect with the master, in ascending order.
     fn out_of_reach(&self, segments: &Segments) -> Option<Vec<u32>> {
         let with_master = self.masters_segment(segments)?;
         let all = (0..self.plan.layout.formation().drones()).map(NodeId);
@@ -156,8 +154,8 @@ impl Scenario {
         Some(apart.map(|id| id.0).collect())
     }
 
-    /// Whom altitude layers lead out of the reach that they have in their slots.
-    fn apart_by_height_in_words(&self, in_slots: &Segments) -> Vec<String> {
+    /// The drones that are in reach in their slots, but not in their altitude layers.
+    fn describe_unreached_in_layers(&self, in_slots: &Segments) -> Vec<String> {
         let apart = self.out_of_reach(in_slots).unwrap_or_default();
         let flown = self.flown();
         let begin = self.plan.waypoints[0];
@@ -174,8 +172,8 @@ impl Scenario {
             out_of_reach.retain(|id| !apart.contains(id));
             (!out_of_reach.is_empty()).then(|| {
                 format!(
-                    "out of the master's reach {when}: {}; larger `radio.range_m`, smaller `formation.spacing_m` or \
-                     `limits.separation_vertical_m` would help",
+                    "out of the master's reach {when}: {}; raise `radio.range_m`, or lower `formation.spacing_m` or \
+                     `limits.separation_vertical_m`",
                     drones(&out_of_reach)
                 )
             })
@@ -183,14 +181,14 @@ impl Scenario {
         lines.collect()
     }
 
-    /// Who is in a slot that no links that are up connect with the master's, lowest first; nothing if nobody is, or the swarm
-    /// is too large to know.
+    /// The drones in slots that no links that are up connect with the master's, in ascending order. `None` if there are none,
+    /// or the swarm is too large.
     pub(super) fn unreached(&self) -> Option<Vec<u32>> {
         let apart = self.out_of_reach(&self.connected()?)?;
         (!apart.is_empty()).then_some(apart)
     }
 
-    fn unreached_in_words(&self, segments: &Segments) -> Option<String> {
+    fn describe_unreached(&self, segments: &Segments) -> Option<String> {
         let apart = self.out_of_reach(segments)?;
         let led = match self.plan.protocol.succession {
             Succession::Elect => "elect masters of their own",
@@ -198,11 +196,11 @@ impl Scenario {
         };
         (!apart.is_empty()).then(|| {
             let who = drones(&apart);
-            format!("out of the master's reach, over others too: {who} will {led}")
+            format!("out of the master's reach, over other drones too: {who} will {led}")
         })
     }
 
-    fn bound_in_words(&self) -> String {
+    fn describe_bound(&self) -> String {
         let limits = &self.plan.limits;
         let seconds = |time: Duration| figure(time.as_secs_f64(), 0);
         let formula = format!(
@@ -215,27 +213,27 @@ impl Scenario {
         let default = limits.default_duration();
         if self.bound() != limits.duration {
             format!(
-                "all down by {} s, as the bound of another swarm says",
+                "all landed by {} s, the bound of another swarm",
                 seconds(self.bound())
             )
         } else if limits.duration == default {
-            format!("all down by {} s: {formula}", seconds(limits.duration))
+            format!("all landed by {} s: {formula}", seconds(limits.duration))
         } else {
             format!(
-                "all down by {} s, as `limits.duration_s` says; without it by {} s: {formula}",
+                "all landed by {} s (`limits.duration_s`); default {} s: {formula}",
                 seconds(limits.duration),
                 seconds(default)
             )
         }
     }
 
-    fn layers_in_words(&self) -> Vec<String> {
+    fn describe_layers(&self) -> Vec<String> {
         let first = &self.plan.layout;
         let last = self.plan.changes.last().map_or(&**first, Change::layout);
         let mut lines = vec![
-            in_words("taking off", first.take_off_layers_m()),
-            in_words("out of lockstep", &first.layers_m(&self.plan.waypoints)),
-            in_words("going to land", last.landing_layers_m()),
+            describe_altitudes("taking off", first.take_off_layers_m()),
+            describe_altitudes("out of lockstep", &first.layers_m(&self.plan.waypoints)),
+            describe_altitudes("going to land", last.landing_layers_m()),
         ];
         let sectors_m = self
             .plan
@@ -245,7 +243,7 @@ impl Scenario {
             .copied();
         if let Some(highest_m) = sectors_m.reduce(f64::max) {
             lines.push(format!(
-                "sectors of {} of formation: up to {} m",
+                "altitude sectors of {} of formation: up to {} m",
                 plural(self.plan.changes.len(), "change"),
                 to_millimetres(highest_m)
             ));
@@ -255,8 +253,8 @@ impl Scenario {
 }
 
 impl Scenario {
-    /// In how many waves drones fly where there is no room for all at once, and how much longer that takes.
-    fn waves_in_words(&self) -> Option<String> {
+    /// Numbers of waves, if there is no room for all drones at once, and the additional time.
+    fn describe_waves(&self) -> Option<String> {
         let last = self
             .plan
             .changes
@@ -270,30 +268,29 @@ impl Scenario {
             .max()
             .unwrap_or(1);
         let (up, down) = (self.plan.layout.take_off_waves(), last.landing_waves());
-        let pace = Pace {
+        let pace = WavePace {
             vehicle: &self.plan.vehicle,
             waypoints: &self.plan.waypoints,
         };
         let extra_s = pace.extra_s(&self.plan.layout, &self.plan.changes);
         (up.max(down).max(crossing) > 1).then(|| {
             format!(
-                "waves: {up} to take off, {crossing} to change formation, {down} to land, one after the other, about {} s \
-                 longer than all at once",
+                "waves: {up} to take off, {crossing} to change formation, {down} to land; about {} s longer than all at once",
                 figure(extra_s, 0)
             )
         })
     }
 }
 
-/// As many holds are told one by one.
-const HOLDS_TOLD_MAX: usize = 8;
+/// Most holds that are listed.
+const LISTED_HOLDS_MAX: usize = 8;
 
-/// How long the swarm waits at which waypoints, if it waits at any.
+/// Waypoints at which the swarm waits, and for how long. `None` if it waits at none.
 #[must_use]
-pub fn holds_in_words(holds: &Holds) -> Option<String> {
-    let each = holds.iter().take(HOLDS_TOLD_MAX);
+pub fn describe_holds(holds: &Holds) -> Option<String> {
+    let each = holds.iter().take(LISTED_HOLDS_MAX);
     let each = each.map(|(waypoint, hold)| format!("{} s at {waypoint}", hold.as_secs_f64()));
-    let more = if holds.iter().count() > HOLDS_TOLD_MAX {
+    let more = if holds.iter().count() > LISTED_HOLDS_MAX {
         ", …"
     } else {
         ""
@@ -308,19 +305,19 @@ pub fn holds_in_words(holds: &Holds) -> Option<String> {
     })
 }
 
-/// Without the digits that a sum of decimal fractions leaves behind.
+/// Rounds to millimetres: a sum of decimal fractions has more digits.
 fn to_millimetres(metres: f64) -> f64 {
     (metres * 1_000.0).round() / 1_000.0
 }
 
-/// So many layers are told one by one.
+/// Most layers that are listed.
 const LISTED_LAYERS_MAX: usize = 16;
 
-/// Who flies in which layer, the lowest first; of many layers only how many there are and how high.
-fn in_words(when: &str, layers_m: &[f64]) -> String {
+/// Drones by layer, the lowest first. Many layers are summed up: their number and the highest.
+fn describe_altitudes(when: &str, layers_m: &[f64]) -> String {
     let mut layers: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
     for (id, layer_m) in (0..).zip(layers_m) {
-        // Layers are not negative, so their bits are in their order.
+        // The bits of positive numbers have the order of the numbers.
         layers.entry(layer_m.to_bits()).or_default().push(id);
     }
     if layers.len() > LISTED_LAYERS_MAX

@@ -6,42 +6,42 @@ use muster_transport::sim::{Access, Bursts, Config};
 
 use crate::segments::UP_LOSS_MAX;
 
-/// How long a swarm may take, once no link changes any more, until each part of it has its one master: detection +
-/// 2 · diameter · hop + back-off.
+/// Worst-case time until each segment has one master, once no link changes any more: detection + 2 · diameter · hop +
+/// retransmission.
 ///
-/// Until whoever has lost its master has noticed; the word of it inwards and a claim outwards, however many claim; and
-/// until what was lost on the way has been said so often that it got through. The last is also how long two parts take
-/// at most to hear of each other that meet.
+/// Detection ends when every drone that lost its master has noticed. Then a report goes inwards and a claim outwards, each over
+/// the diameter. Retransmission ends when lost frames were repeated often enough to be received. It is also the time in which
+/// two segments that meet hear of each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Settling {
-    /// How long a drone takes at most until it misses a master that is gone, and lands or claims to lead.
+    /// Longest time until a drone misses a lost master, and lands or claims leadership.
     pub detection: Duration,
-    /// How much longer it takes while the swarm takes off or changes formation.
+    /// Additional detection time during take-off and changes of formation.
     pub spreading: Duration,
-    /// How long news takes to a neighbour.
+    /// Time of an announcement to a neighbour.
     pub hop: Duration,
-    /// How long it takes at most until what is said at each turn has got through, and an answer that is, too.
-    pub back_off: Duration,
-    /// Over how many hops a drone hears of a master that lives often enough; nothing where there is no such limit. Over
-    /// more, drones miss a master that lives again and again, and no time to settle is promised.
+    /// Longest time until a frame that is repeated each period was received, and so was its answer.
+    pub retransmission: Duration,
+    /// Most hops over which heartbeats arrive often enough; `None` without such a limit. Drones beyond miss a live master again
+    /// and again, and there is no bound.
     ///
-    /// Flooding has one, as each hop passes on only the newest number that it has heard: those that pass get fewer hop by
-    /// hop, and the pauses between them longer.
+    /// Policy `flood` has a limit: each hop forwards only the newest heartbeat that it has received, so that fewer arrive per
+    /// hop, with longer pauses.
     pub hops_max: Option<u32>,
 }
 
-/// How unlikely it must be that something is not heard within the back-off, or that a master that lives is not heard of for
-/// as long as a drone waits for that: as for a neighbour to be given up.
+/// Accepted probability that a frame is not received within the retransmission time, or that a drone misses a live master; as
+/// for a lost neighbour.
 const ODDS: f64 = 1e-6;
-/// The share of frames that is allowed for collisions, where radios share the medium.
+/// Share of frames assumed to collide on a shared medium.
 const COLLISIONS: f64 = 0.1;
-/// So many turns count as if they were no more: fewer hops are promised than could be.
+/// Most periods that are counted; more are taken as this many, which promises fewer hops.
 const AWAITED_MAX: u32 = 200;
-/// Pauses that are less likely count as none.
+/// Pauses that are less likely are ignored.
 const PAUSE_ODDS_MIN: f64 = 1e-12;
 
 impl Settling {
-    /// Of drones that are built with these two.
+    /// Of drones with these configurations.
     pub(super) fn new(
         routing: &routing::Config,
         mission: &mission::Config,
@@ -51,57 +51,57 @@ impl Settling {
             Access::Ideal { latency, jitter } => (latency + jitter, 0.0),
             Access::Csma { jitter, .. } => (jitter, COLLISIONS),
         };
-        // The thesis's drones look only where they wait, which on a leg they don't.
+        // The thesis's drones check at waypoints only, not on a leg.
         let on_a_leg = match mission.liveness {
             Liveness::Heartbeat => Duration::ZERO,
             Liveness::Thesis => mission.leg_limit,
         };
-        let turn = routing.turn();
+        let turn = routing.silence_max();
         let losses = Losses::worst(radio, collisions);
         let hops_max = routing
-            .awaited_turns()
+            .periods_to_timeout()
             .and_then(|turns| losses.hops_max(turns, turn, mission.layout.formation().drones()));
         Self {
-            detection: routing.detection() + on_a_leg + mission.candidacy_back_off_max(),
+            detection: routing.detection_max() + on_a_leg + mission.candidacy_back_off_max(),
             spreading: mission.spreading(),
-            hop: routing.hop() + travel,
-            back_off: turn * 2 * losses.tries(turn),
+            hop: routing.hop_latency() + travel,
+            retransmission: turn * 2 * losses.tries(turn),
             hops_max,
         }
     }
 
-    /// Whether a part of at most so many hops across is to have one master by then, and keep it.
+    /// Whether the bound holds for a segment of this diameter, in hops.
     #[must_use]
-    pub fn is_owed(&self, diameter: u32) -> bool {
+    pub fn applies_to(&self, diameter: u32) -> bool {
         self.hops_max.is_none_or(|hops| diameter <= hops)
     }
 
-    /// For parts of at most so many hops across, which do not spread.
+    /// The bound for segments of at most this diameter, in hops; without `spreading`.
     #[must_use]
     pub fn time(&self, diameter: u32) -> Duration {
-        self.detection + self.news(diameter)
+        self.detection + self.propagation(diameter)
     }
 
-    /// How long it may take until all of such a part know what one of them says, and that they do.
+    /// Longest time until all of such a segment know an announcement, and its sender knows that they do.
     #[must_use]
-    pub fn news(&self, diameter: u32) -> Duration {
-        self.hop * 2 * diameter + self.back_off
+    pub fn propagation(&self, diameter: u32) -> Duration {
+        self.hop * 2 * diameter + self.retransmission
     }
 }
 
-/// What a link that is up loses at most.
+/// Most losses of a link that is up.
 #[derive(Debug, Clone, Copy)]
 struct Losses {
-    /// The share of frames that is lost outside of bursts.
+    /// Share of frames lost outside of bursts.
     outside: f64,
     bursts: Option<Bursts>,
 }
 
 impl Losses {
-    /// At the range of the radio, with at least that share for collisions. The mean of a link that is up, bursts included, is
-    /// at most [`UP_LOSS_MAX`].
+    /// The losses at the range of the radio, at least `collisions`. The mean of a link that is up, bursts included, is at most
+    /// [`UP_LOSS_MAX`].
     fn worst(radio: &Config, collisions: f64) -> Self {
-        // Where bursts alone lose more, no link is up.
+        // If bursts alone lose more, no link is up.
         let bursts = radio.bursts.filter(|it| it.mean_loss() <= UP_LOSS_MAX);
         let in_bursts = bursts.map_or(0.0, |it| it.mean_loss());
         let range_m = radio.propagation.range_m();
@@ -111,17 +111,17 @@ impl Losses {
         Self { outside, bursts }
     }
 
-    /// How often something must be said, once in each `turn`, to get through but for odds of [`ODDS`].
+    /// Number of frames, one each `turn`, of which at least one is received, except with probability [`ODDS`].
     fn tries(self, turn: Duration) -> u32 {
         let tries = (1..).zip(self.missed(turn));
         let mut enough = tries.skip_while(|(_, missed)| *missed > ODDS);
         enough.next().map_or(u32::MAX, |(tries, _)| tries)
     }
 
-    /// The odds that nothing has got through after one turn, two, and so on.
+    /// The probabilities that no frame was received after one turn, two, and so on.
     fn missed(self, turn: Duration) -> impl Iterator<Item = f64> {
         let (share, loss) = self.bursts.map_or((0.0, 0.0), |it| (it.share(), it.loss));
-        // Where the link is in a burst, or is not.
+        // The states in which none was received: in a burst, and outside.
         let (mut in_burst, mut clear) = (share, 1.0 - share);
         std::iter::from_fn(move || {
             clear *= self.outside;
@@ -135,18 +135,18 @@ impl Losses {
         })
     }
 
-    /// Over how many of at most `most` hops a number that rises with each turn is heard to rise at least once in `awaited`
-    /// turns, but for odds of [`ODDS`]; nothing if over all.
+    /// Most hops, below `most`, over which a number that rises each turn is seen to rise within `awaited` turns, except with
+    /// probability [`ODDS`]. `None` if there is no limit below `most`.
     fn hops_max(self, awaited: u32, turn: Duration, most: u32) -> Option<u32> {
         let mut hops = (0..most).zip(self.unrisen(awaited, turn));
         hops.find(|(_, odds)| *odds > ODDS).map(|(hops, _)| hops)
     }
 
-    /// The odds that a number that rises with each turn, and of which each hop passes on the newest that it has heard, does not
-    /// rise in `awaited` turns: one hop away, two, and so on.
+    /// The probabilities that a number that rises each turn, and of which each hop forwards the newest, does not rise within
+    /// `awaited` turns: one hop away, two, and so on.
     ///
-    /// Followed from the end of the line back to its start: what a drone says at an instant its neighbour said when it was
-    /// heard last. The number has not risen between two instants if both lead back to the same frame.
+    /// Followed from the end of the line back to its start: a drone's number at an instant is its neighbour's number at the last
+    /// reception. The number has not risen between two instants if both lead back to the same frame.
     fn unrisen(self, awaited: u32, turn: Duration) -> impl Iterator<Item = f64> {
         let awaited = awaited.clamp(1, AWAITED_MAX) as usize;
         let missed: Vec<f64> = self.missed(turn).take(2 * awaited).collect();
@@ -155,7 +155,7 @@ impl Losses {
         let pauses: Vec<f64> = heard_last
             .take_while(|odds| *odds > PAUSE_ODDS_MIN)
             .collect();
-        // The odds that both are so many turns apart, and not yet the same frame; those farther apart count as the last.
+        // The probabilities that both are this many turns apart and not yet the same frame; the last includes all beyond.
         let mut apart = vec![0.0; 2 * awaited + 1];
         apart[awaited] = 1.0;
         let mut unrisen = 0.0;
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_more_often_is_said_more_often() {
+    fn higher_loss_takes_more_tries() {
         let tries = |loss| tries(loss, None);
         assert_eq!([0.0, 0.05, 0.2, 0.4].map(tries), [1, 5, 9, 16]);
     }
@@ -210,17 +210,17 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_each_hop_repeats_rises_too_seldom_beyond_some_hops() {
-        assert_eq!(hops_max(0.0, 20), None, "each frame is heard");
+    fn forwarded_number_has_a_limit_of_hops() {
+        assert_eq!(hops_max(0.0, 20), None, "no losses");
         assert_eq!(hops_max(0.3, 20), Some(8));
         assert_eq!(hops_max(0.3, 11), Some(0), "0.3 to the 11th is 1.8e-6");
         assert!(hops_max(0.1, 20) > hops_max(0.3, 20) && hops_max(0.3, 20) > hops_max(0.4, 20));
         assert!(hops_max(0.3, 25) > hops_max(0.3, 20));
     }
 
-    /// What a line of drones does that hear each other at random, without what the calculation supposes.
+    /// Simulates a line of drones with random losses, without the assumptions of the calculation.
     #[test]
-    fn how_often_it_does_not_rise_is_as_in_a_simulation() {
+    fn probability_of_no_rise_matches_a_simulation() {
         let (loss, awaited, hops) = (0.3, 8, 6);
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let (mut numbers, mut rose_at) = (vec![0_u32; hops + 1], 0);

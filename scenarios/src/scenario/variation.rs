@@ -3,17 +3,17 @@ use std::str::FromStr;
 
 use super::Override;
 
-/// A field of a scenario and the values that it takes in turn: at least one, each once.
+/// A field of a scenario and the values that it takes in turn: at least one, without duplicates.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Variation {
     values: Vec<Override>,
 }
 
 impl Variation {
-    /// A field and its values, each as it is typed behind `--set`; one may be a whole list, as in `[{ north_m = 1 }]`.
+    /// A field and its values, each as it is given to `--set`. A value may be a list, such as `[{ north_m = 1 }]`.
     ///
     /// # Errors
-    /// When there is no such field, or values are missing or there twice.
+    /// If there is no such field, there are no values, or one is there twice.
     pub fn new(key: &str, list: &[impl AsRef<str>]) -> Result<Self, String> {
         let mut values: Vec<Override> = Vec::new();
         for value in list.iter().map(AsRef::as_ref) {
@@ -29,19 +29,19 @@ impl Variation {
         match values.first() {
             None => Err(format!("`{key}` has no values")),
             Some(first) if first.is_seed() => {
-                Err("the seed is varied by --seeds, as in --seeds 0..100".to_owned())
+                Err("`seed` can't be varied; use --seeds, as in --seeds 0..100".to_owned())
             }
             Some(_) => Ok(Self { values }),
         }
     }
 
-    /// The field, as in `radio.loss`.
+    /// The field with its table, such as `radio.loss`.
     #[must_use]
     pub fn key(&self) -> &str {
         self.values[0].key()
     }
 
-    /// Each value, in the order in which they were given.
+    /// The values in their given order.
     #[must_use]
     pub fn values(&self) -> &[Override] {
         &self.values
@@ -58,7 +58,7 @@ impl fmt::Display for Variation {
 impl FromStr for Variation {
     type Err = String;
 
-    /// From `key=v1,v2,…`, the key with its table; no value holds a comma.
+    /// Parses `key=v1,v2,…`. The key includes its table; a value has no comma.
     fn from_str(text: &str) -> Result<Self, String> {
         let (key, list) = text.split_once('=').ok_or_else(|| {
             format!("`{text}` has no `=`; use key=value,value, as in radio.loss=0,0.1")
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_keep_their_order_and_lose_their_blanks() {
+    fn values_keep_their_order_without_spaces() {
         let variation: Variation = "radio.loss = 0.2, 0,0.1".parse().unwrap();
         assert_eq!(variation.key(), "radio.loss");
         assert_eq!(variation.to_string(), "radio.loss=0.2,0,0.1");
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_may_be_a_whole_list() {
+    fn value_may_be_a_list() {
         let relay = "[{ north_m = 1, east_m = 2, altitude_m = 3 }]";
         let variation = Variation::new("relays", &["[]", relay]).unwrap();
         assert_eq!(variation.values()[1].to_string(), format!("relays={relay}"));
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_variation_without_values_or_of_no_field_is_refused() {
+    fn variation_without_values_or_of_an_unknown_field_is_refused() {
         for text in [
             "",
             "radio.loss",

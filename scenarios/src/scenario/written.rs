@@ -1,25 +1,24 @@
-//! Scenarios as text: what a search has found, written as a file that fails by itself.
+//! Scenarios as text: a search writes what it found as a file that reproduces it.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
-use muster_machines::node::Address;
 use muster_runtime::diagnostic::{BadInput, read_text};
-use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Value, value};
+use muster_runtime::plan::raw::ActorName;
+use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use super::{
-    Distortion, DroneFault, Fault, FaultKind, Link, Links, Tampered, Target, Trigger, When,
+    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
 };
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::mission_file;
 
-/// A scenario file's text with fields set, faults added to its own, another name for its mission's file, and without
-/// what a search may choose.
+/// A scenario file's text with overrides, additional faults and another mission file, without `[chaos]`.
 ///
 /// # Errors
-/// When the text is not TOML.
+/// If the text is not TOML.
 pub(crate) fn written(
     (path, text): (&Path, &str),
     set: &[Override],
@@ -28,7 +27,7 @@ pub(crate) fn written(
 ) -> Result<String, BadInput> {
     let source = Source::new(path, text.to_owned(), set)?;
     let mut document: DocumentMut =
-        (source.text.parse()).map_err(|_| source.error(0..0, "can't be written once more"))?;
+        (source.text.parse()).map_err(|_| source.error(0..0, "this is not TOML"))?;
     document.remove("chaos");
     document["mission"]["file"] = value(mission);
     let own = document.remove("faults").unwrap_or_default();
@@ -44,11 +43,11 @@ pub(crate) fn written(
     Ok(document.to_string())
 }
 
-/// A scenario's file and that of its mission as they would be in one folder, for a machine that has neither: name and text
-/// of each. What a search may choose is left out.
+/// Name and text of a scenario file and of its mission file, changed such that both work in one folder. `[chaos]` is
+/// removed.
 ///
 /// # Errors
-/// When either file can't be read, or the scenario's is none.
+/// If a file can't be read, or the scenario can't be parsed.
 pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
     let name = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
@@ -64,9 +63,10 @@ pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
     ])
 }
 
-/// A fault as a scenario file has it.
+/// A fault as a table of a scenario file.
 pub(crate) fn table(fault: &Fault) -> Table {
     let mut table = Table::new();
+    table.insert("kind", value(fault.kind.kind().name()));
     match fault.when {
         When::At(at) => {
             table.insert("at_s", value(at.as_secs_f64()));
@@ -86,9 +86,9 @@ pub(crate) fn table(fault: &Fault) -> Table {
             }
         }
     }
-    kind(&fault.kind, &mut table);
-    if let Some(lasts) = fault.lasts {
-        table.insert("for_s", value(lasts.as_secs_f64()));
+    insert_keys(&fault.kind, &mut table);
+    if let Some(duration) = fault.duration {
+        table.insert("for_s", value(duration.as_secs_f64()));
     }
     if fault.times > 1 {
         table.insert("times", value(i64::from(fault.times)));
@@ -97,15 +97,16 @@ pub(crate) fn table(fault: &Fault) -> Table {
     table
 }
 
-fn kind(kind: &FaultKind, table: &mut Table) {
+/// Inserts the keys that the kind takes.
+fn insert_keys(kind: &FaultKind, table: &mut Table) {
     match kind {
         FaultKind::Drone(target, fault) => {
-            table.insert(fault.verb(), value(victim(*target)));
+            table.insert("drone", value(target_value(*target)));
             match *fault {
                 DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor)) => {
-                    table.insert("actor", value(actor_name(actor)));
+                    table.insert("actor", value(ActorName::from(actor).name()));
                 }
-                DroneFault::Drain(to) => drop(table.insert("to", value(to))),
+                DroneFault::Drain(charge) => drop(table.insert("charge", value(charge))),
                 DroneFault::Skew(ppm) => drop(table.insert("ppm", value(i64::from(ppm)))),
                 DroneFault::Kill
                 | DroneFault::CrashAircraft
@@ -117,23 +118,19 @@ fn kind(kind: &FaultKind, table: &mut Table) {
             }
         }
         FaultKind::Links(links, link) => {
-            table.insert(link.verb(), value(pair(links)));
-            if let Link::Degraded(loss) = link {
+            table.insert("links", value(links_value(links)));
+            if let LinkFault::Degraded(loss) = link {
                 table.insert("loss", value(*loss));
             }
         }
         FaultKind::Jam { centre, radius_m } => {
-            let disc = [
-                ("north_m", centre.0.x),
-                ("east_m", centre.0.y),
-                ("radius_m", *radius_m),
-            ];
-            let disc: InlineTable = disc.into_iter().collect();
-            table.insert("jam", value(disc));
+            table.insert("north_m", value(centre.0.x));
+            table.insert("east_m", value(centre.0.y));
+            table.insert("radius_m", value(*radius_m));
         }
         FaultKind::Tamper(Tampered { from, share, how }) => {
             let from = from.map_or_else(|| Value::from("all"), number);
-            table.insert(how.verb(), value(from));
+            table.insert("from", value(from));
             if let Distortion::Delay(by) | Distortion::Reorder(by) = how {
                 let ms = i64::try_from(by.as_millis()).unwrap_or(i64::MAX);
                 table.insert("by_ms", value(ms));
@@ -143,7 +140,7 @@ fn kind(kind: &FaultKind, table: &mut Table) {
     }
 }
 
-fn victim(target: Target) -> Value {
+fn target_value(target: Target) -> Value {
     match target {
         Target::Master => Value::from("master"),
         Target::Drone(drone) => number(drone),
@@ -154,77 +151,10 @@ fn number(drone: NodeId) -> Value {
     Value::from(i64::from(drone.0))
 }
 
-fn pair(links: &Links) -> Array {
+fn links_value(links: &Links) -> Array {
     let group = |ids: &Arc<[NodeId]>| ids.iter().copied().map(number).collect::<Array>();
     if let ([from], [to]) = (&*links.from, &*links.to) {
         return [number(*from), number(*to)].into_iter().collect();
     }
     [group(&links.from), group(&links.to)].into_iter().collect()
-}
-
-/// An actor as a scenario file names it.
-const fn actor_name(actor: Address) -> &'static str {
-    match actor {
-        Address::Radio => "radio",
-        Address::Routing => "routing",
-        Address::Mission => "mission",
-        Address::Navigation => "navigation",
-        Address::Msp => "msp",
-    }
-}
-
-impl FaultKind {
-    /// What a scenario file calls it, with the actor that it is about.
-    pub(crate) fn name(&self) -> String {
-        match self {
-            Self::Drone(_, fault) => match fault {
-                DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor)) => {
-                    format!("{} {}", fault.verb(), actor_name(*actor))
-                }
-                _ => fault.verb().to_owned(),
-            },
-            Self::Links(_, link) => link.verb().to_owned(),
-            Self::Jam { .. } => "jam".to_owned(),
-            Self::Tamper(tampered) => tampered.how.verb().to_owned(),
-        }
-    }
-}
-
-impl DroneFault {
-    const fn verb(&self) -> &'static str {
-        match self {
-            Self::CrashActor(_) => "crash",
-            Self::Kill => "kill",
-            Self::CrashAircraft => "crash_aircraft",
-            Self::Restart => "restart",
-            Self::Hang(_) => "hang",
-            Self::Drain(_) => "drain",
-            Self::LoseGps => "lose_gps",
-            Self::Replay => "replay",
-            Self::Forge => "forge",
-            Self::Skew(_) => "skew",
-        }
-    }
-}
-
-impl Link {
-    const fn verb(&self) -> &'static str {
-        match self {
-            Self::Cut => "cut",
-            Self::OneWay => "one_way",
-            Self::Degraded(_) => "degrade",
-            Self::Healed => "heal",
-        }
-    }
-}
-
-impl Distortion {
-    const fn verb(&self) -> &'static str {
-        match self {
-            Self::Corrupt => "corrupt",
-            Self::Duplicate => "duplicate",
-            Self::Delay(_) => "delay",
-            Self::Reorder(_) => "reorder",
-        }
-    }
 }

@@ -1,4 +1,4 @@
-//! What our runs come to, beside what the thesis says.
+//! Comparison of our runs with the thesis.
 
 use serde::Serialize;
 
@@ -8,56 +8,57 @@ use crate::report::{Engine, Report, Role};
 use crate::scenario::Scenario;
 use muster_runtime::text::plural;
 
-/// The five experiments, the waits of the second and of a single hop, the figures of others and ours: what `--json`
-/// prints and `thesis.json` holds, apart from the reports of further runs. All times are simulated seconds.
+/// The five experiments, the waits of the second experiment and the single-hop waits: published figures and ours.
+///
+/// Printed by `--json` and written to `thesis.json`, without the further runs. Times are simulated seconds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The seed of every run whose report is here, and the first of those of the waits.
+    /// Seed of the included reports, and first seed of the waits.
     pub seed: u64,
-    /// What ran the drones in those runs.
+    /// Engine of these runs.
     pub engine: Engine,
-    /// The experiments, in their order.
+    /// The experiments, in order.
     pub experiments: Vec<Experiment>,
-    /// The runs that our waits are the means of.
+    /// The runs over which our waits are averaged.
     pub waits_runs: WaitsRuns,
-    /// The waits at the waypoints of the second experiment.
+    /// Waits at waypoints in the second experiment.
     pub waits: Waits,
-    /// The waits at the waypoints where all hear the master.
+    /// Waits at waypoints if all drones are in the master's range.
     pub single_hop: SingleHop,
     /// Our run of the second experiment in which the master waits for its neighbours only.
     pub neighbours: Report,
-    /// Likewise, with vehicles that come to rest as the ancestor's.
+    /// The same with the ancestor's settling time.
     pub settling: Report,
     /// Our run of the ancestor's swarm.
     pub ancestor: Report,
-    /// The runs with further seeds, for the waits.
+    /// Runs with further seeds, for the waits.
     #[serde(skip)]
     pub further: Vec<Report>,
 }
 
 impl Comparison {
-    /// Every run of ours.
+    /// All our runs.
     pub fn reports(&self) -> impl Iterator<Item = &Report> {
         self.of_first_seed().chain(&self.further)
     }
 
-    /// Those with the first seed, whose reports are shown.
+    /// The runs with the first seed, which are shown.
     pub(super) fn of_first_seed(&self) -> impl Iterator<Item = &Report> {
         let strict = self.experiments.iter().map(|it| &it.report);
         strict.chain([&self.neighbours, &self.settling, &self.ancestor])
     }
 }
 
-/// An experiment.
+/// One experiment of the thesis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Experiment {
-    /// Who flies, in words.
+    /// Description of the swarm.
     pub swarm: String,
-    /// The number of the thesis's table.
+    /// Number of the table in the thesis.
     pub table: u8,
-    /// What the table says, and what ours come to.
+    /// Published figures and ours.
     pub quantities: [Quantity; 4],
-    /// How long each drone flies by the law that the thesis's tables obey.
+    /// Flight time of each drone by the law of the thesis's tables; see [`Published::slave_s`].
     pub law_s: Vec<f64>,
     /// Our run.
     pub report: Report,
@@ -103,16 +104,16 @@ impl Experiment {
     }
 }
 
-/// Something that the thesis and we have measured.
+/// A quantity measured in the thesis and in our run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quantity {
-    /// What.
+    /// Name of the quantity.
     pub name: &'static str,
-    /// The thesis's figure.
+    /// Value in the thesis.
     pub thesis: f64,
-    /// Ours; nothing if no drone came down.
+    /// Our value; `None` if no drone landed.
     pub ours: Option<f64>,
-    /// How far ours is off, in per cent of the thesis's.
+    /// Difference of our value, in per cent of the thesis's.
     pub off_percent: Option<f64>,
 }
 
@@ -127,27 +128,26 @@ impl Quantity {
     }
 }
 
-/// Which runs our waits are the means of.
+/// The runs over which our waits are averaged.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct WaitsRuns {
-    /// Their seeds; the first is that of the experiments.
+    /// Seeds; the first is that of the experiments.
     pub seeds: Vec<u64>,
-    /// What ran the drones in all but the first, which is flown like the experiments. The flights are the same on both
-    /// engines.
+    /// Engine of all runs but the first, which uses the engine of the experiments. Both engines give the same flights.
     pub engine_after_first: Engine,
 }
 
 impl WaitsRuns {
-    /// Their number, in words.
+    /// Number of runs, in words.
     pub(super) fn number(&self) -> String {
         plural(self.seeds.len(), "run")
     }
 
-    /// Which ones, and what flew them, in words.
+    /// Number, seeds and engine, in words.
     pub(super) fn about(&self) -> String {
         match self.seeds[..] {
             [first, .., last] => format!(
-                "{}, seeds {first} to {last}, after the first on engine {}",
+                "{}, seeds {first} to {last}, all but the first on engine {}",
                 self.number(),
                 self.engine_after_first
             ),
@@ -156,31 +156,31 @@ impl WaitsRuns {
     }
 }
 
-/// How long drones wait at a waypoint, from their own arrival to their own departure.
+/// Waits at a waypoint, from a drone's arrival to its departure.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Waits {
-    /// The thesis's, at one waypoint (figure 36).
+    /// The thesis, at one waypoint (figure 36).
     pub thesis: Wait,
-    /// Ours where the master waits for all, over all waypoints.
+    /// Ours if the master waits for all drones, over all waypoints.
     pub strict: Wait,
-    /// Ours where it waits for those that it hears itself, likewise.
+    /// Ours if the master waits for its neighbours only.
     pub neighbours: Wait,
-    /// Likewise, with vehicles that come to rest as the ancestor's.
+    /// The same with the ancestor's settling time.
     pub settling: Wait,
 }
 
-/// A wait, in simulated seconds; nothing where nobody waited.
+/// Statistics of a wait, in simulated seconds; `None` if no drone waited.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Wait {
-    /// The mean over the drones and the runs.
+    /// Mean over drones and runs.
     pub mean_s: Option<f64>,
-    /// The mean over the drones of the run in which it is lowest; nothing where there is one run only, as in the thesis.
+    /// Lowest mean of a run; `None` for a single run, as in the thesis.
     pub lowest_run_s: Option<f64>,
-    /// Likewise, highest.
+    /// Highest mean of a run; `None` for a single run.
     pub highest_run_s: Option<f64>,
-    /// That of the drone that waits least, in the mean of the runs.
+    /// Shortest mean wait of a drone, averaged over the runs.
     pub least_s: Option<f64>,
-    /// That of the drone that waits most, likewise.
+    /// Longest mean wait of a drone, averaged over the runs.
     pub most_s: Option<f64>,
 }
 
@@ -211,26 +211,27 @@ impl Wait {
     }
 }
 
-/// How long five drones in line that all hear each other wait at a waypoint, from their own arrival to their own
-/// departure. The vehicles' settling is calibrated on it.
+/// Waits at a waypoint of five drones in line, all within range of each other.
+///
+/// The vehicles' settling time is calibrated on the ancestor's wait.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SingleHop {
-    /// As measured on the thesis's ancestor.
+    /// Measured on the thesis's ancestor.
     pub ancestor: Delays,
     /// Ours.
     pub ours: Delays,
 }
 
-/// The waits of all drones at all waypoints, in simulated seconds; nothing where nobody waited.
+/// Statistics of the waits of all drones at all waypoints, in simulated seconds; `None` if no drone waited.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Delays {
-    /// Their mean over the runs.
+    /// Mean over the runs.
     pub mean_s: Option<f64>,
-    /// Their mean in the run in which it is lowest; nothing of the ancestor, and where there is one run only.
+    /// Lowest mean of a run; `None` for the ancestor and for a single run.
     pub lowest_run_s: Option<f64>,
-    /// Likewise, highest.
+    /// Highest mean of a run; `None` for the ancestor and for a single run.
     pub highest_run_s: Option<f64>,
-    /// The longest of a run, in the mean of the runs.
+    /// Longest wait of a run, averaged over the runs.
     pub longest_s: Option<f64>,
 }
 
@@ -257,10 +258,10 @@ impl Delays {
     }
 }
 
-/// What some figure comes to over runs; nothing where no run has it.
+/// Mean and range of a figure over runs; `None` if no run has it.
 struct OverRuns {
     mean: Option<f64>,
-    /// Nothing of one run.
+    /// `None` for a single run, like `highest`.
     lowest: Option<f64>,
     highest: Option<f64>,
 }

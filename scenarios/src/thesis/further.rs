@@ -1,4 +1,4 @@
-//! Runs of the same scenarios with further seeds, on several threads.
+//! Runs of the scenarios with further seeds, on several threads.
 
 use std::num::NonZeroUsize;
 use std::sync::mpsc::sync_channel;
@@ -8,25 +8,26 @@ use crate::engine::{self, Engine, RunError};
 use crate::report::Report;
 use crate::scenario::Scenario;
 
-/// What runs the drones in them.
+/// Engine of these runs.
 pub(super) const ENGINE: Engine = Engine::Events;
 
-/// How many seeds a scenario takes, from 0 on.
+/// Number of valid seeds, from 0.
 const SEEDS: u64 = i64::MAX as u64 + 1;
 
-/// As many seeds as there are `runs`, from `first` on; after the highest comes 0.
+/// `runs` consecutive seeds from `first`; 0 follows the highest.
 pub(super) fn seeds(first: u64, runs: u32) -> Vec<u64> {
     let after = |place| (first % SEEDS + u64::from(place)) % SEEDS;
     (0..runs).map(after).collect()
 }
 
-/// Flies each scenario with each of the seeds, `jobs` runs at once; their reports, scenario by scenario, in the order of
-/// the seeds. `told` hears after each how many of how many are done.
+/// Runs each scenario with each seed, `jobs` runs at a time. Returns the reports by scenario, in the order of the seeds.
+///
+/// Calls `progress` with the number of finished runs and of all runs after each run.
 pub(super) fn fly<const SCENARIOS: usize>(
     scenarios: [&Scenario; SCENARIOS],
     seeds: &[u64],
     jobs: NonZeroUsize,
-    mut told: impl FnMut(usize, usize),
+    mut progress: impl FnMut(usize, usize),
 ) -> Result<[Vec<Report>; SCENARIOS], RunError> {
     let total = SCENARIOS * seeds.len();
     let queue = Mutex::new((0..SCENARIOS).flat_map(|of| seeds.iter().map(move |seed| (of, *seed))));
@@ -50,11 +51,11 @@ pub(super) fn fly<const SCENARIOS: usize>(
             });
         }
         drop(sender);
-        // Returning drops the receiver: every thread ends after the run that it is at.
+        // Returning drops the receiver, so each thread stops after its current run.
         let mut flown = Vec::with_capacity(total);
         for run in receiver {
             flown.push(run?);
-            told(flown.len(), total);
+            progress(flown.len(), total);
         }
         Ok(flown)
     })?;
@@ -72,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn seeds_go_on_from_the_first_and_begin_again_after_the_highest() {
+    fn seeds_are_consecutive_and_wrap_around() {
         assert_eq!(seeds(7, 3), [7, 8, 9]);
         let highest = i64::MAX as u64;
         assert_eq!(seeds(highest - 1, 4), [highest - 1, highest, 0, 1]);

@@ -1,22 +1,22 @@
-//! The page that sets our runs beside the thesis's tables and figures, in the style of that of a run.
+//! The HTML page that compares our runs with the thesis's tables and figures.
 
 use maud::{Markup, html};
 
 use super::compare::{Comparison, Delays, Experiment, Quantity, SingleHop, Wait};
-use super::table::{DIGITS, off};
+use super::table::{DIGITS, difference};
 use super::write::THESIS_JSON;
 use crate::report::figures::count;
 use crate::report::html::bars::{Bars, Chart, Level, chart};
 use crate::report::html::map::kinds;
 use crate::report::html::{card, document};
-use muster_runtime::text::{figure, figure_or_nothing, plural};
+use muster_runtime::text::{figure, figure_or_dash, plural};
 
 const STYLE: &str = include_str!("thesis.css");
 
-/// The thesis's figures of flight times and of messages, experiment by experiment.
+/// Numbers of the thesis's figures of flight times and messages, by experiment.
 const FIGURES: [[u8; 2]; 5] = [[20, 21], [23, 24], [26, 27], [29, 30], [32, 33]];
 
-/// The page of a comparison, as HTML; every text that comes from the runs is escaped.
+/// The page of a comparison as HTML. All texts of the runs are escaped.
 pub(super) fn page(comparison: &Comparison) -> String {
     let experiments = comparison.experiments.iter();
     let content = html! {
@@ -24,76 +24,90 @@ pub(super) fn page(comparison: &Comparison) -> String {
         section {
             h2 { "Tables 9 to 13" }
             p.about {
-                "From the start of neighbour discovery to the end of the landing. The master's time is the one that "
-                "all five experiments of the thesis share."
+                "Flight time: from the start of neighbour discovery to the end of landing. All five experiments of the "
+                "thesis share one flight time of the master."
             }
             (tables(comparison))
         }
-        @for ((place, experiment), [of_times, of_messages]) in experiments.enumerate().zip(FIGURES) {
-            section {
-                h2 { "Experiment " (place + 1) ": " (experiment.swarm) }
-                ul.legend { (kinds()) }
-                div.figures {
-                    figure {
-                        figcaption {
-                            "Flight time" span { "figure " (of_times) ": ours, and the thesis's law in pale" }
-                        }
-                        (flight_times(experiment))
-                    }
-                    figure {
-                        figcaption {
-                            "Messages received" span { "figure " (of_messages) ": ours, and the means of both" }
-                        }
-                        (messages(experiment))
-                    }
-                }
-            }
+        @for ((place, experiment), figures) in experiments.enumerate().zip(FIGURES) {
+            (experiment_section(place + 1, experiment, figures))
         }
         section {
-            h2 { "The experiments side by side" }
+            h2 { "All experiments" }
             div.figures {
                 figure {
-                    figcaption { "Mean flight time" span { "figure 34: ours, and the thesis's in pale" } }
+                    figcaption { "Mean flight time" span { "figure 34: ours, and the thesis in pale" } }
                     (means(comparison, "seconds", 2))
                 }
                 figure {
-                    figcaption { "Mean of the messages received" span { "figure 35: ours, and the thesis's in pale" } }
+                    figcaption { "Mean of the messages received" span { "figure 35: ours, and the thesis in pale" } }
                     (means(comparison, "messages", 3))
                 }
             }
         }
-        section {
-            h2 { "Waits at a waypoint, 15 drones in line" }
-            p.about {
-                "From a drone's own arrival to its own departure, the mean over its waypoints; in full colour where "
-                "the master waits for all, in pale where it waits only for those that it hears itself and vehicles "
-                "take different times to come to rest, as the ancestor's do (figure 36, which has one waypoint). Where "
-                "vehicles are at rest at once and nothing is lost, that wait is two periods at most, below the "
-                "thesis's. The bars are of seed " (comparison.seed) "; the table has the means of "
-                (comparison.waits_runs.about()) ", those of the runs in which they are lowest and highest, and the "
-                "waits of the drones that wait least and most, in the mean of the runs."
-            }
-            ul.legend { (kinds()) }
-            div.figures { figure { (waits(comparison)) } (waits_table(comparison)) }
-        }
-        section {
-            h2 { "Waits at a waypoint, 5 drones that all hear each other" }
-            p.about {
-                "How long vehicles take to come to rest is chosen such that the mean over many runs is that which was "
-                "measured on the thesis's ancestor, in one hop. This is the mean of "
-                (comparison.waits_runs.number()) ", as above; the longest wait is the mean of each run's longest."
-            }
-            (single_hop_table(comparison))
-        }
+        (waits_section(comparison))
+        (single_hop_section(comparison))
         (method(comparison))
     };
     document("The thesis's experiments", STYLE, &content)
 }
 
+fn experiment_section(number: usize, experiment: &Experiment, figures: [u8; 2]) -> Markup {
+    let [of_times, of_messages] = figures;
+    html! {
+        section {
+            h2 { "Experiment " (number) ": " (experiment.swarm) }
+            ul.legend { (kinds()) }
+            div.figures {
+                figure {
+                    figcaption { "Flight time" span { "figure " (of_times) ": ours, and the thesis's law in pale" } }
+                    (flight_times(experiment))
+                }
+                figure {
+                    figcaption { "Messages received" span { "figure " (of_messages) ": ours, and the means of both" } }
+                    (messages(experiment))
+                }
+            }
+        }
+    }
+}
+
+fn waits_section(comparison: &Comparison) -> Markup {
+    html! {
+        section {
+            h2 { "Waits at a waypoint, 15 drones in line" }
+            p.about {
+                "Wait: from a drone's arrival to its departure, mean over its waypoints. Full colour: the master waits for "
+                "all drones. Pale: it waits for its neighbours only, and vehicles have the ancestor's settling time "
+                "(figure 36, which has one waypoint). Without settling time and losses, the pale wait would be at most two "
+                "periods, less than in the thesis. The bars show seed " (comparison.seed) ". The table shows means over "
+                (comparison.waits_runs.about()) ", the lowest and the highest mean of a run, and the shortest and the "
+                "longest wait of a drone, averaged over the runs."
+            }
+            ul.legend { (kinds()) }
+            div.figures { figure { (waits(comparison)) } (waits_table(comparison)) }
+        }
+    }
+}
+
+fn single_hop_section(comparison: &Comparison) -> Markup {
+    html! {
+        section {
+            h2 { "Waits at a waypoint, 5 drones in range of each other" }
+            p.about {
+                "The settling time is calibrated: the mean wait over many runs equals the wait measured on the thesis's "
+                "ancestor, over one hop. The table shows the mean of " (comparison.waits_runs.number()) " and the mean of "
+                "each run's longest wait."
+            }
+            (single_hop_table(comparison))
+        }
+    }
+}
+
 fn head(comparison: &Comparison) -> Markup {
     let broken: usize = comparison.reports().map(|it| it.violations.len()).sum();
     let runs = comparison.waits_runs.number();
-    let farthest = |of: fn(&str) -> bool| {
+    let largest_difference = |of: fn(&str) -> bool| {
         let quantities = comparison.experiments.iter().flat_map(|it| &it.quantities);
         let off = quantities
             .filter(|it| of(it.name))
@@ -103,7 +117,7 @@ fn head(comparison: &Comparison) -> Markup {
     html! {
         header {
             p.kind { "muster · the thesis's experiments" }
-            h1 { "Five experiments, the thesis's and ours" }
+            h1 { "The thesis's five experiments and ours" }
             dl.facts {
                 div { dt { "Seed" } dd { (comparison.seed) } }
                 div { dt { "Engine" } dd { (comparison.engine) } }
@@ -111,11 +125,11 @@ fn head(comparison: &Comparison) -> Markup {
             }
         }
         div.cards {
-            (card("Flight times, off by at most", farthest(|name| name.starts_with("flight_time")), 1, "%"))
-            (card("Messages, off by at most", farthest(|name| name.starts_with("messages")), 1, "%"))
-            (card(&format!("Wait for all, {runs}"), comparison.waits.strict.mean_s, 2, "s"))
+            (card("Flight times, largest difference", largest_difference(|name| name.starts_with("flight_time")), 1, "%"))
+            (card("Messages, largest difference", largest_difference(|name| name.starts_with("messages")), 1, "%"))
+            (card(&format!("Wait for all drones, {runs}"), comparison.waits.strict.mean_s, 2, "s"))
             (card(&format!("Wait for neighbours, {runs}"), comparison.waits.neighbours.mean_s, 2, "s"))
-            (card(&format!("Likewise, settling, {runs}"), comparison.waits.settling.mean_s, 2, "s"))
+            (card(&format!("Wait for neighbours, with settling, {runs}"), comparison.waits.settling.mean_s, 2, "s"))
             (card("Wait in the thesis", comparison.waits.thesis.mean_s, 2, "s"))
             div.card.{ @if broken == 0 { "good" } @else { "bad" } } {
                 p { "Rules broken" }
@@ -153,12 +167,12 @@ fn tables(comparison: &Comparison) -> Markup {
                         tr.same {
                             td {} td { "ours" }
                             @for (quantity, digits) in quantities() {
-                                td.n { (figure_or_nothing(quantity.ours, digits)) }
+                                td.n { (figure_or_dash(quantity.ours, digits)) }
                             }
                         }
                         tr {
-                            td {} td.off { "off by" }
-                            @for quantity in &experiment.quantities { td.n.off { (off(quantity)) "\u{a0}%" } }
+                            td {} td.off { "difference" }
+                            @for quantity in &experiment.quantities { td.n.off { (difference(quantity)) "\u{a0}%" } }
                         }
                     }
                 }
@@ -167,13 +181,13 @@ fn tables(comparison: &Comparison) -> Markup {
     }
 }
 
-/// Each drone's flight time, and how long it would fly by the thesis's law.
+/// Chart of flight times: ours and by the thesis's law.
 fn flight_times(experiment: &Experiment) -> Markup {
     let drones = experiment.report.drones.iter().zip(&experiment.law_s);
     let bars = drones.map(|(drone, law_s)| {
         let about = format!(
             "{} s, by the thesis's law {} s",
-            figure_or_nothing(drone.flight_time_s, 1),
+            figure_or_dash(drone.flight_time_s, 1),
             figure(*law_s, 1)
         );
         Bars::of_drone(drone, &about, vec![drone.flight_time_s, Some(*law_s)])
@@ -188,7 +202,7 @@ fn flight_times(experiment: &Experiment) -> Markup {
     })
 }
 
-/// The messages that each drone received; of the thesis's there is the mean.
+/// Chart of the messages received. The thesis has only the mean.
 fn messages(experiment: &Experiment) -> Markup {
     let bars = experiment.report.drones.iter().map(|drone| {
         let received = count(drone.messages_received);
@@ -208,7 +222,7 @@ fn messages(experiment: &Experiment) -> Markup {
     })
 }
 
-/// One of the quantities, experiment by experiment.
+/// Chart of one quantity by experiment.
 fn means(comparison: &Comparison, axis: &'static str, quantity: usize) -> Markup {
     let digits = DIGITS[quantity];
     let experiments = comparison.experiments.iter().enumerate();
@@ -220,7 +234,7 @@ fn means(comparison: &Comparison, axis: &'static str, quantity: usize) -> Markup
             title: format!(
                 "{}: {}, in the thesis {}",
                 experiment.swarm,
-                figure_or_nothing(ours, digits),
+                figure_or_dash(ours, digits),
                 figure(thesis, digits)
             ),
             heights: vec![ours, Some(thesis)],
@@ -236,7 +250,7 @@ fn means(comparison: &Comparison, axis: &'static str, quantity: usize) -> Markup
     })
 }
 
-/// Each drone's wait where the master waits for all, and where it waits for its neighbours and vehicles settle.
+/// Chart of each drone's wait: for all drones, and for neighbours with settling time.
 fn waits(comparison: &Comparison) -> Markup {
     let strict = comparison
         .experiments
@@ -248,15 +262,15 @@ fn waits(comparison: &Comparison) -> Markup {
         .map(|(all, settling)| {
             let waits = vec![all.waypoint_delay_s, settling.waypoint_delay_s];
             let about = format!(
-                "{} s for all, {} s for the neighbours with vehicles that settle",
-                figure_or_nothing(waits[0], 2),
-                figure_or_nothing(waits[1], 2)
+                "{} s for all drones, {} s for neighbours with settling time",
+                figure_or_dash(waits[0], 2),
+                figure_or_dash(waits[1], 2)
             );
             Bars::of_drone(all, &about, waits)
         });
     let thesis = comparison.waits.thesis.mean_s;
     chart(&Chart {
-        about: "How long each drone waits at a waypoint".to_owned(),
+        about: "Wait of each drone at a waypoint".to_owned(),
         axis: "wait in seconds",
         places: "drone",
         digits: 2,
@@ -272,7 +286,7 @@ fn waits(comparison: &Comparison) -> Markup {
 }
 
 fn waits_table(comparison: &Comparison) -> Markup {
-    let row = |whose, wait: &Wait| {
+    let row = |name, wait: &Wait| {
         let Wait {
             mean_s,
             lowest_run_s,
@@ -280,10 +294,7 @@ fn waits_table(comparison: &Comparison) -> Markup {
             least_s,
             most_s,
         } = *wait;
-        (
-            whose,
-            [mean_s, lowest_run_s, highest_run_s, least_s, most_s],
-        )
+        (name, [mean_s, lowest_run_s, highest_run_s, least_s, most_s])
     };
     let waits = &comparison.waits;
     seconds_table(
@@ -291,39 +302,39 @@ fn waits_table(comparison: &Comparison) -> Markup {
             "Mean",
             "Lowest run",
             "Highest run",
-            "Least drone",
-            "Most drone",
+            "Shortest of a drone",
+            "Longest of a drone",
         ],
         [
             row("Thesis", &waits.thesis),
-            row("Ours, for all", &waits.strict),
-            row("Ours, for the master's neighbours", &waits.neighbours),
-            row("Likewise, settling like the ancestor", &waits.settling),
+            row("Ours, waiting for all drones", &waits.strict),
+            row("Ours, waiting for neighbours", &waits.neighbours),
+            row("Ours, neighbours + settling time", &waits.settling),
         ],
     )
 }
 
 fn single_hop_table(comparison: &Comparison) -> Markup {
-    let row = |whose, delays: &Delays| {
+    let row = |name, delays: &Delays| {
         let Delays {
             mean_s,
             lowest_run_s,
             highest_run_s,
             longest_s,
         } = *delays;
-        (whose, [mean_s, lowest_run_s, highest_run_s, longest_s])
+        (name, [mean_s, lowest_run_s, highest_run_s, longest_s])
     };
     let SingleHop { ancestor, ours } = &comparison.single_hop;
     seconds_table(
         ["Mean", "Lowest run", "Highest run", "Longest"],
         [
             row("Ancestor", ancestor),
-            row("Ours, settling like it", ours),
+            row("Ours, with settling time", ours),
         ],
     )
 }
 
-/// A row for each, with as many times as there are columns.
+/// A table of times with two decimals.
 fn seconds_table<const COLUMNS: usize, const ROWS: usize>(
     columns: [&str; COLUMNS],
     rows: [(&str, [Option<f64>; COLUMNS]); ROWS],
@@ -331,10 +342,10 @@ fn seconds_table<const COLUMNS: usize, const ROWS: usize>(
     html! {
         div.scroll {
             table {
-                thead { tr { th {} @for name in columns { th.n { (name) ",\u{a0}s" } } } }
+                thead { tr { th {} @for column in columns { th.n { (column) ",\u{a0}s" } } } }
                 tbody {
-                    @for (whose, times) in rows {
-                        tr { td { (whose) } @for seconds in times { td.n { (figure_or_nothing(seconds, 2)) } } }
+                    @for (name, times) in rows {
+                        tr { td { (name) } @for seconds in times { td.n { (figure_or_dash(seconds, 2)) } } }
                     }
                 }
             }
@@ -345,15 +356,15 @@ fn seconds_table<const COLUMNS: usize, const ROWS: usize>(
 fn method(comparison: &Comparison) -> Markup {
     html! {
         section {
-            h2 { "What is compared" }
+            h2 { "Method" }
             p.about {
-                "The thesis prints means and extremes as tables, and the figures of each drone as pictures only. All "
-                "five tables obey one law, which stands here for those pictures: a slave whose slot is d metres from "
-                "the master's flies d\u{a0}/\u{a0}10 + 12.4 seconds longer than the master, which flies 368."
+                "The thesis gives means and extremes in tables, but the values of each drone in pictures only. All five "
+                "tables follow one law, which replaces the pictures here: a slave with its slot d metres from the "
+                "master's slot flies d\u{a0}/\u{a0}10 + 12.4 seconds longer than the master, which flies 368 seconds."
             }
         }
         section {
-            h2 { "Run it again" }
+            h2 { "Repeat the runs" }
             pre {
                 code {
                     "muster thesis --seed " (comparison.seed) " --runs " (comparison.waits_runs.seeds.len())
@@ -362,8 +373,7 @@ fn method(comparison: &Comparison) -> Markup {
                 }
             }
             p.about {
-                "The same program gives the same flights. All figures, with the reports of the runs with "
-                "this seed, are in "
+                "The same program version gives the same flights. Figures, and reports of the runs with this seed: "
                 a href=(THESIS_JSON) { (THESIS_JSON) } "."
             }
         }

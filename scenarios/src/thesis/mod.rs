@@ -1,4 +1,4 @@
-//! The thesis's five experiments, flown here and set beside what it says of them.
+//! The thesis's five experiments, simulated and compared with its figures.
 
 mod compare;
 mod further;
@@ -18,10 +18,10 @@ use muster_runtime::diagnostic::BadInput;
 use crate::engine::{self, Engine, RunError, Watcher};
 use crate::scenario::{Override, Scenario, load_from};
 
-/// What the tables 9 to 13 say.
+/// Tables 9 to 13 of the thesis.
 const TABLES: &str = include_str!("tables-9-13.csv");
 
-/// The scenarios of the experiments, in their order.
+/// Scenarios of the experiments, in order.
 const SCENARIOS: [&str; 5] = [
     include_str!("../../thesis-1.toml"),
     include_str!("../../thesis-2.toml"),
@@ -29,46 +29,47 @@ const SCENARIOS: [&str; 5] = [
     include_str!("../../thesis-4.toml"),
     include_str!("../../thesis-5.toml"),
 ];
-/// The ancestor's swarm, with vehicles that take as long to come to rest as its own.
+/// The ancestor's swarm, with its settling time.
 const ANCESTOR: (&str, &str) = ("ancestor.toml", include_str!("../../ancestor.toml"));
-/// The mission that they share.
+/// Mission of all scenarios.
 const MISSION: &str = include_str!("../../missions/albufera.plan");
-/// The experiment whose waits at the waypoints the thesis measures, counted from 0.
+/// Index of the experiment with published waits, from 0.
 const WITH_WAITS: usize = 1;
-/// How many runs the waits are the means of, unless another number is asked for: those of one run scatter.
+/// Default number of runs over which the waits are averaged, because waits of one run scatter.
 pub const RUNS: u32 = 20;
-/// The most of them.
+/// Maximum number of such runs.
 pub const RUNS_MAX: u32 = 1_000;
 
-/// What the thesis says of one of its experiments. Times are in seconds.
+/// Published figures of one experiment. Times are in seconds.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct Published {
-    /// The scenario's file, among the shipped ones.
+    /// File name of the shipped scenario.
     pub scenario: String,
-    /// Who flies, in words.
+    /// Description of the swarm.
     pub swarm: String,
-    /// The number of the table.
+    /// Number of the table.
     pub table: u8,
-    /// The flight time that the master has in all of them.
+    /// Flight time of the master; the same in all experiments.
     pub master_s: f64,
-    /// The longest flight time.
+    /// Longest flight time.
     pub maximum_s: f64,
-    /// The mean of the flight times.
+    /// Mean flight time.
     pub mean_s: f64,
-    /// The mean of the messages that drones received.
+    /// Mean number of messages received.
     pub messages_received: f64,
 }
 
 impl Published {
-    /// How long a slave flies whose slot is `distance_m` metres from the master's: the law that the tables obey. It
-    /// flies to its place beside the master at 10 m/s, and speeds up, slows down and is told to in 12.4 s.
+    /// Flight time of a slave with its slot `distance_m` metres from the master's slot, by the law of the tables.
+    ///
+    /// It flies to its landing place beside the master at 10 m/s. 12.4 s are for acceleration, deceleration and orders.
     #[must_use]
     pub fn slave_s(&self, distance_m: f64) -> f64 {
         self.master_s + distance_m / 10.0 + 12.4
     }
 }
 
-/// What the thesis says, experiment by experiment.
+/// Published figures, by experiment.
 #[must_use]
 pub fn published() -> Vec<Published> {
     let mut tables = csv::ReaderBuilder::new()
@@ -77,29 +78,28 @@ pub fn published() -> Vec<Published> {
     tables
         .deserialize()
         .collect::<Result<_, _>>()
-        .expect("the file is a part of the program")
+        .expect("the built-in file is valid")
 }
 
-/// The flights that a comparison takes.
+/// The scenarios of a comparison.
 #[derive(Debug)]
 pub struct Flights {
     experiments: Vec<(Published, Scenario)>,
-    /// The second experiment once more, its master waiting for its neighbours only.
+    /// The second experiment, with a master that waits for its neighbours only.
     neighbours: Scenario,
-    /// Likewise, its vehicles coming to rest as the ancestor's.
+    /// The same with the ancestor's settling time.
     settling: Scenario,
     /// The ancestor's swarm.
     ancestor: Scenario,
-    /// How many runs the waits are the means of; at least one.
+    /// Number of runs over which the waits are averaged, from 1 to [`RUNS_MAX`].
     runs: u32,
 }
 
 impl Flights {
-    /// The shipped scenarios, which are a part of the program, each with `overrides`. The waits are the means of `runs`
-    /// runs, of which there is one at least and [`RUNS_MAX`] at most.
+    /// Loads the built-in scenarios with `overrides`. The waits are averaged over `runs` runs, clamped to 1–[`RUNS_MAX`].
     ///
     /// # Errors
-    /// When a scenario with these fields can't be used.
+    /// If a scenario with these overrides is invalid.
     pub fn load(overrides: &[Override], runs: u32) -> Result<Self, BadInput> {
         let experiments = published()
             .into_iter()
@@ -112,7 +112,7 @@ impl Flights {
         let ancestor = shipped(ANCESTOR.0, ANCESTOR.1, overrides)?;
         let with_waits = |fields: &[&str]| {
             let fields = fields.iter().map(|field| field.parse());
-            let fields = fields.map(|field| field.expect("there is such a field"));
+            let fields = fields.map(|field| field.expect("the field exists"));
             let overrides: Vec<_> = overrides.iter().cloned().chain(fields).collect();
             let name = &experiments[WITH_WAITS].0.scenario;
             shipped(name, SCENARIOS[WITH_WAITS], &overrides)
@@ -128,16 +128,16 @@ impl Flights {
         })
     }
 
-    /// The seed of the five experiments, and the first of those of the waits.
+    /// Seed of the five experiments, and first seed of the waits.
     #[must_use]
     pub const fn seed(&self) -> u64 {
         self.neighbours.seed
     }
 
-    /// Flies the five experiments, one after the other; `watcher` is asked before each for whoever watches it.
+    /// Runs the five experiments in sequence. Calls `watcher` before each run to get its watcher.
     ///
     /// # Errors
-    /// When the engine can't be started.
+    /// If the engine can't be started.
     pub fn fly_experiments(
         &self,
         engine: Engine,
@@ -150,18 +150,19 @@ impl Flights {
         experiments.collect()
     }
 
-    /// Flies all with the first seed, one after the other; `watcher` is asked before each for whoever watches it. Then
-    /// flies those whose waits are compared with the seeds after it, `jobs` at once and always on the event heap, which
-    /// gives the same flights sooner; `told` hears after each how many of how many are done.
+    /// Runs all scenarios with the first seed in sequence. Calls `watcher` before each run to get its watcher.
+    ///
+    /// Then runs the scenarios of the waits with further seeds, `jobs` at a time, always on the events engine, which gives
+    /// the same flights faster. Calls `progress` with the number of finished runs and of all runs after each.
     ///
     /// # Errors
-    /// When the engine can't be started.
+    /// If the engine can't be started.
     pub fn fly(
         &self,
         engine: Engine,
         jobs: NonZeroUsize,
         mut watcher: impl FnMut(&Scenario) -> Option<Watcher>,
-        told: impl FnMut(usize, usize),
+        progress: impl FnMut(usize, usize),
     ) -> Result<Comparison, RunError> {
         let experiments = self.fly_experiments(engine, &mut watcher)?;
         let mut fly = |scenario: &Scenario| {
@@ -184,7 +185,7 @@ impl Flights {
             further_neighbours,
             further_settling,
             further_ancestor,
-        ] = further::fly(with_waits, &seeds[1..], jobs, told)?;
+        ] = further::fly(with_waits, &seeds[1..], jobs, progress)?;
         Ok(Comparison {
             seed: self.seed(),
             engine,
@@ -217,7 +218,7 @@ impl Flights {
     }
 }
 
-/// A shipped scenario from its text.
+/// Loads a built-in scenario from its text.
 fn shipped(name: &str, text: &str, overrides: &[Override]) -> Result<Scenario, BadInput> {
     let path = Path::new("scenarios").join(name);
     load_from(&path, overrides, &|asked| {

@@ -1,13 +1,13 @@
-//! The thesis's tables on a terminal, with ours beside them.
+//! The thesis's tables and ours for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
 use super::compare::{Comparison, Delays, Experiment, Quantity, Wait};
 use crate::report::Colour;
 use crate::report::table::{GREEN, RED, STYLE, painted};
-use muster_runtime::text::{NOTHING, figure, figure_or_nothing};
+use muster_runtime::text::{NO_VALUE, figure, figure_or_dash};
 
-/// The columns, named in two lines.
+/// Column headings of two lines.
 const COLUMNS: [&str; 6] = [
     "\nexperiment",
     "\n",
@@ -16,26 +16,26 @@ const COLUMNS: [&str; 6] = [
     "\nmean",
     "messages\nreceived",
 ];
-/// How many of them, from the left, hold words.
-const WORDS: usize = 2;
-/// Digits after the point, quantity by quantity.
+/// Number of columns, from the left, that hold text.
+const TEXT_COLUMNS: usize = 2;
+/// Number of decimals, by quantity.
 pub(super) const DIGITS: [usize; 4] = [1, 1, 1, 0];
 
-/// What a comparison came to, as text; it ends with a line feed.
+/// A comparison as text, with a final line feed.
 #[must_use]
 pub fn table(comparison: &Comparison, colour: Colour) -> String {
     let mut rows = Vec::new();
     for experiment in &comparison.experiments {
         rows.extend(rows_of(experiment));
     }
-    let mut text = lines(&COLUMNS, WORDS, rows, colour);
+    let mut text = lines(&COLUMNS, TEXT_COLUMNS, rows, colour);
     text.push('\n');
     let waits = &comparison.waits;
     let rows = [
         wait("thesis, figure 36", &waits.thesis),
-        wait("ours, for all drones", &waits.strict),
-        wait("ours, for the master's neighbours", &waits.neighbours),
-        wait("likewise, settling like the ancestor", &waits.settling),
+        wait("ours, waiting for all drones", &waits.strict),
+        wait("ours, waiting for neighbours", &waits.neighbours),
+        wait("ours, neighbours + settling time", &waits.settling),
     ];
     let runs = comparison.waits_runs.number();
     let mean = format!("{runs}\nmean s");
@@ -44,14 +44,14 @@ pub fn table(comparison: &Comparison, colour: Colour) -> String {
         &mean,
         "lowest\nrun",
         "highest\nrun",
-        "least\ndrone",
-        "most\ndrone",
+        "shortest\ndrone",
+        "longest\ndrone",
     ];
     text.push_str(&lines(&heading, 1, rows.into(), colour));
     text.push('\n');
     let rows = [
         delays("ancestor", &comparison.single_hop.ancestor),
-        delays("ours, settling like it", &comparison.single_hop.ours),
+        delays("ours, with settling time", &comparison.single_hop.ours),
     ];
     let heading = [
         "5 in line, one hop:\nwait at a waypoint",
@@ -71,56 +71,56 @@ pub fn table(comparison: &Comparison, colour: Colour) -> String {
     text
 }
 
-/// The thesis's row, ours, and the difference between them.
+/// Rows of the thesis, of our run and of the difference.
 fn rows_of(experiment: &Experiment) -> [Vec<String>; 3] {
-    let of = |figures: fn(&Quantity) -> Option<f64>| {
+    let values = |value: fn(&Quantity) -> Option<f64>| {
         let quantities = experiment.quantities.iter().zip(DIGITS);
-        quantities.map(move |(quantity, digits)| figure_or_nothing(figures(quantity), digits))
+        quantities.map(move |(quantity, digits)| figure_or_dash(value(quantity), digits))
     };
     let row = |first: &str, what: &str, cells: Vec<String>| {
         let words = [first.to_owned(), what.to_owned()];
         words.into_iter().chain(cells).collect()
     };
     let table = format!("thesis, table {}", experiment.table);
-    let off = experiment.quantities.iter().map(off);
+    let differences = experiment.quantities.iter().map(difference);
     [
         row(
             experiment.report.name(),
             &table,
-            of(|quantity| Some(quantity.thesis)).collect(),
+            values(|quantity| Some(quantity.thesis)).collect(),
         ),
-        row("", "ours", of(|quantity| quantity.ours).collect()),
-        row("", "off by %", off.collect()),
+        row("", "ours", values(|quantity| quantity.ours).collect()),
+        row("", "difference %", differences.collect()),
     ]
 }
 
-/// How far ours is off, with a sign.
-pub(super) fn off(quantity: &Quantity) -> String {
+/// Difference in per cent, with a sign.
+pub(super) fn difference(quantity: &Quantity) -> String {
     match quantity.off_percent {
         Some(off) if off >= 0.0 => format!("+{}", figure(off, 1)),
         Some(off) => figure(off, 1),
-        None => NOTHING.to_owned(),
+        None => NO_VALUE.to_owned(),
     }
 }
 
-fn wait(whose: &str, wait: &Wait) -> Vec<String> {
+fn wait(name: &str, wait: &Wait) -> Vec<String> {
     let runs = [wait.mean_s, wait.lowest_run_s, wait.highest_run_s];
     let drones = [wait.least_s, wait.most_s];
-    row_of_seconds(whose, &[&runs[..], &drones[..]].concat())
+    row_of_seconds(name, &[&runs[..], &drones[..]].concat())
 }
 
-fn delays(whose: &str, delays: &Delays) -> Vec<String> {
+fn delays(name: &str, delays: &Delays) -> Vec<String> {
     let runs = [delays.mean_s, delays.lowest_run_s, delays.highest_run_s];
-    row_of_seconds(whose, &[&runs[..], &[delays.longest_s]].concat())
+    row_of_seconds(name, &[&runs[..], &[delays.longest_s]].concat())
 }
 
-fn row_of_seconds(whose: &str, seconds: &[Option<f64>]) -> Vec<String> {
-    let figures = seconds.iter().map(|it| figure_or_nothing(*it, 2));
-    [whose.to_owned()].into_iter().chain(figures).collect()
+fn row_of_seconds(name: &str, seconds: &[Option<f64>]) -> Vec<String> {
+    let figures = seconds.iter().map(|it| figure_or_dash(*it, 2));
+    [name.to_owned()].into_iter().chain(figures).collect()
 }
 
-/// A table whose first `words` columns hold words and the others numbers.
-fn lines(heading: &[&str], words: usize, rows: Vec<Vec<String>>, colour: Colour) -> String {
+/// A table with `text_columns` columns of text, then columns of numbers.
+fn lines(heading: &[&str], text_columns: usize, rows: Vec<Vec<String>>, colour: Colour) -> String {
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
     if colour == Colour::Always {
@@ -131,7 +131,7 @@ fn lines(heading: &[&str], words: usize, rows: Vec<Vec<String>>, colour: Colour)
     table.add_rows(rows);
     for (place, column) in table.column_iter_mut().enumerate() {
         column.set_padding((1, 0));
-        if place >= words {
+        if place >= text_columns {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }

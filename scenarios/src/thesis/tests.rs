@@ -23,7 +23,7 @@ fn number(html: &Html, selector: &str) -> usize {
 }
 
 #[test]
-fn the_table_sets_ours_beside_the_thesis() {
+fn table_compares_our_runs_with_the_thesis() {
     let text = table(&comparison(), Colour::Never);
     assert!(
         text.lines().all(|line| line.chars().count() <= 80),
@@ -33,10 +33,10 @@ fn the_table_sets_ours_beside_the_thesis() {
 }
 
 #[test]
-fn a_broken_rule_is_told_with_the_command_that_repeats_it() {
+fn broken_rule_is_shown_with_the_command_that_repeats_it() {
     let mut comparison = comparison();
-    let (troubled, _) = crate::report::sample::troubled();
-    comparison.experiments[2].report.violations = troubled.violations;
+    let (faulty, _) = crate::report::sample::faulty();
+    comparison.experiments[2].report.violations = faulty.violations;
     let text = table(&comparison, Colour::Never);
     assert!(!text.contains("none broken"), "{text}");
     assert!(
@@ -47,11 +47,11 @@ fn a_broken_rule_is_told_with_the_command_that_repeats_it() {
 }
 
 #[test]
-fn a_rule_broken_in_a_further_run_is_told_as_well() {
+fn broken_rule_in_a_further_run_is_shown() {
     let mut comparison = comparison();
     assert_eq!(comparison.further.len(), 4 * 2);
-    let (troubled, _) = crate::report::sample::troubled();
-    comparison.further[7].violations = troubled.violations;
+    let (faulty, _) = crate::report::sample::faulty();
+    comparison.further[7].violations = faulty.violations;
     let text = table(&comparison, Colour::Never);
     assert!(
         text.contains("muster sim scenarios/ancestor.toml --seed 3 --engine events"),
@@ -61,7 +61,7 @@ fn a_rule_broken_in_a_further_run_is_told_as_well() {
 }
 
 #[test]
-fn waits_are_means_over_the_runs_however_many_are_flown_at_once() {
+fn waits_are_means_over_the_runs_for_any_number_of_jobs() {
     let (two, three) = (fly("2", 2, 1), comparison());
     let one = Wait::of(&three.settling, &[]);
     assert_eq!((one.lowest_run_s, one.highest_run_s), (None, None));
@@ -83,7 +83,7 @@ fn waits_are_means_over_the_runs_however_many_are_flown_at_once() {
 }
 
 #[test]
-fn the_page_has_a_counterpart_of_every_figure() {
+fn page_has_a_counterpart_of_every_figure() {
     let page = html::page(&comparison());
     let html = Html::parse_document(&page);
     assert_eq!(html.errors, Vec::<std::borrow::Cow<'static, str>>::new());
@@ -101,7 +101,7 @@ fn the_page_has_a_counterpart_of_every_figure() {
 }
 
 #[test]
-fn a_drone_that_has_not_come_down_is_shown_as_such() {
+fn drone_without_flight_time_has_no_bar() {
     let mut comparison = comparison();
     for drone in &mut comparison.settling.drones {
         drone.waypoint_delay_s = None;
@@ -116,7 +116,7 @@ fn a_drone_that_has_not_come_down_is_shown_as_such() {
 }
 
 #[test]
-fn a_comparison_is_two_files_and_a_file_in_their_folders_place_is_left_alone() {
+fn comparison_is_two_files_and_does_not_replace_a_file() {
     let home = tempfile::tempdir().unwrap();
     let comparison = comparison();
     let written = write(&home.path().join("runs/thesis"), &comparison).unwrap();

@@ -1,21 +1,23 @@
+//! Writes a comparison's files.
+
 use std::path::{Path, PathBuf};
 
 use super::Comparison;
 use super::html::page;
-use crate::report::{Complete, WriteError, json, make_folder};
+use crate::report::{CompleteFile, WriteError, create_folder, json};
 
-/// The page for a browser.
+/// File with the page for a browser.
 pub const THESIS_HTML: &str = "thesis.html";
-/// The figures and our runs, for a program; once it is there, the page is.
+/// File with the figures and our runs; written last, so the page exists once it does.
 pub const THESIS_JSON: &str = "thesis.json";
 
-/// Writes a comparison into the folder `dir`, which is made if need be; the files, for a person first.
+/// Writes a comparison into the folder `dir`, which is created if needed. Returns the files, the page first.
 ///
 /// # Errors
-/// As for the report of a run.
+/// If the system refuses; see [`crate::report::write`].
 pub fn write(dir: &Path, comparison: &Comparison) -> Result<[PathBuf; 2], WriteError> {
-    make_folder(dir)?;
-    let html = Complete::new(dir, THESIS_HTML, page(comparison).as_bytes())?;
-    let json = Complete::new(dir, THESIS_JSON, &json(comparison))?;
+    create_folder(dir)?;
+    let html = CompleteFile::new(dir, THESIS_HTML, page(comparison).as_bytes())?;
+    let json = CompleteFile::new(dir, THESIS_JSON, &json(comparison))?;
     Ok([html.publish()?, json.publish()?])
 }

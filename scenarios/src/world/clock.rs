@@ -1,31 +1,33 @@
+//! Clocks of drones.
+
 use muster_machines::time::Timestamp;
 
-/// A drone's own clock, which may run fast or slow.
+/// A drone's clock, which may run fast or slow.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Clock {
-    /// The time of the world from which on it has run as it does.
+    /// When its rate last changed, in the world's time.
     since: Timestamp,
-    /// What it showed then.
+    /// The time that it showed then.
     shown: Timestamp,
-    /// How much it gains, in millionths.
+    /// Its rate error in parts per million; it gains if positive.
     ppm: i32,
 }
 
-/// A rate of one, in millionths.
+/// A rate of 1, in millionths.
 const UNIT: i64 = 1_000_000;
 
 impl Clock {
-    /// What it shows at a time of the world.
+    /// The time that it shows at the world's time `now`.
     pub(super) fn at(self, now: Timestamp) -> Timestamp {
         let elapsed = now.as_nanos().saturating_sub(self.since.as_nanos());
-        let gone = match self.ppm {
+        let shown = match self.ppm {
             0 => elapsed,
             _ => nanos(u128::from(elapsed) * self.rate() / u128::from(UNIT.unsigned_abs())),
         };
-        Timestamp::from_nanos(self.shown.as_nanos().saturating_add(gone))
+        Timestamp::from_nanos(self.shown.as_nanos().saturating_add(shown))
     }
 
-    /// The first time of the world at which it shows `shown` or later, as far as it runs on as it does.
+    /// The world's first time at which it shows `shown` or later, at its present rate.
     pub(super) fn when(self, shown: Timestamp) -> Timestamp {
         let ahead = shown.as_nanos().saturating_sub(self.shown.as_nanos());
         let elapsed = match self.ppm {
@@ -35,7 +37,7 @@ impl Clock {
         Timestamp::from_nanos(self.since.as_nanos().saturating_add(elapsed))
     }
 
-    /// From `now` on it gains `ppm` millionths.
+    /// Sets its rate error from `now` on, in parts per million.
     pub(super) fn skew(&mut self, now: Timestamp, ppm: i32) {
         *self = Self {
             since: now,
@@ -62,14 +64,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_that_was_never_skewed_shows_the_time() {
+    fn a_clock_without_skew_shows_the_time() {
         let now = Timestamp::from_nanos(123_456_789);
         assert_eq!(Clock::default().at(now), now);
         assert_eq!(Clock::default().when(now), now);
     }
 
     #[test]
-    fn a_fast_clock_gains_as_much_as_it_is_said_to() {
+    fn a_skewed_clock_gains_by_its_rate_error() {
         let mut clock = Clock::default();
         clock.skew(Timestamp::from_secs_f64(10.0), 50_000);
         let shown = clock.at(Timestamp::from_secs_f64(30.0));
@@ -81,7 +83,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_timer_goes_off_once_its_time_is_shown_and_not_before(
+        fn a_timer_expires_when_its_time_is_first_shown(
             ppm in -500_000..=500_000,
             since in 0_u64..1 << 40,
             ahead in 0_u64..1 << 40,

@@ -1,21 +1,25 @@
+//! Disks of simulated drones.
+
 use std::io;
 
 use muster_runtime::journal::Storage;
 use rand::{Rng, RngExt};
 
-/// Where a simulated drone's journal is: what has not been synchronised is lost with the process, but for a part of it
-/// that may have reached the disk.
+/// The disk of a simulated drone's journal. Bytes that are not synchronised are lost with the process, but for a part that
+/// may have reached the disk.
+///
+/// Invariant: the first `synced` bytes are never lost.
 #[derive(Debug, Default)]
 pub(super) struct Disk {
     bytes: Vec<u8>,
-    /// How many of them are there for good.
+    /// How many of them are synchronised.
     synced: usize,
-    /// Up to which record all were noted to last.
-    lasting: u64,
+    /// The last record that was reported as synchronised.
+    last_synced: u64,
 }
 
 impl Disk {
-    /// The power fails: of what was not synchronised a part is left, which may end in the middle of a record.
+    /// Power fails: a random part of the bytes not synchronised is left, which may end within a record.
     pub(super) fn lose_power(&mut self, rng: &mut impl Rng) {
         let left = rng.random_range(self.synced..=self.bytes.len());
         self.bytes.truncate(left);
@@ -43,12 +47,12 @@ impl Storage for Disk {
         self.sync()
     }
 
-    fn lasting(&mut self) -> io::Result<u64> {
-        Ok(self.lasting)
+    fn last_synced(&mut self) -> io::Result<u64> {
+        Ok(self.last_synced)
     }
 
-    fn note_lasting(&mut self, number: u64) -> io::Result<()> {
-        self.lasting = number;
+    fn set_last_synced(&mut self, number: u64) -> io::Result<()> {
+        self.last_synced = number;
         Ok(())
     }
 }
@@ -61,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_synchronised_outlives_a_loss_of_power_and_nothing_else_need() {
+    fn synchronised_bytes_outlive_a_loss_of_power() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut lengths = Vec::new();
         for _ in 0..100 {

@@ -1,6 +1,7 @@
-//! A world whose drones run elsewhere, as processes in real time. It is told what they do, and holds the rest: where their
-//! vehicles are by what they were told, who hears whom, what befalls them, which rules hold, what is written down.
+//! A world whose drones run elsewhere, as processes in real time. The processes report what they do. The world keeps the
+//! rest: vehicles, links, faults, rules and records.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
@@ -8,140 +9,256 @@ use muster_machines::mission::{self, State};
 use muster_machines::msp::FlightCommand;
 use muster_machines::node::{Address, Effect, Observation};
 use muster_machines::time::Timestamp;
-
-use super::{Envelope, Planned, World};
-use crate::checkers::Violation;
-use crate::scenario::{DroneFault, Scenario};
 use muster_runtime::vehicle::VehicleState;
 
-/// How much longer than it may an actor of a process hangs at the most, until it is found and built anew.
-const FOUND_AFTER: Duration = Duration::from_millis(200);
+use super::event::{Event, ProcessEvent, Silence};
+use super::{Outcome, World};
+use crate::scenario::{DroneFault, Scenario};
 
-/// How a drone's process is to be.
+/// How much longer than its timeout an actor of a process may hang until its supervisor has restarted it.
+const RESTARTED_AFTER: Duration = Duration::from_millis(200);
+
+/// The state that a drone's process must be in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProcessState {
     /// It runs.
     Runs,
-    /// It hangs: nothing of it runs until it goes on.
+    /// It hangs until it is resumed.
     Hangs,
     /// It has ended.
     Ended,
 }
 
-impl World {
-    /// The world of a scenario whose drones run elsewhere, before anything has happened in it. It is to be so far `behind`
-    /// their clocks; what befalls a process is known that much earlier: it is made to be so at once, and the world follows
-    /// once it has heard what the process said until then.
-    pub(crate) fn mirroring(scenario: &Scenario, behind: Duration) -> Self {
-        let mut world = Self::new(scenario);
-        world.behind = Some(behind);
+/// A world that follows processes.
+///
+/// It is `delay` behind their clocks, so that reports of several processes are taken in the order of their times. A fault of
+/// a process is known that much earlier: the process must take its new state at once, and the world follows.
+///
+/// Invariant: no message waits in the world's inbox, since processes receive theirs by other means. Entries of `booting` and
+/// `overruled` are void once the drone's incarnation has changed.
+#[derive(Debug)]
+pub(crate) struct Mirror {
+    world: World,
+    delay: Duration,
+    /// Faults of actors that have yet to be sent to their processes, and how long each lasts.
+    actor_faults: Vec<(NodeId, DroneFault, Option<Duration>)>,
+    /// States of processes that the world has yet to follow.
+    foreseen: BTreeMap<NodeId, ProcessState>,
+    /// Processes that are being started again, with their incarnations.
+    booting: BTreeMap<NodeId, u32>,
+    /// Drones whose flight controllers landed them while their processes hung, with their incarnations.
+    overruled: BTreeMap<NodeId, u32>,
+}
+
+impl Mirror {
+    /// The mirror of a scenario at the start of a flight. All processes run.
+    pub(crate) fn new(scenario: &Scenario, delay: Duration) -> Self {
+        let mut mirror = Self {
+            world: World::new(scenario),
+            delay,
+            actor_faults: Vec::new(),
+            foreseen: BTreeMap::new(),
+            booting: BTreeMap::new(),
+            overruled: BTreeMap::new(),
+        };
         for drone in (0..scenario.plan.nodes()).map(NodeId) {
-            for address in Address::ALL {
-                world.starting(drone, address);
-            }
+            mirror.start_actors(drone);
         }
-        world
+        mirror
     }
 
-    /// Lets everything happen that happens up to `now`.
+    pub(crate) const fn now(&self) -> Timestamp {
+        self.world.now()
+    }
+
+    /// How many waypoints the drones have reached so far; take-offs and landings count as one each.
+    pub(crate) fn steps_done(&self) -> u64 {
+        self.world.steps_done()
+    }
+
+    /// Moves time to `now`, and handles all events until then.
     pub(crate) fn advance(&mut self, now: Timestamp) {
-        while self.heap.next_at().is_some_and(|at| at <= now) {
-            let Some((at, planned)) = self.heap.pop() else {
-                break;
-            };
-            self.now = self.now.max(at);
-            if let Planned::Boot { drone, incarnation } = planned {
-                // It is there once it says so.
-                let state = self.drone(drone);
-                let is_awaited = state.incarnations == incarnation && !state.runs;
-                self.booting.extend(is_awaited.then_some(drone));
-            } else {
-                self.happen(planned);
-            }
+        while let Some(event) = self.world.scene.core.timeline.next_until(now) {
+            self.handle(event);
+            self.deliver_elsewhere();
         }
-        self.now = self.now.max(now);
+        self.world.scene.core.timeline.advance_to(now);
     }
 
-    /// A drone told its vehicle something, at `at` or, if the world has gone on since, now.
-    pub(crate) fn was_commanded(&mut self, at: Timestamp, drone: NodeId, command: FlightCommand) {
+    /// A drone commanded its flight controller, at `at` or now if that is later.
+    pub(crate) fn commanded(&mut self, at: Timestamp, drone: NodeId, command: FlightCommand) {
         self.advance(at);
-        if self.drones[drone.0 as usize].runs {
-            self.effect(drone, Effect::Command(command));
+        if self.world.scene.processes[drone].runs() {
+            self.world.execute(drone, Effect::Command(command));
+            self.deliver_elsewhere();
         }
     }
 
-    /// Something was seen of a drone, likewise.
-    pub(crate) fn was_seen(&mut self, at: Timestamp, drone: NodeId, seen: Observation) {
+    /// A drone reported an event, likewise.
+    pub(crate) fn observed(&mut self, at: Timestamp, drone: NodeId, seen: Observation) {
         self.advance(at);
-        if !self.drones[drone.0 as usize].runs {
+        if !self.world.scene.processes[drone].runs() {
             return;
         }
-        // What a drone is told stays in its process: that it was told to take off shows in its waiting to do so.
+        // The order to take off stays in its process; that it waits to take off shows that it has received it.
+        let checkers = &mut self.world.scene.core.checkers;
         if seen == Observation::Mission(mission::Event::State(State::SetUp))
-            && let Some(ballot) = self.election.leader(drone).filter(|it| !it.is_elected())
+            && let Some(ballot) = checkers.election.leader(drone)
+            && !ballot.is_elected()
         {
-            self.arming.told_by(drone, ballot);
+            checkers.waits_for_take_off(drone, ballot);
         }
-        self.effect(drone, Effect::Observe(seen));
+        self.world.execute(drone, Effect::Observe(seen));
+        self.deliver_elsewhere();
     }
 
-    /// A drone's process has started, again if that was foreseen: its actors are about to be built.
+    /// A drone's process has started, again if that was awaited.
     pub(crate) fn process_started(&mut self, at: Timestamp, drone: NodeId) {
         self.advance(at);
-        let incarnation = self.drone(drone).incarnations;
-        if self.booting.remove(&drone) && self.boot(drone, incarnation).is_some() {
-            for address in Address::ALL {
-                self.starting(drone, address);
+        let incarnation = self.world.scene.processes[drone].incarnation();
+        if self.booting.remove(&drone).is_some()
+            && self.world.scene.boot(drone, incarnation).is_some()
+        {
+            self.start_actors(drone);
+        }
+    }
+
+    /// A drone's process has ended. It has failed unless the drone had finished, or a fault ended it.
+    pub(crate) fn process_ended(&mut self, at: Timestamp, drone: NodeId) {
+        self.advance(at);
+        let scene = &mut self.world.scene;
+        let has_finished = scene.core.recorder(drone).state(drone) == State::Finished;
+        let is_foreseen = self.foreseen.contains_key(&drone);
+        let ran = scene.processes[drone].runs() || self.is_booting(drone);
+        self.booting.remove(&drone);
+        if ran && !has_finished && !is_foreseen {
+            let scene = &mut self.world.scene;
+            scene.core.checkers.process_ended(scene.core.now(), drone);
+            scene.kill(drone);
+            self.deliver_elsewhere();
+        }
+    }
+
+    /// A drone has sent this many more frames, news and keep-alives, and admitted this many more.
+    pub(crate) fn count_frames(&mut self, drone: NodeId, [news, keep_alives, admitted]: [u64; 3]) {
+        let recorder = self.world.scene.core.recorder(drone);
+        (0..news).for_each(|_| recorder.sent(drone, false));
+        (0..keep_alives).for_each(|_| recorder.sent(drone, true));
+        (0..admitted).for_each(|_| recorder.received(drone));
+    }
+
+    /// The state that a drone's process must be in.
+    pub(crate) fn process(&self, drone: NodeId) -> ProcessState {
+        if let Some(state) = self.foreseen.get(&drone) {
+            return *state;
+        }
+        let process = &self.world.scene.processes[drone];
+        match () {
+            () if !process.runs() && !self.is_booting(drone) => ProcessState::Ended,
+            () if process.actors.are_hung() => ProcessState::Hangs,
+            () => ProcessState::Runs,
+        }
+    }
+
+    /// Whether a drone's flight controller has landed it while its process hung. Answers `true` once.
+    pub(crate) fn take_overruled(&mut self, drone: NodeId) -> bool {
+        let incarnation = self.world.scene.processes[drone].incarnation();
+        self.overruled.remove(&drone) == Some(incarnation)
+    }
+
+    /// The state of a drone's vehicle.
+    pub(crate) fn vehicle(&self, drone: NodeId) -> VehicleState {
+        VehicleState(self.world.scene.airspace.vehicle(drone).clone())
+    }
+
+    /// The chance that a frame from one drone is not admitted by another, 0 to 1.
+    pub(crate) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
+        self.world.scene.air.loss(from, to)
+    }
+
+    /// A number that rises whenever a loss may have changed.
+    pub(crate) const fn loss_changes(&self) -> u64 {
+        self.world.scene.air.changes()
+    }
+
+    /// The faults to inject into actors of processes since the last call, and how long each lasts.
+    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
+        std::mem::take(&mut self.actor_faults)
+    }
+
+    /// Whether no vehicle is in the air any more, or the time is up.
+    pub(crate) fn is_flown(&self) -> bool {
+        self.world.scene.is_over() || self.world.scene.core.timeline.is_up()
+    }
+
+    pub(crate) fn finish(self) -> Outcome {
+        self.world.finish()
+    }
+
+    /// Handles an event as the world does, except that processes follow by other means.
+    fn handle(&mut self, event: Event) {
+        match event {
+            Event::Process(drone, event) => self.handle_process(drone, event),
+            Event::Fault { index, nth } => {
+                let injected = self.world.scene.inject(index, nth);
+                if let Some((drone, fault, lasts)) = injected {
+                    self.foresee(drone, fault, lasts);
+                }
+            }
+            Event::Affect {
+                drone,
+                fault,
+                lasts,
+            } => {
+                self.foreseen.remove(&drone);
+                self.world.scene.affect(drone, fault, lasts);
+            }
+            event => {
+                self.world.scene.handle(event);
             }
         }
     }
 
-    /// A drone's process has ended. That of one that is down has done what it was there for; any other that was not ended
-    /// by the plan has failed.
-    pub(crate) fn process_ended(&mut self, at: Timestamp, drone: NodeId) {
-        self.advance(at);
-        let is_done = self.recorder(drone).state(drone) == State::Finished;
-        let is_foreseen = self.foreseen.contains_key(&drone);
-        let is_there = self.drones[drone.0 as usize].runs || self.booting.remove(&drone);
-        if is_there && !is_done && !is_foreseen {
-            self.find(Some(Violation {
-                rule: 9,
-                at: self.now,
-                drones: vec![drone],
-                what: format!("the process of drone {drone} ended in the middle of its flight"),
-            }));
-            self.kill(drone);
+    /// Handles an event of a drone's process, likewise.
+    fn handle_process(&mut self, drone: NodeId, event: ProcessEvent) {
+        let is_booting = self.is_booting(drone);
+        let scene = &mut self.world.scene;
+        let process = &scene.processes[drone];
+        match event {
+            // The process reports its start.
+            ProcessEvent::Boot { incarnation } => {
+                if scene.processes.is_awaited(drone, incarnation) {
+                    self.booting.insert(drone, incarnation);
+                }
+                return;
+            }
+            ProcessEvent::LinkTimeout(_) if is_booting => return,
+            ProcessEvent::LinkTimeout(Silence::Hung(hang)) if process.actors.are_held_by(hang) => {
+                self.overruled.insert(drone, process.incarnation());
+            }
+            _ => {}
+        }
+        scene.handle(Event::Process(drone, event));
+    }
+
+    /// Takes the world's messages: their processes receive them by other means, or know by themselves.
+    fn deliver_elsewhere(&mut self) {
+        let core = &mut self.world.scene.core;
+        while let Some((drone, message)) = core.inbox.pop() {
+            core.checkers.delivers_elsewhere(drone, &message.envelope);
         }
     }
 
-    /// A drone has sent so many frames more, news and keep-alives, and let in so many.
-    pub(crate) fn has_talked(&mut self, drone: NodeId, [news, keep_alives, let_in]: [u64; 3]) {
-        let recorder = self.recorder(drone);
-        (0..news).for_each(|_| recorder.sent(drone, false));
-        (0..keep_alives).for_each(|_| recorder.sent(drone, true));
-        (0..let_in).for_each(|_| recorder.received(drone));
-    }
-
-    /// What the world would tell a drone's machines: their process is told by other means, or knows by itself.
-    pub(super) fn tell_elsewhere(&mut self, drone: NodeId, envelope: &Envelope) {
-        self.arming.told(drone, envelope);
-    }
-
-    /// Something is about to befall a drone's process.
-    pub(super) fn foresee(
-        &mut self,
-        behind: Duration,
-        drone: NodeId,
-        fault: DroneFault,
-        lasts: Option<Duration>,
-    ) {
-        let mended = self.hang_max + FOUND_AFTER;
+    /// A fault will affect a drone's process: puts the process into its new state, and schedules that the world follows.
+    fn foresee(&mut self, drone: NodeId, fault: DroneFault, lasts: Option<Duration>) {
+        let scene = &mut self.world.scene;
+        let restarted = scene.processes.actor_timeout() + RESTARTED_AFTER;
         let lasts = match fault {
-            // The process mends that by itself, at once or when it has found it.
+            // The process restarts the actor by itself, at once or after its timeout.
             DroneFault::CrashActor(_) => return self.actor_faults.push((drone, fault, lasts)),
             DroneFault::Hang(Some(_)) => {
                 self.actor_faults.push((drone, fault, lasts));
-                Some(lasts.map_or(mended, |it| it.min(mended)))
+                Some(lasts.map_or(restarted, |it| it.min(restarted)))
             }
             DroneFault::Hang(None) => {
                 self.foreseen.insert(drone, ProcessState::Hangs);
@@ -152,60 +269,23 @@ impl World {
                 lasts
             }
         };
-        let affects = Planned::Affects {
+        let affect = Event::Affect {
             drone,
             fault,
             lasts,
         };
-        self.heap.plan(self.now + behind, affects);
+        scene.core.schedule_after(self.delay, affect);
     }
 
-    /// It befalls it.
-    pub(super) fn affects(&mut self, drone: NodeId, fault: DroneFault, lasts: Option<Duration>) {
-        self.foreseen.remove(&drone);
-        self.inject_into_drone(drone, fault, lasts);
+    /// Whether a drone's process is being started again.
+    fn is_booting(&self, drone: NodeId) -> bool {
+        let incarnation = self.world.scene.processes[drone].incarnation();
+        self.booting.get(&drone) == Some(&incarnation)
     }
 
-    /// How a drone's process is to be by now.
-    pub(crate) fn process(&self, drone: NodeId) -> ProcessState {
-        if let Some(standing) = self.foreseen.get(&drone) {
-            return *standing;
+    fn start_actors(&mut self, drone: NodeId) {
+        for address in Address::ALL {
+            self.world.starting(drone, address);
         }
-        let state = &self.drones[drone.0 as usize];
-        match () {
-            () if !state.runs && !self.booting.contains(&drone) => ProcessState::Ended,
-            () if Address::ALL.iter().all(|it| state.is_hung(*it)) => ProcessState::Hangs,
-            () => ProcessState::Runs,
-        }
-    }
-
-    /// Whether a drone's vehicle does something else than its process told it, which hung meanwhile; told once.
-    pub(crate) fn is_overruled(&mut self, drone: NodeId) -> bool {
-        self.overruled.remove(&drone)
-    }
-
-    /// What a drone's vehicle is doing.
-    pub(crate) fn vehicle(&self, drone: NodeId) -> VehicleState {
-        VehicleState(self.vehicles[drone.0 as usize].clone())
-    }
-
-    /// The chance that a frame from one drone is not to be let in by another, 0 to 1.
-    pub(crate) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
-        self.medium.loss(from, to)
-    }
-
-    /// A number that rises whenever those chances may be others than before.
-    pub(crate) const fn loss_changes(&self) -> u64 {
-        self.medium.changes()
-    }
-
-    /// The faults to inject into actors of processes since the last call, and how long each lasts.
-    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
-        std::mem::take(&mut self.actor_faults)
-    }
-
-    /// Whether nobody is in the air any more, or the time is up.
-    pub(crate) fn is_flown(&self) -> bool {
-        self.is_over() || self.now >= self.limit
     }
 }

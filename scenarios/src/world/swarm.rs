@@ -1,39 +1,43 @@
-//! The swarms of a world. Their drones and relays are numbered through, the scenario's own first; each swarm knows its
-//! members by numbers from 0, and what passes between a drone and the world is renumbered on its way.
+//! The swarms of a world. The world numbers all drones and relays through, the scenario's own swarm first. Each swarm
+//! numbers its members from 0; what passes between a drone and the world is renumbered.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
 use muster_machines::node::Observation;
+use muster_machines::time::Timestamp;
 use muster_machines::{mission, routing, wire};
 use muster_runtime::plan::{Follow, Plan};
 
-use super::{Recorder, World};
+use super::recorder::Recorder;
 use crate::checkers::{BarrierChecker, SettledChecker};
-use crate::scenario::Scenario;
+use crate::scenario::{Links, Scenario};
 use crate::segments::Segments;
 
 /// A swarm in the middle of a run.
+///
+/// Invariant: its drones and relays have consecutive numbers in the world.
 #[derive(Debug)]
-pub(crate) struct Swarm {
-    /// The number in this world of its drone 0.
+pub(super) struct Swarm {
+    /// The world's number of its drone 0.
     first: u32,
     /// How many drones and relays it has.
     nodes: u32,
-    /// How long a vehicle takes at most to come to rest at the end of a leg.
+    /// The longest that a vehicle takes to come to rest at the end of a leg.
     pub(super) settle: Duration,
-    /// What is to happen once the master is followed.
+    /// What the pilot and the operator do once the master is followed.
     pub(super) follow: Option<Follow>,
     pub(super) recorder: Recorder,
     pub(super) segments: Segments,
     pub(super) settled: SettledChecker,
     pub(super) barrier: BarrierChecker,
-    /// Two of it that were connected when last looked at and obeyed different masters.
+    /// Two connected members that followed different masters when last looked at.
     pub(super) at_odds: Option<(NodeId, NodeId)>,
 }
 
 impl Swarm {
-    /// A swarm before anything has happened, whose drone 0 is number `first` of its world.
+    /// A swarm at the start of a run, whose drone 0 is number `first` of its world.
     pub(super) fn new(scenario: &Scenario, first: u32) -> Self {
         let formation = scenario.plan.layout.formation();
         let nodes = scenario.plan.nodes();
@@ -51,7 +55,7 @@ impl Swarm {
         }
     }
 
-    /// Its drones and relays, as the world numbers them.
+    /// The world's numbers of its drones and relays.
     pub(super) fn ids(&self) -> impl Iterator<Item = NodeId> + use<> {
         (self.first..self.first + self.nodes).map(NodeId)
     }
@@ -61,17 +65,17 @@ impl Swarm {
         (self.first..self.first + self.nodes).contains(&id.0)
     }
 
-    /// What the world calls a member.
+    /// The world's number of a member.
     pub(super) const fn number(&self, member: NodeId) -> NodeId {
         NodeId(self.first + member.0)
     }
 
-    /// What the swarm calls one of its own.
+    /// The swarm's number of one of its own.
     pub(super) const fn member(&self, number: NodeId) -> NodeId {
         NodeId(number.0 - self.first)
     }
 
-    /// The same with its members as the world calls them.
+    /// An observation with the world's numbers.
     pub(super) fn renumbered(&self, mut seen: Observation) -> Observation {
         let renumber = |id: &mut NodeId| *id = self.number(*id);
         match &mut seen {
@@ -101,55 +105,122 @@ impl Swarm {
         seen
     }
 
-    /// Whether it has flown, or never will: its master is out of it.
+    /// Records the masters of its segments, or two members at odds. Returns whether that ended an election.
+    pub(super) fn record_masters(
+        &mut self,
+        now: Timestamp,
+        masters: Result<BTreeSet<NodeId>, (NodeId, NodeId)>,
+    ) -> bool {
+        self.at_odds = masters.as_ref().err().copied();
+        self.recorder.masters(now, masters.ok())
+    }
+
+    /// Whether it has flown, or never will since its master is out.
     fn is_done(&self) -> bool {
-        self.recorder.has_flown() || self.recorder.is_out_of_it(self.recorder.centre())
+        self.recorder.has_flown() || self.recorder.is_out(self.recorder.centre())
     }
 }
 
-impl World {
+/// All swarms of a world, the scenario's own first.
+///
+/// Invariant: every drone and relay is of exactly one of them.
+#[derive(Debug)]
+pub(super) struct Swarms(Vec<Swarm>);
+
+impl Swarms {
+    /// Swarms in the order of their numbers; at least one.
+    pub(super) const fn new(swarms: Vec<Swarm>) -> Self {
+        Self(swarms)
+    }
+
+    /// The scenario's own swarm.
+    pub(super) fn own(&self) -> &Swarm {
+        &self.0[0]
+    }
+
+    /// Whether there are no other swarms.
+    pub(super) const fn is_one(&self) -> bool {
+        self.0.len() == 1
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    pub(super) fn get(&self, index: usize) -> &Swarm {
+        &self.0[index]
+    }
+
+    pub(super) fn get_mut(&mut self, index: usize) -> &mut Swarm {
+        &mut self.0[index]
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Swarm> {
+        self.0.iter()
+    }
+
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Swarm> {
+        self.0.iter_mut()
+    }
+
+    /// How many drones and relays they have together.
+    pub(super) fn nodes(&self) -> u32 {
+        self.0.last().map_or(0, |last| last.first + last.nodes)
+    }
+
     /// The swarm of a drone or relay.
-    pub(super) fn swarm(&self, of: NodeId) -> &Swarm {
-        &self.swarms[self.index_of_swarm(of)]
+    pub(super) fn of(&self, id: NodeId) -> &Swarm {
+        &self.0[self.index_of(id)]
     }
 
-    pub(super) fn swarm_mut(&mut self, of: NodeId) -> &mut Swarm {
-        let index = self.index_of_swarm(of);
-        &mut self.swarms[index]
+    pub(super) fn of_mut(&mut self, id: NodeId) -> &mut Swarm {
+        let index = self.index_of(id);
+        &mut self.0[index]
     }
 
-    /// What is written down of the swarm of a drone or relay.
-    pub(super) fn recorder(&mut self, of: NodeId) -> &mut Recorder {
-        &mut self.swarm_mut(of).recorder
-    }
-
-    pub(super) fn index_of_swarm(&self, of: NodeId) -> usize {
-        if self.swarms.len() == 1 {
+    fn index_of(&self, id: NodeId) -> usize {
+        if self.is_one() {
             return 0;
         }
-        self.swarms.partition_point(|swarm| swarm.first <= of.0) - 1
+        self.0.partition_point(|swarm| swarm.first <= id.0) - 1
     }
 
-    /// The swarm that the scenario is about; its fault plan is about it alone.
-    pub(super) fn own_swarm(&self) -> &Swarm {
-        &self.swarms[0]
-    }
-
-    /// Whose frame this is, by what it says of itself.
+    /// The sender in a frame's header, not authenticated. `None` if it is of no swarm here.
     pub(super) fn sender(&self, datagram: &[u8]) -> Option<NodeId> {
         let header = wire::decode_frame(datagram).ok()?.header;
         let index = header.swarm.0.checked_sub(Plan::FIRST_SWARM.0)? as usize;
-        let swarm = self.swarms.get(index)?;
+        let swarm = self.0.get(index)?;
         Some(swarm.number(header.sender))
     }
 
-    /// Nobody is in the air, and every swarm has flown or will never take off.
-    pub(super) fn is_over(&self) -> bool {
-        self.airborne == 0 && self.swarms.iter().all(Swarm::is_done)
+    /// Whether each has flown or never will.
+    pub(super) fn are_done(&self) -> bool {
+        self.0.iter().all(Swarm::is_done)
     }
 
-    /// How many waypoints the drones have reached so far, take-offs and landings counted as one each.
-    pub(crate) fn steps_done(&self) -> u64 {
-        self.swarms.iter().map(|it| it.recorder.steps_done()).sum()
+    /// How many waypoints the drones have reached so far; take-offs and landings count as one each.
+    pub(super) fn steps_done(&self) -> u64 {
+        self.0.iter().map(|it| it.recorder.steps_done()).sum()
+    }
+
+    /// Records how often the medium has sent a frame again so far.
+    pub(super) fn retried(&mut self, retries: u64) {
+        for swarm in &mut self.0 {
+            swarm.recorder.retried(retries);
+        }
+    }
+
+    /// Links between two groups have changed in their losses.
+    pub(super) fn links_changed(&mut self, now: Timestamp, links: &Links) {
+        for swarm in &mut self.0 {
+            let ids = links.from.iter().chain(&*links.to).copied();
+            swarm.segments.links_changed(now, ids);
+        }
+    }
+
+    /// The recorders of all swarms, with the number of drones and relays of each.
+    pub(super) fn finish(self) -> impl Iterator<Item = (Recorder, usize)> {
+        let swarms = self.0.into_iter();
+        swarms.map(|swarm| (swarm.recorder, swarm.nodes as usize))
     }
 }

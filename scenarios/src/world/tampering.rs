@@ -1,5 +1,4 @@
-//! What strangers and bad luck do to frames: they are altered, doubled, delayed, put out of order, sent again later,
-//! or made up.
+//! Tampering with frames: they are altered, duplicated, delayed, reordered, replayed or forged.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -11,41 +10,44 @@ use muster_machines::wire::{self, AUTHENTICATOR_LEN, Header};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::Origin;
+use super::message::Origin;
 use crate::scenario::{Distortion, Tampered};
 
-/// How many frames of one sender are recorded, to be sent again later: the newest.
+/// The newest frames of a sender that are recorded, to be replayed.
 const RECORDED_MAX: usize = 1_024;
 
-/// How soon after the first a doubled frame arrives at the latest.
-const DOUBLED_WITHIN: Duration = Duration::from_millis(10);
+/// A duplicate arrives this much after the first at the latest.
+const DUPLICATED_WITHIN: Duration = Duration::from_millis(10);
 
-/// A frame on its way.
+/// A frame that arrives.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Passage {
+    /// How much later it arrives than it would.
     pub(super) late: Duration,
     pub(super) datagram: Bytes,
     pub(super) origin: Origin,
 }
 
-/// What is done to frames on their way.
+/// Who tampers with frames, and the frames recorded for that.
+///
+/// Invariant: of each sender in `recorded` the newest frames are kept, at most [`RECORDED_MAX`].
 #[derive(Debug)]
 pub(super) struct Tampering {
     rng: ChaCha8Rng,
-    /// By the number of the fault.
+    /// Distortions in effect, by the number of the fault.
     active: BTreeMap<usize, Tampered>,
-    /// Frames of those senders who are listened to.
+    /// Frames of the senders that are listened to, oldest first.
     recorded: BTreeMap<NodeId, VecDeque<Recorded>>,
 }
 
 #[derive(Debug)]
 struct Recorded {
     datagram: Bytes,
-    heard_by: NodeSet,
+    admitted_by: NodeSet,
 }
 
 impl Tampering {
-    /// Nothing is done yet; frames of `listened_to` are recorded.
+    /// Without distortions; frames of `listened_to` are recorded.
     pub(super) fn new(rng: ChaCha8Rng, listened_to: impl Iterator<Item = NodeId>) -> Self {
         Self {
             rng,
@@ -62,12 +64,12 @@ impl Tampering {
         self.active.remove(&fault);
     }
 
-    /// Whether nothing is done to any frame, and nobody listened to.
+    /// Whether no frame is altered or recorded.
     pub(super) fn is_idle(&self) -> bool {
         self.active.is_empty() && self.recorded.is_empty()
     }
 
-    /// The share of a drone's frames that are altered on their way.
+    /// The share of a drone's frames that are altered, 0 to 1.
     pub(super) fn corrupted(&self, from: NodeId) -> f64 {
         let corrupts =
             |it: &&Tampered| it.how == Distortion::Corrupt && it.from.is_none_or(|it| it == from);
@@ -80,7 +82,7 @@ impl Tampering {
             .product::<f64>()
     }
 
-    /// Takes down what a drone sends, if it is listened to.
+    /// Records a frame, if its sender is listened to.
     pub(super) fn record(&mut self, from: NodeId, datagram: &Bytes) {
         if let Some(recorded) = self.recorded.get_mut(&from) {
             if recorded.len() == RECORDED_MAX {
@@ -88,26 +90,26 @@ impl Tampering {
             }
             recorded.push_back(Recorded {
                 datagram: datagram.clone(),
-                heard_by: NodeSet::default(),
+                admitted_by: NodeSet::default(),
             });
         }
     }
 
-    /// What becomes of a frame on its way: it arrives as it is, as is the rule, or otherwise, or twice.
+    /// Distorts a frame on its way to one receiver: how it arrives, and its duplicate, if any.
     pub(super) fn pass(
         &mut self,
         from: Option<NodeId>,
         datagram: Bytes,
     ) -> (Passage, Option<Passage>) {
-        let as_it_is = Passage {
+        let intact = Passage {
             late: Duration::ZERO,
             datagram,
             origin: Origin::Genuine,
         };
         let Some(from) = from.filter(|_| !self.is_idle()) else {
-            return (as_it_is, None);
+            return (intact, None);
         };
-        let (mut first, mut twin) = (as_it_is, None);
+        let (mut first, mut duplicate) = (intact, None);
         let is_its = |tampered: &&Tampered| tampered.from.is_none_or(|it| it == from);
         for tampered in self.active.values().filter(is_its) {
             if self.rng.random::<f64>() >= tampered.share {
@@ -115,65 +117,66 @@ impl Tampering {
             }
             match tampered.how {
                 Distortion::Corrupt => {
-                    let passages = std::iter::once(&mut first).chain(&mut twin);
-                    // Altered twice it might be what it was.
+                    let passages = std::iter::once(&mut first).chain(&mut duplicate);
+                    // Altered twice, it might be intact again.
                     for passage in passages.filter(|it| it.origin != Origin::Spurious) {
                         passage.datagram = altered(&passage.datagram, &mut self.rng);
                         passage.origin = Origin::Spurious;
                     }
                 }
                 Distortion::Duplicate => {
-                    // Whichever of the two is let in first.
+                    // A radio may admit whichever arrives first.
                     if first.origin == Origin::Genuine {
                         first.origin = Origin::Replayed;
                     }
-                    twin.get_or_insert_with(|| Passage {
-                        late: first.late + self.rng.random_range(Duration::ZERO..=DOUBLED_WITHIN),
+                    duplicate.get_or_insert_with(|| Passage {
+                        late: first.late
+                            + self.rng.random_range(Duration::ZERO..=DUPLICATED_WITHIN),
                         ..first.clone()
                     });
                 }
                 Distortion::Delay(by) => {
-                    for passage in std::iter::once(&mut first).chain(&mut twin) {
+                    for passage in std::iter::once(&mut first).chain(&mut duplicate) {
                         passage.late += by;
                     }
                 }
                 Distortion::Reorder(within) => {
-                    for passage in std::iter::once(&mut first).chain(&mut twin) {
+                    for passage in std::iter::once(&mut first).chain(&mut duplicate) {
                         passage.late += self.rng.random_range(Duration::ZERO..=within);
                     }
                 }
             }
         }
-        (first, twin)
+        (first, duplicate)
     }
 
-    /// Whether anybody's frames are recorded.
+    /// Whether frames of any sender are recorded.
     pub(super) fn listens(&self) -> bool {
         !self.recorded.is_empty()
     }
 
-    /// A drone has let a frame in.
-    pub(super) fn let_in(&mut self, from: NodeId, by: NodeId, datagram: &Bytes) {
+    /// A drone's radio has admitted a frame.
+    pub(super) fn admitted(&mut self, from: NodeId, by: NodeId, datagram: &Bytes) {
         let recorded = self.recorded.get_mut(&from).into_iter().flatten();
-        if let Some(heard) = recorded.rev().find(|it| it.datagram == datagram) {
-            heard.heard_by.insert(by);
+        if let Some(known) = recorded.rev().find(|it| it.datagram == datagram) {
+            known.admitted_by.insert(by);
         }
     }
 
-    /// Whether a drone has let a frame in before.
-    pub(super) fn has_let_in(&self, from: NodeId, by: NodeId, datagram: &Bytes) -> bool {
+    /// Whether a drone's radio has admitted a frame before.
+    pub(super) fn was_admitted(&self, from: NodeId, by: NodeId, datagram: &Bytes) -> bool {
         let mut recorded = self.recorded.get(&from).into_iter().flatten().rev();
         let known = recorded.find(|it| it.datagram == datagram);
-        known.is_some_and(|it| it.heard_by.contains(by))
+        known.is_some_and(|it| it.admitted_by.contains(by))
     }
 
-    /// What was recorded of a sender, oldest first.
+    /// The recorded frames of a sender, oldest first.
     pub(super) fn recorded(&self, from: NodeId) -> Vec<Bytes> {
         let recorded = self.recorded.get(&from).into_iter().flatten();
         recorded.map(|it| it.datagram.clone()).collect()
     }
 
-    /// Frames in the name of a drone that it never sent, made from the last that it did.
+    /// Forged frames in the name of a drone, made from its last one.
     pub(super) fn forgeries(&mut self, of: NodeId) -> Vec<Bytes> {
         let last = self.recorded.get(&of).and_then(VecDeque::back);
         let Some(last) = last.map(|it| it.datagram.clone()) else {
@@ -197,7 +200,7 @@ impl Tampering {
             incarnation: frame.header.incarnation + 1,
             ..usurped
         };
-        // A drone of another swarm, none of those here, signs what it says under a number that this swarm has too.
+        // A drone of a swarm that is not here signs a frame under a number that this swarm has too.
         let neighbour = Header {
             swarm: SwarmId(u32::MAX),
             ..usurped
@@ -221,7 +224,7 @@ impl Tampering {
     }
 }
 
-/// The same with a bit of it turned; so is one of its authenticator, since that of a simulation covers nothing.
+/// The frame with one bit flipped, and one of its authenticator, since a simulated authenticator covers nothing.
 fn altered(datagram: &Bytes, rng: &mut ChaCha8Rng) -> Bytes {
     let mut bytes = datagram.to_vec();
     let covered = bytes.len().saturating_sub(AUTHENTICATOR_LEN);
@@ -234,7 +237,7 @@ fn altered(datagram: &Bytes, rng: &mut ChaCha8Rng) -> Bytes {
     bytes.into()
 }
 
-/// How long after the first the `index`th of many frames that are sent again, or made up, arrives.
+/// When the `index`th of several replayed or forged frames arrives.
 pub(super) fn paced(now: Timestamp, index: u32) -> Timestamp {
     now + Duration::from_millis(10) * index
 }
@@ -246,7 +249,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_two_faults_alter_is_not_what_it_was() {
+    fn a_frame_altered_twice_is_not_intact() {
         let corrupts = Tampered {
             from: None,
             how: Distortion::Corrupt,
@@ -258,8 +261,8 @@ mod tests {
         tampering.begin(1, corrupts);
         let sent = Bytes::from(vec![0; AUTHENTICATOR_LEN + 1]);
         for _ in 0..10_000 {
-            let (passage, twin) = tampering.pass(Some(NodeId(0)), sent.clone());
-            assert_eq!((passage.origin, twin), (Origin::Spurious, None));
+            let (passage, duplicate) = tampering.pass(Some(NodeId(0)), sent.clone());
+            assert_eq!((passage.origin, duplicate), (Origin::Spurious, None));
             assert_ne!(passage.datagram, sent);
         }
     }

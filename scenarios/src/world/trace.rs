@@ -1,28 +1,34 @@
+//! The trace of a run.
+
 use std::fmt::{Debug, Write};
 
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
-/// What is hashed at once, in bytes: as many blocks as BLAKE3 works on side by side, and no more, for what a run touches
-/// next is to stay in the processor's caches.
+/// Bytes that are hashed at once: as many blocks as BLAKE3 processes in parallel, and no more, to leave the processor's
+/// caches to the run.
 const BUFFER_MAX: usize = 16 * 1_024;
 
-/// Of a frame that arrives, how many bytes are hashed: what tells whose it is, and which, lies within these as a rule, and
-/// all of it was hashed when it was sent.
+/// Bytes of an arriving frame that are hashed. They usually hold its sender and number; the whole frame was hashed when it
+/// was sent.
 pub(super) const HEADING_LEN: usize = 16;
 
-/// A running BLAKE3 of everything that can be observed of a run: equal runs have equal traces.
+/// A running BLAKE3 hash of all observations of a run: equal runs have equal traces.
 ///
-/// What was observed is hashed in the order in which it happened, each with its time, its drone and its kind.
-/// Checkpoints, being a drone's own affair, and authenticators, so that it does not matter which is used, are not.
+/// Observations are hashed in their order, each with its time, drone and kind. Checkpoints are left out, being internal to a
+/// drone; so are authenticators, so that the trace does not depend on the one in use.
+///
+/// Invariant: the hash covers what `hasher` has taken, followed by `bytes`.
 #[derive(Debug)]
 pub(crate) struct Trace {
     hasher: blake3::Hasher,
+    /// Memory to print values, used again.
     buffer: String,
+    /// What has yet to be hashed.
     bytes: Vec<u8>,
 }
 
-/// What kind of thing was observed.
+/// The kind of an observation. Its number is hashed: new kinds are added at the end.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Kind {
     Sent,
@@ -41,7 +47,7 @@ pub(crate) enum Kind {
     Fell,
     Stopped,
     Hung,
-    WentOn,
+    Resumed,
     Skewed,
 }
 
@@ -54,9 +60,10 @@ impl Trace {
         }
     }
 
+    /// Adds an observation.
     pub(crate) fn bytes(&mut self, now: Timestamp, drone: NodeId, kind: Kind, bytes: &[u8]) {
-        let len = u32::try_from(bytes.len())
-            .expect("what is observed is no longer than a datagram or a line");
+        let len =
+            u32::try_from(bytes.len()).expect("an observation is at most a datagram or a line");
         let mut head = [0; 8 + 4 + 1 + 4];
         head[..8].copy_from_slice(&now.as_nanos().to_le_bytes());
         head[8..12].copy_from_slice(&drone.0.to_le_bytes());
@@ -70,7 +77,7 @@ impl Trace {
         }
     }
 
-    /// For what is rare: as it prints.
+    /// Adds a rare observation, as it prints.
     pub(crate) fn value(&mut self, now: Timestamp, drone: NodeId, kind: Kind, value: &impl Debug) {
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();

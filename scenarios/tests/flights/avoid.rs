@@ -1,4 +1,4 @@
-//! Drones that say where they are and go, and give way to each other.
+//! Deconfliction: drones report position and destination, and give way.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -11,24 +11,27 @@ fn flown(name: &str, avoid: bool) -> Report {
 }
 
 #[test]
-fn whoever_is_behind_one_that_does_not_go_waits_for_it() {
+fn drone_behind_a_blocked_drone_waits() {
     let scenario = scenario("give-way.toml", &[]);
     let report = fly(&scenario, Engine::Events);
     assert_eq!(report.violations, []);
     assert!(report.mission_completed);
     assert_eq!(fly(&scenario, Engine::Actors).trace, report.trace);
-    let heedless = flown("give-way.toml", false);
-    assert_eq!(heedless.violations[0].rule, 4, "the others fly through it");
+    let without = flown("give-way.toml", false);
+    assert_eq!(
+        without.violations[0].rule, 4,
+        "the others fly through the blocked drone"
+    );
 }
 
 #[test]
-fn what_gave_way_to_nobody_broke_the_rule() {
-    let heedless = flown("found/several-lost-at-once.toml", false);
-    assert_eq!(heedless.violations[0].rule, 4);
+fn swarm_without_deconfliction_breaks_the_separation_rule() {
+    let without = flown("found/several-lost-at-once.toml", false);
+    assert_eq!(without.violations[0].rule, 4);
 }
 
 #[test]
-fn where_nothing_goes_wrong_giving_way_takes_no_time_and_few_frames() {
+fn deconfliction_without_faults_costs_no_time_and_few_frames() {
     for name in [
         "thesis-1.toml",
         "thesis-2.toml",
@@ -49,6 +52,6 @@ fn where_nothing_goes_wrong_giving_way_takes_no_time_and_few_frames() {
         let sent =
             |report: &Report| -> u64 { report.drones.iter().map(|it| it.messages_sent).sum() };
         let more = sent(&with).saturating_sub(sent(&without)) / with.drones.len() as u64;
-        assert!(more < 150, "{name}: {more} frames more a drone");
+        assert!(more < 150, "{name}: {more} more frames per drone");
     }
 }

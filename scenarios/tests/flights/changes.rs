@@ -1,4 +1,4 @@
-//! Changes of formation in flight, through altitude sectors.
+//! Changes of formation in flight, through altitude layers.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -16,7 +16,7 @@ fn assert_changed(report: &Report, what: &str) {
 }
 
 #[test]
-fn nine_drones_change_from_each_formation_to_each_other_one_and_back() {
+fn nine_drones_change_between_all_pairs_of_formations() {
     let scenario = scenario("shake-up.toml", &[]);
     let formations = std::iter::once(&*scenario.plan.layout)
         .chain(scenario.plan.changes.iter().map(|change| change.layout()))
@@ -28,7 +28,7 @@ fn nine_drones_change_from_each_formation_to_each_other_one_and_back() {
         .collect();
     pairs.sort_unstable();
     pairs.dedup();
-    assert_eq!(pairs.len(), 42, "each of seven to each of the six others");
+    assert_eq!(pairs.len(), 42, "seven formations to six others each");
     let actors = fly(&scenario, Engine::Actors);
     assert_eq!(actors.changes.len(), 42);
     assert_changed(&actors, "shake-up");
@@ -36,7 +36,7 @@ fn nine_drones_change_from_each_formation_to_each_other_one_and_back() {
 }
 
 #[test]
-fn losses_delay_changes_and_bring_nobody_close() {
+fn frame_loss_delays_changes_but_keeps_separation() {
     for seed in 0..5 {
         let fields = ["radio.loss=0.3", &format!("seed={seed}")];
         let report = fly(&scenario("shake-up.toml", &fields), Engine::Events);
@@ -44,13 +44,13 @@ fn losses_delay_changes_and_bring_nobody_close() {
     }
 }
 
-const ON_THE_WAY: &str = r#"changes=[
+const CHANGES: &str = r#"changes=[
     { waypoint = 0, kind = "circular", spacing_m = 60 }, { waypoint = 2, kind = "split-up", clusters = 3 },
     { waypoint = 2, kind = "compact-matrix", heading_deg = 30 }, { waypoint = 7, kind = "random", seed = 5 },
 ]"#;
 
 #[test]
-fn changes_are_made_where_they_are_asked_for_whatever_the_number_of_drones() {
+fn changes_take_place_at_their_waypoints_for_any_swarm_size() {
     for drones in [4, 9, 16, 30] {
         for policy in ["flood", "tree"] {
             let fields = [
@@ -60,7 +60,7 @@ fn changes_are_made_where_they_are_asked_for_whatever_the_number_of_drones() {
                 "formation.spacing_m=40",
                 "limits.altitude_max_m=400",
                 "formation.kind=compact-mesh",
-                ON_THE_WAY,
+                CHANGES,
             ];
             let report = fly(&scenario("thesis-1.toml", &fields), Engine::Events);
             let what = format!("{drones} drones, {policy}");
@@ -73,13 +73,14 @@ fn changes_are_made_where_they_are_asked_for_whatever_the_number_of_drones() {
 }
 
 #[test]
-fn a_change_goes_on_when_any_actor_fails_in_the_middle_of_it() {
+fn change_completes_if_an_actor_crashes_during_it() {
     for actor in ["radio", "routing", "mission", "navigation", "msp"] {
         for drone in [0, 4] {
             // The third change lasts from 148 to 182 s.
             for at_s in [150, 160, 172] {
-                let fault =
-                    format!("faults=[{{ at_s = {at_s}, crash = {drone}, actor = \"{actor}\" }}]");
+                let fault = format!(
+                    "faults=[{{ at_s = {at_s}, kind = \"crash-actor\", drone = {drone}, actor = \"{actor}\" }}]"
+                );
                 let report = fly(&scenario("shake-up.toml", &[&fault]), Engine::Events);
                 assert_changed(&report, &fault);
             }
@@ -88,8 +89,8 @@ fn a_change_goes_on_when_any_actor_fails_in_the_middle_of_it() {
 }
 
 #[test]
-fn ways_that_a_change_of_formation_breaks_are_not_relied_on_afterwards() {
-    // All hear each other until they are in line.
+fn routes_broken_by_a_change_are_replaced() {
+    // All drones are in range of each other until the change to a line.
     let change = r#"changes=[{ waypoint = 1, kind = "linear" }]"#;
     let fields = [
         change,
@@ -107,7 +108,7 @@ fn ways_that_a_change_of_formation_breaks_are_not_relied_on_afterwards() {
 }
 
 #[test]
-fn a_swarm_may_change_formation_before_it_follows_its_master() {
+fn swarm_changes_formation_before_following_its_master() {
     let changes = r#"changes=[{ waypoint = 0, kind = "regular-matrix", spacing_m = 140 }]"#;
     let report = fly(&scenario("follow.toml", &[changes]), Engine::Events);
     assert_changed(&report, changes);

@@ -1,4 +1,4 @@
-//! The ancestor's nine defects: with the guard against one of them taken out, the test of a shipped scenario fails.
+//! The ancestor's nine defects: with a defect planted, the test of a shipped scenario fails.
 
 use std::panic::catch_unwind;
 
@@ -8,25 +8,32 @@ use muster_scenarios::engine::Engine;
 use crate::support::{fly, scenario};
 use crate::{election, faults, shipped};
 
-/// Without that guard the test fails and says all of this; with it, it is one of the tests that pass.
-fn assert_found(flaw: Flaw, test: fn(), says: &[&str]) {
+/// Checks that the test fails with the planted flaw, and that its message contains all of `expected`.
+fn assert_found(flaw: Flaw, test: fn(), expected: &[&str]) {
     let _planted = plant(flaw);
     let Err(panic) = catch_unwind(test) else {
-        panic!("{flaw:?} is not found");
+        panic!("{flaw:?} is not detected");
     };
-    let said = panic.downcast_ref::<String>().map_or("", String::as_str);
-    let is_said = says.iter().all(|it| said.contains(it));
-    assert!(is_said, "{flaw:?} is found otherwise: {said}");
+    let message = panic.downcast_ref::<String>().map_or("", String::as_str);
+    let is_complete = expected.iter().all(|it| message.contains(it));
+    assert!(
+        is_complete,
+        "{flaw:?} is detected with another message: {message}"
+    );
 }
 
 #[test]
-fn defect_1_nobody_takes_over_from_a_master_that_hangs() {
+fn defect_1_hung_master_is_not_replaced() {
     assert_found(
-        Flaw::LeavesWhatFails,
-        shipped::a_master_whose_mission_hangs_is_mended_and_goes_on,
-        &["hung-mission", "rule: 1", "obeys drone 3, which no link"],
+        Flaw::IgnoresFailedActors,
+        shipped::master_with_a_hung_mission_actor_recovers,
+        &[
+            "hung-mission",
+            "rule: 1",
+            "follows drone 3, which is not in its segment",
+        ],
     );
-    // Nor if it is never found out.
+    // Without a watchdog, no election starts.
     let unwatched = scenario("hung-mission.toml", &["limits.hang_ms=3600000"]);
     let report = fly(&unwatched, Engine::Events);
     let broken: Vec<_> = report.violations.iter().map(|it| it.rule).collect();
@@ -34,100 +41,99 @@ fn defect_1_nobody_takes_over_from_a_master_that_hangs() {
 }
 
 #[test]
-fn defect_2_the_master_goes_on_without_whoever_came_back() {
+fn defect_2_master_does_not_wait_for_a_returned_drone() {
     assert_found(
-        Flaw::OverlooksWhoReturns,
-        shipped::a_drone_that_returns_is_waited_for,
+        Flaw::IgnoresReturnedMembers,
+        shipped::master_waits_for_a_returned_drone,
         &["returning-drone", "rule: 3, ", "drones: [6]"],
     );
 }
 
 #[test]
-fn defect_3_two_masters_that_meet_are_both_obeyed() {
-    for (flaw, says) in [
+fn defect_3_two_masters_that_meet_both_stay_master() {
+    for (flaw, expected) in [
         (
             Flaw::NeverStepsDown,
             ["cut-in-two", "rule: 1", "of term 2 and drone 3"],
         ),
         (
-            Flaw::ObeysAnyMaster,
-            ["cut-two-apart", "rule: 1", "which is no better"],
+            Flaw::FollowsAnyBallot,
+            ["cut-two-apart", "rule: 1", "which is not better"],
         ),
     ] {
-        let test = shipped::swarms_that_meet_again_are_one_and_all_fly_every_waypoint;
-        assert_found(flaw, test, &says);
+        let test = shipped::segments_merge_and_all_drones_fly_every_waypoint;
+        assert_found(flaw, test, &expected);
     }
 }
 
 #[test]
-fn defect_4_another_swarm_is_obeyed() {
+fn defect_4_orders_of_another_swarm_are_accepted() {
     for (flaw, test, scenario) in [
         (
-            Flaw::HeedsOtherSwarms,
-            shipped::two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_else
-                as fn(),
+            Flaw::AcceptsOtherSwarms,
+            shipped::two_passing_swarms_each_follow_their_own_master as fn(),
             "two-swarms",
         ),
         (
-            Flaw::BelievesAnySender,
-            shipped::nobody_heeds_strangers_and_other_swarms,
+            Flaw::SkipsSignatureCheck,
+            shipped::frames_of_strangers_and_other_swarms_are_dropped,
             "other-swarm",
         ),
     ] {
-        assert_found(flaw, test, &[scenario, "rule: 2", "let in a frame"]);
+        assert_found(flaw, test, &[scenario, "rule: 2", "admitted a frame"]);
     }
 }
 
 #[test]
-fn defect_5_a_master_that_dies_in_flight_is_not_missed_there() {
+fn defect_5_loss_of_the_master_in_flight_is_not_detected() {
     assert_found(
-        Flaw::MissesMasterAtWaypointsOnly,
-        election::each_half_of_the_line_elects_a_master_and_flies_on,
-        &["rule: 1", "obeys drone 7, which no link leads to"],
+        Flaw::DetectsMasterLossAtWaypointsOnly,
+        election::each_half_of_the_line_elects_a_master_and_continues,
+        &["rule: 1", "follows drone 7, which is not in its segment"],
     );
 }
 
 #[test]
 fn defect_6_set_up_never_ends() {
     assert_found(
-        Flaw::WaitsForEver,
-        shipped::a_swarm_takes_off_without_whoever_is_dead,
-        &["dead-on-ground: not flown to its end"],
+        Flaw::WaitsForever,
+        shipped::swarm_takes_off_without_a_dead_drone,
+        &["dead-on-ground: mission not completed"],
     );
 }
 
 #[test]
-fn defect_7_all_land_on_one_point() {
-    let test = shipped::forty_drones_have_forty_places;
-    let says = ["big-matrix", "rule: 4", "0.00 m apart"];
-    assert_found(Flaw::LandsOnOnePoint, test, &says);
+fn defect_7_all_drones_land_on_one_point() {
+    let test = shipped::forty_drones_have_forty_slots;
+    let expected = ["big-matrix", "rule: 4", "0.00 m apart"];
+    assert_found(Flaw::LandsOnOnePoint, test, &expected);
 }
 
 #[test]
-fn defect_8_slots_are_shared_missing_or_too_far_out() {
-    let matrix = shipped::forty_drones_have_forty_places;
-    let clusters = shipped::clusters_without_their_master_are_swarms_of_their_own;
-    // It is found before anybody flies.
-    let says = ["big-matrix", "in lockstep", "take off: 0 m over ground"];
-    assert_found(Flaw::RepeatsPlaces, matrix, &says);
+fn defect_8_slots_are_shared_missing_or_too_far_away() {
+    let matrix = shipped::forty_drones_have_forty_slots;
+    let clusters = shipped::clusters_without_the_master_become_separate_swarms;
+    // Detected before take-off.
+    let expected = ["big-matrix", "in lockstep", "take off: 0 m over ground"];
+    assert_found(Flaw::RepeatsInnerRings, matrix, &expected);
     assert_found(Flaw::DropsRemainder, clusters, &["a slot for each drone"]);
-    let says = ["split-up-5: how many swarms"];
-    assert_found(Flaw::StretchesDiagonals, clusters, &says);
+    let expected = ["split-up-5: number of swarms"];
+    assert_found(Flaw::StretchesDiagonals, clusters, &expected);
 }
 
 #[test]
-fn defect_9_slots_go_by_number() {
-    let test = shipped::forty_drones_have_forty_places;
-    let says = ["big-matrix: waves to take off"];
-    assert_found(Flaw::TakesSlotsByNumber, test, &says);
+fn defect_9_slots_are_assigned_by_id() {
+    let test = shipped::forty_drones_have_forty_slots;
+    let expected = ["big-matrix: waves to take off"];
+    assert_found(Flaw::AssignsSlotsById, test, &expected);
 }
 
-/// None of the ancestor's, which had no counters to begin with.
+/// Not a defect of the ancestor, which had no frame counters.
 #[test]
-fn what_was_recorded_before_a_radio_was_started_anew_is_let_in() {
+fn frames_recorded_before_a_radio_restart_are_accepted() {
     assert_found(
-        Flaw::BelievesTheUnproven,
-        faults::a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_before,
-        &["rule: 2", "let in a frame"],
+        Flaw::SkipsFreshnessProof,
+        faults::restarted_radio_drops_frames_recorded_before_its_restart,
+        &["rule: 2", "admitted a frame"],
     );
 }

@@ -1,4 +1,4 @@
-//! The master is killed; whoever is left elects others, flies on, and comes down.
+//! The master is killed; the remaining drones elect new masters, continue and land.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -7,7 +7,7 @@ use crate::support::{assert_finished, fly, scenario};
 
 const ELECT: &str = "protocol.succession=elect";
 
-/// Whoever lives has flown the mission to its end.
+/// Checks that all drones but the killed ones completed the mission.
 fn assert_flown(report: &Report, killed: &[u32], what: &str) {
     assert_eq!(report.violations, [], "{what}");
     assert!(report.mission_completed, "{what}");
@@ -15,7 +15,7 @@ fn assert_flown(report: &Report, killed: &[u32], what: &str) {
 }
 
 #[test]
-pub(crate) fn each_half_of_the_line_elects_a_master_and_flies_on() {
+pub(crate) fn each_half_of_the_line_elects_a_master_and_continues() {
     for (set, loss, limit_s) in [
         ("fast", "0", 1.5),
         ("fast", "0.2", 3.0),
@@ -39,13 +39,13 @@ pub(crate) fn each_half_of_the_line_elects_a_master_and_flies_on() {
             let sent = report.drones[0].messages_sent;
             let frames = u32::try_from(sent).unwrap();
             let rate = f64::from(frames) / report.drones[0].flight_time_s.unwrap();
-            assert!(rate <= 12.0, "{fields:?}: {rate} frames a second");
+            assert!(rate <= 12.0, "{fields:?}: {rate} frames per second");
         }
     }
 }
 
 #[test]
-fn nobody_is_elected_where_nobody_is_missed() {
+fn no_election_without_a_lost_master() {
     for set in ["fast", "quiet"] {
         for loss in ["0", "0.2"] {
             for seed in 0..3 {
@@ -64,9 +64,9 @@ fn nobody_is_elected_where_nobody_is_missed() {
 }
 
 #[test]
-fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
+fn master_killed_at_any_time_is_replaced_under_both_policies() {
     for policy in ["flood", "tree"] {
-        // Set-up, take-off, in its slot, discovery, hop update, legs and waypoints, the way to land.
+        // Set-up, take-off, in its slot, discovery, hop update, legs and waypoints, moving to land.
         for at_s in [
             0.3, 5.0, 40.0, 58.0, 62.0, 66.5, 80.0, 111.6, 112.0, 300.0, 420.0, 440.0,
         ] {
@@ -74,7 +74,7 @@ fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
                 &*format!("protocol.policy={policy}"),
                 "protocol.liveness=heartbeat",
                 ELECT,
-                &*format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]"),
+                &*format!("faults=[{{ at_s = {at_s}, kind = \"kill\", drone = \"master\" }}]"),
             ];
             let scenario = scenario("thesis-1.toml", &fields);
             let report = fly(&scenario, Engine::Events);
@@ -90,15 +90,15 @@ fn a_master_killed_at_any_time_is_replaced_by_either_policy() {
 }
 
 #[test]
-fn a_master_and_its_successor_killed_one_after_the_other_are_both_replaced() {
-    let faults = r#"faults=[{ at_s = 150, kill = "master" }, { at_s = 150.1, kill = 6 }]"#;
+fn master_and_successor_killed_in_sequence_are_both_replaced() {
+    let faults = r#"faults=[{ at_s = 150, kind = "kill", drone = "master" }, { at_s = 150.1, kind = "kill", drone = 6 }]"#;
     let report = fly(&scenario("election-line.toml", &[faults]), Engine::Events);
     assert_flown(&report, &[6, 7], faults);
     assert_eq!(report.elections[0].masters, [5, 8]);
 }
 
 #[test]
-fn clusters_whose_master_is_killed_are_swarms_with_masters_of_their_own() {
+fn clusters_that_lost_the_master_elect_one_master_each() {
     for clusters in [2, 3, 5] {
         let fields = [
             "formation.kind=split-up",
@@ -106,7 +106,7 @@ fn clusters_whose_master_is_killed_are_swarms_with_masters_of_their_own() {
             "formation.drones=16",
             "formation.spacing_m=60",
             "limits.altitude_max_m=300",
-            r#"faults=[{ at_s = 150, kill = "master" }]"#,
+            r#"faults=[{ at_s = 150, kind = "kill", drone = "master" }]"#,
         ];
         let report = fly(&scenario("election-line.toml", &fields), Engine::Events);
         assert_flown(&report, &[0], &format!("{clusters} clusters"));
@@ -116,13 +116,13 @@ fn clusters_whose_master_is_killed_are_swarms_with_masters_of_their_own() {
 }
 
 #[test]
-fn a_swarm_that_changes_formation_or_follows_its_master_elects_another_too() {
+fn election_works_during_a_formation_change_and_while_following() {
     for at_s in [150, 160, 172] {
-        let fault = format!("faults=[{{ at_s = {at_s}, kill = \"master\" }}]");
+        let fault = format!("faults=[{{ at_s = {at_s}, kind = \"kill\", drone = \"master\" }}]");
         let report = fly(&scenario("shake-up.toml", &[ELECT, &fault]), Engine::Events);
         assert_flown(&report, &[4], &fault);
     }
-    let fault = r#"faults=[{ at_s = 200, kill = "master" }]"#;
+    let fault = r#"faults=[{ at_s = 200, kind = "kill", drone = "master" }]"#;
     let report = fly(&scenario("follow.toml", &[ELECT, fault]), Engine::Events);
     assert_eq!(report.violations, []);
     for drone in report.drones.iter().filter(|drone| drone.id != 7) {
@@ -132,11 +132,14 @@ fn a_swarm_that_changes_formation_or_follows_its_master_elects_another_too() {
 }
 
 #[test]
-fn ten_masters_killed_one_after_another_in_a_grid_are_each_replaced_and_the_others_fly_on() {
+fn ten_masters_killed_in_sequence_in_a_grid_are_all_replaced() {
     let scenario = scenario("scale/grid-10000.toml", &["formation.drones=64"]);
     let report = fly(&scenario, Engine::Events);
     assert_eq!(report.violations, []);
-    assert!(report.mission_completed, "for whoever is left");
+    assert!(
+        report.mission_completed,
+        "the remaining drones complete the mission"
+    );
     assert_eq!(report.elections.len(), 10);
     for election in &report.elections {
         assert!(election.settled_after_s.is_some(), "{election:?}");

@@ -1,4 +1,4 @@
-//! Same scenario, same seed: the same trace on both engines, whatever fails.
+//! Both engines give the same trace for a scenario and a seed, under all faults.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ fn on_both_engines(scenario: &Scenario) -> Report {
     assert_eq!(
         fly(scenario, Engine::Actors).trace,
         actors.trace,
-        "actors are not repeatable"
+        "the actors engine is not deterministic"
     );
     actors
 }
@@ -38,7 +38,7 @@ fn assert_all_finished(report: &Report) {
 }
 
 #[test]
-fn both_engines_fly_the_shipped_scenarios_alike() {
+fn both_engines_agree_on_the_shipped_scenarios() {
     for experiment in 1..=5 {
         let name = &format!("thesis-{experiment}.toml");
         assert_all_finished(&on_both_engines(&scenario(name, &[])));
@@ -46,7 +46,7 @@ fn both_engines_fly_the_shipped_scenarios_alike() {
 }
 
 #[test]
-fn both_engines_send_frames_for_one_drone_alike() {
+fn both_engines_agree_on_unicasts() {
     for name in ["barrier-line.toml", "barrier-mesh.toml", "relay.toml"] {
         for loss in ["radio.loss=0", "radio.loss=0.3"] {
             assert_all_finished(&on_both_engines(&scenario(name, &[loss])));
@@ -57,13 +57,13 @@ fn both_engines_send_frames_for_one_drone_alike() {
 }
 
 #[test]
-fn both_engines_agree_under_loss() {
+fn both_engines_agree_under_frame_loss() {
     let lossy = scenario("thesis-1.toml", &["radio.loss=0.2", "formation.drones=7"]);
     assert_all_finished(&on_both_engines(&lossy));
 }
 
 #[test]
-fn both_engines_agree_on_a_medium_that_fades_and_is_shared() {
+fn both_engines_agree_on_a_shared_fading_medium() {
     let radio = [
         "radio.medium=csma",
         "radio.model=nakagami",
@@ -77,7 +77,7 @@ fn both_engines_agree_on_a_medium_that_fades_and_is_shared() {
 }
 
 #[test]
-fn both_engines_agree_on_losses_in_bursts() {
+fn both_engines_agree_on_burst_losses() {
     let bursts = ["radio.burst_every_ms=380", "radio.burst_ms=20"];
     for medium in ["radio.medium=ideal", "radio.medium=csma"] {
         let trace = |fields: &[&str]| {
@@ -88,18 +88,17 @@ fn both_engines_agree_on_losses_in_bursts() {
         let report = on_both_engines(&bursty);
         assert_all_finished(&report);
         assert_ne!(report.trace, trace(&[]));
-        let in_vain = [bursts[0], bursts[1], "radio.burst_loss=0"];
-        assert_eq!(trace(&in_vain), trace(&[]), "something is drawn");
+        let lossless = [bursts[0], bursts[1], "radio.burst_loss=0"];
+        assert_eq!(trace(&lossless), trace(&[]), "a random draw changed");
     }
 }
 
 #[test]
-fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
+fn trace_depends_on_the_seed_only_through_random_draws() {
     let trace =
         |overrides: &[&str]| fly(&scenario("thesis-1.toml", overrides), Engine::Events).trace;
     assert_ne!(trace(&["seed=1"]), trace(&["seed=2"]));
-    // One drone hears nobody and its own phase is all that the seed decides; on the ground before
-    // it is told to fly nothing has been drawn at all.
+    // A single drone draws only its own phase. Before the take-off order nothing is drawn.
     let nothing_drawn = |seed: &str| {
         let mut scenario = scenario("thesis-1.toml", &[seed, "formation.drones=1"]);
         scenario.plan.limits.duration = Duration::from_nanos(1);
@@ -109,7 +108,7 @@ fn another_seed_gives_another_trace_and_without_any_lots_it_gives_the_same() {
 }
 
 #[test]
-fn a_panic_in_any_actor_of_a_flying_drone_is_mended_and_the_mission_completes() {
+fn mission_completes_after_a_panic_in_any_actor() {
     for actor in Address::ALL {
         for drone in [0, 2] {
             let mut scenario = scenario("thesis-1.toml", &[]);
@@ -122,8 +121,8 @@ fn a_panic_in_any_actor_of_a_flying_drone_is_mended_and_the_mission_completes() 
 }
 
 #[test]
-fn panics_in_all_five_one_after_another_are_mended_in_every_phase() {
-    // On the ground, taking off, in discovery, in hop update, at a waypoint, on a leg, going to land, landing.
+fn mission_completes_after_panics_in_all_actors_in_any_phase() {
+    // On the ground, taking off, in discovery, in hop update, at a waypoint, on a leg, moving to land, landing.
     for from_s in [0.1, 20.0, 52.0, 59.1, 60.5, 150.0, 391.0, 410.0] {
         for drone in [1, 2] {
             let mut scenario = scenario("thesis-1.toml", &[]);
@@ -139,14 +138,14 @@ fn panics_in_all_five_one_after_another_are_mended_in_every_phase() {
 }
 
 #[test]
-fn panics_in_all_five_at_one_instant_are_mended() {
+fn mission_completes_after_simultaneous_panics_in_all_actors() {
     let mut scenario = scenario("thesis-1.toml", &[]);
     scenario.faults = Address::ALL.map(|actor| crash(150.0, 2, actor)).into();
     assert_all_finished(&on_both_engines(&scenario));
 }
 
 #[test]
-fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
+fn drone_over_its_restart_limit_lands_and_the_others_continue() {
     for actor in Address::ALL {
         let mut scenario = scenario("thesis-1.toml", &[]);
         scenario.faults = (0..6)
@@ -158,7 +157,7 @@ fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
         assert_eq!(given_up.restarts, 5, "{actor}");
         assert!(
             given_up.flight_time_s.unwrap() < 200.0,
-            "{actor}: it landed where it was"
+            "{actor}: it landed at once"
         );
         for drone in others {
             assert_eq!(drone.state, "finished", "{actor}, drone {}", drone.id);
@@ -167,13 +166,13 @@ fn beyond_the_intensity_limit_a_drone_lands_and_the_others_fly_on() {
         let waited = report.barriers.iter().map(|it| it.moving_s - it.arrived_s);
         assert!(
             waited.fold(0.0, f64::max) < 8.0,
-            "{actor}: nobody waits longer than a time to live"
+            "{actor}: a barrier waits at most a member's time to live"
         );
     }
 }
 
 #[test]
-fn a_drone_is_landed_even_if_its_actors_fail_while_others_of_it_are_down() {
+fn drone_over_its_restart_limit_lands_while_another_actor_restarts() {
     for (first, last) in [
         (Address::Msp, Address::Navigation),
         (Address::Routing, Address::Mission),
@@ -194,7 +193,7 @@ fn a_drone_is_landed_even_if_its_actors_fail_while_others_of_it_are_down() {
 }
 
 #[test]
-fn a_member_lost_before_its_master_s_routing_restarts_holds_nobody_up() {
+fn member_lost_before_a_routing_restart_does_not_block_barriers() {
     let mut scenario = scenario("thesis-1.toml", &["formation.drones=3"]);
     scenario.faults = (0..6)
         .map(|index| crash(150.0 + 0.3 * f64::from(index), 0, Address::Mission))
@@ -206,7 +205,7 @@ fn a_member_lost_before_its_master_s_routing_restarts_holds_nobody_up() {
 }
 
 #[test]
-fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
+fn all_drones_land_if_the_master_is_over_its_restart_limit() {
     for actor in Address::ALL {
         let mut scenario = scenario("thesis-1.toml", &[]);
         scenario.faults = (0..6)
@@ -225,22 +224,27 @@ fn a_master_beyond_the_intensity_limit_brings_all_down_safely() {
 }
 
 #[test]
-fn drones_out_of_reach_of_their_master_land_where_none_is_elected_and_it_flies_on_alone() {
+fn drones_out_of_range_land_without_elections_and_the_master_continues() {
     for liveness in ["protocol.liveness=thesis", "protocol.liveness=heartbeat"] {
         let fields = ["radio.range_m=100", liveness, "protocol.succession=land"];
         let report = on_both_engines(&scenario("thesis-1.toml", &fields));
         assert_eq!(report.violations, []);
         for drone in &report.drones {
-            let alone = drone.id != 2;
+            let out_of_range = drone.id != 2;
             assert_eq!(drone.state, "finished");
-            assert_eq!(drone.landed_because.is_some(), alone, "drone {}", drone.id);
+            assert_eq!(
+                drone.landed_because.is_some(),
+                out_of_range,
+                "drone {}",
+                drone.id
+            );
         }
         assert_eq!(report.barriers.len(), 8);
     }
 }
 
 #[test]
-fn half_the_frames_lost_delay_the_mission_and_break_no_rule() {
+fn half_of_the_frames_lost_break_no_rule() {
     for seed in 0..5 {
         let seed = format!("seed={seed}");
         let lossy = ["radio.loss=0.5", "protocol.liveness=heartbeat", &seed];
@@ -250,18 +254,19 @@ fn half_the_frames_lost_delay_the_mission_and_break_no_rule() {
 }
 
 #[test]
-fn a_watcher_is_told_once_a_second_and_sees_the_end() {
+fn watcher_is_called_once_per_second_until_the_end() {
     let scenario = scenario("thesis-1.toml", &[]);
     for engine in [Engine::Actors, Engine::Events] {
         let (sender, receiver) = std::sync::mpsc::channel();
         let watcher = Box::new(move |progress| sender.send(progress).unwrap());
         let (report, _) = muster_scenarios::engine::run(&scenario, engine, Some(watcher)).unwrap();
-        let told: Vec<_> = receiver.iter().collect();
+        let updates: Vec<_> = receiver.iter().collect();
         assert!(
-            told.windows(2)
+            updates
+                .windows(2)
                 .all(|pair| pair[0].simulated_s < pair[1].simulated_s)
         );
-        let last = told[told.len() - 1];
+        let last = updates[updates.len() - 1];
         let ended = Duration::from_secs_f64(report.simulated_s).as_secs();
         assert!(ended - last.simulated_s <= 1, "{engine}");
         assert!(last.done >= last.total - 1, "{engine}: {last:?}");

@@ -1,11 +1,11 @@
-//! Whatever goes wrong with links, frames, processes and clocks, the swarm flies on and no rule is broken.
+//! Faults of links, frames, processes and clocks: the swarm continues and breaks no rule.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
 use crate::support::{assert_finished, fly, masters, scenario};
 
-/// Seven in line, on a short mission, with other faults than its own; both engines fly it alike.
+/// Runs seven drones in line on a short mission with these faults; checks that both engines agree.
 fn fly_with(faults: &str) -> Report {
     fly_seed_with(1, faults)
 }
@@ -25,34 +25,34 @@ fn fly_seed_with(seed: u64, faults: &str) -> Report {
 }
 
 #[test]
-fn a_process_that_restarts_rejoins_the_swarm_from_its_journal() {
+fn restarted_process_rejoins_the_swarm_from_its_journal() {
     for seed in 0..20 {
-        let report = fly_seed_with(seed, "{ at_s = 70, restart = 1 }");
+        let report = fly_seed_with(seed, "{ at_s = 70, kind = \"restart\", drone = 1 }");
         assert_finished(&report, &[], &format!("seed {seed}"));
-        // Drone 0 hears nobody else, and bears its silence: the master leads on.
+        // Drone 0 hears only drone 1 and waits for it: the master stays.
         assert_eq!(masters(&report), [[3]], "seed {seed}");
     }
-    let report = fly_with(r#"{ at_s = 70, restart = "master" }"#);
+    let report = fly_with(r#"{ at_s = 70, kind = "restart", drone = "master" }"#);
     assert_finished(&report, &[], "the master restarts");
-    // Each part has its own, and parts that meet are one.
+    // Each segment elects a master; merged segments have one.
     let masters = masters(&report);
     assert_eq!((masters.len(), &masters[0]), (2, &vec![2, 4]));
     assert_eq!(masters[1].len(), 1, "{masters:?}");
 }
 
 #[test]
-fn an_aircraft_that_falls_over_on_the_ground_keeps_nobody_there() {
-    let faults = "{ at_s = 0, crash_aircraft = 6 }";
+fn aircraft_crashed_on_the_ground_does_not_block_the_take_off() {
+    let faults = "{ at_s = 0, kind = \"crash-aircraft\", drone = 6 }";
     let report = fly_with(faults);
     assert!(report.drones[..6].iter().all(|it| it.state == "finished"));
 }
 
 #[test]
-fn a_process_that_restarts_on_the_ground_stays_there() {
-    // With the mission, before the take-off; and after its controller has brought it down.
+fn process_restarted_on_the_ground_stays_there() {
+    // With the mission before take-off, and after its flight controller landed it.
     for faults in [
-        "{ at_s = 0.01, restart = 5 }",
-        "{ at_s = 70, kill = 5 }, { at_s = 120, restart = 5 }",
+        "{ at_s = 0.01, kind = \"restart\", drone = 5 }",
+        "{ at_s = 70, kind = \"kill\", drone = 5 }, { at_s = 120, kind = \"restart\", drone = 5 }",
     ] {
         let report = fly_with(faults);
         assert!(report.drones[5].landed_because.is_some(), "{faults}");
@@ -61,27 +61,27 @@ fn a_process_that_restarts_on_the_ground_stays_there() {
 }
 
 #[test]
-fn what_hangs_is_found_out_and_the_swarm_flies_on() {
+fn hung_actors_and_processes_are_detected_and_the_swarm_continues() {
     for faults in [
-        r#"{ at_s = 70, hang = "master", actor = "radio" }"#,
-        r#"{ at_s = 70, hang = "master", actor = "routing" }"#,
-        r#"{ at_s = 70, hang = "master", actor = "mission" }"#,
-        r#"{ at_s = 70, hang = "master", actor = "navigation" }"#,
-        r#"{ at_s = 70, hang = "master", actor = "msp" }"#,
-        r#"{ at_s = 70, hang = "master" }"#,
-        "{ at_s = 70, hang = 2, for_s = 1.5 }",
-        r#"{ when = "taking-off", after_s = 5, hang = 4, for_s = 2 }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master", actor = "radio" }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master", actor = "routing" }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master", actor = "mission" }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master", actor = "navigation" }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master", actor = "msp" }"#,
+        r#"{ at_s = 70, kind = "hang", drone = "master" }"#,
+        "{ at_s = 70, kind = \"hang\", drone = 2, for_s = 1.5 }",
+        r#"{ when = "taking-off", after_s = 5, kind = "hang", drone = 4, for_s = 2 }"#,
     ] {
         assert_finished(&fly_with(faults), &[], faults);
     }
 }
 
 #[test]
-fn a_swarm_that_is_cut_in_two_is_two_swarms_and_one_again_once_it_is_healed() {
+fn partitioned_swarm_splits_and_merges_after_the_partition() {
     for faults in [
-        "{ at_s = 70, cut = [2, 3], for_s = 20 }",
-        "{ at_s = 70, one_way = [3, 2], for_s = 20 }",
-        "{ at_s = 60, cut = [[0, 1, 2], [3, 4]] }, { at_waypoint = 2, heal = [2, 3] }",
+        "{ at_s = 70, kind = \"cut\", links = [2, 3], for_s = 20 }",
+        "{ at_s = 70, kind = \"one-way\", links = [3, 2], for_s = 20 }",
+        "{ at_s = 60, kind = \"cut\", links = [[0, 1, 2], [3, 4]] }, { at_waypoint = 2, kind = \"heal\", links = [2, 3] }",
     ] {
         let report = fly_with(faults);
         assert_finished(&report, &[], faults);
@@ -93,33 +93,38 @@ fn a_swarm_that_is_cut_in_two_is_two_swarms_and_one_again_once_it_is_healed() {
 }
 
 #[test]
-fn a_jammed_swarm_flies_on_in_parts() {
-    let faults = "{ at_s = 66, jam = { north_m = 150, east_m = 0, radius_m = 80 }, for_s = 10 }";
+fn jammed_swarm_continues_in_segments() {
+    let faults =
+        "{ at_s = 66, kind = \"jam\", north_m = 150, east_m = 0, radius_m = 80, for_s = 10 }";
     assert_finished(&fly_with(faults), &[], faults);
 }
 
 #[test]
-fn the_others_fly_on_without_an_aircraft_that_fell() {
-    let faults = r#"{ when = "taking-off", after_s = 65, crash_aircraft = "master" }"#;
+fn the_others_continue_after_an_aircraft_crash() {
+    let faults =
+        r#"{ when = "taking-off", after_s = 65, kind = "crash-aircraft", drone = "master" }"#;
     let report = fly_with(faults);
     assert_finished(&report, &[3], faults);
     assert!(report.drones[3].state.starts_with("fell while"));
 }
 
 #[test]
-fn nothing_that_is_done_to_frames_is_obeyed() {
+fn corrupted_replayed_and_forged_frames_are_dropped() {
     for (faults, reason) in [
         (
-            r#"{ at_s = 50, corrupt = "all", share = 0.2, for_s = 100 }"#,
+            r#"{ at_s = 50, kind = "corrupt", from = "all", share = 0.2, for_s = 100 }"#,
             "forged",
         ),
         (
-            r#"{ at_s = 50, duplicate = "all", for_s = 100 }"#,
+            r#"{ at_s = 50, kind = "duplicate", from = "all", for_s = 100 }"#,
             "replayed",
         ),
-        (r#"{ at_s = 70, replay = "master" }"#, "replayed"),
         (
-            r#"{ at_s = 50, forge = "master", times = 100, every_s = 0.1 }"#,
+            r#"{ at_s = 70, kind = "replay", drone = "master" }"#,
+            "replayed",
+        ),
+        (
+            r#"{ at_s = 50, kind = "forge", drone = "master", times = 100, every_s = 0.1 }"#,
             "other swarm",
         ),
     ] {
@@ -138,24 +143,24 @@ fn nothing_that_is_done_to_frames_is_obeyed() {
 }
 
 #[test]
-pub(crate) fn a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_before() {
+pub(crate) fn restarted_radio_drops_frames_recorded_before_its_restart() {
     let both = ["unproven", "replayed"].as_slice();
     for (faults, reasons) in [
         (
-            r#"{ at_s = 70, restart = 4 }, { at_s = 70.9, replay = "master" }"#,
+            r#"{ at_s = 70, kind = "restart", drone = 4 }, { at_s = 70.9, kind = "replay", drone = "master" }"#,
             both,
         ),
         (
-            r#"{ at_s = 70, crash = 2, actor = "radio" }, { at_s = 70, replay = "master" }"#,
+            r#"{ at_s = 70, kind = "crash-actor", drone = 2, actor = "radio" }, { at_s = 70, kind = "replay", drone = "master" }"#,
             both,
         ),
         (
-            r#"{ at_s = 70, restart = "master" }, { at_s = 70.9, replay = 2 }, { at_s = 70.9, replay = 4 }"#,
+            r#"{ at_s = 70, kind = "restart", drone = "master" }, { at_s = 70.9, kind = "replay", drone = 2 }, { at_s = 70.9, kind = "replay", drone = 4 }"#,
             both,
         ),
-        // Whether anybody speaks before it is proven is chance.
+        // Whether an unproven sender transmits in time is random.
         (
-            r#"{ at_s = 50, duplicate = "all", for_s = 100 }, { at_s = 70, hang = 4, actor = "radio" }"#,
+            r#"{ at_s = 50, kind = "duplicate", from = "all", for_s = 100 }, { at_s = 70, kind = "hang", drone = 4, actor = "radio" }"#,
             &["replayed"],
         ),
     ] {
@@ -173,14 +178,14 @@ pub(crate) fn a_radio_that_was_started_anew_obeys_no_frames_that_were_recorded_b
 }
 
 #[test]
-fn late_and_overtaking_frames_and_wrong_clocks_cost_nothing() {
+fn delayed_and_reordered_frames_and_clock_drift_have_no_effect() {
     for faults in [
-        r#"{ at_s = 50, reorder = "all", by_ms = 50, for_s = 100 }"#,
-        r#"{ at_s = 50, duplicate = "all", for_s = 50 }, { at_s = 50, reorder = "all", by_ms = 50, for_s = 50 }"#,
-        "{ at_s = 50, delay = 1, by_ms = 30, for_s = 100 }",
-        "{ at_s = 60, degrade = [2, 3], loss = 0.6, for_s = 60 }",
-        "{ at_s = 10, skew = 3, ppm = 50000 }",
-        "{ at_s = 10, skew = 1, ppm = -50000, for_s = 100 }",
+        r#"{ at_s = 50, kind = "reorder", from = "all", by_ms = 50, for_s = 100 }"#,
+        r#"{ at_s = 50, kind = "duplicate", from = "all", for_s = 50 }, { at_s = 50, kind = "reorder", from = "all", by_ms = 50, for_s = 50 }"#,
+        "{ at_s = 50, kind = \"delay\", from = 1, by_ms = 30, for_s = 100 }",
+        "{ at_s = 60, kind = \"degrade\", links = [2, 3], loss = 0.6, for_s = 60 }",
+        "{ at_s = 10, kind = \"skew\", drone = 3, ppm = 50000 }",
+        "{ at_s = 10, kind = \"skew\", drone = 1, ppm = -50000, for_s = 100 }",
     ] {
         assert_finished(&fly_with(faults), &[], faults);
     }

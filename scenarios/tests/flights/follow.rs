@@ -1,4 +1,4 @@
-//! Drones keep formation on a master that waits for nobody, beyond its radio's reach.
+//! Following: drones keep formation on a moving master over several hops.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -15,13 +15,13 @@ fn assert_all_down_together(report: &Report) {
 }
 
 #[test]
-fn slaves_seven_hops_away_keep_formation_on_a_master_at_ten_metres_a_second() {
+fn slaves_up_to_seven_hops_away_keep_formation_at_10_mps() {
     for (loss, limit_m) in [("0", 2.0), ("0.1", 4.0)] {
         for seed in 0..5 {
             let fields = [
                 &*format!("radio.loss={loss}"),
                 &*format!("seed={seed}"),
-                // The 802.11a curve has losses of its own.
+                // The 802.11a model adds losses.
                 if loss == "0" {
                     "radio.model=range"
                 } else {
@@ -33,21 +33,25 @@ fn slaves_seven_hops_away_keep_formation_on_a_master_at_ten_metres_a_second() {
             let error = report.following.unwrap();
             assert!(
                 error.p95_m <= limit_m,
-                "{fields:?}: {} m for 95 of 100",
+                "{fields:?}: 95th percentile {} m",
                 error.p95_m
             );
             let slaves = report.drones.iter().filter(|drone| drone.id != 7);
             for slave in slaves {
                 let error = slave.following.unwrap();
                 assert!(error.p95_m <= limit_m, "{fields:?}: drone {}", slave.id);
-                assert!(error.followed_s > 280.0, "drone {} followed", slave.id);
+                assert!(
+                    error.followed_s > 280.0,
+                    "drone {}: following time",
+                    slave.id
+                );
             }
         }
     }
 }
 
 #[test]
-fn a_master_flown_by_hand_is_followed_as_well() {
+fn master_flown_by_hand_is_followed() {
     let scenario = scenario("follow-by-hand.toml", &[]);
     let report = fly(&scenario, Engine::Events);
     assert_all_down_together(&report);
@@ -56,24 +60,24 @@ fn a_master_flown_by_hand_is_followed_as_well() {
 }
 
 #[test]
-fn flood_carries_the_protocol_too_only_later() {
+fn following_works_over_flood_with_a_larger_error() {
     let overrides = ["protocol.policy=flood", "formation.drones=5"];
     let report = fly(&scenario("follow.toml", &overrides), Engine::Events);
     assert_all_down_together(&report);
-    // A tenth of a second a hop at ten metres a second, and a hop is a period at most.
+    // At 10 m/s a hop costs 0.1 s in the mean, and one period at most.
     let error = report.following.unwrap();
     assert!(error.max_m <= 8.0, "{} m", error.max_m);
     assert!(error.p95_m > 0.5, "{} m", error.p95_m);
 }
 
 #[test]
-fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
+fn both_engines_agree_on_following_with_and_without_crashes() {
     let faults = r#"faults=[
-        { at_s = 80, crash = 7, actor = "mission" }, { at_s = 90, crash = 3, actor = "mission" },
-        { at_s = 100, crash = 7, actor = "navigation" }, { at_s = 110, crash = 11, actor = "navigation" },
-        { at_s = 120, crash = 7, actor = "routing" }, { at_s = 130, crash = 5, actor = "routing" },
-        { at_s = 140, crash = 7, actor = "msp" }, { at_s = 150, crash = 9, actor = "msp" },
-        { at_s = 160, crash = 7, actor = "radio" }, { at_s = 170, crash = 9, actor = "radio" },
+        { at_s = 80, kind = "crash-actor", drone = 7, actor = "mission" }, { at_s = 90, kind = "crash-actor", drone = 3, actor = "mission" },
+        { at_s = 100, kind = "crash-actor", drone = 7, actor = "navigation" }, { at_s = 110, kind = "crash-actor", drone = 11, actor = "navigation" },
+        { at_s = 120, kind = "crash-actor", drone = 7, actor = "routing" }, { at_s = 130, kind = "crash-actor", drone = 5, actor = "routing" },
+        { at_s = 140, kind = "crash-actor", drone = 7, actor = "msp" }, { at_s = 150, kind = "crash-actor", drone = 9, actor = "msp" },
+        { at_s = 160, kind = "crash-actor", drone = 7, actor = "radio" }, { at_s = 170, kind = "crash-actor", drone = 9, actor = "radio" },
     ]"#;
     for overrides in [&[][..], &[faults]] {
         let scenario = scenario("follow.toml", overrides);
@@ -86,9 +90,14 @@ fn both_engines_follow_alike_and_so_do_drones_whose_actors_fail() {
 }
 
 #[test]
-fn slaves_of_a_master_that_fell_silent_come_down_where_none_is_elected() {
+fn slaves_of_a_silent_master_land_without_elections() {
     let crashes: Vec<_> = (0..8)
-        .map(|times| format!("{{ at_s = {}, crash = 7, actor = \"radio\" }}", 100 + times))
+        .map(|times| {
+            format!(
+                "{{ at_s = {}, kind = \"crash-actor\", drone = 7, actor = \"radio\" }}",
+                100 + times
+            )
+        })
         .collect();
     let faults = format!("faults=[{}]", crashes.join(", "));
     let fields = [&*faults, "protocol.succession=land"];
@@ -97,7 +106,7 @@ fn slaves_of_a_master_that_fell_silent_come_down_where_none_is_elected() {
     assert!(!report.mission_completed);
     for drone in &report.drones {
         let because = match drone.id {
-            7 => "an actor could not be kept alive",
+            7 => "an actor failed for good",
             _ => "the master was silent",
         };
         assert_eq!(drone.state, "finished", "drone {}", drone.id);

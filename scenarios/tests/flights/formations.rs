@@ -1,4 +1,4 @@
-//! Every formation takes off, flies a mission, gathers and lands, and nobody comes too close to anybody.
+//! Every formation takes off, flies a mission and lands with the required separation.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -6,8 +6,7 @@ use muster_scenarios::scenario::Scenario;
 
 use crate::support::{fly, scenario};
 
-/// Each kind with what it takes to hang together over a radio of 300 m: from the middle of a circle its master must
-/// hear somebody on it.
+/// Each formation, connected with a radio range of 300 m. The master in the middle of a circle must hear the circle.
 const KINDS: [&[&str]; 8] = [
     &["formation.kind=linear"],
     &["formation.kind=circular", "formation.spacing_m=40"],
@@ -42,7 +41,7 @@ fn assert_flown(report: &Report, what: &str) {
 }
 
 #[test]
-fn every_formation_flies_and_lands_without_a_violation() {
+fn every_formation_flies_and_lands_without_violation() {
     for kind in KINDS {
         for drones in [6, 9, 14, 21] {
             let what = format!("{kind:?}, {drones} drones");
@@ -60,7 +59,7 @@ fn forty_drones_fly_in_the_densest_formations() {
 }
 
 #[test]
-fn a_mesh_without_room_for_its_layers_flies_in_waves_on_both_engines() {
+fn mesh_without_room_for_its_layers_flies_in_waves() {
     let mesh = scenario("mesh-in-waves.toml", &[]);
     assert!(mesh.plan.layout.take_off_waves() > 1);
     assert!(mesh.plan.changes[0].layout().landing_waves() > 1);
@@ -72,7 +71,7 @@ fn a_mesh_without_room_for_its_layers_flies_in_waves_on_both_engines() {
     assert_eq!(reports[0].trace, reports[1].trace);
 }
 
-/// A swarm in waves, and what goes wrong for it.
+/// Runs a swarm in waves with one fault.
 fn fly_in_waves(seed: u64, fault: &str) -> Report {
     let (seed, fault) = (format!("seed={seed}"), format!("faults=[{fault}]"));
     let overrides = [
@@ -86,8 +85,8 @@ fn fly_in_waves(seed: u64, fault: &str) -> Report {
 }
 
 #[test]
-fn a_master_lost_between_waves_leaves_those_on_the_ground_there_and_the_others_fly_on() {
-    let report = fly_in_waves(3, "{ at_s = 12, kill = \"master\" }");
+fn master_lost_between_waves_leaves_the_later_waves_on_the_ground() {
+    let report = fly_in_waves(3, "{ at_s = 12, kind = \"kill\", drone = \"master\" }");
     assert_eq!(report.violations, []);
     let (flew, stayed): (Vec<_>, Vec<_>) =
         (report.drones.iter()).partition(|drone| drone.flight_time_s.is_some());
@@ -99,9 +98,12 @@ fn a_master_lost_between_waves_leaves_those_on_the_ground_there_and_the_others_f
 }
 
 #[test]
-fn a_drone_that_hangs_or_restarts_in_any_wave_breaks_no_rule() {
+fn hung_or_restarted_drone_in_any_wave_breaks_no_rule() {
     for (seed, at_s) in (0..).zip([8, 20, 35, 50, 70, 100, 130, 150, 180]) {
-        for what in ["hang = 20, for_s = 4", "restart = 25, for_s = 1"] {
+        for what in [
+            "kind = \"hang\", drone = 20, for_s = 4",
+            "kind = \"restart\", drone = 25, for_s = 1",
+        ] {
             let report = fly_in_waves(seed, &format!("{{ at_s = {at_s}, {what} }}"));
             assert_eq!(report.violations, [], "{what} at {at_s} s");
         }
@@ -109,7 +111,7 @@ fn a_drone_that_hangs_or_restarts_in_any_wave_breaks_no_rule() {
 }
 
 #[test]
-fn the_smallest_swarms_fly_too() {
+fn swarms_of_one_to_five_drones_fly() {
     let any_number = KINDS.iter().filter(|kind| !kind[0].ends_with("split-up"));
     for kind in any_number {
         for drones in 1..=5 {
@@ -120,7 +122,7 @@ fn the_smallest_swarms_fly_too() {
 }
 
 #[test]
-fn drones_that_stand_in_lines_and_grids_take_off_to_every_formation() {
+fn drones_in_lines_and_grids_take_off_to_every_formation() {
     for kind in KINDS {
         for ground in ["line", "grid"] {
             for assignment in ["optimal", "greedy"] {
@@ -135,7 +137,7 @@ fn drones_that_stand_in_lines_and_grids_take_off_to_every_formation() {
 }
 
 #[test]
-fn formations_keep_apart_whatever_the_seed_the_heading_and_the_losses() {
+fn formations_keep_separation_for_any_seed_heading_and_loss() {
     for kind in KINDS {
         for (seed, heading) in [(1, 30), (2, 75), (3, -120)] {
             let more = [
@@ -151,7 +153,7 @@ fn formations_keep_apart_whatever_the_seed_the_heading_and_the_losses() {
 }
 
 #[test]
-fn both_engines_fly_formations_alike() {
+fn both_engines_agree_on_all_formations() {
     for kind in KINDS {
         let scenario = with(kind, 8, &["formation.ground=grid"]);
         let actors = fly(&scenario, Engine::Actors);
@@ -162,7 +164,7 @@ fn both_engines_fly_formations_alike() {
 }
 
 #[test]
-fn only_the_master_joins_the_clusters_of_a_swarm_that_is_split_up() {
+fn only_the_master_connects_the_clusters_of_a_split_up_swarm() {
     for clusters in 2..=5 {
         let clusters = format!("formation.clusters={clusters}");
         let kind = ["formation.kind=split-up", &clusters];
@@ -179,7 +181,7 @@ fn only_the_master_joins_the_clusters_of_a_swarm_that_is_split_up() {
             let parent = drone.parent.unwrap();
             assert!(
                 parent == 0 || cluster(parent) == cluster(drone.id),
-                "{clusters}: drone {} obeys through {parent}",
+                "{clusters}: drone {} has parent {parent} in another cluster",
                 drone.id
             );
         }

@@ -1,4 +1,4 @@
-//! What searches have found, each with what mended it: none of it breaks a rule any more.
+//! Scenarios found by fault searches and fixed since: they break no rule any more.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use muster_scenarios::engine::Engine;
 use crate::support::{fly, scenario};
 
 #[test]
-fn what_searches_have_found_breaks_no_rule_any_more() {
+fn scenarios_found_by_searches_break_no_rule() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/found");
     let mut found = 0;
     for file in fs::read_dir(folder).unwrap() {

@@ -1,4 +1,4 @@
-//! The swarm waits at its waypoints for as long as its mission says, under any master.
+//! Hold times at waypoints, with and without a change of master.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -6,21 +6,21 @@ use muster_scenarios::scenario::Scenario;
 
 use crate::support::{assert_finished, fly, masters, scenario};
 
-/// The mission: 20 s at waypoint 1, 10 s at waypoint 2, 5 s at the last.
+/// Holds for 20 s at waypoint 1, 10 s at waypoint 2 and 5 s at the last.
 const MISSION: &str = "mission.file=missions/lookout.waypoints";
 const HOLDS_S: [f64; 4] = [0.0, 20.0, 10.0, 5.0];
 
-/// Longer than anybody who has arrived takes to say so and to be told to go on.
-const PROMPT_S: f64 = 3.0;
+/// Upper bound of the barrier wait without the hold time.
+const BARRIER_MAX_S: f64 = 3.0;
 
-/// Seven drones in line of which the last hear the master over two hops.
+/// Seven drones in line; the outer ones are two hops from the master.
 fn held(policy: &str, fields: &[&str]) -> Scenario {
     let policy = format!("protocol.policy={policy}");
     let fields = [&[MISSION, &policy, "faults=[]"], fields].concat();
     scenario("kill-at-waypoint.toml", &fields)
 }
 
-/// Flown alike on both engines without breaking a rule.
+/// Runs on both engines; checks that they agree and break no rule.
 fn flown(scenario: &Scenario, what: &str) -> Report {
     let report = fly(scenario, Engine::Events);
     assert_eq!(report.violations, [], "{what}");
@@ -29,14 +29,14 @@ fn flown(scenario: &Scenario, what: &str) -> Report {
     report
 }
 
-/// How long all waited at each waypoint, in seconds, from when the last had arrived.
+/// Barrier wait at each waypoint, in seconds.
 fn waits_s(report: &Report) -> Vec<f64> {
     let barriers = report.barriers.iter();
     barriers.map(|it| it.moving_s - it.arrived_s).collect()
 }
 
 #[test]
-fn all_wait_for_as_long_as_the_mission_says_once_the_last_has_arrived() {
+fn hold_time_starts_with_the_last_arrival() {
     for policy in ["flood", "tree"] {
         let report = flown(&held(policy, &[]), policy);
         assert_finished(&report, &[], policy);
@@ -44,29 +44,32 @@ fn all_wait_for_as_long_as_the_mission_says_once_the_last_has_arrived() {
         assert_eq!(waits_s.len(), HOLDS_S.len(), "{policy}");
         for (wait_s, hold_s) in waits_s.iter().zip(HOLDS_S) {
             let late_s = wait_s - hold_s;
-            assert!((0.0..PROMPT_S).contains(&late_s), "{policy}: {waits_s:?}");
+            assert!(
+                (0.0..BARRIER_MAX_S).contains(&late_s),
+                "{policy}: {waits_s:?}"
+            );
         }
     }
 }
 
 #[test]
-fn a_process_or_an_actor_that_restarts_amid_a_hold_holds_on() {
+fn restart_of_a_process_or_an_actor_does_not_end_a_hold() {
     for policy in ["flood", "tree"] {
         for fault in [
-            "restart = \"master\"",
-            "restart = 0",
-            "crash = \"master\", actor = \"mission\"",
-            "crash = \"master\", actor = \"routing\"",
-            "crash = 6, actor = \"mission\"",
-            "hang = \"master\", for_s = 0.5",
+            "kind = \"restart\", drone = \"master\"",
+            "kind = \"restart\", drone = 0",
+            "kind = \"crash-actor\", drone = \"master\", actor = \"mission\"",
+            "kind = \"crash-actor\", drone = \"master\", actor = \"routing\"",
+            "kind = \"crash-actor\", drone = 6, actor = \"mission\"",
+            "kind = \"hang\", drone = \"master\", for_s = 0.5",
         ] {
             let what = format!("{policy}, {fault}");
             let faults = format!("faults=[{{ at_waypoint = 1, after_s = 9, {fault} }}]");
             let report = flown(&held(policy, &[&faults]), &what);
             assert_finished(&report, &[], &what);
             assert!(report.mission_completed, "{what}");
-            // A master of another epoch begins the hold anew.
-            let most_s = HOLDS_S[1]
+            // A master of a new epoch starts the hold again.
+            let max_s = HOLDS_S[1]
                 + if report.elections.is_empty() {
                     0.0
                 } else {
@@ -74,7 +77,7 @@ fn a_process_or_an_actor_that_restarts_amid_a_hold_holds_on() {
                 };
             let wait_s = waits_s(&report)[1];
             assert!(
-                (HOLDS_S[1]..most_s + PROMPT_S).contains(&wait_s),
+                (HOLDS_S[1]..max_s + BARRIER_MAX_S).contains(&wait_s),
                 "{what}: {wait_s} s, {:?}",
                 report.elections
             );
@@ -83,13 +86,14 @@ fn a_process_or_an_actor_that_restarts_amid_a_hold_holds_on() {
 }
 
 #[test]
-fn a_master_that_is_elected_amid_a_hold_holds_for_the_whole_of_it_at_most() {
+fn master_elected_during_a_hold_holds_at_most_the_full_time() {
     for policy in ["flood", "tree"] {
         for after_s in [2.0, 9.0, 18.0] {
-            let faults =
-                format!("faults=[{{ at_waypoint = 1, after_s = {after_s}, kill = \"master\" }}]");
+            let faults = format!(
+                "faults=[{{ at_waypoint = 1, after_s = {after_s}, kind = \"kill\", drone = \"master\" }}]"
+            );
             let what = format!("{policy}, {after_s} s");
-            // All hear each other, so that one is elected.
+            // All drones are in range of each other, so there is one election.
             let scenario = held(policy, &["radio.range_m=500", &faults]);
             let report = flown(&scenario, &what);
             assert_finished(&report, &[3], &what);
@@ -97,10 +101,10 @@ fn a_master_that_is_elected_amid_a_hold_holds_for_the_whole_of_it_at_most() {
             assert_eq!(masters(&report).len(), 1, "{what}");
             let wait_s = waits_s(&report)[1];
             let election_s = report.elections[0].settled_after_s.unwrap_or_default();
-            // Until it is missed, elected, and all have acknowledged its order.
-            let most_s = after_s + election_s + HOLDS_S[1] + 2.0 * PROMPT_S;
+            // Time to detect the loss, to elect, and to collect acknowledgements.
+            let max_s = after_s + election_s + HOLDS_S[1] + 2.0 * BARRIER_MAX_S;
             assert!(
-                wait_s >= after_s + HOLDS_S[1] - 1.0 && wait_s <= most_s,
+                wait_s >= after_s + HOLDS_S[1] - 1.0 && wait_s <= max_s,
                 "{what}: {wait_s} s"
             );
         }
@@ -108,7 +112,7 @@ fn a_master_that_is_elected_amid_a_hold_holds_for_the_whole_of_it_at_most() {
 }
 
 #[test]
-fn a_master_that_is_followed_holds_at_its_waypoints() {
+fn followed_master_holds_at_its_waypoints() {
     for policy in ["flood", "tree"] {
         let following = ["protocol.kind=follow"];
         let with_holds = flown(&held(policy, &following), policy);
@@ -122,7 +126,7 @@ fn a_master_that_is_followed_holds_at_its_waypoints() {
 }
 
 #[test]
-fn what_a_mission_may_take_counts_its_holds_in() {
+fn time_limits_include_hold_times() {
     let with_holds = held("tree", &[]).plan.limits;
     let without = held("tree", &["mission.file=missions/field.waypoints"])
         .plan
@@ -139,5 +143,5 @@ fn what_a_mission_may_take_counts_its_holds_in() {
         ) < 1e-6
     );
     assert!(with_holds.duration > without.duration);
-    assert_eq!(with_holds.leg, without.leg, "a hold is no part of a leg");
+    assert_eq!(with_holds.leg, without.leg, "a leg does not include a hold");
 }

@@ -1,4 +1,4 @@
-//! Whole flights of shipped scenarios.
+//! Complete flights of shipped scenarios.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,63 +1,64 @@
-//! Faults of the protocol, planted one at a time: the search finds each, and makes what it found small.
+//! Planted flaws of the protocol: the search finds each one and shrinks its plan.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
 
 use muster_machines::flaw::{Flaw, plant};
-use muster_scenarios::campaign::Effort;
+use muster_scenarios::campaign::RunOptions;
 use muster_scenarios::chaos::{self, Request, Search};
 use muster_scenarios::engine::{self, Engine};
 use muster_scenarios::scenario;
 
 use crate::support::{fly, scenario as shipped};
 
-/// In how many plans each is to be found, and how many faults may be left of the plan that finds it.
+/// Maximum number of plans to find a flaw.
 const PLANS: u64 = 2_000;
-/// Likewise, of what keeps ways apart.
-const APART_PLANS: u64 = 500;
+/// The same for flaws of the altitude layers.
+const LAYER_PLANS: u64 = 500;
+/// Maximum number of faults left after shrinking.
 const FAULTS_MAX: usize = 3;
 
 const PLANTED: [Flaw; 14] = [
     Flaw::NeverStepsDown,
-    Flaw::CountsEchoes,
-    Flaw::ObeysAnyMaster,
-    Flaw::ForgetsOneMember,
+    Flaw::AcceptsRepeatedHeartbeats,
+    Flaw::FollowsAnyBallot,
+    Flaw::IgnoresLastMember,
     Flaw::LandsOnOnePoint,
     Flaw::LosesCheckpoints,
-    Flaw::TurnsToWorseBallots,
+    Flaw::PrefersWorseBallots,
     Flaw::ReopensWaypoints,
     Flaw::RejoinsWhileLanding,
-    Flaw::BelievesAnySender,
-    Flaw::LeavesWhatFails,
+    Flaw::SkipsSignatureCheck,
+    Flaw::IgnoresFailedActors,
     Flaw::NeverClaims,
-    Flaw::BelievesTheUnproven,
-    Flaw::DeadlineInThePast,
+    Flaw::SkipsFreshnessProof,
+    Flaw::SetsPastDeadline,
 ];
 
-/// What takes hundreds of plans to be found.
+/// Flaws that take hundreds of plans to find.
 const HIDDEN: [Flaw; 4] = [
-    Flaw::ForgetsLayers,
-    Flaw::ObeysOneWayNeighbours,
-    Flaw::AcceptsEarlierLives,
-    Flaw::OverlooksWhoReturns,
+    Flaw::SkipsLayers,
+    Flaw::AcceptsOneWayLinks,
+    Flaw::AcceptsEarlierIncarnations,
+    Flaw::IgnoresReturnedMembers,
 ];
 
 #[test]
-fn the_search_finds_every_planted_fault_and_makes_its_plan_small() {
+fn search_finds_and_shrinks_every_planted_flaw() {
     assert_found("tests/data/planted.toml", &[], PLANS, &PLANTED);
 }
 
-/// What keeps ways apart by heights, without giving way to each other.
+/// Flaws of the altitude layers, tested without deconfliction.
 #[test]
-#[ignore = "takes a minute: cargo test --release -p muster-scenarios --test flights each_way -- --ignored"]
-fn the_search_finds_each_way_to_come_too_near() {
-    let heights = [
+#[ignore = "takes a minute: cargo test --release -p muster-scenarios --test flights layers -- --ignored"]
+fn search_finds_every_flaw_of_the_altitude_layers() {
+    let layers = [
         Flaw::TakesOffInOneLayer,
-        Flaw::GoesToLandInOneLayer,
-        Flaw::ForgetsLayers,
+        Flaw::FliesToLandingInOneLayer,
+        Flaw::SkipsLayers,
     ];
-    // Over links that hear each other well: elsewhere some plans need that drones give way.
-    let alone = [
+    // Lossless links: with losses some plans need deconfliction.
+    let lossless = [
         "safety.avoid=false",
         "protocol.kind=muscop",
         "formation.spacing_m=60",
@@ -65,27 +66,26 @@ fn the_search_finds_each_way_to_come_too_near() {
         "radio.loss=0",
         "radio.burst_loss=0",
     ];
-    assert_found("chaos.toml", &alone, APART_PLANS, &heights);
+    assert_found("chaos.toml", &lossless, LAYER_PLANS, &layers);
     let changes = "changes=[{ waypoint = 1, kind = \"compact-matrix\" }, { waypoint = 3, kind = \"linear\" }]";
-    let crosses = [&alone[..], &[changes]].concat();
+    let crosses = [&lossless[..], &[changes]].concat();
     assert_found(
         "chaos.toml",
         &crosses,
-        APART_PLANS,
+        LAYER_PLANS,
         &[Flaw::CrossesInOneSector],
     );
 }
 
 #[test]
 #[ignore = "takes minutes: cargo test --release -p muster-scenarios --test flights hidden -- --ignored"]
-fn the_search_finds_hidden_faults_too() {
+fn search_finds_hidden_flaws() {
     assert_found("tests/data/planted.toml", &[], PLANS, &HIDDEN);
 }
 
-/// The search does not find this flaw: links that fade are grey, and no rule says how long a waypoint may take. It takes many
-/// times as long.
+/// The search does not find this flaw, because no rule limits the barrier wait on fading links. The wait is many times longer.
 #[test]
-fn over_fading_links_routes_by_hops_make_waypoints_take_long() {
+fn routing_by_hop_count_lengthens_barriers_on_fading_links() {
     let (waits_ms, elections) = fading_flights();
     assert!(waits_ms < 40.0, "{waits_ms} ms");
     assert_eq!(elections, 0);
@@ -94,8 +94,7 @@ fn over_fading_links_routes_by_hops_make_waypoints_take_long() {
     assert!(by_hops_ms > waits_ms * 4.0, "{by_hops_ms} ms");
 }
 
-/// How long waypoints take that nobody is late for, in the median, and how many elections there are, of flights in which
-/// nothing fails.
+/// Median barrier wait in milliseconds and number of elections, of 20 flights without faults over fading links.
 fn fading_flights() -> (f64, usize) {
     let (mut waits_ms, mut elections) = (Vec::new(), 0);
     for seed in 0..20 {
@@ -125,18 +124,18 @@ fn assert_found(scenario: &str, set: &[&str], plans: u64, planted: &[Flaw]) {
             let _planted = plant(flaw);
             fly();
         };
-        let effort = Effort {
+        let options = RunOptions {
             jobs,
             run_limit: chaos::RUN_LIMIT,
         };
         let searched =
-            chaos::run(&search.unwrap(), folder.path(), effort, &around, |_| ()).unwrap();
+            chaos::run(&search.unwrap(), folder.path(), options, &around, |_| ()).unwrap();
         let Some(finding) = searched.finding else {
             panic!("{flaw:?} is not found in {plans} plans");
         };
         let left = finding.faults.1;
         assert!(left <= FAULTS_MAX, "{flaw:?}: {left} faults are left");
-        // It is what was planted that breaks the rule.
+        // Without the planted flaw, the scenario breaks no rule.
         let (report, _) = engine::run(
             &scenario::load(&finding.scenario, &[]).unwrap(),
             Engine::Events,

@@ -1,11 +1,11 @@
-//! Pure relays: radios that fly no mission and only pass on what others say.
+//! Pure relays: nodes that forward frames and fly no mission.
 
 use muster_scenarios::engine::Engine;
 
 use crate::support::{fly, scenario};
 
 #[test]
-fn drones_that_do_not_hear_each_other_are_joined_by_relays() {
+fn relays_connect_drones_out_of_range_of_each_other() {
     for loss in ["0", "0.2"] {
         for seed in 0..5 {
             let fields = [format!("radio.loss={loss}"), format!("seed={seed}")];
@@ -17,7 +17,7 @@ fn drones_that_do_not_hear_each_other_are_joined_by_relays() {
                 assert_eq!(drone.state, "finished", "{fields:?}: drone {}", drone.id);
                 assert_eq!(drone.landed_because, None, "{fields:?}: drone {}", drone.id);
             }
-            assert_eq!(report.drones.len(), 3, "relays are none");
+            assert_eq!(report.drones.len(), 3, "relays are not drones");
             let relays: Vec<_> = report.relays.iter().map(|relay| relay.id).collect();
             assert_eq!(relays, [3, 4, 5]);
             assert!(report.relays.iter().all(|relay| relay.hops.is_some()));
@@ -28,7 +28,7 @@ fn drones_that_do_not_hear_each_other_are_joined_by_relays() {
 }
 
 #[test]
-fn without_relays_the_others_are_never_set_up_and_stay_on_the_ground() {
+fn drones_out_of_range_stay_on_the_ground_without_relays() {
     let report = fly(&scenario("relay.toml", &["relays=[]"]), Engine::Events);
     assert_eq!(report.violations, []);
     for drone in [0, 2] {
@@ -39,8 +39,8 @@ fn without_relays_the_others_are_never_set_up_and_stay_on_the_ground() {
 }
 
 #[test]
-fn a_relay_whose_actors_fail_passes_on_again() {
-    let faults = r#"faults=[{ at_s = 40, crash = 3, actor = "routing" }, { at_s = 41, crash = 4, actor = "radio" }]"#;
+fn relay_forwards_again_after_actor_restarts() {
+    let faults = r#"faults=[{ at_s = 40, kind = "crash-actor", drone = 3, actor = "routing" }, { at_s = 41, kind = "crash-actor", drone = 4, actor = "radio" }]"#;
     let scenario = scenario("relay.toml", &[faults]);
     let report = fly(&scenario, Engine::Events);
     assert_eq!(report.trace, fly(&scenario, Engine::Actors).trace);

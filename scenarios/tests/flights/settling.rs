@@ -1,4 +1,4 @@
-//! Vehicles that take a while to come to rest at the end of a leg.
+//! Settling time of vehicles at the end of a leg.
 
 use std::time::Duration;
 
@@ -18,14 +18,14 @@ fn settling(settle_ms: u32, overrides: &[&str]) -> Scenario {
     scenario("thesis-1.toml", &overrides)
 }
 
-/// How long a drone was in states of one kind, each time it was.
+/// Duration of each stay in states of one kind.
 fn durations(drone: &FlightOfDrone, of: fn(State) -> bool) -> Vec<Duration> {
     let pairs = drone.states.windows(2).filter(|pair| of(pair[0].1));
     pairs.map(|pair| pair[1].0 - pair[0].0).collect()
 }
 
 #[test]
-fn every_leg_takes_up_to_so_much_longer_and_a_landing_does_not() {
+fn legs_take_up_to_the_settling_time_longer_and_landings_do_not() {
     let settle_ms = 2_000;
     let drones = |settle_ms| {
         let (_, flight) = run(&settling(settle_ms, &[]), Engine::Events, None).unwrap();
@@ -42,7 +42,11 @@ fn every_leg_takes_up_to_so_much_longer_and_a_landing_does_not() {
         assert!(longer.iter().all(|time| *time <= most), "{longer:?}");
         longer.sort_unstable();
         longer.dedup();
-        assert_eq!(longer.len(), 7, "one draw for several legs: {longer:?}");
+        assert_eq!(
+            longer.len(),
+            7,
+            "each leg draws its own settling time: {longer:?}"
+        );
 
         let is_landing = |state| state == State::Landing;
         assert_eq!(
@@ -53,7 +57,7 @@ fn every_leg_takes_up_to_so_much_longer_and_a_landing_does_not() {
 }
 
 #[test]
-fn both_engines_draw_the_same() {
+fn both_engines_draw_the_same_settling_times() {
     for crash in [None, Some(120)] {
         let mut scenario = settling(5_000, &["radio.loss=0.1"]);
         scenario.faults = crash
@@ -71,14 +75,14 @@ fn both_engines_draw_the_same() {
 }
 
 #[test]
-fn the_limits_leave_room_for_the_longest_settling() {
+fn time_limits_include_the_longest_settling_time() {
     let settle = Duration::from_secs(60);
-    // All in range of each other, however late a drone is.
+    // All drones stay in range of each other, even if one is late.
     let near = "formation.spacing_m=50";
     let at_once = settling(0, &[near]).plan.limits;
     let longer = settling(60_000, &[near]).plan.limits;
-    // Twice a leg; twice the three legs of a take-off; twice these and the seven of the mission, and two limits of a leg,
-    // which the three to a slot may count as.
+    // Leg: twice three legs to a slot. Take-off: twice its three legs. Duration: twice these and the seven legs of the
+    // mission, and two limits of a leg.
     assert_eq!(longer.leg, at_once.leg + 6 * settle);
     assert_eq!(longer.take_off, at_once.take_off + 6 * settle);
     assert_eq!(longer.duration, at_once.duration + (6 + 20 + 12) * settle);

@@ -1,4 +1,4 @@
-//! What must hold in the scenarios that are shipped to show that it does.
+//! Results of the shipped scenarios.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
@@ -11,14 +11,14 @@ fn flown(name: &str) -> Report {
     report
 }
 
-/// Whoever lives has flown all there was to fly, and landed because it was over.
+/// Checks that all drones but the lost ones completed the mission.
 fn assert_flown(name: &str, report: &Report, lost: &[u32]) {
-    assert!(report.mission_completed, "{name}: not flown to its end");
+    assert!(report.mission_completed, "{name}: mission not completed");
     assert_finished(report, lost, name);
 }
 
 #[test]
-fn a_master_killed_on_the_ground_leaves_its_swarm_there() {
+fn swarm_stays_on_the_ground_if_its_master_is_killed_there() {
     let report = flown("kill-on-ground");
     for drone in &report.drones {
         assert_eq!(drone.flight_time_s, None, "{drone:?}");
@@ -26,7 +26,7 @@ fn a_master_killed_on_the_ground_leaves_its_swarm_there() {
 }
 
 #[test]
-fn a_master_killed_in_the_air_is_replaced_in_each_part() {
+fn master_killed_in_flight_is_replaced_in_each_segment() {
     for (name, lost, after) in [
         ("kill-at-waypoint", &[3][..], &[&[2, 4][..]][..]),
         ("kill-while-landing", &[3], &[]),
@@ -39,27 +39,27 @@ fn a_master_killed_in_the_air_is_replaced_in_each_part() {
 }
 
 #[test]
-pub(crate) fn clusters_without_their_master_are_swarms_of_their_own() {
+pub(crate) fn clusters_without_the_master_become_separate_swarms() {
     for clusters in [2, 3, 5] {
         let name = format!("split-up-{clusters}");
         let report = flown(&name);
         assert_eq!(
             masters(&report)[0].len(),
             clusters,
-            "{name}: how many swarms"
+            "{name}: number of swarms"
         );
         assert_flown(&name, &report, &[0]);
     }
 }
 
 #[test]
-pub(crate) fn swarms_that_meet_again_are_one_and_all_fly_every_waypoint() {
+pub(crate) fn segments_merge_and_all_drones_fly_every_waypoint() {
     for name in ["cut-in-two", "cut-two-apart"] {
         let report = flown(name);
         assert_flown(name, &report, &[]);
         assert_eq!(masters(&report), [vec![2, 3], vec![2]], "{name}");
-        let met = report.elections[1].settled_after_s.unwrap();
-        assert!(met <= 2.0, "{name}: {met} s");
+        let merged_s = report.elections[1].settled_after_s.unwrap();
+        assert!(merged_s <= 2.0, "{name}: {merged_s} s");
         for drone in &report.drones {
             let waypoints = report.barriers.len();
             assert_eq!(drone.waypoints, waypoints, "{name}, {drone:?}");
@@ -68,14 +68,14 @@ pub(crate) fn swarms_that_meet_again_are_one_and_all_fly_every_waypoint() {
 }
 
 #[test]
-fn links_that_come_and_go_or_carry_one_way_cost_nobody() {
+fn flapping_and_one_way_links_lose_no_drone() {
     for name in ["flapping-link", "one-way-link"] {
         assert_flown(name, &flown(name), &[]);
     }
 }
 
 #[test]
-fn a_master_that_hangs_is_replaced_and_rejoins() {
+fn hung_master_is_replaced_and_rejoins() {
     let report = flown("hung-master");
     assert_flown("hung-master", &report, &[]);
     assert_eq!(
@@ -86,14 +86,14 @@ fn a_master_that_hangs_is_replaced_and_rejoins() {
 }
 
 #[test]
-pub(crate) fn a_drone_that_returns_is_waited_for() {
+pub(crate) fn master_waits_for_a_returned_drone() {
     let report = flown("returning-drone");
     assert_flown("returning-drone", &report, &[]);
     assert_eq!(masters(&report), [vec![3, 6], vec![6]]);
 }
 
 #[test]
-pub(crate) fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
+pub(crate) fn master_with_a_hung_mission_actor_recovers() {
     let report = flown("hung-mission");
     assert_flown("hung-mission", &report, &[]);
     assert_eq!(report.drones[3].restarts, 1);
@@ -101,7 +101,7 @@ pub(crate) fn a_master_whose_mission_hangs_is_mended_and_goes_on() {
 }
 
 #[test]
-pub(crate) fn nobody_heeds_strangers_and_other_swarms() {
+pub(crate) fn frames_of_strangers_and_other_swarms_are_dropped() {
     let report = flown("other-swarm");
     assert_flown("other-swarm", &report, &[]);
     assert_eq!(report.elections, []);
@@ -111,7 +111,7 @@ pub(crate) fn nobody_heeds_strangers_and_other_swarms() {
 }
 
 #[test]
-pub(crate) fn two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_else() {
+pub(crate) fn two_passing_swarms_each_follow_their_own_master() {
     let report = flown("two-swarms");
     let [other] = &report.others[..] else {
         panic!("{} other swarms", report.others.len());
@@ -123,20 +123,23 @@ pub(crate) fn two_swarms_that_pass_each_other_obey_their_own_masters_and_nobody_
     };
     assert!(
         led_by.len() == 1 && led_by[0] < 7,
-        "one of their own leads them"
+        "the new master is one of their own"
     );
     assert_eq!(other.elections, []);
-    assert_eq!(other.drones[0].id, 7, "drones are numbered through");
+    assert_eq!(other.drones[0].id, 7, "ids continue across swarms");
     for swarm in [&report, other] {
         let strange = swarm.dropped.keys().map(String::as_str);
         assert_eq!(strange.collect::<Vec<_>>(), ["other swarm"]);
     }
-    assert!(report.min_separation_m.unwrap() < 60.0, "they met");
+    assert!(
+        report.min_separation_m.unwrap() < 60.0,
+        "the swarms pass close to each other"
+    );
 }
 
 #[test]
-fn a_swarm_that_flies_into_another_is_found() {
-    // Where one was elected, all fly in layers of their own, above the other swarm.
+fn collision_of_two_swarms_is_detected() {
+    // Without faults: after an election all drones would fly in layers above the other swarm.
     let mut collision = scenario("two-swarms.toml", &["faults=[]"]);
     collision.others[0].1.home = muster_machines::geometry::Ned::new(300.0, 0.0, 0.0);
     let report = fly(&collision, Engine::Events);
@@ -146,12 +149,12 @@ fn a_swarm_that_flies_into_another_is_found() {
 }
 
 #[test]
-pub(crate) fn a_swarm_takes_off_without_whoever_is_dead() {
+pub(crate) fn swarm_takes_off_without_a_dead_drone() {
     assert_flown("dead-on-ground", &flown("dead-on-ground"), &[6]);
 }
 
 #[test]
-pub(crate) fn forty_drones_have_forty_places() {
+pub(crate) fn forty_drones_have_forty_slots() {
     let layout = scenario("big-matrix.toml", &[]).plan.layout;
     assert_eq!(layout.take_off_waves(), 1, "big-matrix: waves to take off");
     let report = flown("big-matrix");
@@ -160,33 +163,33 @@ pub(crate) fn forty_drones_have_forty_places() {
 }
 
 #[test]
-fn an_outlook_tells_who_is_out_of_the_masters_reach_and_who_else_flies() {
+fn preview_shows_drones_out_of_range_and_other_swarms() {
     let preview = |name, overrides| scenario(name, overrides).preview().join("\n");
-    let apart = "out of the master's reach";
-    let told = preview("split-up-5.toml", &[]);
-    assert!(!told.contains(apart), "{told}");
-    let told = preview("split-up-5.toml", &["radio.range_m=50"]);
-    assert!(told.contains(apart), "{told}");
-    let told = preview("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
-    assert!(told.contains("+3.3 m "), "no digits of a sum: {told}");
-    let told = preview("two-swarms.toml", &[]);
-    assert!(told.contains("drones 7–12 of"), "{told}");
+    let out_of_range = "out of the master's reach";
+    let text = preview("split-up-5.toml", &[]);
+    assert!(!text.contains(out_of_range), "{text}");
+    let text = preview("split-up-5.toml", &["radio.range_m=50"]);
+    assert!(text.contains(out_of_range), "{text}");
+    let text = preview("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
+    assert!(text.contains("+3.3 m "), "no digits of a sum: {text}");
+    let text = preview("two-swarms.toml", &[]);
+    assert!(text.contains("drones 7–12 of"), "{text}");
 }
 
 #[test]
-fn an_outlook_tells_where_flooding_does_not_carry_far_enough() {
+fn preview_shows_if_flooding_does_not_reach_all_drones() {
     let preview = |more: &str| {
         let fields = ["radio.loss=0.3", "formation.drones=30", more];
         scenario("barrier-line.toml", &fields).preview().join("\n")
     };
-    let told = preview("protocol.policy=flood");
-    assert!(told.contains("settles in no known time"), "{told}");
-    let told = preview("protocol.policy=tree");
-    assert!(!told.contains("no known time"), "{told}");
+    let text = preview("protocol.policy=flood");
+    assert!(text.contains("time to re-elect: none"), "{text}");
+    let text = preview("protocol.policy=tree");
+    assert!(!text.contains("time to re-elect: none"), "{text}");
 }
 
 #[test]
-fn where_layers_would_lead_out_of_reach_drones_fly_in_waves() {
+fn drones_fly_in_waves_if_layers_would_exceed_the_radio_range() {
     let preview = |overrides: &[&str]| {
         let fields = ["formation.drones=37", "formation.spacing_m=40"];
         let high = ["radio.range_m=60", "limits.altitude_max_m=400"];
@@ -194,13 +197,13 @@ fn where_layers_would_lead_out_of_reach_drones_fly_in_waves() {
         scenario("barrier-mesh.toml", &fields).preview().join("\n")
     };
     let unreached = "out of the master's reach";
-    let told = preview(&[]);
-    assert!(told.contains("waves: 2 to take off"), "{told}");
-    assert!(!told.contains(unreached), "{told}");
+    let text = preview(&[]);
+    assert!(text.contains("waves: 2 to take off"), "{text}");
+    assert!(!text.contains(unreached), "{text}");
 }
 
 #[test]
-fn check_tells_whom_layers_lead_out_of_reach() {
+fn preview_shows_drones_that_layers_take_out_of_range() {
     let scattered = [
         "formation.kind=random",
         "formation.seed=36",
@@ -209,10 +212,10 @@ fn check_tells_whom_layers_lead_out_of_reach() {
         "radio.range_m=70",
         "limits.altitude_max_m=500",
     ];
-    let told = scenario("barrier-mesh.toml", &scattered)
+    let text = scenario("barrier-mesh.toml", &scattered)
         .preview()
         .join("\n");
     let on_the_way_up =
         "out of the master's reach in their layers on the way up: drones 24, 29, 38, 43";
-    assert!(told.contains(on_the_way_up), "{told}");
+    assert!(text.contains(on_the_way_up), "{text}");
 }

@@ -1,4 +1,4 @@
-//! What the tests of scenarios share.
+//! Helpers of the scenario tests.
 
 use std::path::PathBuf;
 
@@ -6,12 +6,12 @@ use muster_scenarios::engine::{Engine, run};
 use muster_scenarios::report::Report;
 use muster_scenarios::scenario::{Override, Scenario, load};
 
-/// A shipped file.
+/// Path of a shipped file.
 pub(crate) fn shipped(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-/// A shipped scenario with some fields set.
+/// A shipped scenario with overrides.
 pub(crate) fn scenario(name: &str, overrides: &[&str]) -> Scenario {
     let overrides: Vec<Override> = overrides.iter().map(|it| it.parse().unwrap()).collect();
     load(&shipped(name), &overrides).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -21,7 +21,7 @@ pub(crate) fn fly(scenario: &Scenario, engine: Engine) -> Report {
     run(scenario, engine, None).unwrap().0
 }
 
-/// Whoever is not lost has landed because the mission was over.
+/// Checks that all drones but the lost ones finished at the end of the mission.
 pub(crate) fn assert_finished(report: &Report, lost: &[u32], what: &str) {
     for drone in &report.drones {
         let is_lost = lost.contains(&drone.id);
@@ -30,13 +30,13 @@ pub(crate) fn assert_finished(report: &Report, lost: &[u32], what: &str) {
     }
 }
 
-/// Who led after each of the elections.
+/// The masters after each election.
 pub(crate) fn masters(report: &Report) -> Vec<Vec<u32>> {
     let elections = report.elections.iter();
     elections.map(|election| election.masters.clone()).collect()
 }
 
-/// The rows of a data file, without its heading.
+/// The rows of a CSV file, without its header.
 pub(crate) fn rows(name: &str) -> Vec<Vec<String>> {
     let path = shipped("tests/data").join(name);
     let mut reader = csv::ReaderBuilder::new()

@@ -1,4 +1,4 @@
-//! What the running protocol has in common with the thesis.
+//! Agreement of the protocol with the thesis.
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::{Bridge, DroneReport};
@@ -8,7 +8,7 @@ use muster_scenarios::thesis::{Experiment, Flights, published};
 use crate::support::{fly, rows, scenario};
 
 #[test]
-fn table_8_comes_out_of_the_running_protocol() {
+fn protocol_reproduces_table_8() {
     for seed in 1..=20 {
         let seed = format!("seed={seed}");
         let scenario = scenario("thesis-1.toml", &["formation.drones=7", &seed]);
@@ -27,7 +27,7 @@ fn table_8_comes_out_of_the_running_protocol() {
 }
 
 #[test]
-fn the_master_knows_who_is_out_of_its_range_and_who_bridges_to_them() {
+fn master_knows_drones_out_of_range_and_their_bridges() {
     let report = fly(
         &scenario("thesis-1.toml", &["formation.drones=7"]),
         Engine::Events,
@@ -58,7 +58,7 @@ fn assert_within(share: f64, ours: f64, theirs: f64, what: &str) {
     let off = (ours / theirs - 1.0).abs();
     assert!(
         off <= share,
-        "{what}: {ours:.2} where the thesis has {theirs}, {:.1} % off",
+        "{what}: {ours:.2}, in the thesis {theirs}, difference {:.1} %",
         off * 100.0
     );
 }
@@ -94,7 +94,7 @@ fn fly_all(seed: &str) -> Vec<Experiment> {
 }
 
 #[test]
-fn every_flight_time_obeys_the_law_of_the_five_experiments() {
+fn every_flight_time_follows_the_law_of_the_five_experiments() {
     for experiment in fly_all("1") {
         for (drone, law_s) in experiment.report.drones.iter().zip(experiment.law_s) {
             let what = format!("{} drone {}", experiment.report.scenario, drone.id);
@@ -103,7 +103,7 @@ fn every_flight_time_obeys_the_law_of_the_five_experiments() {
     }
 }
 
-/// The wait at a waypoint, in the mean over drones, waypoints and the seeds 1 to 20.
+/// Mean wait at a waypoint over drones, waypoints and seeds 1 to 20.
 fn mean_wait_s(name: &str, fields: &[&str]) -> f64 {
     let waits_s = (1..=20).map(|seed| {
         let seed = format!("seed={seed}");
@@ -116,19 +116,19 @@ fn mean_wait_s(name: &str, fields: &[&str]) -> f64 {
 }
 
 #[test]
-fn a_wait_for_all_takes_as_long_as_the_hops_to_the_farthest_and_back() {
+fn wait_for_all_drones_takes_a_round_trip_to_the_farthest_drone() {
     let strict_s = mean_wait_s("thesis-2.toml", &[]);
     assert!((1.0..=1.6).contains(&strict_s), "{strict_s} s");
 }
 
 #[test]
-fn a_master_that_waits_for_its_neighbours_only_waits_two_periods_at_most() {
+fn wait_for_neighbours_takes_at_most_two_periods() {
     let neighbours_s = mean_wait_s("thesis-2.toml", &["protocol.barrier=neighbours"]);
     assert!((0.1..=0.4).contains(&neighbours_s), "{neighbours_s} s");
 }
 
 #[test]
-fn vehicles_that_settle_as_the_ancestors_give_its_wait_in_one_hop_and_the_thesiss_over_many() {
+fn settling_time_reproduces_the_waits_of_the_ancestor_and_the_thesis() {
     let one_hop_s = mean_wait_s("ancestor.toml", &[]);
     assert_within(0.05, one_hop_s, 0.504, "the ancestor");
     let settle_ms = scenario("ancestor.toml", &[]).plan.settle.as_millis();
@@ -145,7 +145,7 @@ fn vehicles_that_settle_as_the_ancestors_give_its_wait_in_one_hop_and_the_thesis
 }
 
 #[test]
-fn whoever_is_beyond_the_masters_neighbours_is_left_behind_by_no_waypoint() {
+fn drones_beyond_the_neighbours_miss_no_waypoint() {
     for policy in ["flood", "tree"] {
         for loss in ["0", "0.2"] {
             let fields = [
@@ -165,7 +165,7 @@ fn whoever_is_beyond_the_masters_neighbours_is_left_behind_by_no_waypoint() {
 }
 
 #[test]
-fn no_two_drones_come_too_close_whatever_the_seed() {
+fn drones_keep_separation_for_any_seed() {
     for experiment in published() {
         let name = experiment.scenario.as_str();
         for seed in 0..20 {

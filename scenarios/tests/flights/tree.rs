@@ -1,33 +1,32 @@
-//! What policy `tree` costs at a waypoint, over the shared 802.11a medium, frames at their real length.
+//! Cost of a barrier under policy `tree`, on the shared 802.11a medium with real frame lengths.
 
 use muster_scenarios::engine::Engine;
 
 use crate::support::{fly, rows, scenario, shipped};
 
-/// A barrier on a line of fifteen takes this many frames at least, and among fifteen in each other's range this many.
-const LEAST_LINE: f64 = 27.0;
-const LEAST_MESH: f64 = 15.0;
+/// Minimum number of frames per barrier: fifteen drones in line, and fifteen in range of each other.
+const LINE_FRAMES_MIN: f64 = 27.0;
+const MESH_FRAMES_MIN: f64 = 15.0;
 
-/// The shares of frames lost besides, and what a waypoint on the line may cost at most under each: milliseconds from
-/// all arrived to all moving, frames as a multiple of the least possible.
+/// For each frame loss: maximum barrier wait on the line in milliseconds, and maximum multiple of the minimum frames.
 const TARGETS: [(&str, f64, f64); 3] = [("0", 40.0, 1.3), ("0.1", 80.0, 1.8), ("0.3", 150.0, 3.0)];
 
-/// Means over the waypoints of some seeds.
+/// Means over the barriers of several seeds.
 struct Cost {
-    /// From all arrived to all moving, in milliseconds.
+    /// Barrier wait, in milliseconds.
     wait_ms: f64,
-    /// Frames from the first arrival to the last departure, keep-alives apart.
+    /// Frames from the first arrival to the last departure, without keep-alives.
     frames: f64,
-    /// Keep-alives meanwhile.
+    /// Keep-alives in the same time.
     keep_alives: f64,
-    /// What the medium sent again meanwhile.
+    /// Retries of the medium in the same time.
     retries: f64,
-    /// Messages received a drone, all told.
+    /// Messages received per drone in the whole run.
     received: f64,
 }
 
 impl Cost {
-    /// The cost over seeds 0 to 9, in which nobody misses a waypoint.
+    /// Cost over seeds 0 to 9; checks that no drone misses a waypoint.
     fn of(name: &str, fields: &[&str]) -> Self {
         let mut barriers = Vec::new();
         let mut received = Vec::new();
@@ -44,8 +43,9 @@ impl Cost {
             received.push(report.means.messages_received);
         }
         let count = |number: u64| f64::from(u32::try_from(number).unwrap());
-        let over =
-            |what: &dyn Fn(usize) -> f64| mean(&(0..barriers.len()).map(what).collect::<Vec<_>>());
+        let over = |value: &dyn Fn(usize) -> f64| {
+            mean(&(0..barriers.len()).map(value).collect::<Vec<_>>())
+        };
         Self {
             wait_ms: over(&|at| (barriers[at].moving_s - barriers[at].arrived_s) * 1e3),
             frames: over(&|at| count(barriers[at].transmissions)),
@@ -71,26 +71,29 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_waypoint_on_the_line_costs_little_more_than_the_least_possible_whatever_is_lost() {
+fn barrier_on_the_line_costs_little_more_than_the_minimum() {
     let mut costs = String::new();
     for (loss, wait_ms, frames) in TARGETS {
         let cost = Cost::of("barrier-line.toml", &[&format!("radio.loss={loss}")]);
         assert!(cost.wait_ms <= wait_ms, "loss {loss}: {cost}");
-        assert!(cost.frames <= frames * LEAST_LINE, "loss {loss}: {cost}");
+        assert!(
+            cost.frames <= frames * LINE_FRAMES_MIN,
+            "loss {loss}: {cost}"
+        );
         costs.push_str(&format!("loss {loss}: {cost}\n"));
     }
     insta::assert_snapshot!(costs);
 }
 
 #[test]
-fn a_waypoint_among_drones_that_all_hear_each_other_costs_little_more_than_a_frame_each() {
+fn barrier_in_a_mesh_costs_little_more_than_one_frame_per_drone() {
     let cost = Cost::of("barrier-mesh.toml", &[]);
-    assert!(cost.frames <= 1.3 * LEAST_MESH, "{cost}");
+    assert!(cost.frames <= 1.3 * MESH_FRAMES_MIN, "{cost}");
     insta::assert_snapshot!(cost);
 }
 
 #[test]
-fn a_drone_hears_at_most_a_quarter_of_what_it_hears_under_flood() {
+fn tree_receives_at_most_a_quarter_of_the_frames_of_flood() {
     let fields = ["radio.medium=csma", "protocol.liveness=heartbeat"];
     let tree = Cost::of(
         "thesis-2.toml",
@@ -101,9 +104,9 @@ fn a_drone_hears_at_most_a_quarter_of_what_it_hears_under_flood() {
     assert!(share <= 0.25, "{share}");
 }
 
-/// The figures of a hundred seeds, as `.ci/run` compares them with those of the command that the file names.
+/// Checks the stored figures of 100 seeds. `.ci/run` compares them with a new run.
 #[test]
-fn the_documented_figures_meet_their_targets() {
+fn documented_figures_meet_their_targets() {
     let column = |file: &str, name: &str| {
         let text = std::fs::read_to_string(shipped("tests/data").join(file)).unwrap();
         let heading = text.lines().next().unwrap();
@@ -130,11 +133,11 @@ fn the_documented_figures_meet_their_targets() {
     for (at, (loss, wait_ms, most)) in TARGETS.into_iter().enumerate() {
         assert!(waits_ms[at] <= wait_ms, "loss {loss}: {} ms", waits_ms[at]);
         assert!(
-            frames[at] <= most * LEAST_LINE,
+            frames[at] <= most * LINE_FRAMES_MIN,
             "loss {loss}: {} frames",
             frames[at]
         );
     }
     let frames = numbers("barrier-mesh.csv", "transmissions_per_barrier_median");
-    assert!(frames[0] <= 1.3 * LEAST_MESH, "{} frames", frames[0]);
+    assert!(frames[0] <= 1.3 * MESH_FRAMES_MIN, "{} frames", frames[0]);
 }

@@ -2,12 +2,11 @@ use std::time::Duration;
 
 use rand::{Rng, RngExt};
 
-/// How long the first wait is at most, and the longest.
+/// Limits of the first and of the longest wait.
 const FIRST: Duration = Duration::from_millis(100);
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// How long to wait before the next attempt to connect: twice as long each time, and a random part less, so that those
-/// who lost each other at once don't all come back at once.
+/// Exponential back-off between attempts to connect. A random part of each wait avoids simultaneous reconnects.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BackOff {
     next: Duration,
@@ -18,7 +17,7 @@ impl BackOff {
         Self { next: FIRST }
     }
 
-    /// How long to wait now; between half of what it may be and all of it.
+    /// The next wait: between half of the current limit and all of it. Doubles the limit.
     pub(super) fn wait(&mut self, rng: &mut impl Rng) -> Duration {
         let longest = self.next;
         self.next = (longest * 2).min(LONGEST);
@@ -34,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn waits_double_up_to_the_longest_and_never_agree() {
+    fn waits_double_up_to_the_longest_and_differ_by_seed() {
         let waits = |seed| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut back_off = BackOff::new();

@@ -1,9 +1,9 @@
-//! What a drone says to all of a network so that others find it: who it is, signed. Where it is, is where that comes from.
+//! Discovery beacons: a drone broadcasts its signed number; its address is the source address of the beacon.
 //!
-//! A beacon promises nothing: it can be recorded and said again from elsewhere, and leads to an attempt to connect, in which
-//! whoever is there has to prove that it has the drone's key. One that was heard before leads to nothing, nor does one that
-//! its drone said before that in the same life, as long as that is one of the few that were heard last. Which of two lives is
-//! the later no beacon tells.
+//! A beacon proves nothing, since it can be recorded and replayed from another address. It only leads to an attempt to
+//! connect, in which the peer must prove that it has the drone's key. A beacon is ignored if its sequence number is not
+//! above the last one of the same incarnation. Only the last few incarnations are remembered. Beacons don't tell which of
+//! two incarnations is the later one.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -12,25 +12,25 @@ use muster_machines::wire::AUTHENTICATOR_LEN;
 
 use super::identity::Identities;
 
-/// What a beacon begins with, so that its signature stands for nothing else.
+/// Prefix of a beacon. It keeps the signature from being valid for anything else.
 const NAME: &[u8] = b"muster beacon 1\0";
 
-/// How long what is signed is, in bytes: the name, the swarm, the drone, its life, and the how manieth of that life.
+/// Length of the signed part, in bytes: the prefix, then swarm, drone, incarnation and sequence number.
 const SIGNED_LEN: usize = NAME.len() + 4 * 4;
 
-/// How many lives of a drone are remembered: those that were heard last.
-const LIVES_MAX: usize = 8;
+/// Number of incarnations of a drone that are remembered, the latest heard.
+const INCARNATIONS_MAX: usize = 8;
 
-/// How long a beacon is, in bytes.
+/// Length of a beacon, in bytes.
 pub(super) const BEACON_LEN: usize = SIGNED_LEN + AUTHENTICATOR_LEN;
 
-/// A drone says that it is there.
+/// A discovery beacon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Beacon {
     pub(super) swarm: SwarmId,
     pub(super) drone: NodeId,
-    /// Which of the drone's lives it is, and the how manieth beacon of it.
-    pub(super) said: (u32, u32),
+    /// Incarnation of the drone, and sequence number within it.
+    pub(super) sequence: (u32, u32),
 }
 
 impl Beacon {
@@ -39,18 +39,18 @@ impl Beacon {
         let (signed, signature) = bytes.split_at_mut(SIGNED_LEN);
         let (name, numbers) = signed.split_at_mut(NAME.len());
         name.copy_from_slice(NAME);
-        let (incarnation, count) = self.said;
-        for (place, number) in
+        let (incarnation, count) = self.sequence;
+        for (field, number) in
             (numbers.chunks_exact_mut(4)).zip([self.swarm.0, self.drone.0, incarnation, count])
         {
-            place.copy_from_slice(&number.to_le_bytes());
+            field.copy_from_slice(&number.to_le_bytes());
         }
         signature.copy_from_slice(&identities.sign(signed));
         bytes
     }
 
-    /// What bytes say, whoever signed them; nothing if they are no beacon.
-    fn read(bytes: &[u8]) -> Option<(Self, &[u8], &[u8; AUTHENTICATOR_LEN])> {
+    /// Parses a beacon into its content, the signed bytes and the unverified signature; `None` if it is malformed.
+    fn parse(bytes: &[u8]) -> Option<(Self, &[u8], &[u8; AUTHENTICATOR_LEN])> {
         let (signed, signature) = bytes.split_at_checked(SIGNED_LEN)?;
         let (numbers, rest) = signed.strip_prefix(NAME)?.as_chunks::<4>();
         let [swarm, drone, incarnation, count] =
@@ -58,55 +58,54 @@ impl Beacon {
         let beacon = Self {
             swarm: SwarmId(swarm),
             drone: NodeId(drone),
-            said: (incarnation, count),
+            sequence: (incarnation, count),
         };
         rest.is_empty().then_some(())?;
         Some((beacon, signed, signature.try_into().ok()?))
     }
 }
 
-/// What became of what came in among the beacons.
+/// The result of a received beacon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Heard {
-    /// A drone of the own swarm is there.
+pub(super) enum Received {
+    /// A new beacon of another drone of the swarm.
     Drone(NodeId),
-    /// The own beacon, or another swarm's.
-    OfNoUse,
-    /// It is no beacon, of nobody who is trusted, not signed by its drone, or was heard before.
+    /// The own beacon, or one of another swarm.
+    Ignored,
+    /// Malformed, of an untrusted drone, with a wrong signature, or a replay.
     Refused,
 }
 
-/// Who was heard, in which lives, and when last by its own count; of drones of the fleet only.
+/// Accepts beacons of trusted drones and refuses replays.
 #[derive(Debug)]
-pub(super) struct Ear {
+pub(super) struct BeaconFilter {
     swarm: SwarmId,
     own: NodeId,
-    /// The life that was heard last is the last one.
-    heard: BTreeMap<NodeId, VecDeque<(u32, u32)>>,
+    /// Last sequence number of each remembered incarnation; the incarnation heard last is at the end.
+    last: BTreeMap<NodeId, VecDeque<(u32, u32)>>,
 }
 
-impl Ear {
+impl BeaconFilter {
     pub(super) const fn new(swarm: SwarmId, own: NodeId) -> Self {
         Self {
             swarm,
             own,
-            heard: BTreeMap::new(),
+            last: BTreeMap::new(),
         }
     }
 
-    /// What bytes among the beacons say. What is cheap is looked at first; a signature only if `may_verify` says that there is
-    /// time for it.
-    pub(super) fn hear(
+    /// Checks a received beacon. Cheap checks come first; the signature is verified only if `may_verify` allows it.
+    pub(super) fn receive(
         &mut self,
         bytes: &[u8],
         identities: &dyn Identities,
         may_verify: impl FnOnce() -> bool,
-    ) -> Heard {
-        let Some((beacon, signed, signature)) = Beacon::read(bytes) else {
-            return Heard::Refused;
+    ) -> Received {
+        let Some((beacon, signed, signature)) = Beacon::parse(bytes) else {
+            return Received::Refused;
         };
         if beacon.swarm != self.swarm || beacon.drone == self.own {
-            return Heard::OfNoUse;
+            return Received::Ignored;
         }
         if self.is_new(&beacon)
             && identities.is_trusted(beacon.drone)
@@ -114,14 +113,14 @@ impl Ear {
             && identities.verify(beacon.drone, signed, signature)
         {
             self.remember(&beacon);
-            return Heard::Drone(beacon.drone);
+            return Received::Drone(beacon.drone);
         }
-        Heard::Refused
+        Received::Refused
     }
 
     fn is_new(&self, beacon: &Beacon) -> bool {
-        let (incarnation, count) = beacon.said;
-        let incarnations = self.heard.get(&beacon.drone);
+        let (incarnation, count) = beacon.sequence;
+        let incarnations = self.last.get(&beacon.drone);
         let mut known = incarnations.into_iter().flatten();
         known
             .find(|it| it.0 == incarnation)
@@ -129,12 +128,12 @@ impl Ear {
     }
 
     fn remember(&mut self, beacon: &Beacon) {
-        let incarnations = self.heard.entry(beacon.drone).or_default();
-        incarnations.retain(|it| it.0 != beacon.said.0);
-        if incarnations.len() == LIVES_MAX {
+        let incarnations = self.last.entry(beacon.drone).or_default();
+        incarnations.retain(|it| it.0 != beacon.sequence.0);
+        if incarnations.len() == INCARNATIONS_MAX {
             incarnations.pop_front();
         }
-        incarnations.push_back(beacon.said);
+        incarnations.push_back(beacon.sequence);
     }
 }
 
@@ -145,7 +144,7 @@ mod tests {
     use super::super::identity::{Distrust, Peer, PublicKey};
     use super::*;
 
-    /// A drone whose signature is a sum and its number; the drones below 8 are the fleet, and 7 was expelled.
+    /// A toy signature: a checksum and the number of the drone. Drones below 7 are trusted; drone 7 is revoked.
     struct Summing(u8);
 
     fn sum(bytes: &[u8]) -> u8 {
@@ -182,75 +181,76 @@ mod tests {
 
     const SWARM: SwarmId = SwarmId(3);
 
-    fn beacon(drone: u32, said: (u32, u32)) -> Beacon {
+    fn beacon(drone: u32, sequence: (u32, u32)) -> Beacon {
         let drone = NodeId(drone);
         Beacon {
             swarm: SWARM,
             drone,
-            said,
+            sequence,
         }
     }
 
-    fn ear() -> Ear {
-        Ear::new(SWARM, NodeId(0))
+    fn filter() -> BeaconFilter {
+        BeaconFilter::new(SWARM, NodeId(0))
     }
 
     #[test]
-    fn a_drone_that_says_that_it_is_there_is_heard_once_for_each_time() {
-        let mut ear = ear();
-        let [first, later, reborn, latest] =
-            [(4, 9), (4, 10), (2, 0), (4, 11)].map(|said| beacon(1, said).signed(&Summing(1)));
-        for (bytes, heard) in [
-            (first, Heard::Drone(NodeId(1))),
-            (first, Heard::Refused),
-            (later, Heard::Drone(NodeId(1))),
-            (reborn, Heard::Drone(NodeId(1))),
-            (later, Heard::Refused),
-            (first, Heard::Refused),
-            (reborn, Heard::Refused),
-            (latest, Heard::Drone(NodeId(1))),
+    fn each_beacon_is_accepted_once() {
+        let mut filter = filter();
+        let [first, later, restarted, latest] = [(4, 9), (4, 10), (2, 0), (4, 11)]
+            .map(|sequence| beacon(1, sequence).signed(&Summing(1)));
+        for (bytes, received) in [
+            (first, Received::Drone(NodeId(1))),
+            (first, Received::Refused),
+            (later, Received::Drone(NodeId(1))),
+            (restarted, Received::Drone(NodeId(1))),
+            (later, Received::Refused),
+            (first, Received::Refused),
+            (restarted, Received::Refused),
+            (latest, Received::Drone(NodeId(1))),
         ] {
-            assert_eq!(ear.hear(&bytes, &Summing(0), || true), heard);
+            assert_eq!(filter.receive(&bytes, &Summing(0), || true), received);
         }
     }
 
     #[test]
-    fn what_was_recorded_of_other_lives_keeps_no_drone_from_being_heard() {
-        let mut ear = ear();
-        let mut is_heard = |said| {
-            let bytes = beacon(1, said).signed(&Summing(1));
-            ear.hear(&bytes, &Summing(0), || true) == Heard::Drone(NodeId(1))
+    fn recorded_beacons_of_other_incarnations_block_no_new_ones() {
+        let mut filter = filter();
+        let mut is_accepted = |sequence| {
+            let bytes = beacon(1, sequence).signed(&Summing(1));
+            filter.receive(&bytes, &Summing(0), || true) == Received::Drone(NodeId(1))
         };
         for count in 0..100 {
-            assert!(is_heard((7, count)));
+            assert!(is_accepted((7, count)));
             for incarnation in [1, 9, u32::MAX] {
-                is_heard((incarnation, count / 2));
-                assert!(!is_heard((incarnation, count / 2)));
+                is_accepted((incarnation, count / 2));
+                assert!(!is_accepted((incarnation, count / 2)));
             }
         }
-        let remembered = |ear: &Ear| ear.heard[&NodeId(1)].len();
-        (100..1_000).for_each(|incarnation| assert!(is_heard((incarnation, 0))));
-        assert_eq!(remembered(&ear), LIVES_MAX);
+        (100..1_000).for_each(|incarnation| assert!(is_accepted((incarnation, 0))));
+        assert_eq!(filter.last[&NodeId(1)].len(), INCARNATIONS_MAX);
     }
 
     #[test]
-    fn without_time_for_a_signature_nobody_is_heard_and_nothing_is_remembered() {
-        let mut ear = ear();
+    fn unverified_beacons_are_refused_and_not_remembered() {
+        let mut filter = filter();
         let bytes = beacon(1, (4, 9)).signed(&Summing(1));
-        assert_eq!(ear.hear(&bytes, &Summing(0), || false), Heard::Refused);
-        let heard = ear.hear(&bytes, &Summing(0), || true);
-        assert_eq!(heard, Heard::Drone(NodeId(1)));
-        let asked = || panic!("it was heard before");
-        assert_eq!(ear.hear(&bytes, &Summing(0), asked), Heard::Refused);
+        let unverified = filter.receive(&bytes, &Summing(0), || false);
+        assert_eq!(unverified, Received::Refused);
+        let received = filter.receive(&bytes, &Summing(0), || true);
+        assert_eq!(received, Received::Drone(NodeId(1)));
+        let may_verify = || panic!("a replay needs no signature check");
+        let replayed = filter.receive(&bytes, &Summing(0), may_verify);
+        assert_eq!(replayed, Received::Refused);
     }
 
     #[test]
-    fn nobody_is_heard_for_another_nor_who_was_expelled_nor_what_was_altered() {
-        let mut ear = ear();
+    fn forged_revoked_and_altered_beacons_are_refused() {
+        let mut filter = filter();
         let mut refused = |bytes: &[u8]| {
             assert_eq!(
-                ear.hear(bytes, &Summing(0), || true),
-                Heard::Refused,
+                filter.receive(bytes, &Summing(0), || true),
+                Received::Refused,
                 "{bytes:?}"
             );
         };
@@ -264,17 +264,17 @@ mod tests {
         for at in 0..SIGNED_LEN {
             let mut altered = whole;
             altered[at] ^= 1;
-            let heard = ear.hear(&altered, &Summing(0), || true);
-            assert!(!matches!(heard, Heard::Drone(_)), "byte {at}");
+            let received = filter.receive(&altered, &Summing(0), || true);
+            assert!(!matches!(received, Received::Drone(_)), "byte {at}");
         }
         assert_eq!(
-            ear.hear(&whole, &Summing(0), || true),
-            Heard::Drone(NodeId(1))
+            filter.receive(&whole, &Summing(0), || true),
+            Received::Drone(NodeId(1))
         );
     }
 
     #[test]
-    fn own_beacons_and_those_of_other_swarms_are_of_no_use() {
+    fn own_beacons_and_those_of_other_swarms_are_ignored() {
         let other = Beacon {
             swarm: SwarmId(4),
             ..beacon(1, (1, 1))
@@ -283,7 +283,8 @@ mod tests {
             other.signed(&Summing(1)),
             beacon(0, (1, 1)).signed(&Summing(0)),
         ] {
-            assert_eq!(ear().hear(&bytes, &Summing(0), || true), Heard::OfNoUse);
+            let received = filter().receive(&bytes, &Summing(0), || true);
+            assert_eq!(received, Received::Ignored);
         }
     }
 }

@@ -1,38 +1,38 @@
 use muster_machines::identity::NodeId;
 use muster_machines::radio::Authenticator;
 
-/// A public key of Ed25519, as RFC 8032 writes it.
+/// An Ed25519 public key (RFC 8032).
 pub type PublicKey = [u8; 32];
 
-/// Who is at the other end of a connection, as the key says that it has proved to have.
+/// The authenticated peer of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Peer {
     /// A drone of the fleet.
     Drone(NodeId),
-    /// Whoever has the fleet's own secret key.
+    /// An operator, who has the fleet's secret key.
     Operator,
 }
 
-/// Why nobody with a key is spoken to.
+/// Why a key is not trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Distrust {
-    /// Nobody of the fleet has this key.
+    /// No drone of the fleet has this key.
     Stranger,
-    /// It is the key of a drone that was expelled.
-    RevocationList,
+    /// The drone with this key is revoked.
+    Revoked,
 }
 
-/// Who this end is, and whom it believes.
+/// The key of this end, and the keys that it trusts.
 ///
-/// The key that signs frames signs handshakes and beacons, too. None passes for another: a frame begins with its version,
-/// which is a small number, what TLS signs with 64 spaces (RFC 8446, section 4.4.3), and a beacon with its name.
+/// One key signs frames, handshakes and beacons. Their signed bytes can't be confused: a frame starts with its version, a
+/// small number; TLS signs 64 spaces first (RFC 8446, section 4.4.3); a beacon starts with its name.
 pub trait Identities: Authenticator + Send + Sync {
-    /// This end's own public key.
+    /// The own public key.
     fn public_key(&self) -> PublicKey;
 
-    /// Who has this key.
+    /// The peer with this key.
     ///
     /// # Errors
-    /// When whoever has it is not to be spoken to.
+    /// If the key is not trusted.
     fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust>;
 }

@@ -5,63 +5,62 @@ use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use tokio::sync::Notify;
 
-/// How many frames of one drone may wait to be looked at; further ones are dropped, and counted. So none keeps others
-/// waiting for more than that.
-const WAITING_MAX: usize = 64;
+/// Most queued frames of one drone; further ones are dropped and counted. It bounds the delay that one drone causes others.
+const QUEUED_MAX: usize = 64;
 
-/// Frames that came in and were not looked at yet, in the order in which they came.
+/// Received frames that wait to be handled, in the order of arrival.
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
     queue: Mutex<Queue>,
-    /// There may be something in it.
-    came: Notify,
+    /// Notified after each push.
+    pushed: Notify,
 }
 
 #[derive(Debug, Default)]
 struct Queue {
     frames: VecDeque<(NodeId, Bytes)>,
-    /// How many of each drone are among them.
-    waiting: BTreeMap<NodeId, usize>,
+    /// Number of queued frames of each drone.
+    by_drone: BTreeMap<NodeId, usize>,
     overflowed: u64,
 }
 
 impl Inbox {
-    /// Takes in a frame, unless too many of this drone's wait already.
-    pub(super) fn put(&self, from: NodeId, frame: Bytes) {
+    /// Adds a frame; drops it if its sender has too many queued.
+    pub(super) fn push(&self, from: NodeId, frame: Bytes) {
         let mut queue = self.lock();
-        let waiting = queue.waiting.entry(from).or_default();
-        if *waiting >= WAITING_MAX {
+        let queued = queue.by_drone.entry(from).or_default();
+        if *queued >= QUEUED_MAX {
             queue.overflowed += 1;
             return;
         }
-        *waiting += 1;
+        *queued += 1;
         queue.frames.push_back((from, frame));
         drop(queue);
-        self.came.notify_one();
+        self.pushed.notify_one();
     }
 
-    /// Hands out the frame that came first, and whose connection it came by.
-    pub(super) fn take(&self) -> Option<(NodeId, Bytes)> {
+    /// Removes the oldest frame, with the peer that it came from.
+    pub(super) fn pop(&self) -> Option<(NodeId, Bytes)> {
         let mut queue = self.lock();
         let (from, frame) = queue.frames.pop_front()?;
-        if let Some(waiting) = queue.waiting.get_mut(&from) {
-            *waiting -= 1;
-            if *waiting == 0 {
-                queue.waiting.remove(&from);
+        if let Some(queued) = queue.by_drone.get_mut(&from) {
+            *queued -= 1;
+            if *queued == 0 {
+                queue.by_drone.remove(&from);
             }
         }
         Some((from, frame))
     }
 
-    /// How many frames were dropped for want of room.
+    /// Number of frames dropped because the queue was full.
     pub(super) fn overflowed(&self) -> u64 {
         self.lock().overflowed
     }
 
-    /// Returns once frames are there, or at once if they are.
-    pub(super) async fn filled(&self) {
+    /// Waits until there is a frame.
+    pub(super) async fn wait_for_frame(&self) {
         while self.lock().frames.is_empty() {
-            self.came.notified().await;
+            self.pushed.notified().await;
         }
     }
 
@@ -75,18 +74,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_drone_that_says_too_much_is_cut_short_and_others_are_heard() {
+    fn flood_of_one_drone_does_not_displace_frames_of_others() {
         let inbox = Inbox::default();
         for _ in 0..1_000 {
-            inbox.put(NodeId(1), Bytes::from_static(b"again"));
+            inbox.push(NodeId(1), Bytes::from_static(b"flood"));
         }
-        inbox.put(NodeId(2), Bytes::from_static(b"once"));
-        assert_eq!(inbox.overflowed(), 1_000 - WAITING_MAX as u64);
-        let taken: Vec<_> = std::iter::from_fn(|| Some(inbox.take()?.1)).collect();
-        assert_eq!(taken.len(), WAITING_MAX + 1);
-        assert_eq!(taken.last(), Some(&Bytes::from_static(b"once")));
-        assert!(inbox.lock().waiting.is_empty());
-        inbox.put(NodeId(1), Bytes::from_static(b"there is room again"));
-        assert!(inbox.take().is_some());
+        inbox.push(NodeId(2), Bytes::from_static(b"once"));
+        assert_eq!(inbox.overflowed(), 1_000 - QUEUED_MAX as u64);
+        let popped: Vec<_> = std::iter::from_fn(|| Some(inbox.pop()?.1)).collect();
+        assert_eq!(popped.len(), QUEUED_MAX + 1);
+        assert_eq!(popped.last(), Some(&Bytes::from_static(b"once")));
+        assert!(inbox.lock().by_drone.is_empty());
+        inbox.push(NodeId(1), Bytes::from_static(b"after the flood"));
+        assert!(inbox.pop().is_some());
     }
 }

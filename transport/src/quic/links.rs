@@ -1,4 +1,4 @@
-//! The connections that a drone has: one with each other drone.
+//! The open connections: at most one with each other drone.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -13,20 +13,20 @@ use tokio::sync::mpsc;
 
 use super::identity::Identities;
 
-/// How much later than another a connection may be opened from the other side and still have been opened not knowing of it.
-const AT_ONCE: Duration = Duration::from_secs(2);
+/// Two connections opened by both sides within this time count as simultaneous: neither side knew of the other's.
+const SIMULTANEOUS_MAX: Duration = Duration::from_secs(2);
 
-/// Why connections are closed, for the other end's log.
+/// Reasons for closing a connection, as sent to the peer.
 pub(super) const REPLACED: (VarInt, &[u8]) = (VarInt::from_u32(1), b"replaced");
 pub(super) const NOT_TRUSTED: (VarInt, &[u8]) = (VarInt::from_u32(2), b"not trusted");
 pub(super) const BUSY: (VarInt, &[u8]) = (VarInt::from_u32(3), b"busy");
 pub(super) const OVER: (VarInt, &[u8]) = (VarInt::from_u32(0), b"over");
 
-pub(super) fn close(connection: &Connection, (code, why): (VarInt, &[u8])) {
-    connection.close(code, why);
+pub(super) fn close(connection: &Connection, (code, reason): (VarInt, &[u8])) {
+    connection.close(code, reason);
 }
 
-/// By whom a connection was opened, and when it was there.
+/// Who opened a connection, and when it was established.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Opened {
     pub(super) by: NodeId,
@@ -34,12 +34,12 @@ pub(super) struct Opened {
 }
 
 impl Opened {
-    /// Whether of two connections between the same two drones the newer one stays, which both must see alike. Where each
-    /// has opened one, not knowing of the other's, that is the lower number's. Otherwise whoever opens another has lost
-    /// the old one, for its process started anew, say.
+    /// Whether this newer connection replaces an old one between the same drones. Both ends must decide alike. Of
+    /// simultaneous connections, that of the lower number stays. Otherwise the new one stays: its opener has lost the old
+    /// one, for example by a restart.
     fn replaces(&self, old: &Self) -> bool {
-        let are_opened_at_once = self.by != old.by && self.at.since(old.at) < AT_ONCE;
-        !are_opened_at_once || self.by < old.by
+        let are_simultaneous = self.by != old.by && self.at.since(old.at) < SIMULTANEOUS_MAX;
+        !are_simultaneous || self.by < old.by
     }
 }
 
@@ -48,30 +48,30 @@ impl Opened {
 pub(super) struct Link {
     pub(super) connection: Connection,
     pub(super) opened: Opened,
-    /// What is too long for a datagram.
-    pub(super) long: mpsc::Sender<Bytes>,
+    /// Queue of frames that exceed a datagram.
+    pub(super) long_frames: mpsc::Sender<Bytes>,
 }
 
 impl Link {
-    /// Hands a frame to the connection, as a datagram where it fits into one and else on a stream; whether it was taken,
-    /// and nothing had to give way to it.
+    /// Sends a frame as a datagram, or on a stream if it is too long. Returns `false` if it was dropped or displaced an older
+    /// frame.
     fn send(&self, frame: &Bytes) -> bool {
         let fits = (self.connection.max_datagram_size()).is_some_and(|max| frame.len() <= max);
         if !fits {
-            return self.long.try_send(frame.clone()).is_ok();
+            return self.long_frames.try_send(frame.clone()).is_ok();
         }
-        // The oldest of what waits gives way, for the newest counts.
+        // A full buffer drops its oldest datagrams.
         let has_room = self.connection.datagram_send_buffer_space() >= frame.len();
         self.connection.send_datagram(frame.clone()).is_ok() && has_room
     }
 }
 
-/// One connection with each drone that there is one with.
+/// The connections by drone.
 #[derive(Debug, Default)]
 pub(super) struct Links(Mutex<BTreeMap<NodeId, Link>>);
 
 impl Links {
-    /// Takes in a connection with a drone; it closes the one that there was, or is refused and closed itself.
+    /// Adds a connection with a drone and closes the previous one. Returns `false` if the new one is closed instead.
     pub(super) fn admit(&self, drone: NodeId, link: Link) -> bool {
         let mut links = self.lock();
         let old = links.get(&drone).filter(|old| old.is_open());
@@ -86,51 +86,51 @@ impl Links {
         true
     }
 
-    /// A connection has ended.
-    pub(super) fn dismiss(&self, drone: NodeId, connection: &Connection) {
+    /// Removes an ended connection, unless another one has replaced it.
+    pub(super) fn remove(&self, drone: NodeId, connection: &Connection) {
         let mut links = self.lock();
-        let is_it = |it: &Link| it.connection.stable_id() == connection.stable_id();
-        if links.get(&drone).is_some_and(is_it) {
+        let is_current = |it: &Link| it.connection.stable_id() == connection.stable_id();
+        if links.get(&drone).is_some_and(is_current) {
             links.remove(&drone);
         }
     }
 
-    /// The connection with a drone.
-    pub(super) fn with(&self, drone: NodeId) -> Option<Connection> {
+    /// The open connection with a drone.
+    pub(super) fn get(&self, drone: NodeId) -> Option<Connection> {
         let links = self.lock();
         let link = links.get(&drone).filter(|link| link.is_open());
         link.map(|link| link.connection.clone())
     }
 
-    /// Whether there is a connection with a drone at an address, at whichever port.
-    pub(super) fn lead_to(&self, address: IpAddr) -> bool {
-        let is_there = |link: &Link| link.connection.remote_address().ip() == address;
+    /// Whether there is an open connection with an address, at any port.
+    pub(super) fn has_address(&self, address: IpAddr) -> bool {
+        let has_address = |link: &Link| link.connection.remote_address().ip() == address;
         self.lock()
             .values()
-            .any(|link| is_there(link) && link.is_open())
+            .any(|link| has_address(link) && link.is_open())
     }
 
-    /// With how many drones there is a connection.
+    /// Number of open connections.
     pub(super) fn count(&self) -> usize {
         self.lock().values().filter(|link| link.is_open()).count()
     }
 
-    /// Closes the connections with those who are not trusted any more.
-    pub(super) fn review(&self, identities: &dyn Identities) {
+    /// Closes the connections with drones that are no longer trusted.
+    pub(super) fn close_untrusted(&self, identities: &dyn Identities) {
         let links = self.lock();
         for (_, link) in (links.iter()).filter(|(drone, _)| !identities.is_trusted(**drone)) {
             close(&link.connection, NOT_TRUSTED);
         }
     }
 
-    /// Sends a frame to one drone or, if there is no connection with it or nobody is named, to all; how many connections
-    /// took it, and how many did not.
+    /// Sends a frame to one drone; to all if `to` is `None` or not connected. Returns the numbers of connections that
+    /// accepted it and that did not.
     pub(super) fn send(&self, to: Option<NodeId>, frame: &Bytes) -> (u64, u64) {
         let links = self.lock();
-        let one = to
+        let link = to
             .and_then(|drone| links.get(&drone))
             .filter(|it| it.is_open());
-        if let Some(link) = one {
+        if let Some(link) = link {
             let is_sent = u64::from(link.send(frame));
             return (is_sent, 1 - is_sent);
         }
@@ -168,14 +168,14 @@ mod tests {
     }
 
     #[test]
-    fn of_two_connections_opened_at_once_both_ends_keep_the_lower_numbers() {
-        // Each end may learn of them in another order.
+    fn of_simultaneous_connections_both_ends_keep_that_of_the_lower_number() {
+        // The ends may establish them in different orders.
         assert!(opened(1, 30).replaces(&opened(2, 10)));
         assert!(!opened(2, 30).replaces(&opened(1, 10)));
     }
 
     #[test]
-    fn whoever_connects_again_has_lost_the_old_connection() {
+    fn later_connection_replaces_the_old_one() {
         assert!(opened(2, 5_000).replaces(&opened(1, 10)));
         assert!(opened(1, 5_000).replaces(&opened(2, 10)));
         assert!(opened(2, 30).replaces(&opened(2, 10)), "the same side");

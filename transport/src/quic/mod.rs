@@ -1,24 +1,23 @@
-//! Frames over QUIC: a connection with each other drone, on which both have proved to have their keys.
+//! Frames over QUIC: one mutually authenticated connection with each other drone.
 //!
-//! A frame is a datagram (RFC 9221), which may be lost; one that is too long for that, on the way that it has to take,
-//! goes on a stream of its own. A frame for one drone goes over the connection with it; where there is none, to all that
-//! there are connections with. Nothing is told of what became of it.
+//! A frame is an unreliable datagram (RFC 9221). A frame that exceeds the path's datagram size goes on its own stream. A
+//! unicast frame goes over the connection with its drone; without one, to all connected drones. No outcome is reported.
 //!
-//! Drones find each other by a list of addresses or by signed beacons to all of a network. Whoever hears of another
-//! connects; should both do so at once, one of the two connections is closed. A connection that is lost is opened again,
-//! after waits that grow. The sockets are opened as for UDP.
+//! Drones find each other by a list of addresses or by signed beacons to a multicast group or broadcast address. Of two
+//! simultaneous connections between two drones, one is closed. A lost connection is reopened with exponential back-off. The
+//! sockets are the same as for UDP.
 //!
-//! An operator, who has the fleet's own key, connects to speak with one drone over streams.
+//! An operator, who has the fleet's secret key, connects to one drone and uses streams.
 
 mod back_off;
 mod beacon;
-mod budget;
-mod find;
+mod discovery;
 mod hub;
 mod identity;
 mod inbox;
 mod links;
 mod operator;
+mod rate_limit;
 mod stream;
 mod tls;
 
@@ -46,7 +45,7 @@ pub use operator::{Operator, OperatorError};
 pub use stream::Stream;
 pub use tls::Refusal;
 
-use self::find::Beacons;
+use self::discovery::OwnBeacons;
 use self::hub::{Hub, OPERATORS_MAX};
 use self::inbox::Inbox;
 use self::links::{Links, OVER};
@@ -54,41 +53,41 @@ use self::tls::{OPERATOR, Refusals, Trust, swarm_protocol};
 use crate::sockets::{self, Clock, Counters, OpenError, Reach};
 use crate::{Arrival, Destination, Event, SendError, Transport};
 
-/// How long nothing may be heard over a connection before it counts as lost, and how often something is said.
+/// Idle timeout of a connection, and period of its keep-alives.
 const IDLE_MAX: Duration = Duration::from_secs(3);
 const KEEP_ALIVE: Duration = Duration::from_millis(500);
 
-/// How long a way there and back is thought to take before it was measured.
-const FIRST_ROUND_TRIP: Duration = Duration::from_millis(50);
+/// Initial estimate of the round trip.
+const INITIAL_ROUND_TRIP: Duration = Duration::from_millis(50);
 
-/// The largest UDP payload that is tried, in bytes: what an Ethernet frame carries over IPv4.
+/// Upper bound of the path MTU discovery, as UDP payload in bytes: an Ethernet frame over IPv4.
 const PAYLOAD_MAX: u16 = 1_472;
 
-/// How much of a connection may wait to be sent or taken, in bytes: of datagrams, of a stream, of all streams.
+/// Buffers of a connection in each direction, in bytes: for datagrams, for a stream, for all streams.
 const DATAGRAMS_MAX: usize = 64 * 1_024;
 const STREAM_MAX: u32 = 64 * 1_024;
 const STREAMS_MAX: u32 = 256 * 1_024;
 
-/// How many streams the other end may have open, each way and both ways. Room for all is made at once.
+/// Most streams that the peer may open: unidirectional for frames, bidirectional for operators. All are preallocated.
 const FRAME_STREAMS_MAX: u32 = 16;
 const OPERATOR_STREAMS_MAX: u32 = 4;
 
-/// How many who have not proved anything yet may wait to be looked at, and how much of what they send is kept, in bytes.
+/// Most incoming connections that wait for their handshake, and the buffer for each, in bytes.
 const INCOMING_MAX: usize = 64;
 const INCOMING_BUFFER: u64 = 4 * 1_024;
 
-/// How long a drone takes to say that it is gone.
-const FAREWELL_MAX: Duration = Duration::from_millis(100);
+/// Time limit for notifying peers of the end of their connections.
+const CLOSE_MAX: Duration = Duration::from_millis(100);
 
-/// How a drone's end of the network is opened.
+/// Configuration of a drone's end of the network.
 #[derive(Clone)]
 pub struct Config {
-    /// Whose it is, its sockets, and how others are found: [`Reach::Peers`] are connected with, the others are where beacons
-    /// go.
+    /// The drone and its sockets. Discovery depends on the reach: with [`Reach::Peers`] the addresses are connected to;
+    /// otherwise beacons go to the group or broadcast address.
     pub network: sockets::Config,
-    /// Its swarm: drones of another are not connected with.
+    /// The drone's swarm. Drones of other swarms are refused.
     pub swarm: SwarmId,
-    /// Its key, and whom it believes.
+    /// The drone's key, and the keys that it trusts.
     pub identities: Arc<dyn Identities>,
 }
 
@@ -101,14 +100,14 @@ impl fmt::Debug for Config {
     }
 }
 
-/// With how many others there is a connection, and how often there was none.
+/// Counters of connections.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Connections {
-    /// With how many drones there is one.
+    /// Number of open connections with drones.
     pub open: usize,
-    /// How often there was none, by reason, whichever side began.
+    /// Failed attempts to connect in both directions, by reason.
     pub refused: BTreeMap<Refusal, u64>,
-    /// What came in among the beacons and was none, or of nobody who is believed, or heard before, or too much.
+    /// Beacons refused as malformed, untrusted, replayed or over the rate limit.
     pub beacons_refused: u64,
 }
 
@@ -118,13 +117,13 @@ pub struct QuicTransport {
     swarm: SwarmId,
     hub: Arc<Hub>,
     address: SocketAddr,
-    /// The own socket once more.
+    /// A clone of the endpoint's socket.
     own: Arc<UdpSocket>,
-    /// Where beacons come in.
+    /// The socket for beacons.
     shared: Option<Arc<UdpSocket>>,
-    /// What operators have to say, until somebody takes it.
+    /// Streams of operators, until [`Self::streams`] takes the channel.
     streams: Option<mpsc::Receiver<Stream>>,
-    /// All that goes on meanwhile; it ends with this value.
+    /// Background tasks; they end with this value.
     tasks: JoinSet<()>,
     counters: Counters,
 }
@@ -139,11 +138,11 @@ impl fmt::Debug for QuicTransport {
 }
 
 impl QuicTransport {
-    /// Opens a drone's end of the network; nobody is spoken with before [`Self::begin`]. Must be called within a runtime
-    /// that drives input and time.
+    /// Opens a drone's end of the network. It is silent until [`Self::start`]. Must be called within a Tokio runtime with I/O
+    /// and time enabled.
     ///
     /// # Errors
-    /// When a socket can't be had as configured; none is left open then.
+    /// If a socket can't be opened as configured; none is left open then.
     pub fn open(config: Config, clock: Clock) -> Result<Self, OpenError> {
         let Config {
             network,
@@ -200,52 +199,54 @@ impl QuicTransport {
         })
     }
 
-    /// Begins to look for others and to take connections, in this life of the drone, whose number no other one has had. What is
-    /// returned tells when frames are there. To be called once, within the runtime in which this was
-    /// opened.
+    /// Starts discovery and accepts connections. `incarnation` must be unique among the drone's starts. Returns a handle that
+    /// waits for frames. Must be called once, within the runtime of [`Self::open`].
     ///
     /// # Errors
-    /// When the runtime can't watch the sockets.
-    pub fn begin(&mut self, incarnation: u32) -> io::Result<Waiting> {
+    /// If the runtime can't watch the sockets.
+    pub fn start(&mut self, incarnation: u32) -> io::Result<Readiness> {
         let hub = &self.hub;
         match &self.config.reach {
             Reach::Peers(peers) => {
                 for peer in peers {
-                    self.tasks.spawn(find::keep_up_with(Arc::clone(hub), *peer));
+                    let maintain = discovery::maintain_connection(Arc::clone(hub), *peer);
+                    self.tasks.spawn(maintain);
                 }
             }
-            Reach::Group(all) | Reach::Broadcast(all) => {
-                let beacons = Beacons {
+            Reach::Group(to) | Reach::Broadcast(to) => {
+                let beacons = OwnBeacons {
                     swarm: self.swarm,
                     incarnation,
-                    to: (*all).into(),
+                    to: (*to).into(),
                     from: self.own.try_clone()?,
                 };
                 if let Some(shared) = &self.shared {
                     let shared = tokio::net::UdpSocket::from_std(shared.try_clone()?)?;
-                    let hear = find::hear(Arc::clone(hub), self.swarm, shared, self.address);
-                    self.tasks.spawn(hear);
+                    let hub = Arc::clone(hub);
+                    let receive = discovery::receive_beacons(hub, self.swarm, shared, self.address);
+                    self.tasks.spawn(receive);
                 }
-                self.tasks.spawn(find::say(Arc::clone(hub), beacons));
+                let send = discovery::send_beacons(Arc::clone(hub), beacons);
+                self.tasks.spawn(send);
             }
         }
         self.tasks.spawn(Arc::clone(hub).accept());
-        self.tasks.spawn(find::review(Arc::clone(hub)));
-        Ok(Waiting(Arc::clone(hub)))
+        self.tasks.spawn(discovery::close_revoked(Arc::clone(hub)));
+        Ok(Readiness(Arc::clone(hub)))
     }
 
-    /// The address of its own socket.
+    /// Address of the own socket.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The streams that operators open, for whoever asks first. While nobody takes them, they are refused.
+    /// The channel of operators' streams; `None` after the first call. Streams are dropped while its queue is full.
     pub const fn streams(&mut self) -> Option<mpsc::Receiver<Stream>> {
         self.streams.take()
     }
 
-    /// What it has done so far, in frames.
+    /// Counters since the start, in frames.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters {
@@ -254,16 +255,16 @@ impl QuicTransport {
         }
     }
 
-    /// How many datagrams the system has dropped because its buffers for these sockets were full, and how many frames were
-    /// because too many of their sender's waited; nothing where the system does not tell.
+    /// Number of datagrams that the kernel dropped for full socket buffers, plus frames dropped for a full queue of their
+    /// sender. `None` if the kernel does not report it.
     #[must_use]
     pub fn overflowed(&self) -> Option<u64> {
         let sockets = [Some(&self.own), self.shared.as_ref()];
         let sockets: Vec<_> = sockets.into_iter().flatten().cloned().collect();
-        sockets::drops(&sockets).map(|dropped| dropped + self.hub.inbox.overflowed())
+        sockets::kernel_drops(&sockets).map(|dropped| dropped + self.hub.inbox.overflowed())
     }
 
-    /// With how many others there is a connection, and how often there was none.
+    /// Counters of connections since the start.
     #[must_use]
     pub fn connections(&self) -> Connections {
         Connections {
@@ -273,26 +274,25 @@ impl QuicTransport {
         }
     }
 
-    /// Closes all connections, and lets the others know; returns once they were told, or can't be. Nothing is sent or
-    /// comes in any more.
-    pub fn farewell(&self) -> impl Future<Output = ()> + Send + use<> {
+    /// Closes all connections and notifies the peers. The transport is unusable afterwards.
+    pub fn close(&self) -> impl Future<Output = ()> + Send + use<> {
         let endpoint = self.hub.endpoint.clone();
-        async move { farewell(&endpoint).await }
+        async move { close_endpoint(&endpoint).await }
     }
 }
 
-/// Closes all connections, and gives whoever is at their other ends a while to be told so.
-async fn farewell(endpoint: &Endpoint) {
-    let (code, why) = OVER;
-    endpoint.close(code, why);
-    // Whoever does not hear it notices the silence.
-    let _ = timeout(FAREWELL_MAX, endpoint.wait_idle()).await;
+/// Closes all connections and waits a moment until the peers are notified.
+async fn close_endpoint(endpoint: &Endpoint) {
+    let (code, reason) = OVER;
+    endpoint.close(code, reason);
+    // A peer that misses the notification detects the idle timeout.
+    let _ = timeout(CLOSE_MAX, endpoint.wait_idle()).await;
 }
 
 impl Drop for QuicTransport {
     fn drop(&mut self) {
-        let (code, why) = OVER;
-        self.hub.endpoint.close(code, why);
+        let (code, reason) = OVER;
+        self.hub.endpoint.close(code, reason);
     }
 }
 
@@ -320,20 +320,20 @@ impl Transport for QuicTransport {
     }
 
     fn poll_event(&mut self) -> Option<Event> {
-        let (from, datagram) = self.hub.inbox.take()?;
+        let (from, datagram) = self.hub.inbox.pop()?;
         self.counters.received += 1;
         Some(Event::Arrival(Arrival {
             at: (self.hub.clock)(),
             to: self.config.id,
             datagram,
-            source: Some(name(from)),
+            source: Some(source_of(from)),
             peer: Some(from),
         }))
     }
 }
 
-/// Whom a connection is with is known, so where that leads has a name by itself, and each drone is a host.
-fn name(drone: NodeId) -> Source {
+/// The source of an authenticated drone. Each drone counts as its own host.
+fn source_of(drone: NodeId) -> Source {
     let [port_high, port_low, high, low] = drone.0.to_be_bytes();
     Source {
         host: NonZeroU16::MIN.saturating_add(u16::from_be_bytes([high, low])),
@@ -341,19 +341,19 @@ fn name(drone: NodeId) -> Source {
     }
 }
 
-/// Waits until frames are there, beside whoever else uses the transport.
-pub struct Waiting(Arc<Hub>);
+/// Waits for frames, while others use the transport.
+pub struct Readiness(Arc<Hub>);
 
-impl fmt::Debug for Waiting {
+impl fmt::Debug for Readiness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Waiting").finish_non_exhaustive()
+        f.debug_struct("Readiness").finish_non_exhaustive()
     }
 }
 
-impl Waiting {
-    /// Returns once frames are there; at once while there are any.
+impl Readiness {
+    /// Waits until there is a received frame.
     pub async fn frames(&self) {
-        self.0.inbox.filled().await;
+        self.0.inbox.wait_for_frame().await;
     }
 }
 
@@ -365,7 +365,7 @@ fn transport_config() -> TransportConfig {
     config
         .max_idle_timeout(Some(idle_max))
         .keep_alive_interval(Some(KEEP_ALIVE))
-        .initial_rtt(FIRST_ROUND_TRIP)
+        .initial_rtt(INITIAL_ROUND_TRIP)
         .mtu_discovery_config(Some(discovery))
         .max_concurrent_uni_streams(FRAME_STREAMS_MAX.into())
         .max_concurrent_bidi_streams(OPERATOR_STREAMS_MAX.into())

@@ -11,33 +11,33 @@ use super::hub::HANDSHAKE_MAX;
 use super::identity::{Identities, Peer};
 use super::links::OVER;
 use super::stream::Stream;
-use super::tls::{OPERATOR, Refusal, Refusals, Trust, client, expected_name, proved};
-use super::{farewell, transport_config};
+use super::tls::{OPERATOR, Refusal, Refusals, Trust, authenticated_peer, client, expected_name};
+use super::{close_endpoint, transport_config};
 use muster_machines::identity::NodeId;
 
-/// Why an operator can't speak with a drone.
+/// Why an operator has no connection with a drone.
 #[derive(Debug, Error)]
 pub enum OperatorError {
-    /// This machine has no socket for it, or none that reaches such an address.
+    /// This machine has no socket for this kind of address.
     #[error("can't open a socket")]
     Socket(#[source] io::Error),
-    /// Nobody answers at the address, or not as a drone does.
+    /// No drone answers at the address.
     #[error("no drone answers at {0}")]
-    Silent(SocketAddr),
-    /// Whoever answers at the address is not to be spoken to: a stranger, or a drone that was expelled.
-    #[error("who answers at {address} is not believed: {refusal}")]
-    NotBelieved {
-        /// Where.
+    NoAnswer(SocketAddr),
+    /// The peer is not trusted: its key is unknown or revoked.
+    #[error("the peer at {address} is not trusted: {refusal}")]
+    Untrusted {
+        /// Address of the peer.
         address: SocketAddr,
-        /// Why.
+        /// The reason.
         refusal: Refusal,
     },
-    /// The drone has ended the connection: it has another fleet's public key, or speaks with too many operators already.
-    #[error("the drone has ended the connection: {0}")]
+    /// The drone closed the connection: it belongs to another fleet or has too many operators.
+    #[error("the drone closed the connection: {0}")]
     Ended(#[from] quinn::ConnectionError),
 }
 
-/// An operator's connection with a drone, by the fleet's own key. It ends with this value.
+/// An operator's connection with a drone, authenticated by the fleet's secret key. Dropping it closes the connection.
 pub struct Operator {
     endpoint: Endpoint,
     connection: Connection,
@@ -51,11 +51,10 @@ impl fmt::Debug for Operator {
 }
 
 impl Operator {
-    /// Connects with the drone at an address, whichever of the fleet's it is. Must be called within a runtime that drives
-    /// input and time.
+    /// Connects to the drone at an address. Must be called within a Tokio runtime with I/O and time enabled.
     ///
     /// # Errors
-    /// When there is no drone that proves to be of the fleet.
+    /// If there is no drone of the fleet.
     pub async fn connect(
         address: SocketAddr,
         identities: Arc<dyn Identities>,
@@ -70,22 +69,22 @@ impl Operator {
         };
         let endpoint = Endpoint::client(any).map_err(OperatorError::Socket)?;
         let connecting = endpoint.connect_with(config, address, &expected_name(None));
-        let connecting = connecting.map_err(|_| OperatorError::Silent(address))?;
+        let connecting = connecting.map_err(|_| OperatorError::NoAnswer(address))?;
         let connection = timeout(HANDSHAKE_MAX, connecting).await;
         let connection = connection.ok().and_then(Result::ok);
-        let proved = connection.and_then(|it| Some((proved(&*identities, &it)?.0, it)));
-        match (proved, refusals.all().into_keys().next()) {
+        let peer = connection.and_then(|it| Some((authenticated_peer(&*identities, &it)?.0, it)));
+        match (peer, refusals.all().into_keys().next()) {
             (Some((Peer::Drone(drone), connection)), _) => Ok(Self {
                 endpoint,
                 connection,
                 drone,
             }),
-            (_, Some(refusal)) => Err(OperatorError::NotBelieved { address, refusal }),
-            (_, None) => Err(OperatorError::Silent(address)),
+            (_, Some(refusal)) => Err(OperatorError::Untrusted { address, refusal }),
+            (_, None) => Err(OperatorError::NoAnswer(address)),
         }
     }
 
-    /// Which drone it is, as its key has proved.
+    /// The authenticated drone.
     #[must_use]
     pub const fn drone(&self) -> NodeId {
         self.drone
@@ -94,21 +93,21 @@ impl Operator {
     /// Opens a stream.
     ///
     /// # Errors
-    /// When the drone has ended the connection.
+    /// If the drone has closed the connection.
     pub async fn open(&self) -> Result<Stream, OperatorError> {
         let (writer, reader) = self.connection.open_bi().await?;
         Ok(Stream { writer, reader })
     }
 
-    /// Ends the connection, and lets the drone know.
+    /// Closes the connection and notifies the drone.
     pub async fn end(self) {
-        farewell(&self.endpoint).await;
+        close_endpoint(&self.endpoint).await;
     }
 }
 
 impl Drop for Operator {
     fn drop(&mut self) {
-        let (code, why) = OVER;
-        self.endpoint.close(code, why);
+        let (code, reason) = OVER;
+        self.endpoint.close(code, reason);
     }
 }

@@ -1,6 +1,6 @@
 use std::io;
 
-/// A stream between an operator and a drone, for what is large. It ends with this value.
+/// A bidirectional stream between an operator and a drone. Dropping it ends it.
 #[derive(Debug)]
 pub struct Stream {
     pub(super) writer: quinn::SendStream,
@@ -8,37 +8,37 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Writes all of these bytes, as fast as the other end reads them.
+    /// Writes all bytes, with flow control by the peer.
     ///
     /// # Errors
-    /// When the connection is gone or the other end reads no more.
+    /// If the connection is lost or the peer stopped reading.
     pub async fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         Ok(self.writer.write_all(bytes).await?)
     }
 
-    /// Says that nothing more is written.
+    /// Ends the write direction.
     pub fn finish(&mut self) {
-        // It fails only where that was said before, by either end.
+        // It fails only on a finished or stopped stream.
         let _ = self.writer.finish();
     }
 
-    /// Returns once the other end reads no more, or is gone.
-    pub async fn given_up(&self) {
+    /// Waits until the peer stops reading or the connection is lost.
+    pub async fn stopped(&self) {
         let _ = self.writer.stopped().await;
     }
 
-    /// Reads some of what there is, into all or a part of `bytes`: how much; nothing once nothing more is written.
+    /// Reads into `bytes` and returns the number of bytes read; 0 at the end of the stream.
     ///
     /// # Errors
-    /// When the connection is gone, or the other end gave up.
+    /// If the connection is lost or the peer reset the stream.
     pub async fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         Ok(self.reader.read(bytes).await?.unwrap_or_default())
     }
 
-    /// Reads all that is written until the other end says that nothing more is.
+    /// Reads to the end of the stream.
     ///
     /// # Errors
-    /// When it is more than `max` bytes, the connection is gone, or the other end gave up.
+    /// If there are more than `max` bytes, the connection is lost, or the peer reset the stream.
     pub async fn read_to_end(&mut self, max: usize) -> io::Result<Vec<u8>> {
         let read = self.reader.read_to_end(max).await;
         read.map_err(io::Error::other)

@@ -1,4 +1,4 @@
-//! TLS with the keys that drones have anyway: raw public keys (RFC 7250), no certificates. Both ends prove to have theirs.
+//! Mutually authenticated TLS 1.3 with the drones' own keys: raw public keys (RFC 7250), no certificates.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -23,45 +23,45 @@ use rustls::{
 
 use super::identity::{Distrust, Identities, Peer, PublicKey};
 
-/// What an Ed25519 key's `SubjectPublicKeyInfo` begins with (RFC 8410, section 4).
+/// Prefix of an Ed25519 `SubjectPublicKeyInfo` (RFC 8410, section 4).
 const SPKI_PREFIX: [u8; 12] = [
     0x30, 0x2a, 0x30, 0x05, 0x06, 0x03, 0x2b, 0x65, 0x70, 0x03, 0x21, 0x00,
 ];
 
-/// The application protocol of an operator's connection.
+/// Application protocol (ALPN) of operators.
 pub(super) const OPERATOR: &[u8] = b"muster-operator/1";
 
-/// The application protocol of connections between drones of a swarm: those of another don't speak it.
+/// Application protocol (ALPN) of a swarm. Drones of other swarms are refused by it.
 pub(super) fn swarm_protocol(swarm: SwarmId) -> Vec<u8> {
     format!("muster-swarm/1/{}", swarm.0).into_bytes()
 }
 
-/// Why there was no connection.
+/// Why an attempt to connect failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Refusal {
-    /// The other end's key is nobody's of the fleet.
+    /// No drone of the fleet has the peer's key.
     Stranger,
-    /// It is the key of a drone that was expelled.
-    RevocationList,
-    /// It is not the key of the drone that was to be found there.
+    /// The peer is revoked.
+    Revoked,
+    /// The peer is not the drone expected at the address.
     OtherDrone,
-    /// The other end showed a key and did not prove that it has it.
+    /// The peer did not prove that it has the secret key.
     Unproven,
-    /// The other end does not believe this one.
+    /// The peer does not trust this drone.
     Denied,
-    /// The other end's address has used up what it may ask for, or too many asked at once.
+    /// The rate limit or the limit of simultaneous handshakes was exceeded.
     TooMany,
-    /// The handshake was not finished, for whatever other reason: no key, no word, another protocol, no such address.
+    /// The handshake failed for another reason: no key, no answer, another protocol, no such address.
     Unfinished,
 }
 
 impl Refusal {
-    /// Why there is no connection, unless [`Trust`] has counted that already.
+    /// The reason of a failed connection; `None` if [`Trust`] has counted it already.
     pub(super) fn of(error: &ConnectionError) -> Option<Self> {
         let denied = TransportErrorCode::crypto(AlertDescription::AccessDenied.into());
         match error {
             ConnectionError::TransportError(own) if own.code == denied => None,
-            ConnectionError::ConnectionClosed(said) if said.error_code == denied => {
+            ConnectionError::ConnectionClosed(close) if close.error_code == denied => {
                 Some(Self::Denied)
             }
             _ => Some(Self::Unfinished),
@@ -73,7 +73,7 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Stranger => "stranger",
-            Self::RevocationList => "revoked",
+            Self::Revoked => "revoked",
             Self::OtherDrone => "other drone",
             Self::Unproven => "unproven",
             Self::Denied => "denied",
@@ -87,12 +87,12 @@ impl From<Distrust> for Refusal {
     fn from(distrust: Distrust) -> Self {
         match distrust {
             Distrust::Stranger => Self::Stranger,
-            Distrust::RevocationList => Self::RevocationList,
+            Distrust::Revoked => Self::Revoked,
         }
     }
 }
 
-/// How often there was no connection, by reason.
+/// Failed attempts to connect, by reason.
 #[derive(Debug, Default)]
 pub(super) struct Refusals(Mutex<BTreeMap<Refusal, u64>>);
 
@@ -110,8 +110,8 @@ impl Refusals {
     }
 }
 
-/// Whom a connection's other end has proved to be, and the application protocol that both speak.
-pub(super) fn proved(
+/// The authenticated peer of a connection, and the negotiated application protocol.
+pub(super) fn authenticated_peer(
     identities: &dyn Identities,
     connection: &quinn::Connection,
 ) -> Option<(Peer, Vec<u8>)> {
@@ -123,14 +123,14 @@ pub(super) fn proved(
     Some((peer, protocol))
 }
 
-/// What a drone must be told to find at an address: a drone, or whichever is there.
+/// Server name for TLS that stands for the expected drone; `None` accepts any drone of the fleet.
 pub(super) fn expected_name(drone: Option<NodeId>) -> String {
     drone.map_or_else(|| "any".to_owned(), |id| format!("drone-{id}"))
 }
 
-const HAS_TLS13: &str = "the provider has TLS 1.3 and the cipher suite of QUIC's first packets";
+const HAS_TLS13: &str = "the provider has TLS 1.3 and the cipher suite of QUIC's initial packets";
 
-/// How connections are opened.
+/// Configuration of outgoing connections.
 pub(super) fn client(trust: &Arc<Trust>, protocol: &[u8]) -> quinn::ClientConfig {
     let resolver = AlwaysResolvesClientRawPublicKeys::new(trust.certified());
     let mut config = rustls::ClientConfig::builder_with_provider(trust.provider())
@@ -140,15 +140,15 @@ pub(super) fn client(trust: &Arc<Trust>, protocol: &[u8]) -> quinn::ClientConfig
         .with_custom_certificate_verifier(Arc::clone(trust) as _)
         .with_client_cert_resolver(Arc::new(resolver));
     config.alpn_protocols = vec![protocol.to_vec()];
-    // A name is what is expected there, and nobody else's business.
+    // The name is only for the own verifier; it is not sent.
     config.enable_sni = false;
-    // Each connection is proved anew, so that whoever was expelled meanwhile has none.
+    // Every connection is fully authenticated, so that a revoked drone can't resume one.
     config.resumption = Resumption::disabled();
     let crypto = QuicClientConfig::try_from(config).expect(HAS_TLS13);
     quinn::ClientConfig::new(Arc::new(crypto))
 }
 
-/// How connections are taken.
+/// Configuration of incoming connections.
 pub(super) fn server(trust: &Arc<Trust>, protocols: Vec<Vec<u8>>) -> quinn::ServerConfig {
     let resolver = AlwaysResolvesServerRawPublicKeys::new(trust.certified());
     let mut config = rustls::ServerConfig::builder_with_provider(trust.provider())
@@ -163,7 +163,7 @@ pub(super) fn server(trust: &Arc<Trust>, protocols: Vec<Vec<u8>>) -> quinn::Serv
     quinn::ServerConfig::with_crypto(Arc::new(crypto))
 }
 
-/// Who this end is, whom it believes, and how often it did not.
+/// Verifies peers against the trusted keys and counts refusals.
 pub(super) struct Trust {
     identities: Arc<dyn Identities>,
     refusals: Arc<Refusals>,
@@ -189,7 +189,7 @@ impl Trust {
         Arc::new(ring::default_provider())
     }
 
-    /// The own key as TLS shows it.
+    /// The own public key in the form that TLS needs.
     fn certified(&self) -> Arc<CertifiedKey> {
         let public = public_key_to_spki(&alg_id::ED25519, self.identities.public_key());
         let shown = vec![CertificateDer::from(public.to_vec())];
@@ -199,7 +199,7 @@ impl Trust {
 
     fn refuse(&self, refusal: Refusal) -> Error {
         self.refusals.count(refusal);
-        // As an alert it is `access_denied`, which nothing else is; see `Refusal::of`.
+        // It becomes the alert `access_denied`, which no other error uses; see `Refusal::of`.
         Error::InvalidCertificate(CertificateError::ApplicationVerificationFailure)
     }
 
@@ -222,14 +222,14 @@ impl Trust {
     }
 }
 
-/// The key that is shown, if it is one of Ed25519.
+/// The presented key; `None` if it is not Ed25519.
 fn public_key(shown: &CertificateDer<'_>) -> Option<PublicKey> {
     shown.strip_prefix(&SPKI_PREFIX)?.try_into().ok()
 }
 
-const ONLY_TLS13: &str = "TLS 1.3 is all that QUIC speaks";
+const ONLY_TLS13: &str = "QUIC uses TLS 1.3 only";
 
-/// What both ends' verifiers have to say of signatures, which is the same.
+/// The signature checks, which are the same in both verifiers.
 macro_rules! checks_signatures {
     () => {
         fn verify_tls12_signature(
@@ -301,7 +301,7 @@ impl ClientCertVerifier for Trust {
     checks_signatures!();
 }
 
-/// The own key, which stays with whoever has the identities.
+/// Signs with the own key, which stays in the identities.
 struct OwnKey(Arc<dyn Identities>);
 
 impl fmt::Debug for OwnKey {

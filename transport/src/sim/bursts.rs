@@ -6,37 +6,37 @@ use muster_machines::time::Timestamp;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Losses that come in bursts: each link is now clear, now in a burst.
+/// Losses in bursts: each link alternates between a clear state and a burst.
 ///
 /// A two-state Markov chain in continuous time, after Gilbert ("Capacity of a burst-noise channel", 1960) and Elliott
 /// ("Estimates of error rates for codes on burst-noise channels", 1963). Both states last an exponentially distributed
-/// time. Outside of a burst nothing is lost by this model. Deviation from the source: a radio's frames do not come at
-/// equal steps, so the chain runs in time and not from symbol to symbol.
+/// time. The model loses nothing outside of bursts. Deviation from the source: frames are not equally spaced, so the chain
+/// runs in time instead of per symbol.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bursts {
-    /// The mean time from the end of a burst to the start of the next; above 0.
+    /// Mean time from the end of a burst to the start of the next; above 0.
     pub every: Duration,
-    /// The mean length of a burst; above 0.
+    /// Mean length of a burst; above 0.
     pub length: Duration,
-    /// The share of frames that is lost in a burst, 0 to 1.
+    /// Loss probability within a burst, 0 to 1.
     pub loss: f64,
 }
 
 impl Bursts {
-    /// The share of time that a link is in a burst, 0 to 1.
+    /// Share of time that a link is in a burst, 0 to 1.
     #[must_use]
     pub fn share(&self) -> f64 {
         let length_s = self.length.as_secs_f64();
         length_s / (self.every.as_secs_f64() + length_s)
     }
 
-    /// The share of frames that is lost in the long run, 0 to 1.
+    /// Long-term share of frames that are lost, 0 to 1.
     #[must_use]
     pub fn mean_loss(&self) -> f64 {
         self.share() * self.loss
     }
 
-    /// The chance that a link is in a burst, some time after that chance was `before`.
+    /// The probability that a link is in a burst, `elapsed` after that probability was `before`.
     #[must_use]
     pub fn share_after(&self, before: f64, elapsed: Duration) -> f64 {
         let rate = self.every.as_secs_f64().recip() + self.length.as_secs_f64().recip();
@@ -45,15 +45,15 @@ impl Bursts {
     }
 }
 
-/// Which links are in a burst.
+/// The burst states of links.
 ///
-/// An obstacle or a fade weakens both directions, so two radios share one state. It is drawn when a frame crosses the
-/// link, from the exact distribution for the time since the last one. A frame costs a draw or two and the logarithm of the
-/// number of links; memory is an entry for each two radios between which a frame was on its way.
+/// An obstacle or a fade affects both directions, so each pair of radios has one state. It is drawn when a frame uses the
+/// link, from the exact distribution for the time since the last frame. A frame costs one or two draws and the logarithm of
+/// the number of links; memory is one entry per used link.
 #[derive(Debug)]
 pub(super) struct BurstyLinks {
     bursts: Bursts,
-    /// Whether the link of two radios, the lower id first, was in a burst when last looked at.
+    /// The last time that a link was used, and whether it was in a burst then. The key has the lower id first.
     links: BTreeMap<(NodeId, NodeId), (Timestamp, bool)>,
 }
 
@@ -70,7 +70,7 @@ impl BurstyLinks {
     }
 
     /// Draws whether a frame between two radios is lost in a burst.
-    pub(super) fn is_lost(
+    pub(super) fn draw_loss(
         &mut self,
         now: Timestamp,
         (a, b): (NodeId, NodeId),

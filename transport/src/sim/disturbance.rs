@@ -3,15 +3,15 @@ use std::collections::BTreeMap;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 
-/// What spoils links besides distance and chance.
+/// Link faults and jammers.
 #[derive(Debug, Default)]
 pub(super) struct Disturbance {
-    /// The share of frames lost from one radio to another, where it is not as configured.
+    /// Additional loss probabilities of links, by sender and receiver.
     links: BTreeMap<(NodeId, NodeId), f64>,
     jammers: BTreeMap<u32, Disc>,
 }
 
-/// Whatever is within a distance of a place over ground, however high.
+/// An area of all altitudes within a horizontal distance of its centre.
 #[derive(Debug, Clone, Copy)]
 struct Disc {
     centre: Ned,
@@ -34,20 +34,20 @@ impl Disturbance {
         self.jammers.remove(&jammer);
     }
 
-    /// The share of frames lost on the way from one radio to another; 0 where nothing spoils the link.
+    /// Additional loss probability from one radio to another; 0 by default.
     pub(super) fn loss(&self, from: NodeId, to: NodeId) -> f64 {
         self.links.get(&(from, to)).copied().unwrap_or(0.0)
     }
 
-    /// Whether nothing can be made out at a place.
-    pub(super) fn is_jammed(&self, place: Ned) -> bool {
+    /// Whether a position is within a jammed area.
+    pub(super) fn is_jammed(&self, position: Ned) -> bool {
         self.jammers
             .values()
-            .any(|disc| disc.centre.horizontal_distance_m(place) <= disc.radius_m)
+            .any(|disc| disc.centre.horizontal_distance_m(position) <= disc.radius_m)
     }
 
-    /// Whether there is nothing of the kind, as is the rule.
-    pub(super) fn is_none(&self) -> bool {
+    /// Whether there are neither link faults nor jammers.
+    pub(super) fn is_empty(&self) -> bool {
         self.links.is_empty() && self.jammers.is_empty()
     }
 }

@@ -1,10 +1,10 @@
-/// Beyond these many terms neither sum below changes for shapes up to 1,000.
+/// Number of terms after which neither sum below changes, for shapes up to 1,000.
 const TERMS_MAX: u32 = 1_000;
 
 /// The regularised upper incomplete gamma function Q(a, x) = Γ(a, x) / Γ(a), for a above 0.
 ///
-/// To a relative error of about 1e-12, by libm, so that every processor gets the same. By the power series of
-/// P = 1 − Q (DLMF 8.11.4) up to x = a + 1, and by the continued fraction of Q (DLMF 8.9.2) beyond.
+/// The relative error is about 1e-12. It uses libm, so that the result is the same on every processor: the power series of
+/// P = 1 − Q (DLMF 8.11.4) up to x = a + 1, and the continued fraction of Q (DLMF 8.9.2) beyond.
 pub(super) fn upper_regularised(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 1.0;
@@ -31,8 +31,8 @@ fn lower_series(a: f64, x: f64) -> f64 {
     sum
 }
 
-/// 1 / (x + 1 − a − 1 (1 − a) / (x + 3 − a − 2 (2 − a) / (x + 5 − a − …))), as the limit of its convergents, which
-/// are worked out from the front; none of their denominators vanishes for x above a + 1.
+/// 1 / (x + 1 − a − 1 (1 − a) / (x + 3 − a − 2 (2 − a) / (x + 5 − a − …))), as the limit of its convergents, computed from
+/// the front. None of their denominators is 0 for x above a + 1.
 fn upper_fraction(a: f64, x: f64) -> f64 {
     let mut below = x + 1.0 - a;
     let mut ratio = 1.0 / below;
@@ -60,7 +60,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn for_whole_shapes_it_is_the_finite_sum(shape in 1_u32..20, x in 0.0..60.0_f64) {
+        fn integer_shapes_match_the_finite_sum(shape in 1_u32..20, x in 0.0..60.0_f64) {
             // Q(n, x) = exp(-x) Σ xᵏ / k! for k below n: DLMF 8.4.10.
             let mut term = 1.0;
             let mut sum = 1.0;
@@ -74,17 +74,17 @@ mod tests {
         }
 
         #[test]
-        fn for_a_half_it_is_the_complementary_error_function(x in 0.0..60.0_f64) {
+        fn shape_one_half_matches_the_complementary_error_function(x in 0.0..60.0_f64) {
             let expected = libm::erfc(x.sqrt());
             let found = upper_regularised(0.5, x);
             prop_assert!((found - expected).abs() < 1e-11, "{found} for {expected}");
         }
 
         #[test]
-        fn it_falls_from_one_to_zero(a in 0.5..100.0_f64, x in 0.0..1_000.0_f64, more in 0.01..10.0_f64) {
-            let (here, beyond) = (upper_regularised(a, x), upper_regularised(a, x + more));
-            prop_assert!((0.0..=1.0).contains(&here));
-            prop_assert!(beyond <= here + 1e-12);
+        fn result_falls_from_one_to_zero(a in 0.5..100.0_f64, x in 0.0..1_000.0_f64, more in 0.01..10.0_f64) {
+            let (first, second) = (upper_regularised(a, x), upper_regularised(a, x + more));
+            prop_assert!((0.0..=1.0).contains(&first));
+            prop_assert!(second <= first + 1e-12);
         }
     }
 }

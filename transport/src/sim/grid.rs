@@ -3,119 +3,125 @@ use muster_machines::identity::NodeId;
 
 use crate::SendError;
 
-/// Who is near whom, by squares as wide as the range.
+/// Spatial index of the radios: a grid of squares as wide as the range.
 ///
-/// Radios lie in memory in the order of their squares, row by row, so that those that a frame looks at are three stretches:
-/// of the row above its sender's square, of its own, and of the row below.
+/// Radios are sorted by square, row by row. The neighbourhood of a square is three contiguous slices: of the row above, of
+/// its own row, and of the row below.
 #[derive(Debug)]
 pub(super) struct Grid {
     range_m: f64,
-    /// By rising square, then id; some may be out of order as long as `is_in_order` says so.
+    /// Sorted by square, then id, if `is_sorted`.
     radios: Vec<Radio>,
-    /// Where each drone's radio is among those.
-    at: Vec<usize>,
-    /// Of each square in which there is anybody, in the order of squares, where the three stretches begin and end.
-    around: Vec<[(usize, usize); 3]>,
-    is_in_order: bool,
+    /// Index in `radios` by drone.
+    index: Vec<usize>,
+    /// For each occupied square, the start and end of the three slices of its neighbourhood.
+    neighbourhoods: Vec<[(usize, usize); 3]>,
+    is_sorted: bool,
 }
 
-/// A square, by its row and its column.
+/// A square by row and column.
 type Square = (i64, i64);
 
 #[derive(Debug, Clone, Copy)]
 struct Radio {
     square: Square,
     id: NodeId,
-    place: Ned,
-    /// Which of the squares in which there is anybody that is.
-    nth: usize,
+    position: Ned,
+    /// Index of its square in `neighbourhoods`.
+    neighbourhood: usize,
 }
 
 impl Grid {
-    pub(super) fn new(range_m: f64, places: &[Ned]) -> Self {
-        let radios = (0..).map(NodeId).zip(places).map(|(id, place)| Radio {
-            square: square(*place, range_m),
+    pub(super) fn new(range_m: f64, positions: &[Ned]) -> Self {
+        let radios = (0..).map(NodeId).zip(positions);
+        let radios = radios.map(|(id, position)| Radio {
+            square: square(*position, range_m),
             id,
-            place: *place,
-            nth: 0,
+            position: *position,
+            neighbourhood: 0,
         });
         let mut grid = Self {
             range_m,
             radios: radios.collect(),
-            at: vec![0; places.len()],
-            around: Vec::new(),
-            is_in_order: false,
+            index: vec![0; positions.len()],
+            neighbourhoods: Vec::new(),
+            is_sorted: false,
         };
-        grid.put_in_order();
+        grid.sort();
         grid
     }
 
-    /// Puts a radio elsewhere; whether it was not there already.
-    pub(super) fn place(&mut self, id: NodeId, place: Ned) -> bool {
-        let radio = &mut self.radios[self.at[id.0 as usize]];
-        if radio.place == place {
+    /// Moves a radio. Returns whether its position changed.
+    pub(super) fn set_position(&mut self, id: NodeId, position: Ned) -> bool {
+        let radio = &mut self.radios[self.index[id.0 as usize]];
+        if radio.position == position {
             return false;
         }
-        radio.place = place;
-        let square = square(place, self.range_m);
+        radio.position = position;
+        let square = square(position, self.range_m);
         if radio.square != square {
             radio.square = square;
-            self.is_in_order = false;
+            self.is_sorted = false;
         }
         true
     }
 
-    /// To be called after radios were put elsewhere, and before anybody is looked for.
-    pub(super) fn put_in_order(&mut self) {
-        if self.is_in_order {
+    /// Restores the order after moves. Must be called before a search.
+    pub(super) fn sort(&mut self) {
+        if self.is_sorted {
             return;
         }
-        self.is_in_order = true;
+        self.is_sorted = true;
         self.radios.sort_by_key(|radio| (radio.square, radio.id));
-        self.around.clear();
-        // Where the stretches around the square before began: those of the next one begin there or further on.
-        let mut begins = [0; 3];
+        self.neighbourhoods.clear();
+        // The slices of a square start at or after those of the square before.
+        let mut starts = [0; 3];
         let radios = &self.radios;
         for own in radios.chunk_by(|a, b| a.square == b.square) {
             let (row, column) = own[0].square;
-            let stretch = |begin: &mut usize, row: i64| {
-                *begin += stretch_len(&radios[*begin..], |it| it < (row, column - 1));
-                let len = stretch_len(&radios[*begin..], |it| it <= (row, column + 1));
-                (*begin, *begin + len)
+            let slice = |start: &mut usize, row: i64| {
+                *start += prefix_len(&radios[*start..], |it| it < (row, column - 1));
+                let len = prefix_len(&radios[*start..], |it| it <= (row, column + 1));
+                (*start, *start + len)
             };
-            let [above, beside, below] = &mut begins;
-            self.around.push([
-                stretch(above, row - 1),
-                stretch(beside, row),
-                stretch(below, row + 1),
+            let [above, beside, below] = &mut starts;
+            self.neighbourhoods.push([
+                slice(above, row - 1),
+                slice(beside, row),
+                slice(below, row + 1),
             ]);
         }
         let squares = self.radios.chunk_by_mut(|a, b| a.square == b.square);
         let radios = squares
             .enumerate()
             .flat_map(|(nth, own)| own.iter_mut().map(move |it| (nth, it)));
-        for (at, (nth, radio)) in radios.enumerate() {
-            radio.nth = nth;
-            self.at[radio.id.0 as usize] = at;
+        for (index, (neighbourhood, radio)) in radios.enumerate() {
+            radio.neighbourhood = neighbourhood;
+            self.index[radio.id.0 as usize] = index;
         }
     }
 
-    pub(super) fn place_of(&self, id: NodeId) -> Option<Ned> {
-        let at = self.at.get(id.0 as usize)?;
-        Some(self.radios[*at].place)
+    /// The position of a radio; `None` if it is unknown.
+    pub(super) fn position(&self, id: NodeId) -> Option<Ned> {
+        let index = self.index.get(id.0 as usize)?;
+        Some(self.radios[*index].position)
     }
 
     /// Overwrites `found` with the radios in range of `from`, lowest first.
     pub(super) fn in_range(&self, from: NodeId, found: &mut Vec<NodeId>) -> Result<(), SendError> {
-        debug_assert!(self.is_in_order);
+        debug_assert!(self.is_sorted);
         found.clear();
-        let Some(&at) = self.at.get(from.0 as usize) else {
+        let Some(&index) = self.index.get(from.0 as usize) else {
             return Err(SendError::UnknownSender(from));
         };
-        let Radio { place, nth, .. } = self.radios[at];
-        for (begin, end) in self.around[nth] {
-            for other in &self.radios[begin..end] {
-                if other.place.distance_m(place) <= self.range_m && other.id != from {
+        let Radio {
+            position,
+            neighbourhood,
+            ..
+        } = self.radios[index];
+        for (start, end) in self.neighbourhoods[neighbourhood] {
+            for other in &self.radios[start..end] {
+                if other.position.distance_m(position) <= self.range_m && other.id != from {
                     found.push(other.id);
                 }
             }
@@ -124,18 +130,17 @@ impl Grid {
         Ok(())
     }
 
-    /// Visits every two radios in range of each other once, with their distance in metres, in an order that depends on
-    /// nothing but where they are.
+    /// Visits each pair of radios in range once, with their distance in metres. The order depends only on the positions.
     pub(super) fn each_pair_in_range(&self, mut visit: impl FnMut(NodeId, NodeId, f64)) {
-        debug_assert!(self.is_in_order);
-        for (at, a) in self.radios.iter().enumerate() {
-            // Of those around, the ones that do not come to this one.
-            let [_, (_, end), (below, below_end)] = self.around[a.nth];
-            for b in self.radios[at + 1..end]
+        debug_assert!(self.is_sorted);
+        for (index, a) in self.radios.iter().enumerate() {
+            // Only the later half of the neighbourhood: the earlier radios visit this one.
+            let [_, (_, end), (below, below_end)] = self.neighbourhoods[a.neighbourhood];
+            for b in self.radios[index + 1..end]
                 .iter()
                 .chain(&self.radios[below..below_end])
             {
-                let distance_m = a.place.distance_m(b.place);
+                let distance_m = a.position.distance_m(b.position);
                 if distance_m <= self.range_m {
                     visit(a.id, b.id, distance_m);
                 }
@@ -144,22 +149,22 @@ impl Grid {
     }
 }
 
-/// How many of the first radios are in squares of which this is so.
-fn stretch_len(radios: &[Radio], is_so: impl Fn(Square) -> bool) -> usize {
-    radios.iter().take_while(|it| is_so(it.square)).count()
+/// Length of the longest prefix whose squares satisfy `condition`.
+fn prefix_len(radios: &[Radio], condition: impl Fn(Square) -> bool) -> usize {
+    radios.iter().take_while(|it| condition(it.square)).count()
 }
 
-/// The square in which a place lies, where they are that wide.
+/// The square of a position, for squares of this width.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
-    reason = "a place beyond 2^53 squares is beyond any mission that loads"
+    reason = "no accepted mission reaches 2^53 squares"
 )]
-fn square(place: Ned, width_m: f64) -> Square {
-    // As `floor`, which is a call where a processor is not known to have it.
+fn square(position: Ned, width_m: f64) -> Square {
+    // Faster than `floor`, which is a library call on the baseline processor.
     let index = |metres: f64| {
         let towards_zero = (metres / width_m) as i64;
         towards_zero - i64::from(towards_zero as f64 > metres / width_m)
     };
-    (index(place.north_m()), index(place.east_m()))
+    (index(position.north_m()), index(position.east_m()))
 }

@@ -6,13 +6,13 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use rand::Rng;
 
-use super::air::Air;
+use super::channel::Channel;
 use crate::{Arrival, Destination, Event, Fate, Outcome, SendError};
 
-/// A medium that nobody has to share: every frame takes its time and disturbs no other.
+/// A medium without sharing: frames neither wait nor collide.
 ///
-/// What arrives, and when, is known as soon as a frame is sent. A frame for one drone goes out once, as one for
-/// all does, and its sender knows what became of it when it arrives, or would have at the latest.
+/// Arrivals are determined when a frame is sent. A unicast is sent once, like a broadcast. Its sender learns the outcome at
+/// its arrival, or at its latest possible arrival if it is lost.
 #[derive(Debug)]
 pub(super) struct Ideal {
     latency: Duration,
@@ -35,15 +35,15 @@ impl Ideal {
         from: NodeId,
         to: Destination,
         datagram: &Bytes,
-        air: &mut Air,
+        channel: &mut Channel,
         events: &mut VecDeque<Event>,
     ) -> Result<(), SendError> {
         let mut in_reach = std::mem::take(&mut self.in_reach);
-        air.in_reach(from, &mut in_reach)?;
+        channel.in_reach(from, &mut in_reach)?;
         let mut arrived = None;
         for id in in_reach.drain(..) {
-            if air.carries(now, from, id) && !air.is_lost(from, id) {
-                let at = now + self.travel_time(air);
+            if channel.draw_reception(now, from, id) && !channel.draw_loss(from, id) {
+                let at = now + self.travel_time(channel);
                 if to == Destination::To(id) {
                     arrived = Some(at);
                 }
@@ -76,10 +76,10 @@ impl Ideal {
         Ok(())
     }
 
-    fn travel_time(&self, air: &mut Air) -> Duration {
+    fn travel_time(&self, channel: &mut Channel) -> Duration {
         let jitter = u64::try_from(self.jitter.as_nanos()).unwrap_or(u64::MAX);
         let extra = if jitter > 0 {
-            air.rng.next_u64() % jitter
+            channel.rng.next_u64() % jitter
         } else {
             0
         };

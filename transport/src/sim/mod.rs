@@ -1,7 +1,7 @@
-//! A simulated medium: radios at places, what each hears of the others, and when.
+//! A simulated radio medium: positions, propagation, losses and medium access.
 
-mod air;
 mod bursts;
+mod channel;
 mod csma;
 mod disturbance;
 mod gamma;
@@ -19,99 +19,100 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use rand_chacha::ChaCha8Rng;
 
-use self::air::Air;
 pub use self::bursts::Bursts;
+use self::channel::Channel;
 use self::csma::Csma;
 use self::ideal::Ideal;
 pub use self::propagation::Propagation;
 use crate::{Destination, Event, SendError, Transport};
 
-/// What a medium is like.
+/// Configuration of a medium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config {
-    /// How far radios carry.
+    /// Propagation model.
     pub propagation: Propagation,
-    /// The share of frames that each receiver misses besides, drawn for each frame and receiver; 0 to 1.
+    /// Additional loss probability, drawn for each frame and receiver; 0 to 1.
     pub loss: f64,
-    /// What is lost besides, in bursts; `None` if losses don't come in bursts, and then nothing is drawn for it.
+    /// Additional losses in bursts; if `None`, nothing is drawn for them.
     pub bursts: Option<Bursts>,
-    /// How radios share the medium.
+    /// Medium access.
     pub access: Access,
-    /// The largest datagram, in bytes.
+    /// Largest datagram, in bytes.
     pub datagram_max: usize,
 }
 
-/// How radios share the medium.
+/// Medium access: how radios share the medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// They need not: frames never wait for each other and never collide.
+    /// No sharing: frames never wait and never collide.
     Ideal {
-        /// How long a frame takes at least.
+        /// Shortest delay of a frame.
         latency: Duration,
-        /// How much longer it may take, drawn for each frame and receiver.
+        /// Largest additional delay, drawn for each frame and receiver.
         jitter: Duration,
     },
-    /// As in 802.11a at 6 Mb/s: frames take their airtime, radios sense the carrier and back off, hidden terminals
-    /// collide, a radio that sends does not hear, and what is for one drone is acknowledged and tried up to 8 times.
-    /// Radios listen to what is for others too.
+    /// 802.11a at 6 Mb/s: airtime, carrier sense, back-off, collisions of hidden terminals, half-duplex radios. Unicasts are
+    /// acknowledged and sent up to 8 times. Radios overhear the unicasts of others.
     Csma {
-        /// How much longer the sender's own program may take before it hands a frame to its radio, drawn for each
-        /// frame. Without it, drones that answer the same frame do so at one instant and collide.
+        /// Largest delay of the sender's program before it passes a frame to its radio, drawn for each frame. Without it,
+        /// drones that answer the same frame collide.
         jitter: Duration,
-        /// The most datagrams that wait in a radio, the one that is being sent included; one more is dropped.
+        /// Most datagrams in a radio's queue, including the one being sent; further ones are dropped.
         queue_max: NonZeroUsize,
     },
 }
 
-/// What radios that share a medium have done, all of them together.
+/// Counters of a shared medium, summed over all radios.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Frames with a datagram that went on the air, those sent again included.
+    /// Data frames sent, including retries.
     pub datagrams: u64,
-    /// Acknowledgements that did.
+    /// Acknowledgements sent.
     pub acknowledgements: u64,
-    /// Frames that were sent again for want of one.
+    /// Retries of frames without acknowledgement.
     pub retries: u64,
-    /// Datagrams for one drone that were given up after the last try.
+    /// Unicasts given up after the last retry.
     pub given_up: u64,
-    /// Datagrams that found the queue full.
+    /// Datagrams dropped for a full queue.
     pub dropped: u64,
-    /// Frames that a radio heard and could not make out: others were in the air, or it was sending itself.
+    /// Frames that a radio sensed but did not decode: they collided, or it was sending.
     pub collided: u64,
-    /// Frames that a radio made out and that were lost on it, by the configured share.
+    /// Frames that a radio decoded but lost to the configured loss.
     pub lost: u64,
 }
 
-/// A medium that carries datagrams between places.
+/// A simulated medium.
 ///
-/// A frame costs as much as the radios in reach, whatever the size of the swarm: they lie in memory by
-/// squares as wide as the reach. Lots are drawn from the medium's own generator, for the receivers in rising order.
+/// The cost of a frame depends on the radios in reach, not on the size of the swarm: radios are sorted in memory by grid
+/// squares as wide as the reach. Random draws come from the medium's own generator, for receivers in rising order.
 #[derive(Debug)]
 pub struct Medium {
     datagram_max: usize,
-    air: Air,
-    sharing: Sharing,
+    channel: Channel,
+    access: AccessState,
     events: VecDeque<Event>,
     changes: u64,
 }
 
 #[derive(Debug)]
-enum Sharing {
+enum AccessState {
     Ideal(Ideal),
     Csma(Box<Csma>),
 }
 
 impl Medium {
-    /// A medium with a radio at each of `places`, drone 0's first.
+    /// A medium with a radio at each position, starting with drone 0.
     #[must_use]
-    pub fn new(config: Config, rng: ChaCha8Rng, places: &[Ned]) -> Self {
+    pub fn new(config: Config, rng: ChaCha8Rng, positions: &[Ned]) -> Self {
         Self {
             datagram_max: config.datagram_max,
-            air: Air::new(&config, rng, places),
-            sharing: match config.access {
-                Access::Ideal { latency, jitter } => Sharing::Ideal(Ideal::new(latency, jitter)),
+            channel: Channel::new(&config, rng, positions),
+            access: match config.access {
+                Access::Ideal { latency, jitter } => {
+                    AccessState::Ideal(Ideal::new(latency, jitter))
+                }
                 Access::Csma { jitter, queue_max } => {
-                    Sharing::Csma(Box::new(Csma::new(jitter, queue_max, places.len())))
+                    AccessState::Csma(Box::new(Csma::new(jitter, queue_max, positions.len())))
                 }
             },
             events: VecDeque::new(),
@@ -119,61 +120,59 @@ impl Medium {
         }
     }
 
-    /// Puts a drone's radio elsewhere. Who hears a frame is decided when it begins.
+    /// Moves a drone's radio. The receivers of a frame are determined at its start.
     ///
     /// # Panics
-    /// When the medium was built without that drone.
-    pub fn place(&mut self, id: NodeId, place: Ned) {
-        self.changes += u64::from(self.air.place(id, place));
+    /// If the medium has no such drone.
+    pub fn set_position(&mut self, id: NodeId, position: Ned) {
+        self.changes += u64::from(self.channel.set_position(id, position));
     }
 
-    /// Lets a share of the frames from one radio to another be lost besides what is lost anyway, from now on; with
-    /// nothing the link is as it was. Where all are lost the receiver does not even sense them.
+    /// Sets an additional loss probability of the frames from one radio to another; `None` removes it. With probability 1 the
+    /// receiver does not even sense the frames.
     pub fn set_loss(&mut self, from: NodeId, to: NodeId, loss: Option<f64>) {
         self.changes += 1;
-        self.air.disturbance.set_loss(from, to, loss);
+        self.channel.disturbance.set_loss(from, to, loss);
     }
 
-    /// Starts a jammer: radios within `radius_m` metres of `centre` over ground make nothing out, until that jammer
-    /// is stopped. They sense frames as before, and what they send is heard where no jammer is.
+    /// Starts a jammer: radios within a horizontal distance of `radius_m` metres of `centre` decode nothing until it is
+    /// stopped. They still sense frames, and can be received outside of the area.
     pub fn jam(&mut self, jammer: u32, centre: Ned, radius_m: f64) {
         self.changes += 1;
-        self.air.disturbance.jam(jammer, centre, radius_m);
+        self.channel.disturbance.jam(jammer, centre, radius_m);
     }
 
-    /// Stops a jammer, if there is such a one.
+    /// Stops a jammer, if it runs.
     pub fn stop_jamming(&mut self, jammer: u32) {
         self.changes += 1;
-        self.air.disturbance.stop_jamming(jammer);
+        self.channel.disturbance.stop_jamming(jammer);
     }
 
-    /// The chance that a frame from one radio is lost on its way to another as things are now, 0 to 1: by the distance,
-    /// by the configured share, by bursts in the long run, and by what disturbs the link. What others send at the same time is not in it. 1 for a
-    /// radio that is not there.
+    /// The probability that a frame from one radio to another is lost, 0 to 1. It combines distance, configured loss, the
+    /// long-term mean of bursts, and jammers or link faults, but not collisions. 1 for an unknown radio.
     #[must_use]
     pub fn loss(&self, from: NodeId, to: NodeId) -> f64 {
-        self.air.loss(from, to)
+        self.channel.loss(from, to)
     }
 
-    /// Visits every two radios that may hear each other once, with that chance for frames of the first to the second, and
-    /// of the second to the first; between all others each frame is lost. The order depends on nothing but where radios
-    /// have been.
+    /// Visits each pair of radios in reach once, with the loss probabilities from the first to the second and back. All other
+    /// pairs have a loss of 1. The order depends only on the history of positions.
     pub fn each_link(&mut self, visit: impl FnMut(NodeId, NodeId, [f64; 2])) {
-        self.air.each_link(visit);
+        self.channel.each_link(visit);
     }
 
-    /// A number that rises whenever those chances may be others than before.
+    /// A counter that rises whenever a loss probability may have changed.
     #[must_use]
     pub const fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// What the radios have done so far; an ideal medium does not count.
+    /// Counters since the start; all zero for an ideal medium.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        match &self.sharing {
-            Sharing::Ideal(_) => Counters::default(),
-            Sharing::Csma(csma) => csma.counters(),
+        match &self.access {
+            AccessState::Ideal(_) => Counters::default(),
+            AccessState::Csma(csma) => csma.counters(),
         }
     }
 }
@@ -197,27 +196,27 @@ impl Transport for Medium {
             });
         }
         if let Destination::To(to) = to
-            && !self.air.knows(to)
+            && !self.channel.knows(to)
         {
             return Err(SendError::UnknownReceiver(to));
         }
-        let (air, events) = (&mut self.air, &mut self.events);
-        match &mut self.sharing {
-            Sharing::Ideal(ideal) => ideal.send(now, from, to, datagram, air, events),
-            Sharing::Csma(csma) => csma.send(now, from, to, datagram, air, events),
+        let (channel, events) = (&mut self.channel, &mut self.events);
+        match &mut self.access {
+            AccessState::Ideal(ideal) => ideal.send(now, from, to, datagram, channel, events),
+            AccessState::Csma(csma) => csma.send(now, from, to, datagram, channel, events),
         }
     }
 
     fn next_timeout(&self) -> Option<Timestamp> {
-        match &self.sharing {
-            Sharing::Ideal(_) => None,
-            Sharing::Csma(csma) => csma.next_timeout(),
+        match &self.access {
+            AccessState::Ideal(_) => None,
+            AccessState::Csma(csma) => csma.next_timeout(),
         }
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        if let Sharing::Csma(csma) = &mut self.sharing {
-            csma.handle_timeout(now, &mut self.air, &mut self.events);
+        if let AccessState::Csma(csma) = &mut self.access {
+            csma.handle_timeout(now, &mut self.channel, &mut self.events);
         }
     }
 

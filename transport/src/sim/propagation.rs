@@ -3,46 +3,46 @@ use rand_chacha::ChaCha8Rng;
 
 use super::gamma::upper_regularised;
 
-/// How the chance to be heard falls with the distance.
+/// Propagation model: the delivery probability by distance.
 ///
-/// Lots are drawn for each frame and receiver: a frame lasts a quarter of a millisecond and aircraft move, so that
-/// the next one meets another fade. (The ancestor draws its curve once a second for each pair; the shares come to
-/// the same, its losses come in bursts of a second.)
+/// It is drawn for each frame and receiver: a frame lasts a quarter of a millisecond and aircraft move, so the next frame
+/// meets another fade. (The thesis's ancestor project draws once per second and pair. Its mean losses are the same, but come
+/// in bursts of a second.)
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Propagation {
-    /// Everything is heard up to the range, and nothing beyond: no lots are drawn.
+    /// Every frame within the range is delivered, none beyond; nothing is drawn.
     Range {
-        /// The range, in metres.
+        /// Range in metres.
         range_m: f64,
     },
-    /// The loss of the ancestor's 802.11a model, 5.335e-7·d² + 3.395e-5·d with d in metres: 5 % at 275 m, half at
-    /// 937 m, all at 1,338 m.
+    /// Loss of the ancestor project's 802.11a model: 5.335e-7·d² + 3.395e-5·d with d in metres. 5 % at 275 m, 50 % at 937 m,
+    /// 100 % at 1,338 m.
     Ieee80211a {
-        /// Nothing is heard beyond, in metres.
+        /// Range limit in metres; nothing is delivered beyond.
         range_m: f64,
     },
-    /// Path loss by the logarithm of the distance (exponent 2.0727, at 5.18 GHz) and Nakagami fading: a frame is
-    /// heard with the chance Q(m, m·(d / range)^2.0727), Q being the regularised upper incomplete gamma function.
-    /// With the range 299.9 m it agrees with ns-3.37 at 16 dBm and −82 dBm (802.11a, 6 Mb/s) within 0.012.
+    /// Log-distance path loss (exponent 2.0727, at 5.18 GHz) with Nakagami fading. The delivery probability is
+    /// Q(m, m·(d / range)^2.0727) with the regularised upper incomplete gamma function Q. With a range of 299.9 m it agrees
+    /// with ns-3.37 at 16 dBm and −82 dBm (802.11a, 6 Mb/s) within 0.012.
     Nakagami {
-        /// How far a radio would reach without fading, in metres.
+        /// Range without fading, in metres.
         range_m: f64,
-        /// The shape m of the fading: 1 is Rayleigh's, with no line of sight; the greater, the less it fades.
+        /// Shape m of the fading: 1 is Rayleigh fading without line of sight; larger values fade less.
         shape: f64,
     },
 }
 
-/// The path loss exponent of the reference figures.
+/// Path loss exponent of the reference simulations.
 const EXPONENT: f64 = 2.0727;
-/// Radios that would hear less than one frame in ten thousand are not looked at.
+/// Radios with a lower delivery probability count as out of reach.
 const DELIVERY_MIN: f64 = 1e-4;
-/// Where the ancestor's loss comes to 1: the positive root of 5.335e-7·d² + 3.395e-5·d − 1.
+/// Distance at which the 802.11a model loses everything: the positive root of 5.335e-7·d² + 3.395e-5·d − 1.
 const IEEE80211A_REACH_M: f64 = 1_337.65;
-/// Into how many steps a tabulated curve is cut; between them it is taken as straight, to an error below 1e-5.
+/// Number of steps of a tabulated curve; linear interpolation between them has an error below 1e-5.
 const STEPS: u16 = 1_024;
 
 impl Propagation {
-    /// The share of frames that is heard over a distance in metres, 0 to 1.
+    /// Delivery probability over a distance in metres, 0 to 1.
     #[must_use]
     pub fn delivery(self, distance_m: f64) -> f64 {
         match self {
@@ -56,7 +56,7 @@ impl Propagation {
         }
     }
 
-    /// The range that it was given, in metres; with fading some frames are heard beyond it.
+    /// The configured range, in metres. With fading, some frames are delivered beyond it.
     #[must_use]
     pub const fn range_m(self) -> f64 {
         match self {
@@ -66,26 +66,26 @@ impl Propagation {
         }
     }
 
-    /// How far a radio may be heard at all, in metres.
+    /// Largest distance at which frames are delivered, in metres.
     fn reach_m(self) -> f64 {
         match self {
             Self::Range { range_m } => range_m,
             Self::Ieee80211a { range_m } => range_m.min(IEEE80211A_REACH_M),
             Self::Nakagami { range_m, .. } => {
-                let (mut heard_m, mut unheard_m) = (0.0, range_m);
-                while self.delivery(unheard_m) > DELIVERY_MIN {
-                    heard_m = unheard_m;
-                    unheard_m *= 2.0;
+                let (mut inside_m, mut outside_m) = (0.0, range_m);
+                while self.delivery(outside_m) > DELIVERY_MIN {
+                    inside_m = outside_m;
+                    outside_m *= 2.0;
                 }
-                while unheard_m - heard_m > 1e-3 * range_m {
-                    let middle_m = f64::midpoint(heard_m, unheard_m);
+                while outside_m - inside_m > 1e-3 * range_m {
+                    let middle_m = f64::midpoint(inside_m, outside_m);
                     if self.delivery(middle_m) > DELIVERY_MIN {
-                        heard_m = middle_m;
+                        inside_m = middle_m;
                     } else {
-                        unheard_m = middle_m;
+                        outside_m = middle_m;
                     }
                 }
-                unheard_m
+                outside_m
             }
         }
     }
@@ -95,12 +95,12 @@ fn ieee80211a_loss(distance_m: f64) -> f64 {
     distance_m * (5.335e-7 * distance_m + 3.395e-5)
 }
 
-/// A propagation made ready for many draws.
+/// A propagation model prepared for many draws.
 #[derive(Debug)]
 pub(super) struct Curve {
     propagation: Propagation,
     reach_m: f64,
-    /// The delivery at equal steps up to the reach, where that costs much to compute.
+    /// Delivery at equal steps up to the reach; empty for models that are cheap to compute.
     table: Vec<f64>,
 }
 
@@ -120,22 +120,22 @@ impl Curve {
         }
     }
 
-    /// How far a radio may be heard at all, in metres.
+    /// Largest distance at which frames are delivered, in metres.
     pub(super) const fn reach_m(&self) -> f64 {
         self.reach_m
     }
 
-    /// Whether every frame within the reach is heard, so that distances don't matter.
+    /// Whether every frame within the reach is delivered, so that nothing is drawn.
     pub(super) const fn is_certain(&self) -> bool {
         matches!(self.propagation, Propagation::Range { .. })
     }
 
-    /// Draws whether one frame is heard over a distance within the reach.
-    pub(super) fn is_heard(&self, distance_m: f64, rng: &mut ChaCha8Rng) -> bool {
+    /// Draws whether a frame is delivered over a distance within the reach.
+    pub(super) fn draw_delivery(&self, distance_m: f64, rng: &mut ChaCha8Rng) -> bool {
         rng.random::<f64>() < self.delivery(distance_m)
     }
 
-    /// The share of frames that is heard over a distance within the reach, 0 to 1.
+    /// Delivery probability over a distance within the reach, 0 to 1.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -163,14 +163,14 @@ mod tests {
     };
 
     #[test]
-    fn a_fixed_range_is_all_or_nothing() {
+    fn fixed_range_delivers_all_or_nothing() {
         let range = Propagation::Range { range_m: 300.0 };
         assert!(range.delivery(0.0) >= 1.0 && range.delivery(300.0) >= 1.0);
         assert!(range.delivery(300.001) <= 0.0);
     }
 
     #[test]
-    fn the_ancestors_curve_loses_what_its_formula_says() {
+    fn ieee80211a_curve_matches_its_formula() {
         let curve = Propagation::Ieee80211a { range_m: 2_000.0 };
         // By hand: 5.335e-7 · 300² + 3.395e-5 · 300 = 0.0582.
         assert!((curve.delivery(300.0) - 0.9418).abs() < 1e-9);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn fading_that_never_ends_is_none() {
+    fn large_shape_approaches_a_fixed_range() {
         let steady = Propagation::Nakagami {
             range_m: 299.9,
             shape: 100.0,
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_reach_next_to_nothing_is_heard() {
+    fn delivery_beyond_the_reach_is_negligible() {
         let reach_m = Curve::new(RAYLEIGH).reach_m();
         assert!((870.0..880.0).contains(&reach_m), "{reach_m}");
         assert!(RAYLEIGH.delivery(reach_m) <= DELIVERY_MIN);
@@ -199,7 +199,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_table_is_the_curve(shape in 0.5..20.0_f64, share in 0.0..1.0_f64) {
+        fn table_matches_the_curve(shape in 0.5..20.0_f64, share in 0.0..1.0_f64) {
             let propagation = Propagation::Nakagami { range_m: 300.0, shape };
             let curve = Curve::new(propagation);
             let distance_m = share * curve.reach_m();
@@ -208,7 +208,7 @@ mod tests {
         }
 
         #[test]
-        fn whoever_is_farther_hears_no_more(
+        fn delivery_never_rises_with_distance(
             shape in 0.5..20.0_f64, range_m in 10.0..1_000.0_f64, near_m in 0.0..2_000.0_f64, more_m in 0.0..500.0_f64,
         ) {
             for propagation in [

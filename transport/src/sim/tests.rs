@@ -18,8 +18,8 @@ const CONFIG: Config = Config {
 };
 const RANGE_M: f64 = 300.0;
 
-fn medium(config: Config, seed: u64, places: &[Ned]) -> Medium {
-    Medium::new(config, ChaCha8Rng::seed_from_u64(seed), places)
+fn medium(config: Config, seed: u64, positions: &[Ned]) -> Medium {
+    Medium::new(config, ChaCha8Rng::seed_from_u64(seed), positions)
 }
 
 fn line(count: u32, spacing_m: f64) -> Vec<Ned> {
@@ -46,32 +46,32 @@ fn arrivals(medium: &mut Medium, from: u32) -> Vec<Arrival> {
         .collect()
 }
 
-fn heard_by(medium: &mut Medium, from: u32) -> Vec<u32> {
+fn receivers(medium: &mut Medium, from: u32) -> Vec<u32> {
     arrivals(medium, from).iter().map(|it| it.to.0).collect()
 }
 
 #[test]
-fn whoever_is_in_range_hears_and_nobody_else() {
+fn exactly_the_radios_in_range_receive() {
     let mut medium = medium(CONFIG, 1, &line(5, 150.0));
     assert_eq!(
-        heard_by(&mut medium, 0),
+        receivers(&mut medium, 0),
         [1, 2],
         "300 m is within the range"
     );
-    assert_eq!(heard_by(&mut medium, 2), [0, 1, 3, 4]);
+    assert_eq!(receivers(&mut medium, 2), [0, 1, 3, 4]);
 }
 
 #[test]
-fn a_radio_that_moves_is_heard_where_it_is() {
+fn moved_radio_is_received_at_its_new_position() {
     let mut medium = medium(CONFIG, 1, &line(3, 1_000.0));
-    assert_eq!(heard_by(&mut medium, 0), [0_u32; 0]);
-    medium.place(NodeId(2), Ned::new(10.0, -250.0, 0.0));
-    assert_eq!(heard_by(&mut medium, 0), [2]);
-    assert_eq!(heard_by(&mut medium, 2), [0]);
+    assert_eq!(receivers(&mut medium, 0), [0_u32; 0]);
+    medium.set_position(NodeId(2), Ned::new(10.0, -250.0, 0.0));
+    assert_eq!(receivers(&mut medium, 0), [2]);
+    assert_eq!(receivers(&mut medium, 2), [0]);
 }
 
 #[test]
-fn a_frame_takes_the_latency_and_at_most_the_jitter_more() {
+fn delay_is_between_latency_and_latency_plus_jitter() {
     let mut medium = medium(CONFIG, 1, &line(40, 1.0));
     let times: Vec<_> = arrivals(&mut medium, 0)
         .iter()
@@ -89,13 +89,13 @@ fn loss_is_drawn_for_each_frame_and_receiver() {
         ..CONFIG
     };
     let mut medium = medium(lossy, 5, &line(11, 1.0));
-    let heard: usize = (0..1_000).map(|_| arrivals(&mut medium, 0).len()).sum();
+    let received: usize = (0..1_000).map(|_| arrivals(&mut medium, 0).len()).sum();
     // 10,000 draws at 0.7: the standard deviation is 46.
-    assert!((6_770..7_230).contains(&heard), "{heard}");
+    assert!((6_770..7_230).contains(&received), "{received}");
 }
 
 #[test]
-fn the_seed_decides_every_draw() {
+fn seed_determines_every_draw() {
     let lossy = Config {
         loss: 0.5,
         ..CONFIG
@@ -111,7 +111,7 @@ fn the_seed_decides_every_draw() {
 }
 
 #[test]
-fn what_is_too_long_or_from_nowhere_is_not_sent() {
+fn too_long_datagrams_and_unknown_senders_are_refused() {
     let mut medium = medium(CONFIG, 1, &line(2, 1.0));
     let long = Bytes::from(vec![0; 101]);
     let refused = medium.send(Timestamp::ZERO, NodeId(0), Destination::Broadcast, &long);
@@ -127,13 +127,13 @@ fn what_is_too_long_or_from_nowhere_is_not_sent() {
 }
 
 #[test]
-fn without_medium_access_what_is_for_one_drone_is_tried_once_and_heard_by_all() {
+fn unicast_on_an_ideal_medium_is_sent_once_and_overheard() {
     let mut medium = medium(CONFIG, 1, &line(3, 200.0));
     let fate = |medium: &mut Medium, to: u32| {
         let events = send(medium, 0, Destination::To(NodeId(to)));
         match &events[..] {
             [Event::Arrival(arrival), Event::Outcome(outcome)] => {
-                assert_eq!(arrival.to, NodeId(1), "whoever is in reach hears it");
+                assert_eq!(arrival.to, NodeId(1), "the radio in reach receives it");
                 assert!(arrival.at <= outcome.at);
                 outcome.fate
             }
@@ -145,7 +145,7 @@ fn without_medium_access_what_is_for_one_drone_is_tried_once_and_heard_by_all() 
 }
 
 #[test]
-fn the_ancestors_curve_and_fading_are_drawn_for_each_frame() {
+fn ieee80211a_and_fading_are_drawn_for_each_frame() {
     let nakagami = Propagation::Nakagami {
         range_m: RANGE_M,
         shape: 1.0,
@@ -156,16 +156,16 @@ fn the_ancestors_curve_and_fading_are_drawn_for_each_frame() {
             ..CONFIG
         };
         let mut medium = medium(config, 3, &line(2, 500.0));
-        let heard: usize = (0..10_000).map(|_| arrivals(&mut medium, 0).len()).sum();
+        let received: usize = (0..10_000).map(|_| arrivals(&mut medium, 0).len()).sum();
         let expected = 10_000.0 * propagation.delivery(500.0);
         // The standard deviation is 36 at most.
-        let differs = (f64::from(u32::try_from(heard).unwrap()) - expected).abs();
-        assert!(differs < 150.0, "{heard} for {expected}");
+        let difference = (f64::from(u32::try_from(received).unwrap()) - expected).abs();
+        assert!(difference < 150.0, "{received} for {expected}");
     }
 }
 
 #[test]
-fn the_chance_of_loss_is_that_of_the_distance_and_the_configured_share() {
+fn loss_probability_combines_distance_and_configured_loss() {
     let lossy = Config {
         propagation: Propagation::Ieee80211a { range_m: RANGE_M },
         loss: 0.2,
@@ -178,15 +178,15 @@ fn the_chance_of_loss_is_that_of_the_distance_and_the_configured_share() {
         losses.insert((a.0, b.0), there);
         losses.insert((b.0, a.0), back);
     });
-    // By hand: 5.335e-7 · 160² + 3.395e-5 · 160 = 0.01909; 0.8 of the others get through.
-    let heard = 0.8 * (1.0 - 0.019_09);
-    for (link, heard) in [
-        ((0, 1), heard),
-        ((1, 0), heard),
-        ((1, 2), heard),
-        ((2, 1), heard / 2.0),
+    // By hand: 5.335e-7 · 160² + 3.395e-5 · 160 = 0.01909; 80 % of the rest is delivered.
+    let delivery = 0.8 * (1.0 - 0.019_09);
+    for (link, delivery) in [
+        ((0, 1), delivery),
+        ((1, 0), delivery),
+        ((1, 2), delivery),
+        ((2, 1), delivery / 2.0),
     ] {
-        assert!((losses[&link] - (1.0 - heard)).abs() < 1e-5, "{link:?}");
+        assert!((losses[&link] - (1.0 - delivery)).abs() < 1e-5, "{link:?}");
         let loss = medium.loss(NodeId(link.0), NodeId(link.1));
         assert!((losses[&link] - loss).abs() < 1e-12, "{link:?}");
     }
@@ -202,61 +202,62 @@ fn the_chance_of_loss_is_that_of_the_distance_and_the_configured_share() {
 
 proptest! {
     #[test]
-    fn the_grid_finds_whom_a_look_at_all_finds(
-        places in prop::collection::vec((-900.0..900.0_f64, -900.0..900.0_f64), 1..40),
+    fn grid_finds_the_same_radios_as_exhaustive_search(
+        positions in prop::collection::vec((-900.0..900.0_f64, -900.0..900.0_f64), 1..40),
         moves in prop::collection::vec((0_usize..40, -900.0..900.0_f64, -900.0..900.0_f64), 0..40),
     ) {
-        let mut places: Vec<Ned> = places.into_iter().map(|(n, e)| Ned::new(n, e, -20.0)).collect();
-        let mut medium = medium(CONFIG, 1, &places);
+        let mut positions: Vec<Ned> =
+            positions.into_iter().map(|(n, e)| Ned::new(n, e, -20.0)).collect();
+        let mut medium = medium(CONFIG, 1, &positions);
         for (index, north, east) in moves {
-            let index = index % places.len();
-            places[index] = Ned::new(north, east, -20.0);
-            medium.place(NodeId(u32::try_from(index).unwrap()), places[index]);
+            let index = index % positions.len();
+            positions[index] = Ned::new(north, east, -20.0);
+            medium.set_position(NodeId(u32::try_from(index).unwrap()), positions[index]);
         }
         let mut pairs = Vec::new();
         medium.each_link(|a, b, _| pairs.push((a.0.min(b.0), a.0.max(b.0))));
         pairs.sort_unstable();
         let mut all = Vec::new();
-        for (from, place) in (0..).zip(&places) {
+        for (from, position) in (0..).zip(&positions) {
             let near: Vec<u32> = (0..)
-                .zip(&places)
-                .filter(|(id, other)| *id != from && other.distance_m(*place) <= RANGE_M)
+                .zip(&positions)
+                .filter(|(id, other)| *id != from && other.distance_m(*position) <= RANGE_M)
                 .map(|(id, _)| id)
                 .collect();
             all.extend(near.iter().filter(|id| **id > from).map(|id| (from, *id)));
-            prop_assert_eq!(heard_by(&mut medium, from), near);
+            prop_assert_eq!(receivers(&mut medium, from), near);
         }
         prop_assert_eq!(pairs, all);
     }
 }
 
 #[test]
-fn a_link_that_is_cut_one_way_still_carries_the_other() {
+fn link_cut_in_one_direction_works_in_the_other() {
     let mut medium = medium(CONFIG, 1, &line(3, 150.0));
     medium.set_loss(NodeId(0), NodeId(1), Some(1.0));
-    assert_eq!(heard_by(&mut medium, 0), [2]);
-    assert_eq!(heard_by(&mut medium, 1), [0, 2]);
+    assert_eq!(receivers(&mut medium, 0), [2]);
+    assert_eq!(receivers(&mut medium, 1), [0, 2]);
     medium.set_loss(NodeId(0), NodeId(1), None);
-    assert_eq!(heard_by(&mut medium, 0), [1, 2]);
+    assert_eq!(receivers(&mut medium, 0), [1, 2]);
 }
 
 #[test]
-fn a_degraded_link_loses_the_share_that_it_is_said_to() {
+fn degraded_link_loses_the_configured_share() {
     let mut medium = medium(CONFIG, 1, &line(2, 150.0));
     medium.set_loss(NodeId(0), NodeId(1), Some(0.3));
-    let heard: usize = (0..2_000).map(|_| heard_by(&mut medium, 0).len()).sum();
-    assert!((1_300..1_500).contains(&heard), "{heard} of 2000");
+    let received: usize = (0..2_000).map(|_| receivers(&mut medium, 0).len()).sum();
+    assert!((1_300..1_500).contains(&received), "{received} of 2000");
 }
 
 #[test]
-fn nothing_is_made_out_near_a_jammer_until_it_stops() {
+fn jammed_radios_receive_nothing_until_the_jammer_stops() {
     for access in [CONFIG.access, CSMA] {
         let mut medium = medium(Config { access, ..CONFIG }, 1, &line(3, 150.0));
         medium.jam(7, Ned::new(10.0, 300.0, 0.0), 100.0);
-        assert_eq!(heard_by_all(&mut medium, 1), [0]);
-        assert_eq!(heard_by_all(&mut medium, 2), [0, 1], "{access:?}");
+        assert_eq!(final_receivers(&mut medium, 1), [0]);
+        assert_eq!(final_receivers(&mut medium, 2), [0, 1], "{access:?}");
         medium.stop_jamming(7);
-        assert_eq!(heard_by_all(&mut medium, 1), [0, 2], "{access:?}");
+        assert_eq!(final_receivers(&mut medium, 1), [0, 2], "{access:?}");
     }
 }
 
@@ -265,28 +266,28 @@ const CSMA: Access = Access::Csma {
     queue_max: NonZeroUsize::MIN,
 };
 
-/// Likewise on a medium that takes its time.
-fn heard_by_all(medium: &mut Medium, from: u32) -> Vec<u32> {
-    let mut heard = heard_by(medium, from);
+/// The receivers of a frame on a medium with airtime.
+fn final_receivers(medium: &mut Medium, from: u32) -> Vec<u32> {
+    let mut received_by = receivers(medium, from);
     while let Some(at) = medium.next_timeout() {
         medium.handle_timeout(at);
         let events = std::iter::from_fn(|| medium.poll_event());
-        heard.extend(events.filter_map(|event| match event {
+        received_by.extend(events.filter_map(|event| match event {
             Event::Arrival(arrival) => Some(arrival.to.0),
             Event::Outcome(_) => None,
         }));
     }
-    heard
+    received_by
 }
 
-/// A twentieth of the time.
+/// Bursts during 5 % of the time.
 const BURSTS: Bursts = Bursts {
     every: Duration::from_millis(380),
     length: Duration::from_millis(20),
     loss: 1.0,
 };
 
-/// Which frames are lost between two radios that send by turns, one in each millisecond.
+/// Which frames are lost between two radios that send alternately, one frame per millisecond.
 fn lost_in_bursts(access: Access, bursts: Bursts, frames: u64) -> Vec<bool> {
     let config = Config {
         bursts: Some(bursts),
@@ -309,27 +310,27 @@ fn lost_in_bursts(access: Access, bursts: Bursts, frames: u64) -> Vec<bool> {
     lost
 }
 
-/// The share of frames of which that is so.
-fn share<'a>(frames: impl IntoIterator<Item = &'a bool>) -> f64 {
-    let (mut so, mut all) = (0.0, 0.0);
-    for is_so in frames {
-        so += f64::from(u8::from(*is_so));
+/// The share of true values.
+fn share<'a>(values: impl IntoIterator<Item = &'a bool>) -> f64 {
+    let (mut count, mut all) = (0.0, 0.0);
+    for value in values {
+        count += f64::from(u8::from(*value));
         all += 1.0;
     }
-    so / all
+    count / all
 }
 
 #[test]
-fn bursts_last_as_long_and_come_as_often_as_configured_whoever_sends() {
+fn bursts_have_the_configured_length_and_frequency() {
     for access in [CONFIG.access, CSMA] {
         let lost = lost_in_bursts(access, BURSTS, 400_000);
-        // States are forgotten with a time constant of 19 ms, so the share in 400 s has a standard deviation of
+        // The state has a time constant of 19 ms, so the share in 400 s has a standard deviation of
         // √(2 · 0.05 · 0.95 · 0.019 / 400) = 0.0021.
         let lost_share = share(&lost);
         assert!((lost_share - 0.05).abs() < 0.009, "{lost_share} {access:?}");
         let starts: Vec<bool> = lost.windows(2).map(|it| !it[0] && it[1]).collect();
-        // Bursts within a millisecond are not seen: 1 / (0.95 · (1 − exp(−1 / 19))) = 20.5 frames. Of a thousand bursts
-        // the mean has a standard deviation of 0.65.
+        // Bursts shorter than a millisecond are missed: 1 / (0.95 · (1 − exp(−1 / 19))) = 20.5 frames. The mean of a thousand
+        // bursts has a standard deviation of 0.65.
         let frames_a_burst = lost_share / share(&starts);
         assert!(
             (frames_a_burst - 20.5).abs() < 2.6,
@@ -339,7 +340,7 @@ fn bursts_last_as_long_and_come_as_often_as_configured_whoever_sends() {
 }
 
 #[test]
-fn losses_in_bursts_come_in_runs_of_the_configured_share() {
+fn losses_within_bursts_have_the_configured_share() {
     let half = Bursts {
         loss: 0.5,
         ..BURSTS
@@ -351,8 +352,8 @@ fn losses_in_bursts_come_in_runs_of_the_configured_share() {
             (lost_share - half.mean_loss()).abs() < 0.005,
             "{lost_share}"
         );
-        // The link is still in a burst after a millisecond with 0.951, and then loses half. Some 10,000 draws in a
-        // thousand bursts have a standard deviation of 0.01 at most.
+        // A millisecond later the link is still in a burst with probability 0.951, and loses half of the frames. About
+        // 10,000 draws in a thousand bursts have a standard deviation of at most 0.01.
         let after_a_loss = lost.windows(2).filter(|it| it[0]).map(|it| &it[1]);
         let after_a_loss = share(after_a_loss);
         assert!((after_a_loss - 0.476).abs() < 0.04, "{after_a_loss}");
@@ -360,28 +361,28 @@ fn losses_in_bursts_come_in_runs_of_the_configured_share() {
 }
 
 #[test]
-fn each_two_radios_have_bursts_of_their_own() {
+fn each_pair_of_radios_has_independent_bursts() {
     let config = Config {
         bursts: Some(BURSTS),
         ..CONFIG
     };
     let mut medium = medium(config, 2, &line(41, 1.0));
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for second in 0..100 {
         let now = Timestamp::ZERO + Duration::from_secs(second);
         medium
             .send(now, NodeId(0), Destination::Broadcast, &Bytes::new())
             .unwrap();
-        heard.push(std::iter::from_fn(|| medium.poll_event()).count());
+        received.push(std::iter::from_fn(|| medium.poll_event()).count());
     }
-    // 40 links that are in a burst for a twentieth of the time: 38 ± 1.4 of each frame, 3,800 ± 14 of all.
-    let all: usize = heard.iter().sum();
+    // 40 links in a burst 5 % of the time: 38 ± 1.4 receivers per frame, 3,800 ± 14 in total.
+    let all: usize = received.iter().sum();
     assert!((3_740..3_860).contains(&all), "{all}");
-    assert!(heard.iter().all(|it| *it > 28), "{heard:?}");
+    assert!(received.iter().all(|it| *it > 28), "{received:?}");
 }
 
 #[test]
-fn the_chance_of_loss_has_that_of_bursts_in_the_long_run() {
+fn loss_probability_includes_the_mean_loss_of_bursts() {
     let half = Bursts {
         loss: 0.5,
         ..BURSTS
@@ -400,12 +401,12 @@ fn the_chance_of_loss_has_that_of_bursts_in_the_long_run() {
 }
 
 #[test]
-fn an_unused_link_forgets_its_state_at_the_exact_rate() {
+fn burst_state_of_an_unused_link_decays_at_the_exact_rate() {
     // By hand: 0.05 + 0.95 · exp(−1) after a time constant of 19 ms, and 0.05 · (1 − exp(−1)).
     let constant = Duration::from_millis(19);
     assert!((BURSTS.share_after(1.0, constant) - 0.399_485).abs() < 1e-6);
     assert!((BURSTS.share_after(0.0, constant) - 0.031_606).abs() < 1e-6);
-    // Twice half of the time comes to the same.
+    // Two half steps equal one step.
     let half = BURSTS.share_after(1.0, constant / 2);
     assert!((BURSTS.share_after(half, constant / 2) - 0.399_485).abs() < 1e-6);
     assert!((BURSTS.share_after(1.0, Duration::ZERO) - 1.0).abs() < 1e-12);

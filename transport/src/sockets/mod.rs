@@ -1,4 +1,4 @@
-//! The sockets of a drone's end of a real network, and how they are opened: what UDP and QUIC have in common.
+//! The sockets of a drone, shared by the UDP and QUIC transports.
 
 mod open;
 mod overflow;
@@ -11,27 +11,27 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
 pub use self::open::OpenError;
-pub(crate) use self::open::{apart, open};
-pub(crate) use self::overflow::drops;
+pub(crate) use self::open::{open, peer_sockets};
+pub(crate) use self::overflow::kernel_drops;
 use crate::SendError;
 
-/// How a drone's end of the network is opened.
+/// Configuration of a drone's sockets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Config {
-    /// Whose it is.
+    /// The drone.
     pub id: NodeId,
-    /// The address and port of its own socket; port 0 for any.
+    /// Address and port of the own socket; port 0 selects a free one.
     pub bind: SocketAddr,
-    /// How frames for all get to all.
+    /// How broadcasts reach the other drones.
     pub reach: Reach,
-    /// The network interface that all goes through, as in `wlan0`; as the system routes it otherwise.
+    /// Network interface for all traffic, for example `wlan0`; if `None`, the kernel's routes apply.
     pub interface: Option<String>,
-    /// The largest datagram, in bytes; a longer one that comes in is counted and dropped unread.
+    /// Largest datagram, in bytes; a longer incoming one is counted and dropped.
     pub datagram_max: usize,
 }
 
 impl Config {
-    /// Whether a datagram can be sent by this end.
+    /// Checks a datagram before it is sent.
     pub(crate) fn check(&self, from: NodeId, datagram: &Bytes) -> Result<(), SendError> {
         let (len, max) = (datagram.len(), self.datagram_max);
         if from != self.id {
@@ -44,29 +44,29 @@ impl Config {
     }
 }
 
-/// How frames for all get to all.
+/// How broadcasts reach the other drones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Reach {
-    /// To a multicast group.
+    /// Through a multicast group.
     Group(SocketAddrV4),
-    /// To a network's broadcast address.
+    /// Through the broadcast address of the network.
     Broadcast(SocketAddrV4),
-    /// To each of these.
+    /// One datagram to each of these addresses.
     Peers(Vec<SocketAddr>),
 }
 
-/// What a transport has done so far, in datagrams.
+/// Counters of a transport since its start, in datagrams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counters {
-    /// Handed to the system; one for each peer.
+    /// Accepted by the kernel; counted once per peer.
     pub sent: u64,
-    /// That the system did not take: its buffer was full, or there was no way to go.
+    /// Refused by the kernel: its buffer was full, or there is no route.
     pub unsent: u64,
-    /// Taken in.
+    /// Received.
     pub received: u64,
-    /// Dropped unread because they were too long.
+    /// Dropped because they exceed the maximum length.
     pub too_long: u64,
 }
 
-/// Tells what time it is, by the clock of whoever runs the drone.
+/// Returns the current time.
 pub type Clock = Arc<dyn Fn() -> Timestamp + Send + Sync>;

@@ -1,4 +1,4 @@
-//! How a drone's sockets are opened.
+//! Opens a drone's sockets.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
@@ -8,56 +8,56 @@ use thiserror::Error;
 
 use super::{Config, Reach};
 
-/// How much the system is asked to keep of what comes in, in bytes: a hundred frames of the largest size. It may grant
-/// less, which [`super::drops`] shows.
+/// Requested receive buffer in bytes, for about a hundred frames of the largest size. The kernel may grant less; drops show
+/// in [`super::kernel_drops`].
 const RECEIVE_BUFFER: usize = 256 * 1_024;
 
-/// Why a drone's end of the network could not be opened: its configuration does not fit this machine.
+/// Why the sockets could not be opened: their configuration does not fit this machine.
 #[derive(Debug, Error)]
 pub enum OpenError {
-    /// There is no such interface, or this user may not choose it.
+    /// The interface does not exist, or the user may not bind to it.
     #[error("can't use the interface {name}")]
     Interface {
-        /// As configured.
+        /// The configured interface.
         name: String,
-        /// What the system says.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The address is none of this machine's, or taken.
+    /// The address does not belong to this machine, or is in use.
     #[error("can't listen at {address}")]
     Bind {
-        /// As configured.
+        /// The configured address.
         address: SocketAddr,
-        /// What the system says.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// What is sent to all would come in twice.
-    #[error("a drone's own port must be another than {port}, to which goes what is for all")]
+    /// The own port is the port of broadcasts, which would arrive twice.
+    #[error("a drone's own port must differ from the port of broadcasts, {port}")]
     SamePort {
-        /// The port of both.
+        /// The port.
         port: u16,
     },
     /// The multicast group can't be joined.
     #[error("can't join the group {address}")]
     Join {
-        /// As configured.
+        /// The configured group.
         address: SocketAddrV4,
-        /// What the system says.
+        /// The cause.
         #[source]
         source: io::Error,
     },
-    /// The system has no socket for it.
+    /// The kernel refused a socket.
     #[error("can't open a socket")]
     Socket(#[from] io::Error),
 }
 
-/// For how many peers there is a socket apart, so that all sockets together are no more than a word has bits; what comes
-/// from others comes in at the drone's own.
-const APART_MAX: usize = 63;
+/// Most peers with their own socket; with the drone's own socket they fit into the bits of a `u64`. Datagrams of further
+/// peers arrive at the drone's own socket.
+const PEER_SOCKETS_MAX: usize = 63;
 
-/// The drone's own socket, and the one at which it hears what is for all, if that is another.
+/// Opens the drone's own socket, and the one for broadcasts unless [`Reach::Peers`] is used.
 pub(crate) fn open(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), OpenError> {
     let own = socket(config, config.bind, false)?;
     let shared = match config.reach {
@@ -77,18 +77,18 @@ pub(crate) fn open(config: &Config) -> Result<(UdpSocket, Option<UdpSocket>), Op
     Ok((own.into(), shared.map(UdpSocket::from)))
 }
 
-/// A socket for each peer, at the drone's own address, that gets what comes from that peer's: so a flood from elsewhere
-/// leaves room for it. Where the system gives none, what that peer sends comes in with all else.
-pub(crate) fn apart(
+/// Opens a connected socket per peer at the drone's own address. Each has its own receive buffer, so that a flood from
+/// another address can't displace the peer's datagrams. A peer without such a socket shares the drone's own.
+pub(crate) fn peer_sockets(
     config: &Config,
     own: &UdpSocket,
     peers: &[SocketAddr],
 ) -> Result<Vec<UdpSocket>, OpenError> {
     let address = own.local_addr()?;
     let own = SockRef::from(own);
-    // Others share the address for as long as it takes to open these, and nobody after that.
+    // Only while these sockets are opened; nobody else can share the address later.
     own.set_reuse_address(true)?;
-    let peers = peers.iter().take(APART_MAX);
+    let peers = peers.iter().take(PEER_SOCKETS_MAX);
     let sockets = peers.filter_map(|peer| {
         let socket = socket(config, address, true).ok()?;
         socket.connect(&(*peer).into()).ok()?;
@@ -99,7 +99,7 @@ pub(crate) fn apart(
     Ok(sockets)
 }
 
-/// A socket for what is sent to all, which other drones of this host may have, too.
+/// Opens a socket for broadcasts. Other drones on this host may share its address.
 fn shared_socket(config: &Config, address: SocketAddrV4) -> Result<Socket, OpenError> {
     if config.bind.port() == address.port() {
         let port = address.port();
@@ -139,7 +139,7 @@ fn join(config: &Config, socket: &Socket, group: Ipv4Addr) -> io::Result<()> {
     socket.join_multicast_v4_n(&group, &interface)
 }
 
-/// The system's number of an interface.
+/// The kernel's index of an interface.
 fn index_of(name: &str) -> io::Result<u32> {
     let text = std::fs::read_to_string(format!("/sys/class/net/{name}/ifindex"))?;
     let index = text.trim().parse();

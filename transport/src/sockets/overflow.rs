@@ -1,11 +1,11 @@
-//! What the system dropped before it could be read, as Linux counts it.
+//! Datagrams that the Linux kernel dropped before they were read.
 
 use std::net::UdpSocket;
 use std::os::fd::AsRawFd;
 use std::sync::Arc;
 
-/// How many datagrams were dropped because these sockets' buffers were full; nothing where the system does not tell.
-pub(crate) fn drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
+/// Number of datagrams dropped for full receive buffers of these sockets; `None` if the kernel does not report it.
+pub(crate) fn kernel_drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
     let tables = ["/proc/self/net/udp", "/proc/self/net/udp6"];
     let tables: Vec<_> = (tables.into_iter())
         .filter_map(|it| std::fs::read_to_string(it).ok())
@@ -18,7 +18,7 @@ pub(crate) fn drops(sockets: &[Arc<UdpSocket>]) -> Option<u64> {
     drops.sum()
 }
 
-/// The last column of the line whose tenth is the socket's inode.
+/// The drops of a socket in a table of `/proc`: the last column of the line with this inode in column 10.
 fn drops_in(table: &str, inode: &str) -> Option<u64> {
     let mut lines = table.lines().skip(1);
     let line = lines.find(|line| line.split_whitespace().nth(9) == Some(inode))?;
@@ -35,7 +35,7 @@ mod tests {
 ";
 
     #[test]
-    fn the_drops_of_the_very_socket_are_found() {
+    fn drops_are_found_by_the_exact_inode() {
         assert_eq!(drops_in(TABLE, "4711"), Some(0));
         assert_eq!(drops_in(TABLE, "4712"), Some(12));
         assert_eq!(drops_in(TABLE, "471"), None);

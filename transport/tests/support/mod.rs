@@ -1,4 +1,4 @@
-//! Loads a medium as the reference simulations did, and reads what they measured.
+//! Repeats the reference simulations on a medium, and reads their results.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -15,12 +15,12 @@ use muster_transport::{Destination, Event, Transport};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// How far apart the drones of a line or a grid are, and the diameter of a clique, in metres.
+/// Spacing of a line or a grid, and diameter of a clique, in metres.
 const SPACING_M: f64 = 160.0;
 const RANGE_M: f64 = 300.0;
-/// The range without fading that the closed form of the reference has, in metres.
+/// Range without fading in the closed form of the reference, in metres.
 const FADING_RANGE_M: f64 = 299.9;
-/// As many as wait in ns-3's queue.
+/// Queue length of ns-3.
 const QUEUE_MAX: NonZeroUsize = NonZeroUsize::new(500).expect("500 is not 0");
 
 /// A row of `delivery_by_load.csv`.
@@ -69,39 +69,39 @@ fn rows(text: &'static str) -> impl Iterator<Item = csv::StringRecord> {
         .map(|row| row.expect("a row of the reference"))
 }
 
-/// The share of frames that a receiver so far away gets of a sender that is alone.
+/// Delivery from a single sender to a receiver at the row's distance.
 pub(crate) fn measure_distance(row: &DistanceRow, frames: u32, seed: u64) -> f64 {
     let propagation = Propagation::Nakagami {
         range_m: FADING_RANGE_M,
         shape: row.shape,
     };
-    let places = [Ned::HOME, Ned::new(row.distance_m, 0.0, 0.0)];
-    let mut medium = medium(propagation, &places, seed);
+    let positions = [Ned::HOME, Ned::new(row.distance_m, 0.0, 0.0)];
+    let mut medium = medium(propagation, &positions, seed);
     let datagram = Bytes::from_static(&[0; 64]);
     let mut received = 0;
     for frame in 0..frames {
         let now = Timestamp::ZERO + Duration::from_millis(1) * frame;
-        received += due(&mut medium, now);
+        received += advance(&mut medium, now);
         medium
             .send(now, NodeId(0), Destination::Broadcast, &datagram)
             .expect("a short datagram of a known sender");
     }
-    received += due(&mut medium, Timestamp::from_nanos(u64::MAX));
+    received += advance(&mut medium, Timestamp::from_nanos(u64::MAX));
     f64::from(received) / f64::from(frames)
 }
 
-/// The share of frames that neighbours get of each other, all of them sending for so many seconds.
+/// Delivery between neighbours while all drones send at the row's rate.
 pub(crate) fn measure_load(row: &LoadRow, seconds: f64, seed: u64) -> f64 {
-    let places = places(&row.geometry, row.drones);
-    let neighbours: Vec<u32> = places
+    let positions = positions(&row.geometry, row.drones);
+    let neighbours: Vec<u32> = positions
         .iter()
-        .map(|here| {
-            let near = places.iter().filter(|it| it.distance_m(*here) <= RANGE_M);
+        .map(|own| {
+            let near = positions.iter().filter(|it| it.distance_m(*own) <= RANGE_M);
             u32::try_from(near.count()).expect("few drones") - 1
         })
         .collect();
     let range = Propagation::Range { range_m: RANGE_M };
-    let mut medium = medium(range, &places, seed);
+    let mut medium = medium(range, &positions, seed);
     let mut rng = ChaCha8Rng::seed_from_u64(seed + 1);
     let datagram = Bytes::from_static(&[0; 64]);
     let mut sends: BinaryHeap<_> = (0..row.drones)
@@ -115,7 +115,7 @@ pub(crate) fn measure_load(row: &LoadRow, seconds: f64, seed: u64) -> f64 {
     while let Some(Reverse((now, id))) = sends.pop()
         && now < end
     {
-        received += due(&mut medium, now);
+        received += advance(&mut medium, now);
         medium
             .send(now, NodeId(id), Destination::Broadcast, &datagram)
             .expect("a short datagram of a known sender");
@@ -123,19 +123,19 @@ pub(crate) fn measure_load(row: &LoadRow, seconds: f64, seed: u64) -> f64 {
         let period_s = (0.9 + 0.2 * rng.random::<f64>()) / row.rate_hz;
         sends.push(Reverse((now + Duration::from_secs_f64(period_s), id)));
     }
-    received += due(&mut medium, end);
+    received += advance(&mut medium, end);
     f64::from(received) / f64::from(expected)
 }
 
-/// Lets the medium do what is due by `now`; how many datagrams have arrived since.
-fn due(medium: &mut Medium, now: Timestamp) -> u32 {
+/// Advances the medium to `now`. Returns the number of datagrams that arrived.
+fn advance(medium: &mut Medium, now: Timestamp) -> u32 {
     medium.handle_timeout(now);
     let arrivals = std::iter::from_fn(|| medium.poll_event())
         .filter(|event| matches!(event, Event::Arrival(_)));
     u32::try_from(arrivals.count()).expect("fewer than 2^32 arrivals")
 }
 
-fn medium(propagation: Propagation, places: &[Ned], seed: u64) -> Medium {
+fn medium(propagation: Propagation, positions: &[Ned], seed: u64) -> Medium {
     let config = Config {
         propagation,
         loss: 0.0,
@@ -146,10 +146,10 @@ fn medium(propagation: Propagation, places: &[Ned], seed: u64) -> Medium {
         },
         datagram_max: 64,
     };
-    Medium::new(config, ChaCha8Rng::seed_from_u64(seed), places)
+    Medium::new(config, ChaCha8Rng::seed_from_u64(seed), positions)
 }
 
-fn places(geometry: &str, drones: u32) -> Vec<Ned> {
+fn positions(geometry: &str, drones: u32) -> Vec<Ned> {
     let side = (1..).find(|side| side * side >= drones).unwrap_or(drones);
     (0..drones)
         .map(|index| match geometry {

@@ -1,4 +1,4 @@
-//! What every transport promises, tried on each, and what only one over a real network has to do.
+//! The contract of all transports, tested on each, and further tests of the network transports.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -12,7 +12,7 @@ use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transpor
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::suite::{DATAGRAM_MAX, Network, promises};
+use crate::suite::{DATAGRAM_MAX, Network, contract_tests};
 
 struct Simulated {
     medium: Medium,
@@ -29,9 +29,9 @@ impl Simulated {
             access,
             datagram_max: DATAGRAM_MAX,
         };
-        let places = [0.0, 10.0, 20.0, 30.0].map(|east_m| Ned::new(0.0, east_m, 0.0));
+        let positions = [0.0, 10.0, 20.0, 30.0].map(|east_m| Ned::new(0.0, east_m, 0.0));
         Self {
-            medium: Medium::new(config, ChaCha8Rng::seed_from_u64(1), &places),
+            medium: Medium::new(config, ChaCha8Rng::seed_from_u64(1), &positions),
             now: Timestamp::ZERO,
             outcomes: Vec::new(),
         }
@@ -66,14 +66,14 @@ impl Network for Simulated {
     }
 
     fn learn(&mut self, _drone: NodeId, arrival: &Arrival, _sender: NodeId) {
-        assert_eq!(arrival.source, None, "numbers are all that there is");
+        assert_eq!(arrival.source, None, "a medium has no addresses");
     }
 }
 
 mod ideal {
     use super::*;
 
-    promises!(Simulated::new(Access::Ideal {
+    contract_tests!(Simulated::new(Access::Ideal {
         latency: Duration::from_micros(231),
         jitter: Duration::from_millis(1),
     }));
@@ -82,7 +82,7 @@ mod ideal {
 mod csma {
     use super::*;
 
-    promises!(Simulated::new(Access::Csma {
+    contract_tests!(Simulated::new(Access::Csma {
         jitter: Duration::from_millis(1),
         queue_max: NonZeroUsize::MIN,
     }));

@@ -1,64 +1,64 @@
-//! What every transport promises. A transport is tried by implementing [`Network`] and naming it in [`promises`].
+//! The contract of all transports. A transport is tested by implementing [`Network`] and passing it to [`contract_tests`].
 
 use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use muster_transport::{Arrival, Destination, Outcome, SendError};
 
-/// The largest datagram of the networks that are tried, in bytes.
+/// Largest datagram of the tested networks, in bytes.
 pub(crate) const DATAGRAM_MAX: usize = 1_472;
 
-/// Four drones that all hear each other and lose nothing, on one transport.
+/// Four drones in reach of each other without losses, on one transport.
 pub(crate) trait Network {
-    /// One drone sends.
+    /// Sends a datagram.
     fn send(&mut self, from: NodeId, to: Destination, datagram: &Bytes) -> Result<(), SendError>;
 
-    /// All that comes of what was sent so far, in the order in which each drone gets it.
+    /// All arrivals of the datagrams sent so far, in the order of arrival at each drone.
     fn arrivals(&mut self) -> Vec<Arrival>;
 
-    /// What senders were told of their datagrams for one drone, up to the last [`Self::arrivals`].
+    /// The outcomes reported up to the last call of [`Self::arrivals`].
     fn outcomes(&mut self) -> Vec<Outcome>;
 
-    /// A drone takes in where another is to be found.
+    /// A drone learns the address of the sender.
     fn learn(&mut self, drone: NodeId, arrival: &Arrival, sender: NodeId);
 }
 
 const ALL: [NodeId; 4] = [NodeId(0), NodeId(1), NodeId(2), NodeId(3)];
 
-/// Makes a test of each promise for a network.
-macro_rules! promises {
+/// Generates the tests of the contract for a network.
+macro_rules! contract_tests {
     ($network:expr) => {
         #[test]
-        fn what_is_for_all_comes_to_each_other_drone_once_and_unaltered() {
-            crate::suite::comes_to_all($network);
+        fn broadcast_reaches_each_other_drone_once_and_unaltered() {
+            crate::suite::broadcast_reaches_all($network);
         }
 
         #[test]
-        fn what_is_for_one_drone_comes_to_it() {
-            crate::suite::comes_to_one($network);
+        fn unicast_reaches_its_drone() {
+            crate::suite::unicast_arrives($network);
         }
 
         #[test]
-        fn what_is_for_a_drone_that_was_found_comes_to_it() {
-            crate::suite::comes_to_one_that_was_found($network);
+        fn unicast_to_a_learned_address_reaches_its_drone() {
+            crate::suite::unicast_to_learned_address_arrives($network);
         }
 
         #[test]
-        fn datagrams_of_any_size_up_to_the_largest_arrive_whole() {
+        fn datagrams_of_any_accepted_size_arrive_whole() {
             crate::suite::arrives_whole($network);
         }
 
         #[test]
-        fn what_is_too_long_is_refused_and_nothing_sent() {
-            crate::suite::refuses_what_is_too_long($network);
+        fn too_long_datagram_is_refused_and_not_sent() {
+            crate::suite::refuses_too_long_datagrams($network);
         }
 
         #[test]
-        fn nobody_else_sends_for_a_drone() {
-            crate::suite::refuses_strangers($network);
+        fn unknown_sender_is_refused() {
+            crate::suite::refuses_unknown_senders($network);
         }
     };
 }
-pub(crate) use promises;
+pub(crate) use contract_tests;
 
 fn receivers(arrivals: &[Arrival]) -> Vec<u32> {
     let mut receivers: Vec<_> = arrivals.iter().map(|arrival| arrival.to.0).collect();
@@ -66,8 +66,8 @@ fn receivers(arrivals: &[Arrival]) -> Vec<u32> {
     receivers
 }
 
-pub(crate) fn comes_to_all(mut network: impl Network) {
-    let datagram = Bytes::from_static(b"for all of you");
+pub(crate) fn broadcast_reaches_all(mut network: impl Network) {
+    let datagram = Bytes::from_static(b"broadcast");
     for from in ALL {
         let sent = network.send(from, Destination::Broadcast, &datagram);
         assert_eq!(sent, Ok(()));
@@ -79,8 +79,8 @@ pub(crate) fn comes_to_all(mut network: impl Network) {
     assert_eq!(network.outcomes(), []);
 }
 
-pub(crate) fn comes_to_one(mut network: impl Network) {
-    let datagram = Bytes::from_static(b"for you");
+pub(crate) fn unicast_arrives(mut network: impl Network) {
+    let datagram = Bytes::from_static(b"unicast");
     let to = Destination::To(NodeId(2));
     assert_eq!(network.send(NodeId(0), to, &datagram), Ok(()));
     let arrivals = network.arrivals();
@@ -89,14 +89,14 @@ pub(crate) fn comes_to_one(mut network: impl Network) {
     assert_eq!(own[0].datagram, datagram);
 }
 
-pub(crate) fn comes_to_one_that_was_found(mut network: impl Network) {
-    let datagram = Bytes::from_static(b"here I am");
+pub(crate) fn unicast_to_learned_address_arrives(mut network: impl Network) {
+    let datagram = Bytes::from_static(b"hello");
     let sent = network.send(NodeId(2), Destination::Broadcast, &datagram);
     assert_eq!(sent, Ok(()));
     for arrival in network.arrivals() {
         network.learn(arrival.to, &arrival, NodeId(2));
     }
-    comes_to_one(network);
+    unicast_arrives(network);
 }
 
 pub(crate) fn arrives_whole(mut network: impl Network) {
@@ -111,7 +111,7 @@ pub(crate) fn arrives_whole(mut network: impl Network) {
     }
 }
 
-pub(crate) fn refuses_what_is_too_long(mut network: impl Network) {
+pub(crate) fn refuses_too_long_datagrams(mut network: impl Network) {
     let (len, max) = (DATAGRAM_MAX + 1, DATAGRAM_MAX);
     let datagram = Bytes::from(vec![7; len]);
     let sent = network.send(NodeId(0), Destination::Broadcast, &datagram);
@@ -119,9 +119,9 @@ pub(crate) fn refuses_what_is_too_long(mut network: impl Network) {
     assert_eq!(network.arrivals(), []);
 }
 
-pub(crate) fn refuses_strangers(mut network: impl Network) {
+pub(crate) fn refuses_unknown_senders(mut network: impl Network) {
     let stranger = NodeId(4);
-    let datagram = Bytes::from_static(b"let me in");
+    let datagram = Bytes::from_static(b"unknown sender");
     let sent = network.send(stranger, Destination::Broadcast, &datagram);
     assert_eq!(sent, Err(SendError::UnknownSender(stranger)));
     assert_eq!(network.arrivals(), []);

@@ -1,5 +1,4 @@
-//! UDP, over the sockets of this machine. What every transport promises is tried with lists of peers and over a multicast
-//! group on the loopback interface.
+//! UDP over the loopback interface. The contract of transports is tested with lists of peers and with a multicast group.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::sync::Arc;
@@ -12,12 +11,12 @@ use muster_transport::sockets::{Config, OpenError, Reach};
 use muster_transport::udp::UdpTransport;
 use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transport};
 
-use crate::suite::{DATAGRAM_MAX, Network, promises};
+use crate::suite::{DATAGRAM_MAX, Network, contract_tests};
 
-/// How long a test waits for what must come: only a failing one does.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Time limit for a datagram that must arrive.
+const TIMEOUT: Duration = Duration::from_secs(10);
 
-const MARKER: &[u8] = b"all before this has arrived";
+const MARKER: &[u8] = b"end marker";
 
 fn config(id: u32, reach: Reach) -> Config {
     Config {
@@ -36,18 +35,18 @@ fn open(config: Config) -> UdpTransport {
 fn datagram(arrival: Option<Event>) -> Option<Arrival> {
     match arrival? {
         Event::Arrival(arrival) => Some(arrival),
-        Event::Outcome(outcome) => panic!("UDP knows nothing of {outcome:?}"),
+        Event::Outcome(outcome) => panic!("UDP reported {outcome:?}"),
     }
 }
 
-/// The next datagram at a transport.
+/// Waits for the next datagram.
 fn next(transport: &mut UdpTransport) -> Arrival {
     let began = Instant::now();
     loop {
         if let Some(arrival) = datagram(transport.poll_event()) {
             return arrival;
         }
-        assert!(began.elapsed() < PATIENCE, "nothing comes");
+        assert!(began.elapsed() < TIMEOUT, "no datagram arrives");
         std::thread::yield_now();
     }
 }
@@ -55,7 +54,7 @@ fn next(transport: &mut UdpTransport) -> Arrival {
 struct Udp(Vec<UdpTransport>);
 
 impl Udp {
-    /// Four that have each other's addresses.
+    /// Four drones with each other's addresses.
     fn with_peers() -> Self {
         let (addresses, _held) = free_addresses();
         let end = |(id, bind): (u32, &SocketAddr)| {
@@ -68,7 +67,7 @@ impl Udp {
         Self((0..).zip(&addresses).map(end).collect())
     }
 
-    /// Four in a multicast group of their own.
+    /// Four drones in a multicast group.
     fn in_a_group() -> Self {
         let (group, _held) = free_group();
         let end = |id| {
@@ -81,11 +80,11 @@ impl Udp {
     }
 }
 
-/// Four addresses of this machine that nobody else uses: they are made of a port that is held meanwhile, and so is theirs.
+/// Four unused loopback addresses. They and their port are derived from a port that the returned socket reserves.
 pub(crate) fn free_addresses() -> ([SocketAddr; 4], UdpSocket) {
     let (port, held) = held_port();
     let [high, low] = port.to_be_bytes();
-    // 127.0.0.0/16 is for others.
+    // Avoids 127.0.0.0/16, which other programs use.
     let address = |id| SocketAddr::from(([127, high.max(1), low, id], port));
     ([1, 2, 3, 4].map(address), held)
 }
@@ -95,7 +94,7 @@ fn held_port() -> (u16, UdpSocket) {
     (held.local_addr().unwrap().port(), held)
 }
 
-/// A multicast group that nobody else uses: its address is made of a port that is held meanwhile, and so is its port.
+/// An unused multicast group. Its address and port are derived from a port that the returned socket reserves.
 pub(crate) fn free_group() -> (SocketAddrV4, UdpSocket) {
     let (port, held) = held_port();
     let [high, low] = port.to_be_bytes();
@@ -111,8 +110,7 @@ impl Network for Udp {
         self.0[end].send(Timestamp::ZERO, from, to, datagram)
     }
 
-    /// Each drone sends a marker to all: what was sent before is there once it is, for none overtakes another on one
-    /// machine.
+    /// Each drone broadcasts a marker. Datagrams keep their order on one machine, so all earlier ones have arrived before it.
     fn arrivals(&mut self) -> Vec<Arrival> {
         for (id, end) in (0..).map(NodeId).zip(&mut self.0) {
             let marker = Bytes::from_static(MARKER);
@@ -131,7 +129,7 @@ impl Network for Udp {
                     arrivals.push(arrival);
                 }
             }
-            // What came to another of its sockets before the markers may have its turn behind them.
+            // Earlier datagrams at another socket may be read after the markers.
             arrivals.extend(std::iter::from_fn(|| datagram(end.poll_event())));
         }
         arrivals
@@ -150,17 +148,17 @@ impl Network for Udp {
 mod peers {
     use super::*;
 
-    promises!(Udp::with_peers());
+    contract_tests!(Udp::with_peers());
 }
 
 mod group {
     use super::*;
 
-    promises!(Udp::in_a_group());
+    contract_tests!(Udp::in_a_group());
 }
 
 #[test]
-fn what_is_for_a_drone_that_was_found_goes_to_it_alone() {
+fn unicast_to_a_learned_address_goes_to_no_other_drone() {
     let mut network = Udp::with_peers();
     let hello = Bytes::from_static(b"hello");
     let sent = network.send(NodeId(2), Destination::Broadcast, &hello);
@@ -175,7 +173,7 @@ fn what_is_for_a_drone_that_was_found_goes_to_it_alone() {
 }
 
 #[test]
-fn what_is_longer_than_a_frame_is_counted_and_dropped_unread() {
+fn too_long_incoming_datagrams_are_counted_and_dropped() {
     let mut end = open(config(0, Reach::Peers(Vec::new())));
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let address = end.address();
@@ -188,7 +186,7 @@ fn what_is_longer_than_a_frame_is_counted_and_dropped_unread() {
 }
 
 #[test]
-fn what_a_peer_says_is_heard_through_a_flood_from_elsewhere() {
+fn flood_from_a_stranger_does_not_displace_datagrams_of_a_peer() {
     let ([own, peer, ..], _held) = free_addresses();
     let mut end = open(Config {
         bind: own,
@@ -204,26 +202,26 @@ fn what_a_peer_says_is_heard_through_a_flood_from_elsewhere() {
             peer.send_to(&[2], own).unwrap();
         }
     }
-    let heard: Vec<_> = std::iter::from_fn(|| datagram(end.poll_event())).collect();
+    let received: Vec<_> = std::iter::from_fn(|| datagram(end.poll_event())).collect();
     let of_peer = |it: &&Arrival| it.datagram[..] == [2];
-    assert_eq!(heard.iter().filter(of_peer).count(), 10);
-    assert!(heard.len() < 20_000, "there was no flood");
+    assert_eq!(received.iter().filter(of_peer).count(), 10);
+    assert!(received.len() < 20_000, "the flood overflows the buffer");
     assert!(
-        heard.iter().take(40).any(|it| of_peer(&it)),
-        "it comes last"
+        received.iter().take(40).any(|it| of_peer(&it)),
+        "the peer is read before the flood ends"
     );
     let overflowed = end.overflowed().unwrap();
-    assert_eq!(overflowed, 20_010 - heard.len() as u64);
+    assert_eq!(overflowed, 20_010 - received.len() as u64);
 }
 
 #[tokio::test]
-async fn who_waits_gets_what_came_to_any_socket_and_does_not_wait_for_what_was_left_there() {
+async fn readiness_reports_all_sockets_and_left_over_datagrams() {
     let ([own, peer, ..], _held) = free_addresses();
     let mut end = open(Config {
         bind: own,
         ..config(0, Reach::Peers(vec![peer]))
     });
-    let waiting = end.waiting().unwrap();
+    let readiness = end.readiness().unwrap();
     let (peer, stranger) = (
         UdpSocket::bind(peer).unwrap(),
         UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap(),
@@ -233,26 +231,26 @@ async fn who_waits_gets_what_came_to_any_socket_and_does_not_wait_for_what_was_l
             peer.send_to(&[round, 0, number], own).unwrap();
             stranger.send_to(&[round, 1, number], own).unwrap();
         }
-        let mut heard = Vec::new();
-        while heard.len() < 6 {
-            // One at a time, and it never says that this was all.
-            let one = waiting.datagrams(|| {
-                heard.extend(datagram(end.poll_event()));
+        let mut received = Vec::new();
+        while received.len() < 6 {
+            // Reads one datagram, and claims that more are left.
+            let one = readiness.datagrams(|| {
+                received.extend(datagram(end.poll_event()));
                 false
             });
-            let one = tokio::time::timeout(PATIENCE, one).await;
-            one.expect("something is left").unwrap();
+            let one = tokio::time::timeout(TIMEOUT, one).await;
+            one.expect("a datagram is left").unwrap();
         }
-        heard.sort_by(|a, b| a.datagram.cmp(&b.datagram));
+        received.sort_by(|a, b| a.datagram.cmp(&b.datagram));
         let sent = (0..2).flat_map(|from| (0..3).map(move |number| [round, from, number]));
-        assert!(sent.eq(heard.iter().map(|it| *it.datagram.as_array().unwrap())));
-        let drained = waiting.datagrams(|| datagram(end.poll_event()).is_none());
-        assert!(drained.await.unwrap(), "nothing is left");
+        assert!(sent.eq(received.iter().map(|it| *it.datagram.as_array().unwrap())));
+        let drained = readiness.datagrams(|| datagram(end.poll_event()).is_none());
+        assert!(drained.await.unwrap(), "no datagram is left");
     }
 }
 
 #[test]
-fn nobody_else_gets_a_drones_address() {
+fn address_of_a_drone_can_not_be_bound_twice() {
     let ([own, peer, ..], _held) = free_addresses();
     let config = Config {
         bind: own,
@@ -264,7 +262,7 @@ fn nobody_else_gets_a_drones_address() {
 }
 
 #[test]
-fn what_the_system_drops_is_told() {
+fn drops_of_the_kernel_are_reported() {
     let mut end = open(config(0, Reach::Peers(Vec::new())));
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let address = end.address();
@@ -278,12 +276,12 @@ fn what_the_system_drops_is_told() {
         received += 1;
     }
     assert_eq!(end.overflowed(), Some(sent - received));
-    assert!(received < sent, "its buffer is no larger than that");
+    assert!(received < sent, "the buffer overflows");
 }
 
 #[test]
-fn what_can_not_be_sent_is_counted() {
-    // Nothing leads from the loopback interface there.
+fn failed_sends_are_counted() {
+    // There is no route from the loopback interface to this address.
     let peer = SocketAddr::from(([192, 0, 2, 1], 9));
     let mut end = open(config(0, Reach::Peers(vec![peer])));
     let frame = Bytes::from_static(b"lost");
@@ -294,7 +292,7 @@ fn what_can_not_be_sent_is_counted() {
 }
 
 #[test]
-fn what_a_drone_says_to_all_does_not_come_back_to_it() {
+fn broadcast_does_not_return_to_its_sender() {
     let mut network = Udp::in_a_group();
     let frame = Bytes::from_static(b"echo");
     let sent = network.send(NodeId(1), Destination::Broadcast, &frame);
@@ -304,23 +302,23 @@ fn what_a_drone_says_to_all_does_not_come_back_to_it() {
 }
 
 #[test]
-fn a_transport_that_does_not_fit_this_machine_is_refused() {
+fn configuration_that_does_not_fit_the_machine_is_refused() {
     let refused = |config| {
         let opened = UdpTransport::open(config, Arc::new(|| Timestamp::ZERO));
         opened.map(drop).unwrap_err()
     };
-    let nobody = || Reach::Peers(Vec::new());
+    let no_peers = || Reach::Peers(Vec::new());
     let no_interface = Config {
         interface: Some("nosuch0".to_owned()),
-        ..config(0, nobody())
+        ..config(0, no_peers())
     };
     let refusal = refused(no_interface);
     assert!(matches!(refusal, OpenError::Interface { .. }), "{refusal}");
-    let not_ours = Config {
+    let foreign_address = Config {
         bind: SocketAddr::from(([192, 0, 2, 1], 0)),
-        ..config(0, nobody())
+        ..config(0, no_peers())
     };
-    let refusal = refused(not_ours);
+    let refusal = refused(foreign_address);
     assert!(matches!(refusal, OpenError::Bind { .. }), "{refusal}");
     let (group, held) = free_group();
     drop(held);

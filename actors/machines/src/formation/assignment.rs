@@ -4,21 +4,21 @@ use pathfinding::prelude::kuhn_munkres_min;
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 
-/// Who stands where.
+/// How drones are assigned to places.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Assignment {
-    /// Such that the squared distances from the places to the slots sum up to the least there is; of assignments that
-    /// share it, one with short ways. By the Hungarian method, which costs n³ steps: for [`OPTIMAL_MAX`] drones.
+    /// Minimises the sum of squared distances between places and slots; prefers short paths among equal sums. Hungarian
+    /// method, O(n³), for up to [`OPTIMAL_MAX`] drones.
     Optimal,
-    /// Whoever has the slot farthest out chooses first, and takes the nearest place that is free; n² steps.
+    /// The drone with the outermost slot takes the nearest free place first; O(n²).
     Greedy,
 }
 
-/// How many drones are assigned optimally unless something else is asked for, and the most that can be.
+/// Largest swarm that is assigned optimally, and the default limit for it.
 pub const OPTIMAL_MAX: u32 = 300;
 
 impl Assignment {
-    /// What so many drones are assigned by if nothing else is asked for.
+    /// Default assignment for a number of drones.
     #[must_use]
     pub const fn for_drones(drones: u32) -> Self {
         if drones <= OPTIMAL_MAX {
@@ -28,10 +28,10 @@ impl Assignment {
         }
     }
 
-    /// The places in the order of the slots that they are assigned to.
+    /// The places, in the order of the slots that they are assigned to.
     pub(super) fn assign(self, places: &[Ned], slots: &[Ned]) -> Vec<Ned> {
         let chosen = match self {
-            _ if flaw::has(Flaw::TakesSlotsByNumber) => (0..slots.len()).collect(),
+            _ if flaw::has(Flaw::AssignsSlotsById) => (0..slots.len()).collect(),
             Self::Optimal => optimal(places, slots),
             Self::Greedy => greedy(places, slots),
         };
@@ -45,12 +45,12 @@ fn optimal(places: &[Ned], slots: &[Ned]) -> Vec<usize> {
         .map(|slot| places.iter().map(|place| cost(*place, *slot)));
     match Matrix::from_rows(costs) {
         Ok(costs) => kuhn_munkres_min(&costs).1,
-        // There are no slots.
+        // No slots.
         Err(_) => Vec::new(),
     }
 }
 
-/// In square millimetres, and one for each millimetre of way: short ways decide where the squares are as good as equal.
+/// Cost in square millimetres, plus the distance in millimetres: short paths win if squares are about equal.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "places are at most some thousand kilometres apart"
@@ -73,7 +73,7 @@ fn greedy(places: &[Ned], slots: &[Ned]) -> Vec<usize> {
             .enumerate()
             .min_by(|(_, a), (_, b)| distance_m(a).total_cmp(&distance_m(b)));
         if let Some((index, _)) = nearest {
-            // Keeps the order, so that of two places as near the first is taken.
+            // `remove` keeps the order: of two places at equal distance the first is taken.
             chosen[slot] = free.remove(index);
         }
     }

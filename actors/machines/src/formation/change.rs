@@ -1,15 +1,15 @@
-use super::crossings::{crossings, paths};
-use super::layers::{Rest, Stack};
+use super::crossings::{crossings, ground_tracks};
+use super::layers::{LayerPlan, WaitingPosition};
 use super::{Formation, Layout};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
-/// A change of formation in flight, at a waypoint, through altitude sectors: all climb into their sectors, all cross,
-/// all descend into their new slots, and each step begins only once all have done the one before.
+/// A change of formation in flight, at a waypoint, through altitude sectors. All drones climb into their sectors,
+/// cross, and descend into their new slots. Each step starts only once all drones have finished the one before.
 ///
-/// Drones whose ways come close to each other have different sectors, so that nobody's delay matters; the lowest
-/// sector is the height of the slots. Whose way leads over an end of another's has the lower one, so that a drone that
-/// must come down on its way meets nobody who waits at an end.
+/// Drones with paths that come near each other have different sectors, so delays don't matter. The lowest sector is the
+/// height of the slots. A path over an end of another gets the lower sector, so a drone that descends on its path stays
+/// clear of one that waits at an end.
 #[derive(Debug)]
 pub struct Change {
     waypoint: u16,
@@ -21,74 +21,82 @@ pub struct Change {
 }
 
 impl Change {
-    /// A change at `waypoint` from the formation of `before` to `formation`, whose master keeps its place and whose
-    /// other slots go to whoever has the shortest ways; places on the ground and separation stay as they were.
+    /// A change at `waypoint` from the formation of `before` to `formation`. The master keeps its place. The other
+    /// slots are assigned by least squared distance. Places on the ground and separation stay as they were.
     ///
     /// # Panics
-    /// When the two formations have not the same number of drones.
+    /// If the two formations have different numbers of drones.
     #[must_use]
     pub fn new(waypoint: u16, before: &Layout, formation: Formation) -> Self {
-        let formation = formation.taken_from(before.formation());
+        let formation = formation.reassigned_from(before.formation());
         let from = before.formation().slots().to_vec();
-        let room = before.room();
-        let separation = room.separation;
-        let mut crossings = crossings(&paths(&from, formation.slots()), separation.near_m());
+        let limits = before.limits();
+        let separation = limits.separation;
+        let mut crossings = crossings(
+            &ground_tracks(&from, formation.slots()),
+            separation.horizontal_with_margin_m(),
+        );
         for crossing in &mut crossings {
-            // Nobody climbs or descends while others cross; but who crosses may have to come down.
-            crossing.over.reverse();
+            // No drone climbs or descends while others cross, but a crossing drone may have to descend.
+            crossing.overflights.reverse();
         }
-        let stack = match room.layers_max {
-            None => Stack::of(from.len(), &crossings, 0),
-            Some(most) => Stack::in_waves(&formation.by_rank(), &crossings, most, Rest::InLayer),
+        let plan = match limits.layers_max {
+            None => LayerPlan::of(from.len(), &crossings, 0),
+            Some(max) => LayerPlan::in_waves(
+                &formation.by_rank(),
+                &crossings,
+                max,
+                WaitingPosition::Layer,
+            ),
         };
         Self {
             waypoint,
             from,
-            sectors_m: separation.heights_m(&stack).collect(),
-            waves: stack.wave_count(),
-            wave_of: stack.waves,
-            layout: Layout::within(formation, before.gap_m(), room).layered_like(before),
+            sectors_m: separation.heights_m(&plan).collect(),
+            waves: plan.wave_count(),
+            wave_of: plan.waves,
+            layout: Layout::within(formation, before.gap_m(), limits).layered_like(before),
         }
     }
 
-    /// Where the centre of the formation is meanwhile: the number of a waypoint.
+    /// Number of the waypoint at which the centre of the formation stays.
     #[must_use]
     pub const fn waypoint(&self) -> u16 {
         self.waypoint
     }
 
-    /// The layout from then on.
+    /// Layout after the change.
     #[must_use]
     pub const fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Each drone's sector, in metres above its slots.
+    /// Sector of each drone, in metres above its slots.
     #[must_use]
     pub fn sectors_m(&self) -> &[f64] {
         &self.sectors_m
     }
 
-    /// In which wave a drone crosses, the first being 0.
+    /// Wave in which a drone crosses, from 0.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
     pub fn wave(&self, id: NodeId) -> u16 {
         self.wave_of[id.0 as usize]
     }
 
-    /// In how many waves drones cross.
+    /// Number of waves of the crossing.
     #[must_use]
     pub const fn waves(&self) -> u16 {
         self.waves
     }
 
-    /// The corners of a drone's way when the formation's centre is at `waypoint`: in its sector above its old slot, in
-    /// its sector above its new one, and there.
+    /// Corners of a drone's path with the formation's centre at `waypoint`: in its sector above the old slot, in its
+    /// sector above the new slot, and the new slot.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
     pub fn path(&self, id: NodeId, waypoint: Ned) -> [Ned; 3] {
         let index = id.0 as usize;
@@ -133,16 +141,16 @@ mod tests {
         Layout::new(formation(kind, drones), 10.0, SEPARATION)
     }
 
-    fn each_pair(mut look: impl FnMut(Kind, Change)) {
+    fn each_pair(mut check: impl FnMut(Kind, Change)) {
         for from in KINDS {
             for to in KINDS {
-                look(to, Change::new(1, &layout(from, 9), formation(to, 9)));
+                check(to, Change::new(1, &layout(from, 9), formation(to, 9)));
             }
         }
     }
 
     #[test]
-    fn the_new_slots_are_those_of_the_formation_and_the_master_keeps_the_centre() {
+    fn new_slots_are_those_of_the_formation_and_master_keeps_the_centre() {
         each_pair(|to, change| {
             let ours = change.layout.formation();
             let theirs = formation(to, 9);
@@ -163,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn two_whose_ways_come_close_have_different_sectors() {
+    fn drones_with_close_paths_have_different_sectors() {
         each_pair(|to, change| {
             let paths: Vec<[Ned; 3]> = (0..9)
                 .map(|id| change.path(NodeId(id), Ned::new(100.0, 0.0, -25.0)))
@@ -171,7 +179,7 @@ mod tests {
             for (a, one) in paths.iter().enumerate() {
                 for other in &paths[..a] {
                     let apart_m = one[0].vertical_distance_m(other[0]);
-                    // Wherever each is on its way.
+                    // For all positions on both paths.
                     let steps = || (0..=50).map(|step| f64::from(step) / 50.0);
                     let on = |path: &[Ned; 3], share| Ned(path[0].0.lerp(&path[1].0, share));
                     let nearest_m = steps()
@@ -185,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_comes_down_on_its_way_meets_nobody_who_waits_at_an_end() {
+    fn descending_drone_stays_clear_of_drones_waiting_at_path_ends() {
         let mut seen = 0;
         each_pair(|to, change| {
             let at = Ned::new(0.0, 0.0, -25.0);
@@ -209,14 +217,14 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_keeps_its_layer_through_a_change() {
-        let before = layout(Kind::Linear, 9).with_layers(Layering::Each);
+    fn drone_keeps_its_layer_through_a_change() {
+        let before = layout(Kind::Linear, 9).with_layers(Layering::PerDrone);
         let change = Change::new(1, &before, formation(Kind::CompactMesh, 9));
         assert_eq!(change.layout().layers_m(&[]), before.layers_m(&[]));
     }
 
     #[test]
-    fn a_change_to_the_same_formation_moves_nobody() {
+    fn change_to_the_same_formation_moves_no_drone() {
         for kind in KINDS {
             let change = Change::new(0, &layout(kind, 9), formation(kind, 9));
             let at = Ned::new(0.0, 0.0, -25.0);

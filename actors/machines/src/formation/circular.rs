@@ -2,9 +2,9 @@ use std::f64::consts::PI;
 
 use super::shape::Shape;
 
-/// The centre first, the others evenly on a circle around it, clockwise from ahead.
+/// Circle: the centre first, the others evenly around it, clockwise from ahead.
 ///
-/// The radius is the spacing, or more where neighbours on the circle would come nearer to each other than that.
+/// The radius is the spacing, or larger if neighbours on the circle would be closer than the spacing.
 pub(super) fn circular(drones: u32, spacing_m: f64) -> Shape {
     let around = drones - 1;
     let half_angle = PI / f64::from(around.max(2));

@@ -1,31 +1,31 @@
-//! How near drones come to each other in a phase: in lockstep, and with one of them out of it.
+//! Closest approaches of drones in each phase: all in lockstep, or one of them out of lockstep.
 
 use std::collections::BTreeSet;
 
-use super::phases::{Act, Phase};
+use super::phases::{Phase, PhaseKind};
 use super::tube::Bounds;
-use super::{Clearance, Flown, Path, Separation, Tube};
+use super::{Clearance, FlightPlan, Path, Separation, Tube};
 use crate::identity::NodeId;
 
-/// What one drone does that is no longer in lockstep with the others.
+/// Behaviour of one drone that is out of lockstep with the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exposure {
-    /// It stays behind for a while, anywhere on its ways, and flies on then: a process that hangs or restarts.
+    /// It stops anywhere on its paths for a while and then continues: a process that hangs or restarts.
     Late,
-    /// It flies to its own altitude and on in it: it was cut off, or restarted.
+    /// It flies to its own altitude layer and continues in it: cut off, or restarted.
     Apart,
-    /// It comes down on the spot, and says so: a battery that is all but empty, a position that is lost. The others go on.
+    /// It lands on the spot and announces it: critical battery or lost position. The others continue.
     Descends,
-    /// Its process dies: the flight controller hovers and brings it down on the spot. The others wait until they miss it, and
-    /// fly to their own altitudes then.
+    /// Its process dies: the flight controller hovers, then lands on the spot. The others wait until the link timeout,
+    /// then fly to their own altitude layers.
     Killed,
 }
 
 impl Exposure {
-    /// All of them.
+    /// All exposures, in the order of reports.
     pub const ALL: [Self; 4] = [Self::Late, Self::Apart, Self::Descends, Self::Killed];
 
-    /// Its name in files and reports.
+    /// Name in files and reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -36,51 +36,51 @@ impl Exposure {
         }
     }
 
-    /// Whether the drone that it happens to, and those near it, can still give way to each other. Drones that follow a
-    /// master give way to nobody, so they do not where one flies apart.
+    /// Whether the right of way still separates the affected drone from those near it. Drones that follow a master do
+    /// not give way, so they don't give way to one that flies apart.
     #[must_use]
-    pub const fn is_mended_by_giving_way(self, they_follow: bool) -> bool {
+    pub const fn is_resolved_by_right_of_way(self, is_following: bool) -> bool {
         match self {
             Self::Late => true,
-            Self::Apart => !they_follow,
+            Self::Apart => !is_following,
             Self::Descends | Self::Killed => false,
         }
     }
 }
 
-/// The two drones that come the nearest to each other, and how near.
+/// Closest approach of two drones.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Approach {
-    /// Who; first the one that something happened to, if something did.
+pub struct ClosestApproach {
+    /// The two drones; the affected one first, if there is one.
     pub drones: [NodeId; 2],
-    /// How near.
+    /// Smallest distances of the two.
     pub clearance: Clearance,
 }
 
-/// How near drones come to each other.
+/// Closest approach and conflicts of a set of drones.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Nearness {
-    /// The nearest two; `None` for fewer than two drones.
-    pub closest: Option<Approach>,
-    /// All who may come too near each other; first the one that something happened to, if something did.
-    pub too_near: BTreeSet<[NodeId; 2]>,
+pub struct Proximity {
+    /// Closest approach; `None` for fewer than two drones.
+    pub closest: Option<ClosestApproach>,
+    /// Pairs that may violate the separation; the affected drone first, if there is one.
+    pub conflicts: BTreeSet<[NodeId; 2]>,
 }
 
-/// A phase with what it exposes drones to.
+/// A phase with its closest approaches in lockstep.
 #[derive(Debug)]
-pub struct Exposed {
+pub struct PhaseSeparation {
     /// The phase.
     pub phase: Phase,
-    /// All in lockstep.
-    pub lockstep: Nearness,
-    /// Who in lockstep keeps apart only by beginning at the same time: one comes near a way that the other has flown by then,
-    /// or flies later. They count as apart in lockstep.
-    pub together: BTreeSet<[NodeId; 2]>,
+    /// All drones in lockstep.
+    pub lockstep: Proximity,
+    /// Pairs that are separated only because they start at the same time: one comes near a path that the other flies
+    /// earlier or later. They count as separated in `lockstep`.
+    pub time_separated: BTreeSet<[NodeId; 2]>,
 }
 
-impl Flown<'_> {
-    /// How near drones come to each other in each phase, all in lockstep.
-    pub fn in_lockstep(self) -> impl Iterator<Item = Exposed> {
+impl FlightPlan<'_> {
+    /// Closest approaches in each phase with all drones in lockstep.
+    pub fn in_lockstep(self) -> impl Iterator<Item = PhaseSeparation> {
         let separation = self.layout.separation();
         self.phases().map(move |phase| {
             let is_translation = phase.is_translation();
@@ -88,7 +88,7 @@ impl Flown<'_> {
             let entries = drones.flat_map(|(id, paths)| {
                 paths.iter().enumerate().map(move |(stage, path)| {
                     let path = if is_translation {
-                        Path::standing(path.from)
+                        Path::stationary(path.from)
                     } else {
                         *path
                     };
@@ -96,28 +96,28 @@ impl Flown<'_> {
                     Entry { stage, ..entry }
                 })
             });
-            let (lockstep, together) = search(entries.collect(), separation);
-            Exposed {
+            let (lockstep, time_separated) = search(entries.collect(), separation);
+            PhaseSeparation {
                 phase,
                 lockstep,
-                together,
+                time_separated,
             }
         })
     }
 
-    /// How near one drone may come to others that are in lockstep, in each phase, by what happens to it: in that phase, or
-    /// earlier if it is still coming down.
-    pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Nearness)>> {
+    /// Closest approaches of one affected drone and others in lockstep, for each phase and exposure. The exposure
+    /// happens in that phase, or earlier if the drone is still descending.
+    pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Proximity)>> {
         let separation = self.layout.separation();
-        let mut falling: Vec<(NodeId, Tube)> = Vec::new();
+        let mut still_descending: Vec<(NodeId, Tube)> = Vec::new();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
                 tubes(&phase).map(|(id, path)| (id, path.into())).collect();
             let alone = self.tubes_alone(&phase);
-            let down = in_lockstep
+            let descending = in_lockstep
                 .iter()
-                .map(|(id, tube)| (*id, tube.stretched_to(0.0)));
-            let down: Vec<(NodeId, Tube)> = down.collect();
+                .map(|(id, tube)| (*id, tube.extended_to(0.0)));
+            let descending: Vec<(NodeId, Tube)> = descending.collect();
             let between = |affected: &[(NodeId, Tube)], others: &[(NodeId, Tube)]| {
                 let entries = |side: Side, tubes: &[(NodeId, Tube)]| -> Vec<Entry> {
                     let tubes = tubes.iter();
@@ -129,36 +129,41 @@ impl Flown<'_> {
                 all.extend(entries(Side::Other, others));
                 search(all, separation).0
             };
-            // A drone that comes down may have begun before this phase; steps of a change take less time than that.
-            let fallen = std::mem::take(&mut falling);
-            let both: Vec<_> = fallen.iter().chain(&down).copied().collect();
+            // The descent may have begun before this phase: steps of a change take less time than a descent.
+            let earlier = std::mem::take(&mut still_descending);
+            let all_descending: Vec<_> = earlier.iter().chain(&descending).copied().collect();
             let found = Exposure::ALL.map(|exposure| {
                 let nearness = match exposure {
                     Exposure::Late => between(&in_lockstep, &in_lockstep),
                     Exposure::Apart => between(&alone, &in_lockstep),
-                    Exposure::Descends => between(&both, &in_lockstep),
-                    Exposure::Killed => between(&down, &in_lockstep).and(between(&both, &alone)),
+                    Exposure::Descends => between(&all_descending, &in_lockstep),
+                    Exposure::Killed => {
+                        between(&descending, &in_lockstep).merge(between(&all_descending, &alone))
+                    }
                 };
                 (exposure, nearness)
             });
-            if let Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. } = phase.act {
-                falling = both;
+            if let PhaseKind::Climb { .. } | PhaseKind::Cross { .. } | PhaseKind::Descend { .. } =
+                phase.kind
+            {
+                still_descending = all_descending;
             } else {
-                falling = down;
+                still_descending = descending;
             }
             found.into()
         })
     }
 }
 
-impl Nearness {
-    /// Both.
-    fn and(mut self, other: Self) -> Self {
-        let room = |it: &Option<Approach>| it.map_or(f64::INFINITY, |it| it.clearance.room);
-        if room(&other.closest) < room(&self.closest) {
+impl Proximity {
+    /// Merges two results.
+    fn merge(mut self, other: Self) -> Self {
+        let ratio =
+            |it: &Option<ClosestApproach>| it.map_or(f64::INFINITY, |it| it.clearance.ratio);
+        if ratio(&other.closest) < ratio(&self.closest) {
             self.closest = other.closest;
         }
-        self.too_near.extend(other.too_near);
+        self.conflicts.extend(other.conflicts);
         self
     }
 }
@@ -168,14 +173,14 @@ fn tubes(phase: &Phase) -> impl Iterator<Item = (NodeId, Path)> {
     drones.flat_map(|(id, paths)| paths.iter().map(move |path| (id, *path)))
 }
 
-/// With whom a drone in a tube is compared.
+/// Which entries an entry is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Side {
-    /// With each other one.
+    /// Every other entry.
     Both,
-    /// With those to whom nothing happened.
+    /// Entries of unaffected drones.
     Affected,
-    /// With those to whom something happened.
+    /// Entries of affected drones.
     Other,
 }
 
@@ -183,7 +188,7 @@ enum Side {
 struct Entry {
     side: Side,
     id: NodeId,
-    /// Who are in lockstep are in the same one at the same time.
+    /// Drones in lockstep are in the same stage at the same time.
     stage: usize,
     tube: Tube,
     bounds: Bounds,
@@ -204,15 +209,17 @@ impl Entry {
         self.id != other.id && (self.side == Side::Both || self.side != other.side)
     }
 
-    fn comes_within(&self, room: f64, other: &Self, separation: Separation) -> bool {
-        let (horizontal_m, vertical_m) =
-            (room * separation.horizontal_m, room * separation.vertical_m);
+    fn comes_within(&self, ratio: f64, other: &Self, separation: Separation) -> bool {
+        let (horizontal_m, vertical_m) = (
+            ratio * separation.horizontal_m,
+            ratio * separation.vertical_m,
+        );
         self.bounds
             .is_within(&other.bounds, horizontal_m, vertical_m)
-            && self.tube.comes_within(room, other.tube, separation)
+            && self.tube.comes_within(ratio, other.tube, separation)
     }
 
-    /// The two, the one that something happened to first, if something did.
+    /// The pair, the affected drone first if there is one.
     fn pair(&self, other: &Self) -> [NodeId; 2] {
         if self.side == Side::Affected || self.side == Side::Both && self.id < other.id {
             [self.id, other.id]
@@ -222,12 +229,13 @@ impl Entry {
     }
 }
 
-/// Who comes near whom. Looks only at those that overlap along the axis on which they are spread the most, nearer than
-/// the nearest so far or too near. Beside that those who would come too near in different stages.
-fn search(mut entries: Vec<Entry>, separation: Separation) -> (Nearness, BTreeSet<[NodeId; 2]>) {
+/// Finds the closest approach, the conflicts, and the pairs that would conflict in different stages only. Compares only
+/// entries that overlap along the axis of the widest spread, closer than the closest approach so far or than the
+/// separation.
+fn search(mut entries: Vec<Entry>, separation: Separation) -> (Proximity, BTreeSet<[NodeId; 2]>) {
     let along = widest_axis(&entries);
     entries.sort_by(|a, b| a.bounds.low[along].total_cmp(&b.bounds.low[along]));
-    let (mut found, mut together) = (Nearness::default(), BTreeSet::new());
+    let (mut found, mut time_separated) = (Proximity::default(), BTreeSet::new());
     let mut best = f64::INFINITY;
     for (position, one) in entries.iter().enumerate() {
         for other in &entries[position + 1..] {
@@ -238,28 +246,28 @@ fn search(mut entries: Vec<Entry>, separation: Separation) -> (Nearness, BTreeSe
             if !one.is_compared_with(other) || !one.comes_within(best.max(1.0), other, separation) {
                 continue;
             }
-            let is_too_near = one.comes_within(1.0, other, separation);
-            if is_too_near && one.stage != other.stage {
-                together.insert(one.pair(other));
+            let is_conflict = one.comes_within(1.0, other, separation);
+            if is_conflict && one.stage != other.stage {
+                time_separated.insert(one.pair(other));
                 continue;
             }
-            if is_too_near {
-                found.too_near.insert(one.pair(other));
+            if is_conflict {
+                found.conflicts.insert(one.pair(other));
             }
             if one.comes_within(best, other, separation) {
                 let clearance = one.tube.clearance(other.tube, separation);
-                best = clearance.room;
-                found.closest = Some(Approach {
+                best = clearance.ratio;
+                found.closest = Some(ClosestApproach {
                     drones: one.pair(other),
                     clearance,
                 });
             }
         }
     }
-    (found, together)
+    (found, time_separated)
 }
 
-/// North or east, as the lower ends are spread the farther.
+/// Axis, north or east, along which the lower bounds are spread the most.
 fn widest_axis(entries: &[Entry]) -> usize {
     let spread = |axis: usize| {
         let low = entries.iter().map(|entry| entry.bounds.low[axis]);

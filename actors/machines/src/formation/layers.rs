@@ -1,109 +1,72 @@
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::crossings::{Crossing, Over};
+use super::crossings::{Crossing, Overflight};
 use crate::geometry::Ned;
 
-/// Which layer each drone has, counted from the lowest, 0 being the height of the slots themselves, and in which wave it
-/// flies: the next wave flies once all of the one before have arrived.
+/// Altitude layer and wave of each drone. Layer 0 is the height of the slots. A wave starts once all drones of the wave
+/// before have arrived.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Stack {
+pub(super) struct LayerPlan {
     pub(super) layers: Vec<u32>,
     pub(super) waves: Vec<u16>,
-    /// How many ends of ways are flown over below the drone that climbs and descends there: such pairs keep apart
+    /// Number of path ends with another path below the drone that climbs and descends there. Such pairs are separated
     /// only as long as they start together.
     pub(super) exposed: usize,
 }
 
-/// Where a drone rests while other waves fly.
+/// Where a drone waits while other waves fly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Rest {
-    /// On the ground before its own wave, in its slot after it; the reverse for a landing, whose waves are reversed.
+pub(super) enum WaitingPosition {
+    /// On the ground before its own wave, in its slot after it. For a landing, the reverse in reverse order of waves.
     GroundAndSlot,
-    /// In its layer, over either end of its way.
-    InLayer,
+    /// In its layer, above the start or the end of its path.
+    Layer,
 }
 
-impl Stack {
-    /// The layers of drones whose ways cross, all in one wave: different ones for the two of a crossing and, where one's
-    /// way leads over an end of the other's, the higher one for it, so that the other may be late. The lowest that is
-    /// free, and `lowest` at least for a drone that is in a crossing.
+impl LayerPlan {
+    /// Layers in one wave. The two drones of a crossing get different layers. If one path leads over an end of the
+    /// other, it gets the higher layer, so the other drone may be late. Each drone gets the lowest free layer, `lowest`
+    /// at least if it is in a crossing.
     ///
-    /// Where two lead over each other's ends, the one that leads over a slot has the higher; slots are entered one
-    /// after the other, places on the ground are left at one time.
+    /// If two paths lead over each other's ends, the one over a slot gets the higher layer: slots are entered one after
+    /// the other, places on the ground are unassigned at the same time.
     pub(super) fn of(drones: usize, crossings: &[Crossing], lowest: u32) -> Self {
         let all: Vec<&Crossing> = crossings.iter().collect();
-        let mut stack = Self::on_ground(drones);
+        let mut plan = Self::on_ground(drones);
         let members: Vec<usize> = (0..drones).collect();
-        stack.add(&members, &all, lowest, |_, _| false);
-        stack
+        plan.add(&members, &all, lowest, |_, _| false);
+        plan
     }
 
-    /// The same with layers up to `layers_max` and nobody exposed, in as few waves as that takes. Each wave is a run of `order`, which names
-    /// each drone once; a later wave flies over drones that rest as `rest` says. The first of `order` flies in the first
-    /// wave. A wave that can't do with so many layers has more.
+    /// LayerCache up to `layers_max` and no exposed ends, in as few waves as possible. Each wave is a run of `order`, which
+    /// holds each drone once. Later waves fly over drones that wait as `waiting` says. The first drone of `order` flies
+    /// in the first wave. A wave that needs more layers gets them.
     pub(super) fn in_waves(
         order: &[usize],
         crossings: &[Crossing],
         layers_max: u32,
-        rest: Rest,
+        waiting: WaitingPosition,
     ) -> Self {
         let drones = order.len();
-        let mut stack = Self::on_ground(drones);
         let first = order.first().copied();
-        let mut of_drone: Vec<Vec<&Crossing>> = vec![Vec::new(); drones];
-        for crossing in crossings {
-            crossing
-                .drones
-                .iter()
-                .for_each(|it| of_drone[*it].push(crossing));
-        }
-        let order = with_those_below_first(order, &of_drone, rest);
-        let mut position = vec![0; drones];
-        order
-            .iter()
-            .enumerate()
-            .for_each(|(at, drone)| position[*drone] = at);
+        let schedule = Schedule::new(order, crossings, waiting);
+        let mut plan = Self::on_ground(drones);
         let (mut begin, mut wave) = (0, 0);
         while begin < drones {
-            let flown = stack.clone();
-            let with_wave = |end: usize| {
-                let members = &order[begin..end];
-                let among: Vec<&Crossing> = members
-                    .iter()
-                    .flat_map(|drone| of_drone[*drone].iter().map(move |it| (*drone, *it)))
-                    .filter(|(drone, it)| {
-                        let [a, b] = it.drones.map(|it| position[it]);
-                        // Each once.
-                        it.drones[0] == *drone
-                            && (begin..end).contains(&a.max(b))
-                            && a.min(b) >= begin
-                    })
-                    .map(|(_, it)| it)
-                    .collect();
-                let is_taken = |drone: usize, layer: u32| {
-                    of_drone[drone].iter().any(|it| {
-                        position[it.other(drone)] < begin
-                            && flown.is_in_the_way(it, drone, layer, rest)
-                    })
-                };
-                let mut next = flown.clone();
-                next.add(members, &among, 0, is_taken);
-                members.iter().for_each(|it| next.waves[*it] = wave);
-                next
-            };
             let fits = |end: usize| {
-                let next = with_wave(end);
-                let mut members = order[begin..end].iter();
-                next.exposed == flown.exposed && members.all(|it| next.layers[*it] <= layers_max)
+                let next = schedule.with_wave(&plan, begin..end, wave);
+                let mut members = schedule.order[begin..end].iter();
+                next.exposed == plan.exposed && members.all(|it| next.layers[*it] <= layers_max)
             };
-            let awaited = first.map_or(begin, |it| position[it]);
-            let end = largest(begin.max(awaited) + 1, drones, fits);
-            stack = with_wave(end);
+            let first_at = first.map_or(begin, |it| schedule.position[it]);
+            let end = largest(begin.max(first_at) + 1, drones, fits);
+            plan = schedule.with_wave(&plan, begin..end, wave);
             begin = end;
             wave = wave.saturating_add(1);
         }
-        stack
+        plan
     }
 
     fn on_ground(drones: usize) -> Self {
@@ -114,7 +77,7 @@ impl Stack {
         }
     }
 
-    /// Gives layers to `members`, whose crossings with each other are `among`; none that `is_taken` for a drone.
+    /// Assigns layers to `members`, with `among` as their mutual crossings, except layers that `is_taken`.
     fn add(
         &mut self,
         members: &[usize],
@@ -144,13 +107,22 @@ impl Stack {
         self.exposed += graph.exposed;
     }
 
-    /// Whether the other drone of a crossing, which flew in an earlier wave, rests where `drone` would fly in `layer`.
-    fn is_in_the_way(&self, crossing: &Crossing, drone: usize, layer: u32, rest: Rest) -> bool {
-        match rest {
-            Rest::GroundAndSlot => layer == 0 && crossing.over_of(drone) == Over::Slot,
-            // The one that is to fly over an end where the other rests, whichever it is.
-            Rest::InLayer => {
-                crossing.over != [Over::Neither; 2] && layer == self.layers[crossing.other(drone)]
+    /// Whether the other drone of a crossing flew in an earlier wave and waits where `drone` would fly in `layer`.
+    fn is_blocked(
+        &self,
+        crossing: &Crossing,
+        drone: usize,
+        layer: u32,
+        waiting: WaitingPosition,
+    ) -> bool {
+        match waiting {
+            WaitingPosition::GroundAndSlot => {
+                layer == 0 && crossing.overflight_of(drone) == Overflight::Slot
+            }
+            // Either may lead over the end where the other waits.
+            WaitingPosition::Layer => {
+                crossing.overflights != [Overflight::None; 2]
+                    && layer == self.layers[crossing.other(drone)]
             }
         }
     }
@@ -159,14 +131,73 @@ impl Stack {
         self.layers.iter().copied().max().unwrap_or(0)
     }
 
-    /// How many waves there are, one at least.
+    /// Number of waves, at least one.
     pub(super) fn wave_count(&self) -> u16 {
         self.waves.iter().copied().max().unwrap_or(0) + 1
     }
 }
 
-/// The largest `end` up to `most` with which it `fits`, or `least`; it is taken to fit below where it does. Looked for
-/// upwards in growing steps, for most that fit are small.
+/// The order in which drones are divided into waves, with their crossings.
+struct Schedule<'a> {
+    order: Vec<usize>,
+    /// Index of each drone in `order`.
+    position: Vec<usize>,
+    /// Crossings of each drone.
+    of_drone: Vec<Vec<&'a Crossing>>,
+    waiting: WaitingPosition,
+}
+
+impl<'a> Schedule<'a> {
+    fn new(order: &[usize], crossings: &'a [Crossing], waiting: WaitingPosition) -> Self {
+        let mut of_drone: Vec<Vec<&Crossing>> = vec![Vec::new(); order.len()];
+        for crossing in crossings {
+            for drone in crossing.drones {
+                of_drone[drone].push(crossing);
+            }
+        }
+        let order = with_those_below_first(order, &of_drone, waiting);
+        let mut position = vec![0; order.len()];
+        for (at, drone) in order.iter().enumerate() {
+            position[*drone] = at;
+        }
+        Self {
+            order,
+            position,
+            of_drone,
+            waiting,
+        }
+    }
+
+    /// The plan with the drones at these positions as the next wave.
+    fn with_wave(&self, plan: &LayerPlan, range: Range<usize>, wave: u16) -> LayerPlan {
+        let members = &self.order[range.clone()];
+        let among: Vec<&Crossing> = members
+            .iter()
+            .flat_map(|drone| self.of_drone[*drone].iter().map(move |it| (*drone, *it)))
+            .filter(|(drone, it)| {
+                let [a, b] = it.drones.map(|it| self.position[it]);
+                // Each crossing once.
+                it.drones[0] == *drone && range.contains(&a.max(b)) && a.min(b) >= range.start
+            })
+            .map(|(_, it)| it)
+            .collect();
+        let is_taken = |drone: usize, layer: u32| {
+            self.of_drone[drone].iter().any(|it| {
+                self.position[it.other(drone)] < range.start
+                    && plan.is_blocked(it, drone, layer, self.waiting)
+            })
+        };
+        let mut next = plan.clone();
+        next.add(members, &among, 0, is_taken);
+        for member in members {
+            next.waves[*member] = wave;
+        }
+        next
+    }
+}
+
+/// The largest `end` from `least` to `most` that `fits`, assuming that all smaller ends fit. Searches in growing steps,
+/// because most results are small.
 fn largest(least: usize, most: usize, fits: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut step) = (least, 1);
     while low + step <= most && fits(low + step) {
@@ -182,9 +213,13 @@ fn largest(least: usize, most: usize, fits: impl Fn(usize) -> bool) -> usize {
     low
 }
 
-/// The order with each drone that stands below another's slot before that one: it climbs through that slot.
-fn with_those_below_first(order: &[usize], of_drone: &[Vec<&Crossing>], rest: Rest) -> Vec<usize> {
-    if rest == Rest::InLayer {
+/// Reorders: a drone that stands below another's slot comes before that one, because it climbs through the slot.
+fn with_those_below_first(
+    order: &[usize],
+    of_drone: &[Vec<&Crossing>],
+    waiting: WaitingPosition,
+) -> Vec<usize> {
+    if waiting == WaitingPosition::Layer {
         return order.to_vec();
     }
     let mut sorted = Vec::with_capacity(order.len());
@@ -206,75 +241,77 @@ fn with_those_below_first(order: &[usize], of_drone: &[Vec<&Crossing>], rest: Re
     sorted
 }
 
-/// Who must be above whom; taken apart from below.
+/// Which drones must be above which, consumed from below.
 struct Graph {
-    /// Whose layers must differ from each drone's.
+    /// Drones in other layers than each drone.
     apart: Vec<Vec<usize>>,
-    /// Who must be below each.
+    /// Drones that must be below each drone.
     below: Vec<Vec<usize>>,
-    /// Who must be above each.
+    /// Drones that must be above each drone.
     above: Vec<Vec<usize>>,
-    /// How many of those below each have no layer yet.
-    awaited: Vec<usize>,
-    left: BTreeSet<usize>,
+    /// Number of drones below each that have no layer yet.
+    unassigned_below: Vec<usize>,
+    unassigned: BTreeSet<usize>,
     ready: BTreeSet<usize>,
     exposed: usize,
 }
 
 impl Graph {
-    /// Of so many drones `members` only, whose crossings are `crossings`.
+    /// Graph of `members` of a swarm of `drones`, with these crossings.
     fn new(drones: usize, members: &[usize], crossings: &[&Crossing]) -> Self {
         let mut graph = Self {
             apart: vec![Vec::new(); drones],
             below: vec![Vec::new(); drones],
             above: vec![Vec::new(); drones],
-            awaited: vec![0; drones],
-            left: members.iter().copied().collect(),
+            unassigned_below: vec![0; drones],
+            unassigned: members.iter().copied().collect(),
             ready: BTreeSet::new(),
             exposed: 0,
         };
         for crossing in crossings {
             let Crossing {
                 drones: [a, b],
-                over,
+                overflights,
                 ..
             } = **crossing;
             graph.apart[a].push(b);
             graph.apart[b].push(a);
-            graph.exposed += usize::from(over[0].min(over[1]) != Over::Neither);
-            if over[0] > over[1] {
-                graph.puts_below(b, a);
-            } else if over[1] > over[0] {
-                graph.puts_below(a, b);
+            graph.exposed += usize::from(overflights[0].min(overflights[1]) != Overflight::None);
+            if overflights[0] > overflights[1] {
+                graph.add_below(b, a);
+            } else if overflights[1] > overflights[0] {
+                graph.add_below(a, b);
             }
         }
         let members = members.iter().copied();
-        graph.ready = members.filter(|it| graph.awaited[*it] == 0).collect();
+        graph.ready = members
+            .filter(|it| graph.unassigned_below[*it] == 0)
+            .collect();
         graph
     }
 
-    fn puts_below(&mut self, lower: usize, upper: usize) {
+    fn add_below(&mut self, lower: usize, upper: usize) {
         self.below[upper].push(lower);
         self.above[lower].push(upper);
-        self.awaited[upper] += 1;
+        self.unassigned_below[upper] += 1;
     }
 
-    /// The next drone to be given a layer: one with nobody below it left or, in a ring of drones that should each be
-    /// above the next, the one that waits for the fewest.
+    /// Next drone to get a layer: one with no unassigned drone below it. In a cycle, the one with the fewest unassigned
+    /// below.
     fn next(&mut self) -> Option<usize> {
         let next = match self.ready.pop_first() {
             Some(ready) => ready,
             None => {
-                let fewest = |drone: &usize| (self.awaited[*drone], *drone);
-                let next = self.left.iter().copied().min_by_key(fewest)?;
-                self.exposed += self.awaited[next];
+                let fewest = |drone: &usize| (self.unassigned_below[*drone], *drone);
+                let next = self.unassigned.iter().copied().min_by_key(fewest)?;
+                self.exposed += self.unassigned_below[next];
                 next
             }
         };
-        self.left.remove(&next);
+        self.unassigned.remove(&next);
         for upper in &self.above[next] {
-            self.awaited[*upper] -= 1;
-            if self.awaited[*upper] == 0 && self.left.contains(upper) {
+            self.unassigned_below[*upper] -= 1;
+            if self.unassigned_below[*upper] == 0 && self.unassigned.contains(upper) {
                 self.ready.insert(*upper);
             }
         }
@@ -282,33 +319,29 @@ impl Graph {
     }
 }
 
-/// The layers for the last mission that was asked for, kept, for every drone of a simulation asks for the same.
+/// Cached layers of the last mission: all drones of a simulation ask for the same.
 #[derive(Debug, Default)]
-pub struct Layers {
-    last: Mutex<Option<Answer>>,
+pub(super) struct LayerCache {
+    last: Mutex<Option<CachedLayers>>,
 }
 
 #[derive(Debug)]
-struct Answer {
+struct CachedLayers {
     waypoints: Vec<Ned>,
     layers_m: Arc<[f64]>,
 }
 
-impl Layers {
-    /// What `work_out` says of these waypoints, or said last time.
-    pub(super) fn of(
-        &self,
-        waypoints: &[Ned],
-        work_out: impl FnOnce() -> Arc<[f64]>,
-    ) -> Arc<[f64]> {
+impl LayerCache {
+    /// LayerCache for these waypoints, from the cache or from `compute`.
+    pub(super) fn of(&self, waypoints: &[Ned], compute: impl FnOnce() -> Arc<[f64]>) -> Arc<[f64]> {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(answer) = &*last
             && answer.waypoints == waypoints
         {
             return Arc::clone(&answer.layers_m);
         }
-        let layers_m = work_out();
-        *last = Some(Answer {
+        let layers_m = compute();
+        *last = Some(CachedLayers {
             waypoints: waypoints.to_vec(),
             layers_m: Arc::clone(&layers_m),
         });

@@ -3,301 +3,304 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use super::crossings::passings;
-use super::ground::Places;
-use super::layers::Stack;
-use super::{Formation, Ground, Layers};
+use super::crossings::slot_passes;
+use super::ground::GroundPlaces;
+use super::layers::{LayerCache, LayerPlan};
+use super::{Formation, Ground};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
-/// How far apart flying drones must be: far enough over ground or far enough in height.
+/// Minimum separation of flying drones: horizontal or vertical, either is enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Separation {
-    /// Metres over ground.
+    /// Horizontal separation, in metres.
     pub horizontal_m: f64,
-    /// Metres in height.
+    /// Vertical separation, in metres.
     pub vertical_m: f64,
 }
 
-/// What is kept beyond either minimum, in metres, so that rounding never matters.
+/// Margin added to each minimum, in metres, against rounding.
 const MARGIN_M: f64 = 0.5;
 
 impl Separation {
-    pub(super) fn near_m(self) -> f64 {
+    pub(super) fn horizontal_with_margin_m(self) -> f64 {
         self.horizontal_m + MARGIN_M
     }
 
-    /// From one layer to the next, in metres.
-    fn pitch_m(self) -> f64 {
+    /// Height difference between neighbouring layers, in metres.
+    fn layer_spacing_m(self) -> f64 {
         self.vertical_m + MARGIN_M
     }
 
-    pub(super) fn heights_m(self, stack: &Stack) -> impl Iterator<Item = f64> {
-        let pitch_m = self.pitch_m();
-        let layers = stack.layers.iter();
-        layers.map(move |layer| f64::from(*layer) * pitch_m)
+    pub(super) fn heights_m(self, plan: &LayerPlan) -> impl Iterator<Item = f64> {
+        let layer_spacing_m = self.layer_spacing_m();
+        let layers = plan.layers.iter();
+        layers.map(move |layer| f64::from(*layer) * layer_spacing_m)
     }
 }
 
-/// How many altitude layers there are for drones that are not in lockstep with their swarm.
+/// Number of altitude layers for drones that are not in lockstep with their swarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layering {
-    /// One for each drone: wherever two of them are, and whatever they do, they are out of each other's way. The first
-    /// master's is the lowest: whoever is cut off from it misses it before it misses them, so it climbs last, and through
-    /// nobody's layer.
-    Each,
-    /// As few as drones can do with of which one waits at an end of the leg that the other flies.
+    /// One layer per drone: any two drones are separated, wherever they are. The first master has the lowest layer. A
+    /// drone cut off from the master detects it before the master detects the drone, so the master climbs last and
+    /// through no occupied layer.
+    PerDrone,
+    /// As few layers as possible; drones share a layer if neither flies a leg past an end where the other waits.
     Shared,
 }
 
-/// A formation with all that follows from it for a drone's flight; shared by the drones of a simulation.
+/// A formation with everything derived from it for the flight of a drone; shared by all drones of a simulation.
 ///
-/// Ways between ground and slots are compared when they may be flown under the same order, because a swarm goes on
-/// only once all its members have arrived. Drones whose ways cross fly them in different layers. Layers only go up:
-/// what the mission's author took for a safe height stays the lowest.
+/// Paths between ground and slots are compared if they may be flown under the same order: a swarm continues only once
+/// all members have arrived. Drones with crossing paths fly in different layers. Layers are only added upwards, so the
+/// mission's altitude stays the lowest.
 #[derive(Debug)]
 pub struct Layout {
     formation: Formation,
-    room: Room,
+    limits: Limits,
     gap_m: f64,
-    standing: Ground,
-    ground: Option<Paths>,
-    landing: Paths,
+    take_off_ground: Ground,
+    /// `None` if drones take off from their landing places.
+    take_off: Option<GroundPaths>,
+    landing: GroundPaths,
     layering: Layering,
-    /// Who has the lowest layer, if each has its own: the first master.
+    /// The first master, with the lowest layer if there is one layer per drone.
     lowest: NodeId,
-    layers: Layers,
+    layers: LayerCache,
 }
 
-/// What keeps drones apart whose ways cross.
+/// Limits for paths that cross.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Room {
+pub(super) struct Limits {
     pub(super) separation: Separation,
-    /// The highest layer that may be flown, where drones fly in waves rather than higher.
+    /// Highest layer if drones fly in waves; `None` for one wave with as many layers as needed.
     pub(super) layers_max: Option<u32>,
 }
 
-/// Places on the ground, and the layer in which the way between them and the slots is flown.
+/// Places on the ground, and the layers of the paths between them and the slots.
 #[derive(Debug)]
-struct Paths {
-    arranged: Places,
+struct GroundPaths {
+    places: GroundPlaces,
     layers_m: Arc<[f64]>,
 }
 
-impl Paths {
-    fn new(ground: Ground, formation: &Formation, gap_m: f64, room: Room) -> Self {
-        let Room {
+impl GroundPaths {
+    fn new(ground: Ground, formation: &Formation, gap_m: f64, limits: Limits) -> Self {
+        let Limits {
             separation,
             layers_max,
-        } = room;
-        let arranged = Places::new(ground, formation, gap_m, separation.near_m(), layers_max);
+        } = limits;
+        let min_m = separation.horizontal_with_margin_m();
+        let places = GroundPlaces::new(ground, formation, gap_m, min_m, layers_max);
         Self {
-            layers_m: separation.heights_m(&arranged.stack).collect(),
-            arranged,
+            layers_m: separation.heights_m(&places.layer_plan).collect(),
+            places,
         }
     }
 }
 
 impl Layout {
-    /// The layout of a formation whose drones stand and land `gap_m` metres apart.
+    /// Layout of a formation with places on the ground `gap_m` metres apart.
     #[must_use]
     pub fn new(formation: Formation, gap_m: f64, separation: Separation) -> Self {
-        let room = Room {
+        let limits = Limits {
             separation,
             layers_max: None,
         };
-        Self::within(formation, gap_m, room)
+        Self::within(formation, gap_m, limits)
     }
 
-    pub(super) fn within(formation: Formation, gap_m: f64, room: Room) -> Self {
+    pub(super) fn within(formation: Formation, gap_m: f64, limits: Limits) -> Self {
         Self {
-            landing: Paths::new(Ground::Gathered, &formation, gap_m, room),
-            ground: None,
-            standing: Ground::Gathered,
+            landing: GroundPaths::new(Ground::Gathered, &formation, gap_m, limits),
+            take_off: None,
+            take_off_ground: Ground::Gathered,
             layering: Layering::Shared,
             lowest: formation.centre(),
-            layers: Layers::default(),
+            layers: LayerCache::default(),
             formation,
-            room,
+            limits,
             gap_m,
         }
     }
 
-    /// The same with layers up to `layers_max` above the slots: drones take off and land in waves where more would be
-    /// needed, and cross in waves in the changes of formation that are made from it.
+    /// Sets the highest layer above the slots. Drones take off, land and cross in waves if they would need more layers.
     #[must_use]
     pub fn in_waves(self, layers_max: u32) -> Self {
-        let room = Room {
+        let limits = Limits {
             layers_max: Some(layers_max),
-            ..self.room
+            ..self.limits
         };
-        Self::within(self.formation, self.gap_m, room)
-            .standing(self.standing)
+        Self::within(self.formation, self.gap_m, limits)
+            .with_ground(self.take_off_ground)
             .with_layers(self.layering)
     }
 
-    /// The same, but for how the drones stand before take-off.
+    /// Sets the arrangement on the ground before take-off; default [`Ground::Gathered`].
     #[must_use]
-    pub fn standing(mut self, ground: Ground) -> Self {
-        self.standing = ground;
-        self.ground = (ground != Ground::Gathered)
-            .then(|| Paths::new(ground, &self.formation, self.gap_m, self.room));
+    pub fn with_ground(mut self, ground: Ground) -> Self {
+        self.take_off_ground = ground;
+        self.take_off = (ground != Ground::Gathered)
+            .then(|| GroundPaths::new(ground, &self.formation, self.gap_m, self.limits));
         self
     }
 
-    /// The same, but for how many layers there are.
+    /// Sets the number of layers; default [`Layering::Shared`].
     #[must_use]
     pub fn with_layers(mut self, layering: Layering) -> Self {
         self.layering = layering;
-        self.layers = Layers::default();
+        self.layers = LayerCache::default();
         self
     }
 
-    /// The same, but with layers as `before` has them, so that drones of either layout are out of each other's way.
+    /// Takes the layers of `before`, so that drones of either layout are separated.
     pub(super) fn layered_like(mut self, before: &Self) -> Self {
         self.layering = before.layering;
         self.lowest = before.lowest;
-        self.layers = Layers::default();
+        self.layers = LayerCache::default();
         self
     }
 
-    /// How many layers there are.
+    /// Number of layers.
     #[must_use]
     pub const fn layering(&self) -> Layering {
         self.layering
     }
 
-    /// How far apart drones must be.
+    /// Minimum separation of flying drones.
     pub(crate) const fn separation(&self) -> Separation {
-        self.room.separation
+        self.limits.separation
     }
 
-    pub(super) const fn room(&self) -> Room {
-        self.room
+    pub(super) const fn limits(&self) -> Limits {
+        self.limits
     }
 
-    /// How far apart drones stand and land, in metres.
+    /// Distance of places on the ground, in metres.
     pub(super) const fn gap_m(&self) -> f64 {
         self.gap_m
     }
 
-    /// The slots in the air.
+    /// Slots in the air.
     #[must_use]
     pub const fn formation(&self) -> &Formation {
         &self.formation
     }
 
-    /// Where a drone flies when the formation's centre is at `waypoint`.
+    /// Slot of a drone with the formation's centre at `waypoint`.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
     pub fn slot(&self, id: NodeId, waypoint: Ned) -> Ned {
         waypoint + self.formation.slots()[id.0 as usize]
     }
 
-    /// Where a drone stands before take-off when the swarm starts from `home`; at the height of `home`.
+    /// Place of a drone before take-off, with the swarm starting from `home`; at the height of `home`.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
-    pub fn stand(&self, id: NodeId, home: Ned) -> Ned {
-        home + self.take_off().arranged.places[id.0 as usize]
+    pub fn take_off_place(&self, id: NodeId, home: Ned) -> Ned {
+        home + self.take_off_paths().places.positions[id.0 as usize]
     }
 
-    /// Where a drone lands when the formation's centre lands at `centre`; at the height of `centre`.
+    /// Landing place of a drone, with the formation's centre landing at `centre`; at the height of `centre`.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
-    pub fn place(&self, id: NodeId, centre: Ned) -> Ned {
-        centre + self.landing.arranged.places[id.0 as usize]
+    pub fn landing_place(&self, id: NodeId, centre: Ned) -> Ned {
+        centre + self.landing.places.positions[id.0 as usize]
     }
 
-    fn take_off(&self) -> &Paths {
-        self.ground.as_ref().unwrap_or(&self.landing)
+    fn take_off_paths(&self) -> &GroundPaths {
+        self.take_off.as_ref().unwrap_or(&self.landing)
     }
 
-    /// Each drone's altitude layer on its way from where it stands to its slot, in metres above the slot.
+    /// Altitude layer of each drone between its place on the ground and its slot, in metres above the slot.
     #[must_use]
     pub fn take_off_layers_m(&self) -> &[f64] {
-        &self.take_off().layers_m
+        &self.take_off_paths().layers_m
     }
 
-    /// In which wave a drone takes off, the first being 0, in which the first master does.
+    /// Wave in which a drone takes off, from 0. The first master is in wave 0.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
     pub fn take_off_wave(&self, id: NodeId) -> u16 {
-        self.take_off().arranged.stack.waves[id.0 as usize]
+        self.take_off_paths().places.layer_plan.waves[id.0 as usize]
     }
 
-    /// How many waves take off.
+    /// Number of take-off waves.
     #[must_use]
     pub fn take_off_waves(&self) -> u16 {
-        self.take_off().arranged.stack.wave_count()
+        self.take_off_paths().places.layer_plan.wave_count()
     }
 
-    /// In which wave a drone lands, the first being 0: from the outside in, so that those that are left are within reach
-    /// of each other. The first master lands in the last.
+    /// Wave in which a drone lands, from 0. Drones land from the outside in, so the remaining ones stay within radio
+    /// range. The first master lands in the last wave.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     #[must_use]
     pub fn landing_wave(&self, id: NodeId) -> u16 {
-        let outwards = &self.landing.arranged.stack;
+        let outwards = &self.landing.places.layer_plan;
         outwards.wave_count() - 1 - outwards.waves[id.0 as usize]
     }
 
-    /// How many waves land.
+    /// Number of landing waves.
     #[must_use]
     pub fn landing_waves(&self) -> u16 {
-        self.landing.arranged.stack.wave_count()
+        self.landing.places.layer_plan.wave_count()
     }
 
-    /// Each drone's altitude layer on its way from its slot at the mission's last waypoint to where it lands, in
-    /// metres above the slot.
+    /// Altitude layer of each drone between its slot at the last waypoint and its landing place, in metres above the
+    /// slot.
     #[must_use]
     pub fn landing_layers_m(&self) -> &[f64] {
         &self.landing.layers_m
     }
 
-    /// Each drone's altitude layer for a mission: how many metres above the mission's altitude it flies whenever it
-    /// is not in lockstep with its swarm. If layers are shared, it differs for drones of which one, flying a leg alone,
-    /// passes the slot of the other, and, unless they land apart, for those whose ways to the landing places cross; 0 for
-    /// those in nobody's way.
+    /// Altitude layer of each drone for a mission: metres above the mission's altitude while it is not in lockstep.
+    ///
+    /// With shared layers, two drones differ if one, flying a leg alone, passes the slot of the other. They also differ
+    /// if their paths to the landing places cross, unless they land below their slots. The layer is 0 for a drone
+    /// without such a pair.
     #[must_use]
     pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
         self.layers.of(waypoints, || {
             let slots = self.formation.slots();
-            if self.layering == Layering::Each {
+            if self.layering == Layering::PerDrone {
                 let layers = (0..self.formation.drones()).map(|id| self.own_layer(NodeId(id)));
                 return layers
-                    .map(|layer| f64::from(layer) * self.pitch_m())
+                    .map(|layer| f64::from(layer) * self.layer_spacing_m())
                     .collect();
             }
             let legs: Vec<Vector2<f64>> = waypoints
                 .windows(2)
                 .map(|pair| (pair[1] - pair[0]).0.xy())
                 .collect();
-            let mut crossings = passings(slots, &legs, self.separation().near_m());
-            if !self.lands_apart() {
-                crossings.extend_from_slice(&self.landing.arranged.crossings);
+            let mut crossings =
+                slot_passes(slots, &legs, self.separation().horizontal_with_margin_m());
+            if !self.lands_below_slot() {
+                crossings.extend_from_slice(&self.landing.places.crossings);
             }
-            let stack = Stack::of(slots.len(), &crossings, 1);
-            self.separation().heights_m(&stack).collect()
+            let plan = LayerPlan::of(slots.len(), &crossings, 1);
+            self.separation().heights_m(&plan).collect()
         })
     }
 
-    /// Whether drones that are out of lockstep land below their slots, for their layers do not keep apart the ways to the
+    /// Whether drones out of lockstep land below their slots, because their layers don't separate the paths to the
     /// landing places.
     #[must_use]
-    pub fn lands_apart(&self) -> bool {
-        self.layering == Layering::Each || self.room.layers_max.is_some()
+    pub fn lands_below_slot(&self) -> bool {
+        self.layering == Layering::PerDrone || self.limits.layers_max.is_some()
     }
 
-    /// The layer of a drone where each has its own, counted from 1: by number, but for the first master.
+    /// Layer of a drone with one layer per drone, from 1: by number, but the first master has layer 1.
     fn own_layer(&self, id: NodeId) -> u32 {
         match id.cmp(&self.lowest) {
             Ordering::Less => id.0 + 2,
@@ -306,23 +309,23 @@ impl Layout {
         }
     }
 
-    /// How far above its slot a drone flies that is to be above all that fly in lockstep, in metres: in its own layer or,
-    /// if it has none, in the lowest one.
+    /// Height above its slot at which a drone out of lockstep flies above all in lockstep, in metres: its own layer, or
+    /// the lowest layer if it has none.
     ///
     /// # Panics
-    /// When the formation has no such drone.
+    /// If the formation has no such drone.
     pub(super) fn layer_alone_m(&self, id: NodeId, waypoints: &[Ned]) -> f64 {
         let own_m = self.layers_m(waypoints)[id.0 as usize];
-        own_m.max(self.pitch_m())
+        own_m.max(self.layer_spacing_m())
     }
 
-    /// From one altitude layer to the next, in metres.
+    /// Height difference between neighbouring altitude layers, in metres.
     #[must_use]
-    pub fn pitch_m(&self) -> f64 {
-        self.separation().pitch_m()
+    pub fn layer_spacing_m(&self) -> f64 {
+        self.separation().layer_spacing_m()
     }
 
-    /// The highest layer of all, in metres above the mission's altitude.
+    /// Highest layer, in metres above the mission's altitude.
     #[must_use]
     pub fn highest_layer_m(&self, waypoints: &[Ned]) -> f64 {
         let layers_m = self.layers_m(waypoints);
@@ -331,13 +334,15 @@ impl Layout {
         all.copied().fold(0.0, f64::max)
     }
 
-    /// How many ends of drones' ways to and from the ground others must fly over below them: whoever takes off or
-    /// lands there relies on the others' having been told at the same time.
+    /// Number of path ends, on the ground or at a slot, that others must pass below. A drone that takes off or lands
+    /// there relies on the others starting at the same time.
     #[must_use]
-    pub fn exposed(&self) -> usize {
-        let ground = self.ground.iter();
-        self.landing.arranged.stack.exposed
-            + ground.map(|it| it.arranged.stack.exposed).sum::<usize>()
+    pub fn exposed_ends(&self) -> usize {
+        let take_off = self.take_off.iter();
+        self.landing.places.layer_plan.exposed
+            + take_off
+                .map(|it| it.places.layer_plan.exposed)
+                .sum::<usize>()
     }
 }
 

@@ -1,6 +1,6 @@
 use super::shape::Shape;
 
-/// Side by side, from left to right; the centre is the middle or, of an even number, the one right of it.
+/// Line: from left to right. The centre is the middle slot, or the one right of the middle for an even number.
 pub(super) fn linear(drones: u32, spacing_m: f64) -> Shape {
     let centre = drones / 2;
     let slots = (0..drones).map(|index| {

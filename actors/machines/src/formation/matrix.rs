@@ -1,8 +1,8 @@
 use super::shape::Shape;
 use crate::flaw::{self, Flaw};
 
-/// ⌈√n⌉ columns, filled row by row from the front and from the left; the centre in column ⌊(columns − 1) / 2⌋ of row
-/// ⌊rows / 2⌋ (what the thesis's tables 12 and 13 were flown in).
+/// Regular matrix: ⌈√n⌉ columns, filled row by row from the front left. The centre is in column ⌊(columns − 1) / 2⌋ of
+/// row ⌊rows / 2⌋, as flown for the thesis's tables 12 and 13.
 pub(super) fn regular(drones: u32, spacing_m: f64) -> Shape {
     let columns = ceiling_of_root(drones);
     let rows = drones.div_ceil(columns);
@@ -15,14 +15,14 @@ pub(super) fn regular(drones: u32, spacing_m: f64) -> Shape {
     Shape::new(row * columns + column, slots)
 }
 
-/// The centre first, square rings around it; in each ring the nearest to the centre first, so that what is left over
-/// for the last one stands at the middles of its sides.
+/// Compact matrix: the centre first, then square rings. Each ring is filled from the nearest place, so the drones of an
+/// incomplete last ring stand at the middles of its sides.
 pub(super) fn compact(drones: u32, spacing_m: f64) -> Shape {
     let rings = (0..).flat_map(|ring: i64| {
         let mut places: Vec<(i64, i64)> = (-ring..=ring)
             .flat_map(|ahead| (-ring..=ring).map(move |right| (ahead, right)))
             .filter(|(ahead, right)| {
-                ahead.abs().max(right.abs()) == ring || flaw::has(Flaw::RepeatsPlaces)
+                ahead.abs().max(right.abs()) == ring || flaw::has(Flaw::RepeatsInnerRings)
             })
             .collect();
         places.sort_by_key(|(ahead, right)| (ahead * ahead + right * right, -ahead, *right));

@@ -1,32 +1,32 @@
 use super::shape::Shape;
 
-/// A point of a lattice of equilateral triangles: steps straight ahead, and steps a sixth of a turn right of that.
+/// A point of a lattice of equilateral triangles: steps ahead, and steps 60° to the right of that.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hexagonal {
     ahead: i64,
-    aslant: i64,
+    diagonal: i64,
 }
 
 impl Hexagonal {
-    /// The points of a ring, those nearest to the centre first, then from the left to the right.
+    /// Points of a ring, nearest to the centre first, then from left to right.
     pub(super) fn ring(ring: i64) -> Vec<Self> {
         let mut points: Vec<Self> = (-ring..=ring)
-            .flat_map(|ahead| (-ring..=ring).map(move |aslant| Self { ahead, aslant }))
-            .filter(|point| point.rings_out() == ring)
+            .flat_map(|ahead| (-ring..=ring).map(move |diagonal| Self { ahead, diagonal }))
+            .filter(|point| point.ring_number() == ring)
             .collect();
-        points.sort_by_key(|point| (point.distance_squared(), point.aslant, -point.ahead));
+        points.sort_by_key(|point| (point.distance_squared(), point.diagonal, -point.ahead));
         points
     }
 
-    fn rings_out(self) -> i64 {
-        let third = self.ahead + self.aslant;
-        self.ahead.abs().max(self.aslant.abs()).max(third.abs())
+    fn ring_number(self) -> i64 {
+        let third = self.ahead + self.diagonal;
+        self.ahead.abs().max(self.diagonal.abs()).max(third.abs())
     }
 
-    /// The squared distance from the centre, in steps.
+    /// Squared distance from the centre, in steps.
     pub(super) const fn distance_squared(self) -> u64 {
-        let Self { ahead, aslant } = self;
-        (ahead * ahead + ahead * aslant + aslant * aslant).unsigned_abs()
+        let Self { ahead, diagonal } = self;
+        (ahead * ahead + ahead * diagonal + diagonal * diagonal).unsigned_abs()
     }
 
     /// Metres ahead and to the right.
@@ -35,16 +35,16 @@ impl Hexagonal {
             clippy::cast_precision_loss,
             reason = "fewer steps than there are drones"
         )]
-        let (ahead, aslant) = (self.ahead as f64, self.aslant as f64);
+        let (ahead, diagonal) = (self.ahead as f64, self.diagonal as f64);
         let height = 3.0_f64.sqrt() / 2.0;
         (
-            (ahead + aslant / 2.0) * spacing_m,
-            aslant * height * spacing_m,
+            (ahead + diagonal / 2.0) * spacing_m,
+            diagonal * height * spacing_m,
         )
     }
 }
 
-/// The centre first, hexagonal rings around it: every slot has up to six neighbours at the spacing.
+/// Compact mesh: the centre first, then hexagonal rings. Each slot has up to six neighbours at the spacing.
 pub(super) fn compact(drones: u32, spacing_m: f64) -> Shape {
     let points = (0..).flat_map(Hexagonal::ring).take(drones as usize);
     Shape::new(

@@ -1,12 +1,13 @@
-//! Where each drone has its place: slots in the air, places on the ground, altitude layers.
+//! Formations: slots in the air, places on the ground, altitude layers and sectors, and the phases of a flight.
 
 mod assignment;
 mod change;
 mod circular;
-mod clearing;
 pub(crate) mod crossings;
 mod exposure;
+mod flight_plan;
 mod ground;
+mod landing_place;
 mod layers;
 mod layout;
 mod linear;
@@ -23,48 +24,47 @@ use std::num::NonZeroU32;
 
 pub use assignment::{Assignment, OPTIMAL_MAX};
 pub use change::Change;
-pub use clearing::Flown;
-pub use exposure::{Approach, Exposed, Exposure, Nearness};
+pub use exposure::{ClosestApproach, Exposure, PhaseSeparation, Proximity};
+pub use flight_plan::FlightPlan;
 pub use ground::Ground;
-pub use layers::Layers;
 pub use layout::{Layering, Layout, Separation};
 pub use path::Path;
-pub use phases::{Act, Paths, Phase};
+pub use phases::{Paths, Phase, PhaseKind};
 pub use tube::{Clearance, Tube};
 
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 use shape::Shape;
 
-/// The shape that a swarm flies in (thesis, figure 6).
+/// Shape of a formation (thesis, figure 6).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
-    /// Side by side on a line across the heading.
+    /// A line across the heading.
     Linear,
-    /// The master amid a circle.
+    /// A circle around the master.
     Circular,
-    /// Scattered around the master.
+    /// Random places around the master.
     Random {
-        /// What the places are drawn from.
+        /// Seed of the random places.
         seed: u64,
     },
-    /// Clusters around the master that only it joins.
+    /// Clusters around the master; only the master connects them.
     SplitUp {
-        /// How many clusters.
+        /// Number of clusters.
         clusters: NonZeroU32,
-        /// How far drones of different clusters are apart at least, in metres.
+        /// Minimum distance between drones of different clusters, in metres.
         distance_m: f64,
     },
     /// Hexagonal rings around the master.
     CompactMesh,
-    /// Rows as long as there are rows, or nearly.
+    /// A matrix with about as many rows as columns.
     RegularMatrix,
     /// Square rings around the master.
     CompactMatrix,
 }
 
 impl Kind {
-    /// Its name in files and reports.
+    /// Name in files and reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -79,9 +79,10 @@ impl Kind {
     }
 }
 
-/// The slots of a swarm, as displacements from the centre of its formation.
+/// Slots of a swarm: displacements from the centre of the formation.
 ///
-/// Drone `i` has slot `i`, in a formation that a swarm takes off in. All slots are distinct and at least the spacing apart; the centre slot is at the origin.
+/// Drone `i` takes slot `i` at take-off. All slots are distinct and at least the spacing apart. The centre slot is at
+/// the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formation {
     kind: Kind,
@@ -89,11 +90,11 @@ pub struct Formation {
     centre: NodeId,
     ranks: Vec<u32>,
     heading_rad: f64,
-    nearest_m: f64,
+    slot_distance_min_m: f64,
 }
 
 impl Formation {
-    /// The slots of `drones` drones, `spacing_m` metres apart, facing `heading_rad` clockwise from north.
+    /// Slots of `drones` drones, `spacing_m` metres apart, facing `heading_rad` clockwise from north.
     #[must_use]
     pub fn new(kind: Kind, drones: NonZeroU32, spacing_m: f64, heading_rad: f64) -> Self {
         let drones = drones.get();
@@ -115,7 +116,7 @@ impl Formation {
             centre: NodeId(shape.centre),
             ranks: ranks(&shape),
             heading_rad,
-            nearest_m: crossings::nearest_pair_m(&shape.slots).unwrap_or(spacing_m),
+            slot_distance_min_m: crossings::nearest_pair_m(&shape.slots).unwrap_or(spacing_m),
             slots: shape
                 .slots
                 .into_iter()
@@ -124,25 +125,27 @@ impl Formation {
         }
     }
 
-    /// The same slots for a swarm that comes from another formation: its master keeps the centre slot, and the others
-    /// get those that they reach with the least sum of squared ways.
+    /// The same slots, reassigned for a swarm that comes from another formation. The master keeps the centre slot. The
+    /// others get the slots with the least sum of squared distances.
     ///
     /// # Panics
-    /// When the two have not the same number of slots.
+    /// If the two formations have different numbers of slots.
     #[must_use]
-    fn taken_from(mut self, other: &Self) -> Self {
+    fn reassigned_from(mut self, other: &Self) -> Self {
         assert_eq!(self.drones(), other.drones(), "a change keeps all drones");
         let assignment = Assignment::for_drones(self.drones());
-        let led = |formation: &Self| -> Vec<Ned> {
+        let members = |formation: &Self| -> Vec<Ned> {
             let slots = formation.slots.iter().zip(0..);
-            let led = slots.filter(|(_, id)| NodeId(*id) != formation.centre);
-            led.map(|(slot, _)| *slot).collect()
+            let slots = slots.filter(|(_, id)| NodeId(*id) != formation.centre);
+            slots.map(|(slot, _)| *slot).collect()
         };
-        let mut given = assignment.assign(&led(&self), &led(other)).into_iter();
+        let mut assigned = assignment
+            .assign(&members(&self), &members(other))
+            .into_iter();
         let centre = self.slots[self.centre.0 as usize];
         let slots: Vec<Ned> = (0..other.drones())
             .map(|id| {
-                let next = (NodeId(id) != other.centre).then(|| given.next());
+                let next = (NodeId(id) != other.centre).then(|| assigned.next());
                 next.flatten().unwrap_or(centre)
             })
             .collect();
@@ -156,56 +159,57 @@ impl Formation {
         self
     }
 
-    /// Its shape.
+    /// Shape of the formation.
     #[must_use]
     pub const fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// How many slots there are.
+    /// Number of slots.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "made from a u32")]
     pub fn drones(&self) -> u32 {
         self.slots.len() as u32
     }
 
-    /// Each drone's displacement from the centre of the formation.
+    /// Displacement of each drone from the centre of the formation.
     #[must_use]
     pub fn slots(&self) -> &[Ned] {
         &self.slots
     }
 
-    /// The drone at the centre slot: the first master.
+    /// Drone at the centre slot: the first master.
     #[must_use]
     pub const fn centre(&self) -> NodeId {
         self.centre
     }
 
-    /// The order of succession: each drone's rank, the centre's 0, then by distance from it (in split-up: the heads of
-    /// the clusters, then by distance from the own head), drones as far out as each other by their numbers.
+    /// Order of succession: the rank of each drone. The centre has rank 0, then ranks rise with the distance from it.
+    /// In split-up the heads of the clusters come first, then ranks rise with the distance from the own head. Ties are
+    /// broken by drone number.
     ///
-    /// Distances are compared as whole numbers, before the formation is turned: rounding never decides.
+    /// Distances are compared as whole numbers, before the formation is rotated, so rounding never decides.
     #[must_use]
     pub fn ranks(&self) -> &[u32] {
         &self.ranks
     }
 
-    /// The drones from the centre outwards.
+    /// Drones from the centre outwards.
     fn by_rank(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.slots.len()).collect();
         order.sort_by_key(|drone| self.ranks[*drone]);
         order
     }
 
-    /// How far apart the nearest two slots are, in metres; the spacing where there is one slot only.
+    /// Smallest distance between two slots, in metres; the spacing if there is only one slot.
     #[must_use]
-    pub const fn nearest_m(&self) -> f64 {
-        self.nearest_m
+    pub const fn slot_distance_min_m(&self) -> f64 {
+        self.slot_distance_min_m
     }
 
-    /// The formation drawn together until its nearest two are `gap_m` metres apart, and turned by `turn_rad`.
-    fn drawn_together(&self, gap_m: f64, turn_rad: f64) -> Vec<Ned> {
-        let scale = gap_m / self.nearest_m;
+    /// Slots scaled to a smallest distance of `gap_m` metres and rotated by `turn_rad`.
+    fn scaled_to_gap(&self, gap_m: f64, turn_rad: f64) -> Vec<Ned> {
+        let scale = gap_m / self.slot_distance_min_m;
         self.slots
             .iter()
             .map(|slot| Ned(slot.turned(turn_rad).0 * scale))

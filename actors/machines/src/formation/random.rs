@@ -5,13 +5,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::shape::Shape;
 
-/// How many draws in a row may find no room before a drone is put where room is sure to be.
+/// Limit of draws in a row without a free place; the drone then gets a place ahead of all.
 const DRAWS_MAX: u32 = 10_000;
 
-/// The centre first, the others where `seed` puts them: at least the spacing from everybody and at most one and a
-/// half times that from somebody who is there already, so that the swarm hangs together.
+/// Random: the centre first, the others drawn with `seed`. Each is at least the spacing from all others and at most 1.5
+/// times the spacing from one of them, so the swarm stays connected.
 ///
-/// Places are whole millimetres. Each drone costs a few draws, and a look at the places near each.
+/// Places are whole millimetres. Each drone costs a few draws and a look-up in the neighbouring grid squares.
 pub(super) fn random(drones: u32, spacing_m: f64, seed: u64) -> Shape {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     #[expect(
@@ -19,34 +19,34 @@ pub(super) fn random(drones: u32, spacing_m: f64, seed: u64) -> Shape {
         reason = "a swarm is not wider than i64 has millimetres"
     )]
     let spacing_mm = (spacing_m * 1_000.0).ceil() as i64;
-    let mut taken = Taken::new(spacing_mm);
-    taken.put((0, 0));
-    while taken.places.len() < drones as usize {
+    let mut occupied = OccupiedPlaces::new(spacing_mm);
+    occupied.insert((0, 0));
+    while occupied.places.len() < drones as usize {
         let place = (0..DRAWS_MAX)
-            .map(|_| taken.draw(&mut rng))
-            .find(|place| taken.has_room(*place))
-            .unwrap_or_else(|| taken.ahead_of_all());
-        taken.put(place);
+            .map(|_| occupied.draw(&mut rng))
+            .find(|place| occupied.has_room(*place))
+            .unwrap_or_else(|| occupied.ahead_of_all());
+        occupied.insert(place);
     }
     #[expect(
         clippy::cast_precision_loss,
         reason = "millimetres of a swarm are far below 2⁵³"
     )]
-    let slots = taken.places.into_iter().map(|(ahead, right)| {
+    let slots = occupied.places.into_iter().map(|(ahead, right)| {
         let place_m = (ahead as f64 / 1_000.0, right as f64 / 1_000.0);
         (place_m, (ahead * ahead + right * right).unsigned_abs())
     });
     Shape::new(0, slots)
 }
 
-/// Places in millimetres, and where they are among squares as wide as the spacing.
-struct Taken {
+/// Occupied places in millimetres, indexed by grid squares as wide as the spacing.
+struct OccupiedPlaces {
     spacing_mm: i64,
     places: Vec<(i64, i64)>,
     squares: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
 }
 
-impl Taken {
+impl OccupiedPlaces {
     const fn new(spacing_mm: i64) -> Self {
         Self {
             spacing_mm,
@@ -62,13 +62,13 @@ impl Taken {
         )
     }
 
-    fn put(&mut self, place: (i64, i64)) {
+    fn insert(&mut self, place: (i64, i64)) {
         self.places.push(place);
         let square = self.square(place);
         self.squares.entry(square).or_default().push(place);
     }
 
-    /// A place beside one that is taken.
+    /// A random place near an occupied one.
     fn draw(&self, rng: &mut ChaCha8Rng) -> (i64, i64) {
         let beside = self.places[rng.random_range(0..self.places.len())];
         let farthest = self.spacing_mm * 3 / 2;

@@ -1,17 +1,17 @@
 use crate::geometry::Ned;
 
-/// A formation before it is turned into its heading: north is ahead, east is to the right.
+/// A formation before it is rotated to its heading: north is ahead, east is to the right.
 pub(super) struct Shape {
-    /// Each drone's displacement from the centre.
+    /// Displacement of each drone from the centre.
     pub(super) slots: Vec<Ned>,
-    /// Which slot is the centre, at the origin.
+    /// Index of the centre slot, which is at the origin.
     pub(super) centre: u32,
-    /// How far out each slot counts in the order of succession: whole numbers, so that rounding never decides.
+    /// Distance of each slot from the centre for the order of succession: whole numbers, so rounding never decides.
     pub(super) reach: Vec<u64>,
 }
 
 impl Shape {
-    /// A shape from each slot's displacement, in metres ahead and to the right, and its reach.
+    /// A shape from the displacement of each slot, in metres ahead and to the right, and its reach.
     pub(super) fn new(centre: u32, slots: impl IntoIterator<Item = ((f64, f64), u64)>) -> Self {
         let (slots, reach) = slots
             .into_iter()

@@ -5,14 +5,14 @@ use super::mesh::Hexagonal;
 use super::shape::Shape;
 use crate::flaw::{self, Flaw};
 
-/// The centre first, then cluster after cluster: parts of a mesh that spread outwards from a head each, the heads
-/// evenly on a circle around the centre, clockwise from ahead.
+/// Split-up: the centre first, then one cluster after the other. Each cluster is a part of a mesh that spreads outwards
+/// from its head. The heads are evenly spaced on a circle around the centre, clockwise from ahead.
 ///
-/// Drones of different clusters are at least `distance_m` apart. A cluster lies within a wedge as wide as its share
-/// of the circle (a third of it at most), so that nobody in two clusters is nearer to each other than two heads next
-/// to each other are. The remainder of (n − 1) / clusters is spread over the first clusters.
+/// Drones of different clusters are at least `distance_m` apart. A cluster lies in a wedge as wide as its share of the
+/// circle, at most a third of the circle. So two drones of different clusters are never closer than two neighbouring
+/// heads. The remainder of (n − 1) / clusters goes to the first clusters.
 ///
-/// In succession the heads come after the centre: without it, each leads its cluster.
+/// In succession the heads come right after the centre: without the centre, each leads its cluster.
 pub(super) fn split_up(
     drones: u32,
     spacing_m: f64,
@@ -24,8 +24,8 @@ pub(super) fn split_up(
     let head_m = head_distance_m(spacing_m, clusters, distance_m);
     let half_wedge = FRAC_PI_3.min(PI / f64::from(count));
     let in_clusters = (0..count).flat_map(|cluster| {
-        let takes_one_more = cluster < members % count && !flaw::has(Flaw::DropsRemainder);
-        let size = members / count + u32::from(takes_one_more);
+        let has_extra_drone = cluster < members % count && !flaw::has(Flaw::DropsRemainder);
+        let size = members / count + u32::from(has_extra_drone);
         let course = 2.0 * PI * f64::from(cluster) / f64::from(count);
         let (sin, cos) = (libm::sin(course), libm::cos(course));
         let head_m = if flaw::has(Flaw::StretchesDiagonals) {
@@ -46,7 +46,7 @@ pub(super) fn split_up(
     Shape::new(0, std::iter::once(((0.0, 0.0), 0)).chain(in_clusters))
 }
 
-/// How far the head of each cluster is from the centre.
+/// Distance of each cluster's head from the centre, in metres.
 pub(super) fn head_distance_m(spacing_m: f64, clusters: NonZeroU32, distance_m: f64) -> f64 {
     if clusters.get() == 1 {
         return spacing_m;
@@ -55,7 +55,7 @@ pub(super) fn head_distance_m(spacing_m: f64, clusters: NonZeroU32, distance_m: 
     spacing_m.max(distance_m / (2.0 * libm::sin(half_angle)))
 }
 
-/// The points of a mesh in a wedge that opens straight ahead, its edges included, from the head outwards.
+/// Points of a mesh in a wedge that opens straight ahead, edges included, from the head outwards.
 fn wedge(half_angle: f64) -> impl Iterator<Item = Hexagonal> {
     let slope = libm::tan(half_angle.min(FRAC_PI_3)) + 1e-9;
     (0..).flat_map(Hexagonal::ring).filter(move |point| {

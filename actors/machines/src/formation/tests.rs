@@ -35,7 +35,7 @@ fn places(formation: &Formation) -> Vec<(i64, i64)> {
 }
 
 #[test]
-fn a_line_stands_across_its_heading_with_the_master_in_the_middle() {
+fn line_is_across_the_heading_with_the_master_in_the_middle() {
     let formation = formation(Kind::Linear, 5, 160.0);
     let east: Vec<_> = formation.slots().iter().map(|slot| slot.east_m()).collect();
     assert_eq!(east, [-320.0, -160.0, 0.0, 160.0, 320.0]);
@@ -51,19 +51,19 @@ fn succession_goes_from_the_centre_outwards() {
 }
 
 #[test]
-fn a_circle_has_the_master_in_it_and_room_for_all_around_it() {
+fn circle_has_the_master_at_its_centre_and_keeps_the_spacing() {
     let small = formation(Kind::Circular, 5, 100.0);
     assert_eq!(
         places(&small),
         [(0, 0), (100, 0), (0, 100), (-100, 0), (0, -100)]
     );
     let large = formation(Kind::Circular, 41, 100.0);
-    assert!((large.nearest_m() - 100.0).abs() < 1e-9);
+    assert!((large.slot_distance_min_m() - 100.0).abs() < 1e-9);
     assert!(large.slots()[1].north_m() > 600.0);
 }
 
 #[test]
-fn a_mesh_has_six_neighbours_around_the_master() {
+fn mesh_has_six_neighbours_around_the_master() {
     let mesh = formation(Kind::CompactMesh, 19, 100.0);
     let near = mesh.slots()[1..]
         .iter()
@@ -73,7 +73,7 @@ fn a_mesh_has_six_neighbours_around_the_master() {
 }
 
 #[test]
-fn a_compact_matrix_grows_by_square_rings() {
+fn compact_matrix_grows_by_square_rings() {
     for (drones, side) in [(1, 0), (9, 1), (25, 2), (49, 3)] {
         let matrix = formation(Kind::CompactMatrix, drones, 1.0);
         let places = places(&matrix);
@@ -83,7 +83,7 @@ fn a_compact_matrix_grows_by_square_rings() {
 }
 
 #[test]
-fn a_regular_matrix_is_filled_row_by_row() {
+fn regular_matrix_is_filled_row_by_row() {
     let matrix = formation(Kind::RegularMatrix, 7, 100.0);
     assert_eq!(matrix.centre(), NodeId(4));
     assert_eq!(
@@ -102,7 +102,7 @@ fn a_regular_matrix_is_filled_row_by_row() {
 
 #[test]
 fn regular_matrices_give_the_distances_behind_tables_12_and_13() {
-    // The law of the five experiments: d metres from the master, 368 + d/10 + 12.4 s; the master 368 s.
+    // Law of the five experiments: the master takes 368 s; a drone at d metres from it takes 368 + d/10 + 12.4 s.
     for (drones, spacing_m, mean_s, maximum_s) in
         [(7, 100.0, 389.0, 394.5), (11, 160.0, 399.5, 416.2)]
     {
@@ -128,8 +128,8 @@ fn regular_matrices_give_the_distances_behind_tables_12_and_13() {
 }
 
 #[test]
-fn matrices_have_no_two_drones_in_one_place_from_34_on() {
-    // The ancestor's has.
+fn matrices_of_34_and_more_drones_have_distinct_places() {
+    // The predecessor's matrices have duplicates.
     for kind in [Kind::RegularMatrix, Kind::CompactMatrix] {
         for drones in 30..=400 {
             let distinct: BTreeSet<_> =
@@ -140,8 +140,8 @@ fn matrices_have_no_two_drones_in_one_place_from_34_on() {
 }
 
 #[test]
-fn split_up_places_the_remainder_too() {
-    // The ancestor drops the remainder of (n - 1) mod clusters.
+fn split_up_places_the_remainder() {
+    // The predecessor drops the remainder of (n - 1) / clusters.
     for drones in 2..=60 {
         for clusters in 1..=5 {
             let kind = Kind::SplitUp {
@@ -155,8 +155,8 @@ fn split_up_places_the_remainder_too() {
 }
 
 #[test]
-fn diagonal_neighbours_of_a_mesh_are_the_spacing_apart_and_not_the_root_of_two_times_that() {
-    // The ancestor offsets by i * d along each axis.
+fn diagonal_neighbours_of_a_mesh_are_the_spacing_apart() {
+    // The predecessor offsets by i * d along each axis, which stretches diagonals by √2.
     let mesh = formation(Kind::CompactMesh, 61, 100.0);
     let stretched = 100.0 * 2.0_f64.sqrt();
     for (index, slot) in mesh.slots().iter().enumerate() {
@@ -170,26 +170,29 @@ fn diagonal_neighbours_of_a_mesh_are_the_spacing_apart_and_not_the_root_of_two_t
 }
 
 #[test]
-fn a_random_formation_depends_on_its_seed_and_nothing_else() {
+fn random_formation_depends_on_its_seed_only() {
     let slots = |seed| formation(Kind::Random { seed }, 200, 30.0);
     assert_eq!(slots(1), slots(1));
     assert_ne!(slots(1), slots(2));
 }
 
 #[test]
-fn a_random_formation_hangs_together() {
+fn random_formation_is_connected() {
     let formation = formation(Kind::Random { seed: 7 }, 300, 100.0);
     for (index, slot) in formation.slots().iter().enumerate().skip(1) {
         let nearest = formation.slots()[..index]
             .iter()
             .map(|before| before.distance_m(*slot))
             .fold(f64::INFINITY, f64::min);
-        assert!(nearest <= 150.001, "{index} is {nearest} m from anybody");
+        assert!(
+            nearest <= 150.001,
+            "{index} is {nearest} m from the nearest drone"
+        );
     }
 }
 
 #[test]
-fn thousands_of_drones_find_their_slots() {
+fn formations_of_4000_drones_keep_the_spacing() {
     for kind in [
         Kind::Linear,
         Kind::Circular,
@@ -204,13 +207,16 @@ fn thousands_of_drones_find_their_slots() {
     ] {
         let formation = formation(kind, 4_000, 20.0);
         assert_eq!(formation.drones(), 4_000);
-        assert!(formation.nearest_m() >= 20.0 * (1.0 - 1e-9), "{kind:?}");
+        assert!(
+            formation.slot_distance_min_m() >= 20.0 * (1.0 - 1e-9),
+            "{kind:?}"
+        );
     }
 }
 
 proptest! {
     #[test]
-    fn slots_are_the_spacing_apart_and_centred(
+    fn slots_keep_the_spacing_and_are_centred(
         kind in kinds(),
         drones in 1_u32..300,
         spacing_m in 6.0..500.0_f64,
@@ -222,14 +228,14 @@ proptest! {
         for (index, a) in slots.iter().enumerate() {
             for b in &slots[..index] {
                 prop_assert!(a.distance_m(*b) >= spacing_m * (1.0 - 1e-9));
-                prop_assert!(a.distance_m(*b) >= formation.nearest_m() - 1e-6);
+                prop_assert!(a.distance_m(*b) >= formation.slot_distance_min_m() - 1e-6);
             }
         }
         prop_assert!(slots[formation.centre().0 as usize].0.norm() < 1e-9);
     }
 
     #[test]
-    fn succession_is_an_order_that_neither_heading_nor_spacing_changes(
+    fn succession_does_not_depend_on_heading_or_spacing(
         kind in kinds(),
         drones in 1_u32..300,
         spacing_m in 6.0..500.0_f64,
@@ -249,7 +255,7 @@ proptest! {
     }
 
     #[test]
-    fn clusters_are_apart_even_and_led_by_their_heads(
+    fn clusters_keep_distance_and_even_sizes_and_heads_come_first_in_succession(
         drones in 6_u32..200,
         clusters in 2_u32..6,
         spacing_m in 10.0..100.0_f64,
@@ -263,7 +269,7 @@ proptest! {
         for cluster in 0..clusters {
             let size = members / clusters + u32::from(cluster < members % clusters);
             bounds.push(first..first + size);
-            // The heads come next in succession, and are within the master's reach.
+            // The heads come next in succession, and are within the master's radio range.
             prop_assert_eq!(formation.ranks()[first as usize], 1 + cluster);
             let head_m = formation.slots()[first as usize].0.norm();
             prop_assert!(head_m < distance_m.max(spacing_m + 1e-9));

@@ -1,4 +1,4 @@
-//! A change of formation at a waypoint, step by step: what the master orders and what the others do.
+//! Changes of formation at waypoints. The master orders each step; all take it in lockstep.
 
 use super::{Event, LandingReason, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
@@ -7,22 +7,26 @@ use crate::geometry::Ned;
 use crate::time::Timestamp;
 
 impl Mission {
-    /// How many changes of formation are made before the swarm makes for a waypoint.
+    /// Number of changes of formation before the leg to a waypoint.
     pub(super) fn changes_before(&self, waypoint: u16) -> u16 {
-        self.flown().changes_before(waypoint.into())
+        self.flight_plan().changes_before(waypoint.into())
     }
 
-    /// At which waypoint a change is made.
+    /// The waypoint of a change; 0 for an unknown change.
     pub(super) fn waypoint_of(&self, change: u16) -> u16 {
         let change = self.config.changes.get(usize::from(change));
         change.map_or(0, |change| change.waypoint())
     }
 
-    /// Where a step of a change leads this drone.
-    pub(super) fn corner(&self, change: u16, step: Step) -> Option<Ned> {
+    /// Target of a step of a change for this drone. `None` if the change or its waypoint is unknown.
+    pub(super) fn step_target(&self, change: u16, step: Step) -> Option<Ned> {
         let change = self.config.changes.get(usize::from(change))?;
         let wave = change.wave(self.config.id);
-        let waypoint = self.durable.plan.get(usize::from(change.waypoint()))?;
+        let waypoint = self
+            .durable
+            .plan
+            .waypoints
+            .get(usize::from(change.waypoint()))?;
         let [mut above_old, mut above_new, new] = change.path(self.config.id, *waypoint);
         if flaw::has(Flaw::CrossesInOneSector) {
             let altitude_m = waypoint.altitude_m();
@@ -33,7 +37,7 @@ impl Mission {
         }
         Some(match (self.flies_in_own_layer(), step) {
             (false, Step::Climb) => above_old,
-            (false, Step::Cross) if self.durable.wave < Some(wave) => above_old,
+            (false, Step::Cross) if self.durable.progress.wave < Some(wave) => above_old,
             (false, Step::Cross) => above_new,
             (false, Step::Descend) => new,
             (true, step) => {
@@ -48,114 +52,113 @@ impl Mission {
         })
     }
 
-    /// Whether it flies in a layer of its own: nobody is in its way there, whatever the others do.
+    /// Whether the drone flies in a layer that no other drone uses.
     pub(super) fn flies_in_own_layer(&self) -> bool {
-        self.durable.in_layer && self.layout().layering() == Layering::Each
+        self.durable.lockstep.in_layer && self.layout().layering() == Layering::PerDrone
     }
 
-    /// As master: orders a step and takes it.
+    /// As master: orders a step and starts it.
     pub(super) fn order_step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
-        let apart = self.is_apart();
-        self.give_order(&Order::Reform {
+        let apart = self.leave_lockstep_if_strays();
+        self.issue_order(&Order::Reform {
             change,
             step,
             wave,
             apart,
         });
-        self.step(now, change, (step, wave));
+        self.start_step(now, change, (step, wave));
     }
 
-    /// The step after one of a change, and which wave takes it; `None` after the last.
+    /// The step after `step` of a change, and its wave. `None` after the last.
     pub(super) fn next_step(&self, change: u16, step: Step) -> Option<(Step, u16)> {
         let change = self.config.changes.get(usize::from(change))?;
-        let next_wave = self.durable.wave.map_or(0, |wave| wave + 1);
+        let next_wave = self.durable.progress.wave.map_or(0, |wave| wave + 1);
         if step == Step::Cross && next_wave < change.waves() {
             return Some((Step::Cross, next_wave));
         }
         step.next().map(|next| (next, 0))
     }
 
-    fn step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
-        self.durable.wave = (step == Step::Cross).then_some(wave);
+    fn start_step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
+        self.durable.progress.wave = (step == Step::Cross).then_some(wave);
         self.enter(State::ChangingFormation { change, step });
-        self.durable.in_layer |= self.is_elected_epoch();
-        self.outbox.transmit(Transmit::Scatter);
-        self.durable.limit = Some(now + self.config.leg_limit);
-        self.pursue_goal();
+        self.durable.lockstep.in_layer |= self.is_elected_epoch();
+        self.outbox.transmit(Transmit::TopologyChanges);
+        self.durable.deadlines.limit = Some(now + self.config.leg_limit);
+        self.send_goal();
     }
 
-    /// As member: takes a step if it has taken the one before; whoever has not would be in the others' way, and lands.
-    pub(super) fn take_step(
+    /// As member: starts a step if the one before is done. Otherwise lands, out of the others' paths.
+    pub(super) fn execute_step(
         &mut self,
         now: Timestamp,
         sequence: u32,
         change: u16,
         (step, wave): (Step, u16),
     ) {
-        if !self.durable.state.is_following() || usize::from(change) >= self.config.changes.len() {
+        if !self.durable.state.is_on_mission() || usize::from(change) >= self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
         }
         self.skip_routes_in_layer();
-        let at = (self.durable.changes, self.durable.state);
-        match at {
-            (done, _) if done > change => return self.acknowledge(sequence),
-            (
-                _,
-                State::ChangingFormation {
-                    change: current,
-                    step: last,
-                },
-            ) if current == change => {
-                let last = (last, self.durable.wave.unwrap_or(0));
-                if last > (step, wave) {
-                    return self.acknowledge(sequence);
-                }
-                if last == (step, wave) {
-                    return self.carry_on(sequence);
-                }
-            }
-            _ => {}
+        if self.durable.progress.changes > change {
+            return self.acknowledge(sequence);
         }
+        if let State::ChangingFormation {
+            change: current,
+            step: last,
+        } = self.durable.state
+            && current == change
+        {
+            let last = (last, self.durable.progress.wave.unwrap_or(0));
+            if last > (step, wave) {
+                return self.acknowledge(sequence);
+            }
+            if last == (step, wave) {
+                return self.continue_as_order(sequence);
+            }
+        }
+        if self.is_ready_for_step(change, (step, wave)) {
+            self.durable.orders.pending = Some(sequence);
+            self.start_step(now, change, (step, wave));
+        } else if self.flies_in_own_layer() && !self.is_taking_off() {
+            self.catch_up(self.waypoint_of(change));
+        } else {
+            self.announce_and_descend(LandingReason::Late);
+        }
+    }
+
+    /// Whether the drone has taken the step before. In its own layer it may start with any step at the waypoint.
+    fn is_ready_for_step(&self, change: u16, (step, wave): (Step, u16)) -> bool {
         let waypoint = self.waypoint_of(change);
-        let is_ready = match self.durable.state {
+        let is_next = match self.durable.state {
             State::WaypointReached { waypoint: at } => {
-                step == Step::Climb && at == waypoint && change == self.durable.changes
+                step == Step::Climb && at == waypoint && change == self.durable.progress.changes
             }
             State::ChangingFormation {
                 change: current,
                 step: last,
             } => {
                 let next = self.next_step(change, last);
-                current == change && next == Some((step, wave)) && self.durable.pending.is_none()
+                current == change
+                    && next == Some((step, wave))
+                    && self.durable.orders.pending.is_none()
             }
             _ => false,
         };
-        // In a layer of its own it is in nobody's way, whichever step it takes.
-        let is_there = self.bound_for() == Some(waypoint)
+        let is_at_waypoint = self.destination_waypoint() == Some(waypoint)
             && !matches!(self.durable.state, State::MovingToWaypoint { .. });
-        let is_ready = is_ready || is_there && self.flies_in_own_layer();
-        if !is_ready && self.flies_in_own_layer() && !self.is_taking_off() {
-            return self.catch_up(waypoint);
-        }
-        if !is_ready {
-            self.land(LandingReason::Late);
-            return;
-        }
-        self.durable.pending = Some(sequence);
-        self.step(now, change, (step, wave));
+        is_next || is_at_waypoint && self.flies_in_own_layer()
     }
 
-    /// In a layer of its own it is in nobody's way: it makes for the waypoint at which the others change formation, and
-    /// asks then what they are at.
+    /// In its own layer: flies to the waypoint of the change, and then requests the newest order.
     fn catch_up(&mut self, waypoint: u16) {
-        self.make_missed_changes(waypoint);
-        self.durable.opened = self.durable.opened.max(Some(waypoint));
-        self.durable.catches_up = true;
+        self.skip_missed_changes(waypoint);
+        self.durable.progress.opened = self.durable.progress.opened.max(Some(waypoint));
+        self.durable.lockstep.catches_up = true;
     }
 
-    /// In its slot, but in a layer of its own, it is at waypoint 0 already where the others have gone on: routes come of
-    /// themselves, or were missed.
+    /// In its own layer above its slot: proceeds to waypoint 0 without waiting for routes. The routing finds them later.
     fn skip_routes_in_layer(&mut self) {
         let finds_routes = matches!(
             self.durable.state,
@@ -166,20 +169,20 @@ impl Mission {
         }
     }
 
-    /// A step has been taken.
-    pub(super) fn stepped(&mut self, now: Timestamp, change: u16, step: Step) {
-        // Nobody who lives takes longer for a step than a leg may take.
-        let waits = self.durable.lead.is_some();
-        self.durable.limit = waits.then(|| now + self.config.leg_limit);
+    /// Completes a step of a change and acknowledges it.
+    pub(super) fn complete_step(&mut self, now: Timestamp, change: u16, step: Step) {
+        // A master waits no longer than the members' steps may take.
+        let is_master = self.durable.lead.is_some();
+        self.durable.deadlines.limit = is_master.then(|| now + self.config.leg_limit);
         if step.next().is_none() {
-            self.durable.changes = change + 1;
+            self.durable.progress.changes = change + 1;
             let waypoint = self.waypoint_of(change);
             self.enter(State::WaypointReached { waypoint });
         }
-        self.carried_out();
-        if let Some(reason) = self.lands_after_this() {
-            // Nobody leads it through the steps that are left.
-            self.land(reason);
+        self.complete_order();
+        if let Some(reason) = self.landing_after_leg() {
+            // Without a master it can't take the remaining steps.
+            self.announce_and_descend(reason);
         }
     }
 }

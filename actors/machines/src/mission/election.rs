@@ -1,8 +1,8 @@
-//! Whom a drone obeys, and how it comes to lead when the master falls silent.
+//! Leader epochs, and the election of a new master once the current one is silent.
 //!
-//! A leader epoch is named by its ballot. The ballot that a drone obeys never falls; a drone that hears of a better one turns
-//! to it, masters included. What is being carried out goes on meanwhile: the new master begins by giving the order again that
-//! it is at itself, and drones that are there already, or farther, acknowledge at once.
+//! A ballot identifies a leader epoch. A drone's ballot never falls. Every drone that hears a better ballot adopts it,
+//! masters too. Pending orders continue: the new master first repeats the order that it executes itself, and drones that
+//! have executed it, or a later one, acknowledge at once.
 
 use std::time::Duration;
 
@@ -16,33 +16,33 @@ use crate::identity::Ballot;
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::time::Timestamp;
 
-/// To so many drones that would lead rather one leaves it to say that they do: so few know, and others seldom come to it.
+/// Maximum number of back-offs before claiming leadership. Drones of worse rank seldom get to claim.
 const BACK_OFFS_MAX: u32 = 8;
 
 impl Config {
-    /// How long a drone that misses its master leaves it to others to lead, at the most.
+    /// Maximum back-off of a drone before it claims leadership.
     #[must_use]
     pub fn candidacy_back_off_max(&self) -> Duration {
         self.candidacy_back_off * BACK_OFFS_MAX
     }
 
-    /// How much longer a drone bears a silent master while the swarm spreads out: not at all if it lands without one.
+    /// Additional tolerance for a silent master while routes change. Zero without elections.
     #[must_use]
     pub const fn spreading(&self) -> Duration {
         match self.succession {
-            Succession::Elect => self.spreading_patience,
+            Succession::Elect => self.spreading_grace,
             Succession::Land => Duration::ZERO,
         }
     }
 }
 
 impl Mission {
-    /// The rank that this drone took off with, whatever the formation is now.
+    /// The drone's rank in the formation of the take-off.
     fn own_rank(&self) -> u32 {
         self.config.layout.formation().ranks()[self.config.id.0 as usize]
     }
 
-    /// A ballot of this drone's own.
+    /// The drone's own ballot in a term.
     pub(super) fn own_ballot(&self, term: u32) -> Ballot {
         Ballot {
             term,
@@ -51,42 +51,44 @@ impl Mission {
         }
     }
 
-    /// Takes in whom the routing obeys; whether this drone does so, too.
-    pub(super) fn hear_epoch(&mut self, ballot: Ballot) -> bool {
-        match self.durable.leader.hear(ballot, LinkSymmetry::Mutual) {
+    /// Adopts a ballot from the routing if it is better. Returns whether it is now the drone's ballot.
+    pub(super) fn observe_ballot(&mut self, ballot: Ballot) -> bool {
+        match self.durable.leader.observe(ballot, LinkSymmetry::Symmetric) {
             BallotDecision::Ignored => return false,
             BallotDecision::Same => {}
-            BallotDecision::Turned => self.begin_epoch(ballot),
+            BallotDecision::Adopted => self.start_epoch(ballot),
         }
         true
     }
 
-    fn begin_epoch(&mut self, ballot: Ballot) {
+    fn start_epoch(&mut self, ballot: Ballot) {
         self.outbox.event(Event::Obeys(ballot));
         self.master_silent = None;
         self.master_lands = false;
         let has_own_limit =
-            self.durable.pending.is_some() || self.durable.state == State::MovingToLand;
+            self.durable.orders.pending.is_some() || self.durable.state == State::MovingToLand;
         if self.durable.lead.take().is_some() && !has_own_limit {
-            // It was the limit of its patience with the others.
-            self.durable.limit = None;
+            // The limit bounded the wait for the members.
+            self.durable.deadlines.limit = None;
         }
-        self.durable.acknowledged = 0;
-        // Nobody waits any more for what an earlier master asked for, but it is still to be done.
-        self.durable.pending = self.durable.pending.map(|_| 0);
-        self.durable.opened = self.durable.opened.and(self.bound_for());
+        self.durable.orders.start_epoch();
+        self.durable.progress.opened = self
+            .durable
+            .progress
+            .opened
+            .and(self.destination_waypoint());
         if self.durable.routes < RoutesPhase::Ready {
             self.durable.routes = RoutesPhase::None;
             if let State::NeighbourDiscovery | State::HopUpdate = self.durable.state {
                 self.enter(State::TakingOff);
-                // It is in its slot.
-                self.durable.pending = None;
+                // Already in its slot.
+                self.durable.orders.pending = None;
             }
         }
     }
 
-    /// Which waypoint the drone is at or makes for.
-    pub(super) fn bound_for(&self) -> Option<u16> {
+    /// The waypoint that the drone is at or flies to. `None` before and after the waypoints.
+    pub(super) fn destination_waypoint(&self) -> Option<u16> {
         match self.durable.state {
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
                 Some(waypoint)
@@ -96,29 +98,29 @@ impl Mission {
         }
     }
 
-    /// The highest waypoint that the drone has reached.
-    pub(super) fn reached(&self) -> Option<u16> {
+    /// The last reached waypoint. `None` before the first.
+    pub(super) fn last_reached_waypoint(&self) -> Option<u16> {
         match self.durable.state {
             State::MovingToWaypoint { waypoint } => waypoint.checked_sub(1),
-            _ => self.bound_for(),
+            _ => self.destination_waypoint(),
         }
     }
 
-    /// When another master is needed, unless the one that is missed returns.
-    pub(super) fn succeeds_at(&self) -> Option<Timestamp> {
-        if self.lands_after_this().is_some() {
+    /// When the drone replaces a silent master. `None` while it hears one, leads or lands.
+    pub(super) fn succession_at(&self) -> Option<Timestamp> {
+        if self.landing_after_leg().is_some() {
             return None;
         }
-        let looks = match self.config.liveness {
-            Liveness::Heartbeat if !flaw::has(Flaw::MissesMasterAtWaypointsOnly) => {
-                self.durable.state.is_following()
+        let is_checked = match self.config.liveness {
+            Liveness::Heartbeat if !flaw::has(Flaw::DetectsMasterLossAtWaypointsOnly) => {
+                self.durable.state.is_on_mission()
             }
             Liveness::Heartbeat | Liveness::Thesis => self.durable.state.is_waiting(),
         };
         let since = self
             .master_silent
             .filter(|_| !flaw::has(Flaw::NeverClaims))
-            .filter(|_| looks && self.durable.lead.is_none())?;
+            .filter(|_| is_checked && self.durable.lead.is_none())?;
         let since = since + self.candidacy_back_off();
         Some(if self.durable.state.is_spreading() && !self.master_lands {
             since + self.config.spreading()
@@ -127,57 +129,57 @@ impl Mission {
         })
     }
 
-    /// How long it leaves it to others of better rank to lead: else all that miss a master at the same moment would claim to
-    /// lead, and each would have to hear of all others.
+    /// Back-off before claiming leadership, longer for worse ranks. Without it all drones would claim at once, and each
+    /// claim would flood the swarm.
     fn candidacy_back_off(&self) -> Duration {
         let own = self.own_rank();
-        let missed = self.durable.leader.ballot();
-        let better = own - u32::from(missed.is_some_and(|missed| missed.rank < own));
+        let lost = self.durable.leader.ballot();
+        let better = own - u32::from(lost.is_some_and(|lost| lost.rank < own));
         self.config.candidacy_back_off * better.min(BACK_OFFS_MAX)
     }
 
-    /// The master is silent: another is needed.
-    pub(super) fn succeed(&mut self, now: Timestamp) {
+    /// Claims leadership or lands, as configured.
+    pub(super) fn start_succession(&mut self, now: Timestamp) {
         match self.config.succession {
-            Succession::Elect => self.claim(now),
-            Succession::Land => self.land_after_this(LandingReason::MasterSilent),
+            Succession::Elect => self.claim_leadership(now),
+            Succession::Land => self.land_after_leg(LandingReason::MasterSilent),
         }
     }
 
-    /// Leads from now on, under a ballot better than the one obeyed so far.
-    fn claim(&mut self, now: Timestamp) {
+    /// Leads from now on, under a better ballot than the current one. Lands if it can't lead.
+    fn claim_leadership(&mut self, now: Timestamp) {
         let term = self.durable.leader.next_term();
-        let Some(term) = term.filter(|_| self.durable.plan_complete) else {
-            return self.land(LandingReason::MasterSilent);
+        let Some(term) = term.filter(|_| self.durable.plan.is_complete) else {
+            return self.announce_and_descend(LandingReason::MasterSilent);
         };
         let ballot = self.own_ballot(term);
-        self.hear_epoch(ballot);
+        self.observe_ballot(ballot);
         let drones = self.config.layout.formation().drones();
-        self.durable.lead = Some(Lead::over(drones, self.config.id));
+        self.durable.lead = Some(Lead::new(drones, self.config.id));
         self.outbox.transmit(Transmit::Lead(ballot));
-        self.order_again(now);
-        self.lead(now);
-        self.wait_in_layer();
+        self.repeat_own_order(now);
+        self.advance_as_master(now);
+        self.hold_in_layer_if_needed();
     }
 
-    /// Gives the order that the drone itself is at.
-    fn order_again(&mut self, now: Timestamp) {
-        // Whoever is led by a drone that was elected takes to its layer by itself, once it is at a waypoint.
-        let apart = self.durable.in_layer;
+    /// As newly elected master: issues the order that the drone itself executes.
+    fn repeat_own_order(&mut self, now: Timestamp) {
+        // Members of an elected master move into their layers by themselves, once they are at a waypoint.
+        let apart = self.durable.lockstep.in_layer;
         let (order, limit) = match self.durable.state {
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
-                // Nobody on the ground takes off at its word: it goes on once those in the air are in their slots.
+                // Drones on the ground refuse it. It continues once those in the air are in their slots.
                 let wave = self.layout().take_off_waves() - 1;
-                self.durable.wave = Some(wave);
+                self.durable.progress.wave = Some(wave);
                 (Order::TakeOff { wave }, self.config.take_off_limit)
             }
-            // Nobody has opened the first waypoint yet.
-            State::WaypointReached { .. } if self.durable.opened.is_none() => return,
+            // `advance_as_master` opens the first waypoint.
+            State::WaypointReached { .. } if self.durable.progress.opened.is_none() => return,
             State::WaypointReached { waypoint } | State::MovingToWaypoint { waypoint } => {
                 (Order::Move { waypoint, apart }, self.config.leg_limit)
             }
             State::ChangingFormation { change, step } => {
-                let wave = self.durable.wave.unwrap_or(0);
+                let wave = self.durable.progress.wave.unwrap_or(0);
                 let order = Order::Reform {
                     change,
                     step,
@@ -187,34 +189,34 @@ impl Mission {
                 (order, self.config.leg_limit)
             }
             State::Assembling => {
-                let at = self.durable.assembled_at.unwrap_or(Ned::HOME);
+                let at = self.durable.landing.assembled_at.unwrap_or(Ned::HOME);
                 (Order::Assemble { at }, self.config.leg_limit)
             }
-            State::Following => return self.end_following_of_another(now),
+            State::Following => return self.assemble_after_master_loss(now),
             State::Start
             | State::SetUp
             | State::MovingToLand
             | State::Landing
             | State::Finished => return,
         };
-        let is_under_way = self.durable.pending.is_some();
-        self.give_order(&order);
-        if !is_under_way {
-            self.carried_out();
+        let is_executing = self.durable.orders.pending.is_some();
+        self.issue_order(&order);
+        if !is_executing {
+            self.complete_order();
         }
-        self.durable.limit = Some(now + limit);
+        self.durable.deadlines.limit = Some(now + limit);
     }
 
-    /// Stops, for nobody knows where the master that was followed would have gone, and calls the others together.
-    fn end_following_of_another(&mut self, now: Timestamp) {
+    /// As newly elected master: stops and assembles the swarm, as the lost master's path is unknown.
+    fn assemble_after_master_loss(&mut self, now: Timestamp) {
         if let Some(lead) = &mut self.durable.lead {
             lead.followed = Some(Followed {
-                bound_for: 0,
+                destination_waypoint: 0,
                 next_fix: now,
                 at: Ned::HOME,
                 is_ending: true,
             });
         }
-        self.pursue_goal();
+        self.send_goal();
     }
 }

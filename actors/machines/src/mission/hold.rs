@@ -1,5 +1,6 @@
-//! How long the swarm waits at its waypoints once all are there, as the mission's file says. Only the master counts the
-//! time, and every drone knows the holds, as any may come to lead.
+//! Holds: the swarm waits at a waypoint for a configured time once all have arrived.
+//!
+//! Only the master measures the time. Every drone knows the holds, as each may become the master.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -9,37 +10,37 @@ use thiserror::Error;
 
 use super::{Mission, State};
 use crate::time::Timestamp;
+use crate::wire::HOLD_MAX;
 
-/// At which waypoints the swarm waits once all have arrived, and for how long: whole milliseconds, at most [`Holds::MAX`]
-/// at each.
+/// Durations of the holds by waypoint: whole milliseconds, at most [`Holds::MAX`] each.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Holds(BTreeMap<u16, Duration>);
 
-/// The swarm would wait at a waypoint for longer than [`Holds::MAX`]; nothing was changed.
+/// A hold would exceed [`Holds::MAX`]. Nothing was changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("a hold of {} s is longer than {} s", .hold.as_secs_f64(), Holds::MAX.as_secs())]
+#[error("a hold of {} s exceeds the maximum of {} s", .hold.as_secs_f64(), Holds::MAX.as_secs())]
 pub struct HoldTooLong {
-    /// For how long it would wait.
+    /// The refused duration.
     pub hold: Duration,
 }
 
 impl Holds {
-    /// The longest hold at one waypoint: longer than multicopters fly.
-    pub const MAX: Duration = Duration::from_secs(3_600);
+    /// Maximum of a hold: longer than multicopters fly.
+    pub const MAX: Duration = HOLD_MAX;
 
-    /// How long the swarm waits at a waypoint; zero if it flies on.
+    /// The hold at a waypoint; zero if there is none.
     #[must_use]
     pub fn at(&self, waypoint: u16) -> Duration {
         self.0.get(&waypoint).copied().unwrap_or_default()
     }
 
-    /// Lets the swarm wait at a waypoint for so much longer; of a millisecond, parts don't count.
+    /// Extends the hold at a waypoint, rounded down to milliseconds.
     ///
     /// # Errors
-    /// When that comes to more than [`Self::MAX`].
-    pub fn add(&mut self, waypoint: u16, longer: Duration) -> Result<(), HoldTooLong> {
-        let longer = longer - Duration::from_nanos(u64::from(longer.subsec_nanos() % 1_000_000));
-        let hold = self.at(waypoint).saturating_add(longer);
+    /// The sum exceeds [`Self::MAX`].
+    pub fn add(&mut self, waypoint: u16, extra: Duration) -> Result<(), HoldTooLong> {
+        let extra = extra - Duration::from_nanos(u64::from(extra.subsec_nanos() % 1_000_000));
+        let hold = self.at(waypoint).saturating_add(extra);
         if hold > Self::MAX {
             return Err(HoldTooLong { hold });
         }
@@ -49,24 +50,24 @@ impl Holds {
         Ok(())
     }
 
-    /// Whether the swarm waits nowhere.
+    /// Whether there are no holds.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Each waypoint at which the swarm waits, and for how long, in order.
+    /// Waypoints with a hold and its duration, by waypoint.
     pub fn iter(&self) -> impl Iterator<Item = (u16, Duration)> {
         self.0.iter().map(|(waypoint, hold)| (*waypoint, *hold))
     }
 
-    /// How long the swarm waits at all waypoints together.
+    /// Sum of all holds.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.0.values().sum()
     }
 
-    /// The holds at `count` waypoints from `first` on; empty if the swarm waits at none of them.
+    /// The holds at `count` waypoints from `first` on; empty if all are zero.
     pub(super) fn part(&self, first: usize, count: usize) -> Vec<Duration> {
         let waypoints = (first..first + count).map(u16::try_from);
         let holds: Vec<_> = waypoints
@@ -78,7 +79,7 @@ impl Holds {
         holds
     }
 
-    /// Takes in the holds at waypoints from `first` on, as [`Self::part`] gives them.
+    /// Stores the holds at waypoints from `first` on, as returned by [`Self::part`].
     pub(super) fn add_part(&mut self, first: usize, holds: &[Duration]) {
         for (waypoint, hold) in (first..).zip(holds).filter(|(_, hold)| !hold.is_zero()) {
             if let Ok(waypoint) = u16::try_from(waypoint) {
@@ -88,23 +89,23 @@ impl Holds {
     }
 }
 
-/// A wait of the swarm at a waypoint, as its master counts it.
+/// A hold that has begun, as measured by the master.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Hold {
-    /// Which waypoint.
+    /// Number of the waypoint, from 0.
     pub waypoint: u16,
-    /// Until when; `None` once it is over.
+    /// End of the hold. `None` once it is over.
     pub until: Option<Timestamp>,
 }
 
 impl Mission {
-    /// As master, once all that it waits for are at a waypoint: whether the hold there is over. It begins where it has not
-    /// yet; who was elected amid one does not know how much is left of it, and begins it anew.
-    pub(super) fn has_held(&mut self, now: Timestamp, waypoint: u16) -> bool {
+    /// As master, once all awaited members are at a waypoint: begins the hold there. Returns whether it is over. A
+    /// master elected during a hold begins it anew, as the remaining time is unknown.
+    pub(super) fn advance_hold(&mut self, now: Timestamp, waypoint: u16) -> bool {
         let hold = self.durable.holds.at(waypoint);
         // The swarm changes formation after the hold.
-        let changes_already = self.durable.changes > self.changes_before(waypoint);
-        if hold.is_zero() || changes_already {
+        let is_over = self.durable.progress.changes > self.changes_before(waypoint);
+        if hold.is_zero() || is_over {
             return true;
         }
         let Some(lead) = &mut self.durable.lead else {
@@ -118,27 +119,28 @@ impl Mission {
             waypoint,
             until: Some(until),
         });
-        // A drone that comes back amid the hold is waited for after it.
-        self.durable.limit = Some(until + self.config.leg_limit);
+        // Members that return during the hold are awaited after it, for at most a leg.
+        self.durable.deadlines.limit = Some(until + self.config.leg_limit);
         false
     }
 
-    /// As master: until when the swarm waits, if it does.
-    pub(super) fn holds_until(&self) -> Option<Timestamp> {
+    /// As master: end of the current hold. `None` if there is none.
+    pub(super) fn hold_ends_at(&self) -> Option<Timestamp> {
         self.durable.lead.as_ref()?.hold?.until
     }
 
+    /// As master: ends a hold that is due and continues.
     pub(super) fn end_hold_if_due(&mut self, now: Timestamp) {
-        if self.holds_until().is_none_or(|until| until > now) {
+        if self.hold_ends_at().is_none_or(|until| until > now) {
             return;
         }
         if let Some(hold) = self.durable.lead.as_mut().and_then(|it| it.hold.as_mut()) {
             hold.until = None;
         }
         if self.durable.state == State::Following {
-            self.arrived_as_followed(now);
+            self.complete_following_leg(now);
         } else {
-            self.react(now);
+            self.advance(now);
         }
         self.checkpoint();
     }

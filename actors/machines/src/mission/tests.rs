@@ -7,13 +7,22 @@ mod waves;
 
 use std::num::NonZeroU32;
 
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::Bytes;
+
 use super::*;
+use crate::formation::Change;
 use crate::formation::{Formation, Kind, Layering, Separation};
+use crate::geometry::Ned;
+use crate::identity::{Ballot, NodeId};
 use crate::machine::{Emitted, Stimulus, step};
 use crate::navigation::Failure;
+use crate::navigation::Goal;
 
-/// Of the leader epoch that the operator starts.
-const OPERATORS: Ballot = Ballot {
+/// The leader epoch that the operator starts.
+const INITIAL_BALLOT: Ballot = Ballot {
     term: 1,
     rank: 0,
     master: NodeId(1),
@@ -21,14 +30,14 @@ const OPERATORS: Ballot = Ballot {
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// The lowest layer above the slots.
-const PITCH_M: f64 = 5.5;
+/// Height of the lowest layer above the slots, in metres.
+const LAYER_SPACING_M: f64 = 5.5;
 
-/// Straight to a slot, in lockstep with the swarm.
+/// The goal of a leg to `to` in lockstep.
 fn fly_to(to: Ned) -> Goal {
     Goal::FlyTo {
         to,
-        hold_altitude_m: to.altitude_m() + PITCH_M,
+        hold_altitude_m: to.altitude_m() + LAYER_SPACING_M,
     }
 }
 
@@ -38,7 +47,7 @@ fn waypoints() -> Vec<Ned> {
         .into()
 }
 
-/// Drone `id` of a line of three, 1 being the centre.
+/// Drone `id` of a line of three; drone 1 is the centre.
 fn mission(id: u32, liveness: Liveness) -> Mission {
     Mission::new(config(id, liveness), None)
 }
@@ -61,7 +70,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         liveness,
         succession: Succession::Land,
         alone: Alone::CarryOn,
-        spreading_patience: Duration::ZERO,
+        spreading_grace: Duration::ZERO,
         candidacy_back_off: Duration::ZERO,
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
@@ -80,32 +89,36 @@ fn stimulate(
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
     let now = Timestamp::from_secs_f64(at_s);
     let is_timeout = stimulus == Stimulus::Timeout;
-    let Ok(deadline) = step(mission, now, stimulus, |said| match said {
+    let Ok(deadline) = step(mission, now, stimulus, |emitted| match emitted {
         Emitted::Transmit(transmit) => transmits.push(transmit),
         Emitted::Event(event) => events.push(event),
     });
     let is_overdue = is_timeout && deadline.is_some_and(|deadline| deadline <= now);
-    assert!(!is_overdue, "at {now} its deadline is {deadline:?}");
+    assert!(!is_overdue, "deadline {deadline:?} is not after {now}");
     (transmits, events)
 }
 
-fn told(mission: &mut Mission, at_s: f64, input: Input) -> Vec<Transmit> {
+fn send(mission: &mut Mission, at_s: f64, input: Input) -> Vec<Transmit> {
     stimulate(mission, at_s, Stimulus::Input(input)).0
 }
 
-fn ordered(mission: &mut Mission, sequence: u32, order: &Order) -> Vec<Transmit> {
-    let ballot = OPERATORS;
+fn deliver(mission: &mut Mission, sequence: u32, order: &Order) -> Vec<Transmit> {
+    let ballot = INITIAL_BALLOT;
     let order = wire::encode_order(order).into();
     let notice = RoutingNotice::Order {
         ballot,
         sequence,
         order,
     };
-    told(mission, 1.0, Input::Routing(notice))
+    send(mission, 1.0, Input::Routing(notice))
 }
 
-fn hears(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transmit> {
-    told(mission, at_s, Input::Routing(notice))
+fn notify(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transmit> {
+    send(mission, at_s, Input::Routing(notice))
+}
+
+fn arrive(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
+    send(mission, at_s, Input::Navigation(NavigationNotice::Arrived))
 }
 
 fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
@@ -116,9 +129,9 @@ fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
     }
 }
 
-fn acknowledges(sequence: u32) -> Transmit {
+fn acknowledgement(sequence: u32) -> Transmit {
     Transmit::Acknowledge {
-        ballot: OPERATORS,
+        ballot: INITIAL_BALLOT,
         sequence,
     }
 }
@@ -131,6 +144,13 @@ fn orders(transmits: &[Transmit]) -> Vec<Order> {
     published.collect()
 }
 
+const fn open_waypoint(waypoint: u16) -> Order {
+    Order::Move {
+        waypoint,
+        apart: false,
+    }
+}
+
 fn land_at(at: Ned) -> Order {
     Order::Land {
         at,
@@ -140,7 +160,7 @@ fn land_at(at: Ned) -> Order {
     }
 }
 
-fn whole_plan() -> Order {
+fn complete_plan() -> Order {
     Order::Plan {
         index: 0,
         count: 1,
@@ -149,28 +169,24 @@ fn whole_plan() -> Order {
     }
 }
 
-/// A slave in its slot at waypoint 0, routes up.
-fn slave_at_waypoint_0(liveness: Liveness) -> Mission {
-    let mut slave = mission(0, liveness);
-    ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    told(
-        &mut slave,
-        20.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
+/// A member at waypoint 0 with routes.
+fn member_at_waypoint_0(liveness: Liveness) -> Mission {
+    let mut member = mission(0, liveness);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    arrive(&mut member, 20.0);
     for notice in [
         RoutingNotice::DiscoveryStarted,
         RoutingNotice::HopUpdateStarted,
         RoutingNotice::RoutesReady,
     ] {
-        hears(&mut slave, 30.0, notice);
+        notify(&mut member, 30.0, notice);
     }
-    assert_eq!(slave.durable.state, State::WaypointReached { waypoint: 0 });
-    slave
+    assert_eq!(member.durable.state, State::WaypointReached { waypoint: 0 });
+    member
 }
 
-/// A master whose two members have the plan and are taking off.
+/// A master that has ordered its two members to take off.
 fn master_taking_off() -> Mission {
     master_taking_off_with(Barrier::Strict)
 }
@@ -181,9 +197,9 @@ fn master_taking_off_with(barrier: Barrier) -> Mission {
         ..config(1, Liveness::Heartbeat)
     };
     let mut master = Mission::new(config, None);
-    told(&mut master, 0.0, Input::Fly);
-    hears(&mut master, 1.0, progress(0, 1));
-    let transmits = hears(&mut master, 1.0, progress(2, 1));
+    send(&mut master, 0.0, Input::Fly);
+    notify(&mut master, 1.0, progress(0, 1));
+    let transmits = notify(&mut master, 1.0, progress(2, 1));
     assert_eq!(orders(&transmits), [Order::TakeOff { wave: 0 }]);
     master
 }
@@ -196,37 +212,40 @@ fn goal(transmits: &[Transmit]) -> Option<Goal> {
 }
 
 #[test]
-fn only_the_drone_at_the_centre_leads_and_only_once_told() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Fly));
+fn centre_drone_leads_on_the_operators_command_only() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    let (transmits, events) = stimulate(&mut member, 0.0, Stimulus::Input(Input::Fly));
     assert!(transmits.is_empty());
     assert_eq!(events[0], Event::Refused);
     let mut master = mission(1, Liveness::Heartbeat);
     assert!(stimulate(&mut master, 0.0, Stimulus::Timeout).0.is_empty());
-    assert_eq!(orders(&told(&mut master, 0.0, Input::Fly)), [whole_plan()]);
+    assert_eq!(
+        orders(&send(&mut master, 0.0, Input::Fly)),
+        [complete_plan()]
+    );
 }
 
 #[test]
-fn nobody_takes_off_without_the_whole_mission() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    assert!(ordered(&mut slave, 1, &Order::TakeOff { wave: 0 }).is_empty());
+fn drone_without_complete_plan_stays_on_the_ground() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    assert!(deliver(&mut member, 1, &Order::TakeOff { wave: 0 }).is_empty());
     let half = Order::Plan {
         index: 0,
         count: 2,
         waypoints: vec![Ned::HOME; wire::PLAN_PART_MAX],
         holds: Vec::new(),
     };
-    assert_eq!(ordered(&mut slave, 1, &half), [acknowledges(1)]);
-    assert!(ordered(&mut slave, 3, &Order::TakeOff { wave: 0 }).is_empty());
-    assert_eq!(slave.durable.state, State::SetUp);
+    assert_eq!(deliver(&mut member, 1, &half), [acknowledgement(1)]);
+    assert!(deliver(&mut member, 3, &Order::TakeOff { wave: 0 }).is_empty());
+    assert_eq!(member.durable.state, State::SetUp);
 }
 
 #[test]
-fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
+fn member_not_ready_by_the_limit_is_left_out() {
     let mut master = mission(1, Liveness::Heartbeat);
-    told(&mut master, 0.0, Input::Fly);
+    send(&mut master, 0.0, Input::Fly);
     assert!(
-        orders(&hears(&mut master, 1.0, progress(0, 1))).is_empty(),
+        orders(&notify(&mut master, 1.0, progress(0, 1))).is_empty(),
         "drone 2 is missing"
     );
     let (transmits, events) = stimulate(&mut master, 30.0, Stimulus::Timeout);
@@ -235,80 +254,59 @@ fn a_member_that_does_not_get_ready_is_left_out_after_the_limit() {
 }
 
 #[test]
-fn a_member_that_does_not_get_to_its_slot_is_left_out_after_the_limit() {
+fn member_not_in_slot_by_the_limit_is_left_out() {
     let mut master = master_taking_off();
-    told(
-        &mut master,
-        20.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
-    hears(&mut master, 21.0, progress(0, 2));
+    arrive(&mut master, 20.0);
+    notify(&mut master, 21.0, progress(0, 2));
     let (transmits, events) = stimulate(&mut master, 61.0, Stimulus::Timeout);
     assert_eq!(transmits, [Transmit::Discover]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
 }
 
 #[test]
-fn while_the_swarm_takes_off_a_master_waits_for_silent_members_as_long_as_they_bear_its_silence() {
+fn master_waits_spreading_grace_for_silent_members_during_take_off() {
     let mut master = master_taking_off();
-    master.config.spreading_patience = 6 * SECOND;
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    told(&mut master, 20.0, arrived);
-    hears(&mut master, 21.0, progress(0, 2));
+    master.config.spreading_grace = 6 * SECOND;
+    arrive(&mut master, 20.0);
+    notify(&mut master, 21.0, progress(0, 2));
     let silent = RoutingNotice::Silent(NodeId(2).into());
-    assert_eq!(hears(&mut master, 30.0, silent), []);
+    assert_eq!(notify(&mut master, 30.0, silent), []);
     assert_eq!(stimulate(&mut master, 35.9, Stimulus::Timeout).0, []);
-    let (said, _) = stimulate(&mut master, 36.0, Stimulus::Timeout);
-    assert_eq!(said, [Transmit::Discover]);
+    let (transmits, _) = stimulate(&mut master, 36.0, Stimulus::Timeout);
+    assert_eq!(transmits, [Transmit::Discover]);
 }
 
 #[test]
-fn whoever_misses_its_master_does_not_take_off_at_an_old_word_and_asks_once_it_is_back() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    ordered(&mut slave, 1, &whole_plan());
-    hears(&mut slave, 1.0, RoutingNotice::MasterSilent);
-    assert_eq!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }), []);
-    assert_eq!(slave.durable.state, State::SetUp);
-    let said = hears(&mut slave, 2.0, RoutingNotice::MasterReturned);
-    assert_eq!(said, [Transmit::Resync]);
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    assert_eq!(slave.durable.state, State::TakingOff);
+fn member_with_silent_master_refuses_take_off_and_resyncs_on_return() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    notify(&mut member, 1.0, RoutingNotice::MasterSilent);
+    assert_eq!(deliver(&mut member, 2, &Order::TakeOff { wave: 0 }), []);
+    assert_eq!(member.durable.state, State::SetUp);
+    let transmits = notify(&mut member, 2.0, RoutingNotice::MasterReturned);
+    assert_eq!(transmits, [Transmit::Resync]);
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    assert_eq!(member.durable.state, State::TakingOff);
 }
 
 #[test]
-fn a_waypoint_opens_once_the_last_member_is_there() {
+fn waypoint_opens_once_all_members_have_arrived() {
     let mut master = master_taking_off();
-    told(
-        &mut master,
-        20.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
-    hears(&mut master, 21.0, progress(0, 2));
-    let transmits = hears(&mut master, 22.0, progress(2, 2));
+    arrive(&mut master, 20.0);
+    notify(&mut master, 21.0, progress(0, 2));
+    let transmits = notify(&mut master, 22.0, progress(2, 2));
     assert_eq!(transmits, [Transmit::Discover]);
     for notice in [
         RoutingNotice::DiscoveryStarted,
         RoutingNotice::HopUpdateStarted,
     ] {
-        hears(&mut master, 23.0, notice);
+        notify(&mut master, 23.0, notice);
     }
-    let opened = hears(&mut master, 32.0, RoutingNotice::RoutesReady);
-    assert_eq!(
-        orders(&opened),
-        [Order::Move {
-            waypoint: 0,
-            apart: false
-        }]
-    );
-    assert!(orders(&hears(&mut master, 33.0, progress(0, 3))).is_empty());
-    let transmits = hears(&mut master, 33.0, progress(2, 3));
-    assert_eq!(
-        orders(&transmits),
-        [Order::Move {
-            waypoint: 1,
-            apart: false
-        }]
-    );
+    let opened = notify(&mut master, 32.0, RoutingNotice::RoutesReady);
+    assert_eq!(orders(&opened), [open_waypoint(0)]);
+    assert!(orders(&notify(&mut master, 33.0, progress(0, 3))).is_empty());
+    let transmits = notify(&mut master, 33.0, progress(2, 3));
+    assert_eq!(orders(&transmits), [open_waypoint(1)]);
     assert_eq!(
         master.durable.state,
         State::MovingToWaypoint { waypoint: 1 }
@@ -316,48 +314,34 @@ fn a_waypoint_opens_once_the_last_member_is_there() {
 }
 
 #[test]
-fn at_a_waypoint_a_master_may_wait_for_those_that_it_hears_and_on_the_way_up_it_may_not() {
+fn neighbours_barrier_applies_at_waypoints_but_not_during_take_off() {
     let mut master = master_taking_off_with(Barrier::Neighbours);
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    told(&mut master, 20.0, arrived.clone());
-    let transmits = hears(&mut master, 21.0, progress(2, 2));
-    assert!(transmits.is_empty(), "drone 0 is still on its way up");
-    hears(&mut master, 22.0, progress(0, 2));
+    arrive(&mut master, 20.0);
+    let transmits = notify(&mut master, 21.0, progress(2, 2));
+    assert!(transmits.is_empty(), "drone 0 is still taking off");
+    notify(&mut master, 22.0, progress(0, 2));
     let neighbours = [NodeId(2)].into_iter().collect();
-    hears(&mut master, 30.0, RoutingNotice::Hears(neighbours));
-    hears(&mut master, 30.0, RoutingNotice::RoutesReady);
-    assert!(orders(&hears(&mut master, 31.0, progress(0, 3))).is_empty());
-    let transmits = hears(&mut master, 32.0, progress(2, 3));
-    assert_eq!(
-        orders(&transmits),
-        [Order::Move {
-            waypoint: 1,
-            apart: false
-        }]
-    );
-    told(&mut master, 60.0, arrived);
-    let transmits = hears(&mut master, 61.0, progress(2, 4));
-    assert_eq!(
-        orders(&transmits),
-        [Order::Move {
-            waypoint: 2,
-            apart: false
-        }]
-    );
+    notify(&mut master, 30.0, RoutingNotice::Neighbours(neighbours));
+    notify(&mut master, 30.0, RoutingNotice::RoutesReady);
+    assert!(orders(&notify(&mut master, 31.0, progress(0, 3))).is_empty());
+    let transmits = notify(&mut master, 32.0, progress(2, 3));
+    assert_eq!(orders(&transmits), [open_waypoint(1)]);
+    arrive(&mut master, 60.0);
+    let transmits = notify(&mut master, 61.0, progress(2, 4));
+    assert_eq!(orders(&transmits), [open_waypoint(2)]);
 }
 
 #[test]
-fn only_those_that_are_waited_for_are_left_out() {
+fn only_awaited_members_are_left_out() {
     let mut master = master_taking_off_with(Barrier::Neighbours);
-    hears(&mut master, 20.0, progress(0, 2));
-    hears(&mut master, 20.0, progress(2, 2));
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    told(&mut master, 20.0, arrived.clone());
+    notify(&mut master, 20.0, progress(0, 2));
+    notify(&mut master, 20.0, progress(2, 2));
+    arrive(&mut master, 20.0);
     let neighbours = [NodeId(2)].into_iter().collect();
-    hears(&mut master, 30.0, RoutingNotice::Hears(neighbours));
-    hears(&mut master, 30.0, RoutingNotice::RoutesReady);
-    hears(&mut master, 32.0, progress(2, 3));
-    told(&mut master, 60.0, arrived);
+    notify(&mut master, 30.0, RoutingNotice::Neighbours(neighbours));
+    notify(&mut master, 30.0, RoutingNotice::RoutesReady);
+    notify(&mut master, 32.0, progress(2, 3));
+    arrive(&mut master, 60.0);
     let (transmits, events) = stimulate(&mut master, 160.0, Stimulus::Timeout);
     let (waypoint, apart) = (2, true);
     assert_eq!(orders(&transmits), [Order::Move { waypoint, apart }]);
@@ -366,96 +350,65 @@ fn only_those_that_are_waited_for_are_left_out() {
 }
 
 #[test]
-fn a_silent_member_holds_nobody_up_and_one_that_comes_back_is_waited_for_again() {
+fn silent_member_is_not_awaited_until_it_returns() {
     for (returns, keeps_going) in [(false, true), (true, false)] {
         let mut master = master_taking_off();
-        hears(&mut master, 19.0, progress(0, 2));
-        hears(&mut master, 19.1, RoutingNotice::Silent(NodeId(2).into()));
+        notify(&mut master, 19.0, progress(0, 2));
+        notify(&mut master, 19.1, RoutingNotice::Silent(NodeId(2).into()));
         if returns {
-            hears(&mut master, 19.2, RoutingNotice::Returned(NodeId(2).into()));
+            notify(&mut master, 19.2, RoutingNotice::Returned(NodeId(2).into()));
         }
-        let transmits = told(
-            &mut master,
-            20.0,
-            Input::Navigation(NavigationNotice::Arrived),
-        );
+        let transmits = arrive(&mut master, 20.0);
         assert_eq!(transmits.contains(&Transmit::Discover), keeps_going);
     }
 }
 
 #[test]
-fn a_drone_that_is_behind_flies_the_opened_waypoints_in_order() {
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    ordered(
-        &mut slave,
-        5,
-        &Order::Move {
-            waypoint: 2,
-            apart: false,
-        },
+fn late_member_flies_open_waypoints_in_order() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    deliver(&mut member, 5, &open_waypoint(2));
+    assert_eq!(
+        member.durable.state,
+        State::MovingToWaypoint { waypoint: 1 }
     );
-    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
-    let transmits = told(
-        &mut slave,
-        40.0,
-        Input::Navigation(NavigationNotice::Arrived),
+    let transmits = arrive(&mut member, 40.0);
+    assert_eq!(
+        member.durable.state,
+        State::MovingToWaypoint { waypoint: 2 }
     );
-    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 2 });
-    assert!(!transmits.contains(&acknowledges(5)));
-    let transmits = told(
-        &mut slave,
-        50.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
-    assert!(transmits.contains(&acknowledges(5)));
+    assert!(!transmits.contains(&acknowledgement(5)));
+    let transmits = arrive(&mut member, 50.0);
+    assert!(transmits.contains(&acknowledgement(5)));
 }
 
 #[test]
-fn a_drone_that_is_not_in_its_slot_when_the_swarm_moves_on_lands() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    let transmits = ordered(
-        &mut slave,
-        3,
-        &Order::Move {
-            waypoint: 0,
-            apart: false,
-        },
-    );
-    assert_eq!(transmits, [], "on its way there may be others below it");
-    assert_eq!(slave.durable.state, State::TakingOff);
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    told(&mut slave, 20.0, arrived.clone());
-    assert_eq!(slave.durable.state, State::MovingToLand);
-    let transmits = told(&mut slave, 30.0, arrived);
+fn member_not_in_slot_when_the_swarm_leaves_lands() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    let transmits = deliver(&mut member, 3, &open_waypoint(0));
+    assert_eq!(transmits, [], "others may be below its path");
+    assert_eq!(member.durable.state, State::TakingOff);
+    arrive(&mut member, 20.0);
+    assert_eq!(member.durable.state, State::MovingToLand);
+    let transmits = arrive(&mut member, 30.0);
     assert!(transmits.contains(&Transmit::Goal(Goal::Land)));
-    assert_eq!(slave.durable.state, State::Landing);
+    assert_eq!(member.durable.state, State::Landing);
 }
 
 #[test]
-fn a_landing_drone_obeys_nobody_any_more() {
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    told(&mut slave, 35.0, Input::GiveUp);
-    assert_eq!(slave.durable.state, State::Landing);
-    assert!(
-        ordered(
-            &mut slave,
-            9,
-            &Order::Move {
-                waypoint: 1,
-                apart: false
-            }
-        )
-        .is_empty()
-    );
-    assert_eq!(slave.durable.state, State::Landing);
+fn landing_drone_ignores_orders() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    send(&mut member, 35.0, Input::GiveUp);
+    assert_eq!(member.durable.state, State::Landing);
+    assert!(deliver(&mut member, 9, &open_waypoint(1)).is_empty());
+    assert_eq!(member.durable.state, State::Landing);
 }
 
 #[test]
-fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_followed() {
-    // At the end of the leg, which it is told of in mid-leg or there.
-    for (liveness, in_mid_leg, there) in [
+fn silent_master_is_detected_in_flight_except_with_thesis_liveness() {
+    // Detected during the leg or at its end.
+    for (liveness, reason_on_leg, arrival_transmits) in [
         (
             Liveness::Heartbeat,
             Some(LandingReason::MasterSilent),
@@ -463,141 +416,120 @@ fn a_silent_master_brings_a_drone_down_in_flight_too_unless_the_thesis_is_follow
         ),
         (Liveness::Thesis, None, State::Landing),
     ] {
-        let mut slave = slave_at_waypoint_0(liveness);
-        ordered(
-            &mut slave,
-            5,
-            &Order::Move {
-                waypoint: 1,
-                apart: false,
-            },
-        );
-        hears(&mut slave, 40.0, RoutingNotice::MasterSilent);
+        let mut member = member_at_waypoint_0(liveness);
+        deliver(&mut member, 5, &open_waypoint(1));
+        notify(&mut member, 40.0, RoutingNotice::MasterSilent);
         let moving = State::MovingToWaypoint { waypoint: 1 };
-        assert_eq!(slave.durable.state, moving);
-        assert_eq!(slave.durable.leaving, in_mid_leg);
-        told(
-            &mut slave,
-            50.0,
-            Input::Navigation(NavigationNotice::Arrived),
-        );
-        assert_eq!(slave.durable.state, there);
+        assert_eq!(member.durable.state, moving);
+        assert_eq!(member.durable.landing.reason, reason_on_leg);
+        arrive(&mut member, 50.0);
+        assert_eq!(member.durable.state, arrival_transmits);
     }
 }
 
 #[test]
-fn a_leg_that_takes_too_long_ends_in_a_landing() {
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    ordered(
-        &mut slave,
-        5,
-        &Order::Move {
-            waypoint: 1,
-            apart: false,
-        },
+fn overdue_leg_ends_in_a_landing() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    deliver(&mut member, 5, &open_waypoint(1));
+    stimulate(&mut member, 100.9, Stimulus::Timeout);
+    assert_eq!(
+        member.durable.state,
+        State::MovingToWaypoint { waypoint: 1 }
     );
-    stimulate(&mut slave, 100.9, Stimulus::Timeout);
-    assert_eq!(slave.durable.state, State::MovingToWaypoint { waypoint: 1 });
-    stimulate(&mut slave, 101.0, Stimulus::Timeout);
-    assert_eq!(slave.durable.state, State::Landing);
+    stimulate(&mut member, 101.0, Stimulus::Timeout);
+    assert_eq!(member.durable.state, State::Landing);
 }
 
 #[test]
-fn a_master_that_must_land_takes_its_swarm_down_with_it() {
+fn master_without_elections_lands_with_its_swarm() {
     let mut master = master_taking_off();
-    let transmits = told(&mut master, 20.0, Input::GiveUp);
+    let transmits = send(&mut master, 20.0, Input::GiveUp);
     assert_eq!(orders(&transmits), [land_at(waypoints()[0])]);
     assert_eq!(master.durable.state, State::Landing);
 }
 
 #[test]
-fn a_restarted_mission_goes_on_where_it_was() {
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    ordered(
-        &mut slave,
-        5,
-        &Order::Move {
-            waypoint: 1,
-            apart: false,
-        },
-    );
-    let checkpoint = slave.durable.clone();
+fn restarted_mission_resumes_its_leg() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    deliver(&mut member, 5, &open_waypoint(1));
+    let checkpoint = member.durable.clone();
     let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
     let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
     let to = Ned::new(100.0, -100.0, -25.0);
     assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(fly_to(to))]);
-    let arrived = told(
-        &mut restarted,
-        40.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
-    assert!(arrived.contains(&acknowledges(5)));
+    let arrived = arrive(&mut restarted, 40.0);
+    assert!(arrived.contains(&acknowledgement(5)));
 }
 
 #[test]
-fn a_process_that_starts_anew_in_mid_leg_flies_on_among_the_others_and_at_a_waypoint_climbs() {
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
+fn restarted_process_resumes_a_leg_in_lockstep_but_waits_in_its_layer() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
     let (waypoint, apart) = (1, false);
-    let starts_anew = |slave: &Mission| {
-        let mut checkpoint = slave.durable.clone();
+    let goal_after_restart = |member: &Mission| {
+        let mut checkpoint = member.durable.clone();
         checkpoint.begin_incarnation();
         let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
         let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
         goal(&transmits)
     };
-    assert!(matches!(starts_anew(&slave), Some(Goal::TransitTo { .. })));
-    ordered(&mut slave, 5, &Order::Move { waypoint, apart });
+    assert!(matches!(
+        goal_after_restart(&member),
+        Some(Goal::TransitTo { .. })
+    ));
+    deliver(&mut member, 5, &Order::Move { waypoint, apart });
     let to = Ned::new(100.0, -100.0, -25.0);
-    assert_eq!(starts_anew(&slave), Some(fly_to(to)));
-    // In its slot, told to move on before there are ways.
-    let mut slave = mission(0, Liveness::Heartbeat);
-    ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    told(&mut slave, 20.0, arrived);
-    hears(&mut slave, 21.0, RoutingNotice::HopUpdateStarted);
-    ordered(&mut slave, 3, &Order::Move { waypoint, apart });
-    assert_eq!(slave.durable.state, State::HopUpdate);
-    assert!(matches!(starts_anew(&slave), Some(Goal::TransitTo { .. })));
+    assert_eq!(goal_after_restart(&member), Some(fly_to(to)));
+    // In its slot, with the next waypoint open before routes are ready.
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    arrive(&mut member, 20.0);
+    notify(&mut member, 21.0, RoutingNotice::HopUpdateStarted);
+    deliver(&mut member, 3, &Order::Move { waypoint, apart });
+    assert_eq!(member.durable.state, State::HopUpdate);
+    assert!(matches!(
+        goal_after_restart(&member),
+        Some(Goal::TransitTo { .. })
+    ));
 }
 
 #[test]
-fn what_is_out_is_said_again_to_a_restarted_routing() {
+fn restarted_routing_is_told_leader_order_and_landing_again() {
     let mut master = master_taking_off();
-    let said = hears(&mut master, 15.0, RoutingNotice::Resync);
-    assert!(matches!(said[0], Transmit::Lead(_)));
-    assert_eq!(orders(&said), [Order::TakeOff { wave: 0 }]);
-    assert!(said.contains(&acknowledges(1)));
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    told(&mut slave, 35.0, Input::GiveUp);
-    let said = hears(&mut slave, 36.0, RoutingNotice::Resync);
-    assert!(said.contains(&acknowledges(2)));
-    assert!(said.contains(&Transmit::Land));
-    told(
-        &mut slave,
+    let transmits = notify(&mut master, 15.0, RoutingNotice::Resync);
+    assert!(matches!(transmits[0], Transmit::Lead(_)));
+    assert_eq!(orders(&transmits), [Order::TakeOff { wave: 0 }]);
+    assert!(transmits.contains(&acknowledgement(1)));
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    send(&mut member, 35.0, Input::GiveUp);
+    let transmits = notify(&mut member, 36.0, RoutingNotice::Resync);
+    assert!(transmits.contains(&acknowledgement(2)));
+    assert!(transmits.contains(&Transmit::Land));
+    send(
+        &mut member,
         60.0,
         Input::Navigation(NavigationNotice::Landed),
     );
-    let said = hears(&mut slave, 61.0, RoutingNotice::Resync);
-    assert!(said.contains(&Transmit::Stop));
+    let transmits = notify(&mut member, 61.0, RoutingNotice::Resync);
+    assert!(transmits.contains(&Transmit::Stop));
 }
 
 #[test]
-fn take_off_and_the_way_to_land_have_limits() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    stimulate(&mut slave, 61.0, Stimulus::Timeout);
-    assert_eq!(slave.durable.state, State::Landing);
-    let mut slave = slave_at_waypoint_0(Liveness::Heartbeat);
-    ordered(&mut slave, 5, &land_at(waypoints()[0]));
-    assert_eq!(slave.durable.state, State::MovingToLand);
-    stimulate(&mut slave, 101.0, Stimulus::Timeout);
-    assert_eq!(slave.durable.state, State::Landing);
+fn take_off_and_leg_to_landing_place_have_limits() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    stimulate(&mut member, 61.0, Stimulus::Timeout);
+    assert_eq!(member.durable.state, State::Landing);
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    deliver(&mut member, 5, &land_at(waypoints()[0]));
+    assert_eq!(member.durable.state, State::MovingToLand);
+    stimulate(&mut member, 101.0, Stimulus::Timeout);
+    assert_eq!(member.durable.state, State::Landing);
 }
 
 #[test]
-fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
+fn leg_to_landing_place_is_flown_in_own_layer() {
     let mut config = config(0, Liveness::Heartbeat);
     let drones = NonZeroU32::new(40).unwrap();
     let separation = Separation {
@@ -609,21 +541,17 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
     let layers_m = config.layout.landing_layers_m();
     let (id, layer_m) = (0..)
         .zip(layers_m)
-        .find(|(id, layer_m)| *id != OPERATORS.master.0 && **layer_m > 0.0)
-        .expect("a matrix of 40 needs layers");
+        .find(|(id, layer_m)| *id != INITIAL_BALLOT.master.0 && **layer_m > 0.0)
+        .expect("a matrix of 40 has landing layers");
     config.id = NodeId(id);
     let expected_m = 25.0 + layer_m;
-    let mut slave = Mission::new(config, None);
-    ordered(&mut slave, 1, &whole_plan());
-    ordered(&mut slave, 2, &Order::TakeOff { wave: 0 });
-    told(
-        &mut slave,
-        20.0,
-        Input::Navigation(NavigationNotice::Arrived),
-    );
+    let mut member = Mission::new(config, None);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    arrive(&mut member, 20.0);
     let at = waypoints()[2];
-    let said = ordered(&mut slave, 3, &land_at(at));
-    let goal = said.iter().find_map(|transmit| match transmit {
+    let transmits = deliver(&mut member, 3, &land_at(at));
+    let goal = transmits.iter().find_map(|transmit| match transmit {
         Transmit::Goal(Goal::TransitTo { to }) => Some(to.altitude_m()),
         _ => None,
     });
@@ -631,51 +559,53 @@ fn the_way_to_land_is_flown_in_the_drone_s_own_layer() {
 }
 
 #[test]
-fn every_part_of_a_long_mission_has_its_limit() {
+fn each_part_of_a_long_plan_has_its_limit() {
     let mut config = config(1, Liveness::Heartbeat);
     config.mission = vec![Ned::new(0.0, 0.0, -25.0); wire::PLAN_PART_MAX * 2 + 1].into();
     let mut master = Mission::new(config, None);
-    told(&mut master, 0.0, Input::Fly);
-    // Nobody answers: the limit of the first part leaves all out, and the master goes on alone.
+    send(&mut master, 0.0, Input::Fly);
+    // No answers: the limit of the first part leaves out all members, and the master continues alone.
     let (transmits, _) = stimulate(&mut master, 30.0, Stimulus::Timeout);
     assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff { wave: 0 }));
-    // One answers the first part and no more.
+    // One member acknowledges the first part only.
     let mut master = Mission::new(master.config, None);
-    told(&mut master, 0.0, Input::Fly);
-    hears(&mut master, 1.0, progress(0, 1));
+    send(&mut master, 0.0, Input::Fly);
+    notify(&mut master, 1.0, progress(0, 1));
     stimulate(&mut master, 30.0, Stimulus::Timeout);
     let (transmits, _) = stimulate(&mut master, 60.0, Stimulus::Timeout);
     assert_eq!(orders(&transmits).last(), Some(&Order::TakeOff { wave: 0 }));
 }
 
 #[test]
-fn a_drone_given_up_on_the_ground_stays_there_and_so_does_a_swarm_without_its_master() {
-    let mut slave = mission(0, Liveness::Heartbeat);
-    ordered(&mut slave, 1, &whole_plan());
-    let said = told(&mut slave, 5.0, Input::GiveUp);
-    assert!(said.contains(&Transmit::Land), "nobody is to wait for it");
-    assert!(ordered(&mut slave, 2, &Order::TakeOff { wave: 0 }).is_empty());
+fn failing_drone_stays_on_the_ground_and_a_failing_master_its_swarm() {
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    let transmits = send(&mut member, 5.0, Input::GiveUp);
+    assert!(
+        transmits.contains(&Transmit::Land),
+        "the others stop waiting"
+    );
+    assert!(deliver(&mut member, 2, &Order::TakeOff { wave: 0 }).is_empty());
     let mut master = mission(1, Liveness::Heartbeat);
-    told(&mut master, 0.0, Input::Fly);
-    told(&mut master, 5.0, Input::GiveUp);
+    send(&mut master, 0.0, Input::Fly);
+    send(&mut master, 5.0, Input::GiveUp);
     assert!(orders(&stimulate(&mut master, 30.0, Stimulus::Timeout).0).is_empty());
-    hears(&mut master, 31.0, progress(0, 1));
-    assert!(orders(&hears(&mut master, 31.0, progress(2, 1))).is_empty());
+    notify(&mut master, 31.0, progress(0, 1));
+    assert!(orders(&notify(&mut master, 31.0, progress(2, 1))).is_empty());
 }
 
 #[test]
-fn a_member_that_makes_progress_is_not_silent() {
+fn member_that_makes_progress_is_not_silent() {
     let mut master = master_taking_off();
-    hears(&mut master, 5.0, RoutingNotice::Silent(NodeId(2).into()));
-    hears(&mut master, 6.0, progress(2, 1));
-    hears(&mut master, 19.0, progress(0, 2));
-    let arrived = Input::Navigation(NavigationNotice::Arrived);
-    assert!(!told(&mut master, 20.0, arrived).contains(&Transmit::Discover));
+    notify(&mut master, 5.0, RoutingNotice::Silent(NodeId(2).into()));
+    notify(&mut master, 6.0, progress(2, 1));
+    notify(&mut master, 19.0, progress(0, 2));
+    assert!(!arrive(&mut master, 20.0).contains(&Transmit::Discover));
 }
 
 #[test]
-fn an_order_that_is_none_is_counted_and_not_obeyed() {
-    let mut slave = mission(0, Liveness::Heartbeat);
+fn undecodable_order_is_refused() {
+    let mut member = mission(0, Liveness::Heartbeat);
     let notice = RoutingNotice::Order {
         ballot: Ballot {
             term: 1,
@@ -685,7 +615,7 @@ fn an_order_that_is_none_is_counted_and_not_obeyed() {
         sequence: 1,
         order: Bytes::from_static(&[0xff, 0xff]),
     };
-    let (transmits, events) = stimulate(&mut slave, 0.0, Stimulus::Input(Input::Routing(notice)));
+    let (transmits, events) = stimulate(&mut member, 0.0, Stimulus::Input(Input::Routing(notice)));
     assert!(transmits.is_empty());
     assert!(events.contains(&Event::Refused));
 }

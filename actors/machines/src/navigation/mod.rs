@@ -1,232 +1,76 @@
-//! How a drone gets where its mission wants it: guidance in the open, by straight legs; and whether it can go on.
+//! Navigation: flies the goals of the mission by straight legs, deconflicts with traffic, and reports failures.
 
+mod config;
+mod deconfliction;
 mod fence;
-mod guard;
-mod watch;
+mod goal;
+mod health;
+mod message;
 
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
+pub use self::config::Config;
+pub use self::fence::{Area, Fence, Polygon, PolygonError, Zone};
+pub use self::goal::{Checkpoint, Goal, Progress};
+pub use self::health::{Failsafe, Failure};
+pub use self::message::{Event, Input, Notice, Transmit};
 
+use self::deconfliction::Deconfliction;
+use self::goal::ARRIVAL_RADIUS_M;
+use self::health::HealthMonitor;
 use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
 use crate::machine::{Machine, Outbox, Output};
 use crate::msp::{FlightCommand, Setpoint, Telemetry};
 use crate::time::Timestamp;
-use crate::traffic::{self, Intent};
+use crate::traffic::Intent;
 
-pub use self::fence::{Area, Fence, Polygon, PolygonError, Zone};
-use self::guard::Guard;
-use self::watch::Watch;
-pub use self::watch::{Failsafe, Failure};
+/// Multiple of [`Goal::Track`]'s `hold` after which a tracked place expires.
+const TRACK_EXPIRY_HOLDS: u32 = 2;
 
-/// How near to the end of a leg a drone at rest counts as there, in metres: the ancestor's arrival radius.
-const ARRIVAL_RADIUS_M: f64 = 1.0;
-/// How many times as long as it may be thought to move on a drone waits for news of a place that it tracks.
-const HOLDS_BORNE: u32 = 2;
-
-/// How fast the vehicle may fly.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Config {
-    /// Over ground, in m/s.
-    pub speed_mps: f64,
-    /// Upwards, in m/s.
-    pub climb_mps: f64,
-    /// Downwards, in m/s.
-    pub descent_mps: f64,
-    /// Along any leg, in m/s².
-    pub acceleration_mps2: f64,
-    /// From when on the drone can't go on.
-    pub failsafe: Failsafe,
-    /// How it keeps clear of drones near it that say where they are and go, if it heeds them.
-    pub avoid: Option<traffic::Config>,
-}
-
-/// Where a mission wants its drone.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum Goal {
-    /// Arm, climb straight up to a height, fly level to above `to`, go there.
-    TakeOff {
-        /// The slot.
-        to: Ned,
-        /// The height at which the way is flown, in metres above home.
-        transit_altitude_m: f64,
-        /// Whether to arm a vehicle that is not; otherwise it stays on the ground.
-        arm: bool,
-    },
-    /// Fly straight there.
-    FlyTo {
-        /// Where.
-        to: Ned,
-        /// At which height the drone is in nobody's way who flies on, should it have to stop; in metres above home.
-        hold_altitude_m: f64,
-    },
-    /// Climb or descend to the height of `to` first, then fly level.
-    TransitTo {
-        /// Where.
-        to: Ned,
-    },
-    /// Be at a place that moves, and move along with it.
-    Track {
-        /// Where it is now.
-        to: Ned,
-        /// As for [`Self::FlyTo`].
-        hold_altitude_m: f64,
-        /// How it moves.
-        velocity: Velocity,
-        /// For how long it may be thought to move so; the drone comes to rest then unless it is told more, and after as
-        /// long again goes out of the way of those that move on.
-        hold: Duration,
-    },
-    /// Come to rest.
-    Hold,
-    /// Leave the vehicle to the pilot.
-    Yield,
-    /// Come down on the spot and disarm.
-    Land,
-}
-
-/// What a navigation is told.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Input {
-    /// By the mission: go there; the same goal again only asks whether it is reached.
-    Goal(Goal),
-    /// By the mission: tell where the drone is.
-    Locate,
-    /// By the flight controller's link.
-    Telemetry(Telemetry),
-    /// By the radio: where another drone is and goes.
-    Traffic {
-        /// Who.
-        sender: NodeId,
-        /// Where; nothing if it does not say so any more.
-        intent: Option<Intent>,
-    },
-    /// By the link, restarted: tell me again what I should do.
-    Resync,
-    /// By the radio, restarted: say again where the drone is and goes.
-    SayWay,
-}
-
-/// What a navigation sends.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Transmit {
-    /// To the flight controller's link.
-    FlightCommand(FlightCommand),
-    /// To the mission.
-    Inform(Notice),
-    /// To the radio.
-    Intend {
-        /// Where the drone is and goes, if that is a straight way.
-        intent: Option<Intent>,
-        /// Whether others are to know at once.
-        at_once: bool,
-    },
-}
-
-/// What a navigation lets its mission know.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Notice {
-    /// The goal is reached and the drone is at rest.
-    Arrived,
-    /// Where the drone was when it was asked.
-    At {
-        /// Where.
-        position: Ned,
-        /// How it moved.
-        velocity: Velocity,
-    },
-    /// The vehicle is coming down to land, which it was not told to.
-    ComingDown,
-    /// The drone is on the ground and disarmed.
-    Landed,
-    /// The drone can't go on; of what has been told before, only what is worse. It holds where the failure is its
-    /// position or its fence, until it is told where else to go.
-    Failing {
-        /// Why.
-        failure: Failure,
-        /// Where it would be at rest if it braked now.
-        stop: Ned,
-        /// Whether its motors are armed.
-        is_airborne: bool,
-    },
-    /// This navigation restarted: tell me again where to go.
-    Resync,
-}
-
-/// What can be seen of a navigation.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Event {
-    /// What a restarted navigation is built from.
-    Checkpoint(Box<Checkpoint>),
-}
-
-/// What outlives a navigation.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Checkpoint {
-    /// Where the mission wants the drone.
-    pub goal: Option<Goal>,
-    /// What has become of it.
-    pub progress: Progress,
-}
-
-/// What has become of a goal.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub enum Progress {
-    /// The vehicle's state is needed before legs can be laid.
-    #[default]
-    Planning,
-    /// The corners still to be flown to, the next one first; none while landing.
-    Flying(VecDeque<Ned>),
-    /// It is reached.
-    Done,
-}
-
-/// The navigation of one drone.
+/// Navigation of one drone.
 #[derive(Debug)]
 pub struct Navigation {
     config: Config,
     durable: Checkpoint,
-    /// Whether the mission waits to be told where the drone is.
-    locating: bool,
-    /// At which height the vehicle was last told to hold for want of a position, in metres above home.
-    held_at_m: Option<f64>,
-    /// Until when a place that it tracks counts as known.
-    tracks_until: Option<Timestamp>,
-    watch: Watch,
-    /// Where those near it are heeded.
-    guard: Option<Guard>,
+    /// Whether the mission waits for [`Notice::Position`].
+    position_requested: bool,
+    /// Altitude of the last hold command because of a lost position, in metres above home.
+    hold_commanded_m: Option<f64>,
+    /// Expiry of the tracked place.
+    track_expires_at: Option<Timestamp>,
+    health: HealthMonitor,
+    /// `None` if traffic is ignored.
+    deconfliction: Option<Deconfliction>,
     outbox: Outbox<Transmit, Event>,
 }
 
 impl Navigation {
-    /// The navigation of drone `id` as `checkpoint` left it; one without has been told nothing.
+    /// Navigation of drone `id`, restored from `checkpoint` if there is one.
     #[must_use]
     pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
-            guard: config.avoid.map(|it| Guard::new(id, it)),
+            deconfliction: config.avoid.map(|it| Deconfliction::new(id, it)),
             config,
             durable: Checkpoint::default(),
-            locating: false,
-            held_at_m: None,
-            tracks_until: None,
-            watch: Watch::default(),
+            position_requested: false,
+            hold_commanded_m: None,
+            track_expires_at: None,
+            health: HealthMonitor::default(),
             outbox: Outbox::new(),
         };
         match checkpoint {
             Some(checkpoint) => {
                 navigation.durable = checkpoint;
-                if let Some(guard) = &mut navigation.guard {
-                    guard.starts_anew(matches!(navigation.durable.goal, Some(Goal::FlyTo { .. })));
-                }
+                navigation.reset_deconfliction();
                 navigation.inform(Notice::Resync);
                 navigation.command(FlightCommand::Report);
             }
-            // Should it fail before it is told anything, it is to ask for what it was being told.
-            None => navigation.progress(Progress::Planning),
+            // A restart before the first input must ask for the goal, so it needs a checkpoint.
+            None => navigation.set_progress(Progress::Planning),
         }
         navigation
     }
@@ -239,28 +83,26 @@ impl Navigation {
         self.outbox.transmit(Transmit::FlightCommand(command));
     }
 
-    fn progress(&mut self, progress: Progress) {
+    fn set_progress(&mut self, progress: Progress) {
         self.durable.progress = progress;
         let checkpoint = Box::new(self.durable.clone());
         self.outbox.event(Event::Checkpoint(checkpoint));
     }
 
-    fn take_goal(&mut self, now: Timestamp, goal: Goal) {
-        self.watch.tell_again();
-        self.tracks_until = None;
+    fn accept_goal(&mut self, now: Timestamp, goal: Goal) {
+        self.health.clear_reported();
+        self.track_expires_at = None;
         if let Goal::Track {
             to, velocity, hold, ..
         } = goal
-            && !self.watch.is_lost()
+            && !self.health.is_position_lost()
         {
             return self.track(now, goal, (to, velocity, hold));
         }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
-            if let Some(guard) = &mut self.guard {
-                guard.starts_anew(matches!(goal, Goal::FlyTo { .. }));
-            }
-            self.progress(Progress::Planning);
+            self.reset_deconfliction();
+            self.set_progress(Progress::Planning);
         }
         if self.durable.progress == Progress::Done {
             self.inform_done(goal);
@@ -269,7 +111,15 @@ impl Navigation {
         }
     }
 
-    /// A moving place needs no legs: the vehicle is told at once.
+    /// Starts deconfliction anew for the current goal; only [`Goal::FlyTo`] is flown in lockstep.
+    fn reset_deconfliction(&mut self) {
+        let in_lockstep = matches!(self.durable.goal, Some(Goal::FlyTo { .. }));
+        if let Some(deconfliction) = &mut self.deconfliction {
+            deconfliction.reset(in_lockstep);
+        }
+    }
+
+    /// Tracks a moving place, which needs no legs.
     fn track(
         &mut self,
         now: Timestamp,
@@ -277,11 +127,11 @@ impl Navigation {
         (to, velocity, hold): (Ned, Velocity, Duration),
     ) {
         self.durable.goal = Some(goal);
-        self.tracks_until = Some(now + hold * HOLDS_BORNE);
-        self.progress(Progress::Flying(VecDeque::new()));
-        if let Some(guard) = &mut self.guard {
-            let said = guard.follows(to, velocity, hold);
-            self.outbox.transmit(said);
+        self.track_expires_at = Some(now + hold * TRACK_EXPIRY_HOLDS);
+        self.set_progress(Progress::Flying(VecDeque::new()));
+        if let Some(deconfliction) = &mut self.deconfliction {
+            let announcement = deconfliction.announce_track(to, velocity, hold);
+            self.outbox.transmit(announcement);
         }
         self.command(FlightCommand::Fly(Setpoint::Track {
             to,
@@ -300,50 +150,55 @@ impl Navigation {
         });
     }
 
-    fn hear(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        if std::mem::take(&mut self.locating) {
-            self.inform(Notice::At {
+    fn handle_telemetry(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        if std::mem::take(&mut self.position_requested) {
+            self.inform(Notice::Position {
                 position: telemetry.position,
                 velocity: telemetry.velocity,
             });
         }
-        self.heed(now, telemetry);
-        let comes_down = telemetry.landing || self.durable.goal == Some(Goal::Land);
-        if comes_down || !self.watch.is_lost() {
-            self.pursue(now, telemetry);
+        self.apply_failsafe(now, telemetry);
+        let is_landing = telemetry.landing || self.durable.goal == Some(Goal::Land);
+        if is_landing || !self.health.is_position_lost() {
+            self.advance(now, telemetry);
         }
     }
 
-    /// Holds, or goes on, as the state of the vehicle demands, and lets the mission know.
-    fn heed(&mut self, now: Timestamp, telemetry: &Telemetry) {
+    /// Holds or resumes according to the health of the vehicle, and reports failures to the mission.
+    fn apply_failsafe(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let Config {
             failsafe,
             speed_mps,
             ..
         } = &self.config;
         let takes_off = matches!(self.durable.goal, Some(Goal::TakeOff { arm: true, .. }));
-        let fit_for = (takes_off, *speed_mps);
-        let verdict = self.watch.judge(now, telemetry, failsafe, fit_for);
-        if verdict.is_found {
-            self.held_at_m = None;
+        let report = self
+            .health
+            .check(now, telemetry, failsafe, (takes_off, *speed_mps));
+        if report.position_regained {
+            self.hold_commanded_m = None;
             if self.durable.goal == Some(Goal::Yield) {
                 self.command(FlightCommand::Yield);
             }
-            self.progress(Progress::Planning);
+            self.set_progress(Progress::Planning);
         }
         let may_hold = telemetry.armed && !telemetry.landing;
-        if self.watch.is_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
-            // A goal that it is told meanwhile may want it at another height.
-            let altitude_m = self.hold_altitude_m().or(self.held_at_m);
-            if altitude_m.is_none() || altitude_m != self.held_at_m {
-                self.held_at_m = Some(self.hold(now, telemetry));
+        if self.health.is_position_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
+            // A goal received meanwhile may have another hold altitude.
+            let altitude_m = self
+                .durable
+                .goal
+                .and_then(Goal::hold_altitude_m)
+                .or(self.hold_commanded_m);
+            if altitude_m.is_none() || altitude_m != self.hold_commanded_m {
+                self.hold_commanded_m = Some(self.hold(now, telemetry));
             }
         }
-        for failure in verdict.failures {
+        for failure in report.failures {
             if failure == Failure::Geofence {
                 self.hold(now, telemetry);
                 self.durable.goal = Some(Goal::Hold);
-                self.progress(Progress::Done);
+                self.set_progress(Progress::Done);
             }
             self.inform(Notice::Failing {
                 failure,
@@ -353,43 +208,21 @@ impl Navigation {
         }
     }
 
-    /// The height at which a drone with this goal is in nobody's way, in metres above home.
-    fn hold_altitude_m(&self) -> Option<f64> {
-        match self.durable.goal {
-            Some(
-                Goal::FlyTo {
-                    hold_altitude_m, ..
-                }
-                | Goal::Track {
-                    hold_altitude_m, ..
-                },
-            ) => Some(hold_altitude_m),
-            Some(Goal::TakeOff {
-                transit_altitude_m, ..
-            }) => Some(transit_altitude_m),
-            Some(Goal::TransitTo { to }) => Some(to.altitude_m()),
-            Some(Goal::Hold | Goal::Yield | Goal::Land) | None => None,
-        }
-    }
-
-    /// Stops wherever the vehicle is, at the height at which it is in nobody's way; which that is, in metres above home.
+    /// Holds on the spot at the hold altitude; returns it, in metres above home.
     fn hold(&mut self, now: Timestamp, telemetry: &Telemetry) -> f64 {
         let stop_m = telemetry.stop.altitude_m();
-        let altitude_m = self.hold_altitude_m().unwrap_or(stop_m);
-        let path = Path {
-            from: telemetry.position,
-            to: telemetry.stop.at_altitude(altitude_m),
-        };
-        self.intend(now, Some(path), false);
-        self.command(FlightCommand::Fly(Setpoint::Hold {
-            altitude_m,
-            vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
-            acceleration_mps2: self.config.acceleration_mps2,
-        }));
+        let altitude_m = self
+            .durable
+            .goal
+            .and_then(Goal::hold_altitude_m)
+            .unwrap_or(stop_m);
+        let path = Path::new(telemetry.position, telemetry.stop.at_altitude(altitude_m));
+        self.announce(now, Some(path), false);
+        self.command(FlightCommand::Fly(self.config.hold(altitude_m)));
         altitude_m
     }
 
-    fn pursue(&mut self, now: Timestamp, telemetry: &Telemetry) {
+    fn advance(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let Some(goal) = self.durable.goal else {
             return;
         };
@@ -397,117 +230,92 @@ impl Navigation {
             let is_done = self.durable.progress == Progress::Done;
             let may_arm = matches!(goal, Goal::TakeOff { arm: true, .. }) && !is_done;
             if telemetry.landing || !(telemetry.armed || may_arm) {
-                return self.find_out_of_the_air(now, telemetry);
+                return self.report_not_flying(now, telemetry);
             }
         }
         match self.durable.progress.clone() {
             Progress::Done => {}
-            Progress::Planning => self.plan(now, goal, telemetry),
-            Progress::Flying(_) if goal == Goal::Land => self.watch_landing(now, telemetry),
+            Progress::Planning => self.plan_legs(now, goal, telemetry),
+            Progress::Flying(_) if goal == Goal::Land => self.monitor_landing(now, telemetry),
             Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
-            Progress::Flying(corners) => self.watch_legs(now, goal, corners, telemetry),
+            Progress::Flying(corners) => self.monitor_legs(now, goal, corners, telemetry),
         }
     }
 
-    /// The vehicle can't be flown anywhere any more: it is on the ground, or on its way there.
-    fn find_out_of_the_air(&mut self, now: Timestamp, telemetry: &Telemetry) {
+    /// Reports that the vehicle can't fly to a goal: it is on the ground or landing.
+    fn report_not_flying(&mut self, now: Timestamp, telemetry: &Telemetry) {
         if telemetry.armed {
-            self.sinks(now, telemetry);
-        }
-        self.inform(if telemetry.armed {
-            Notice::ComingDown
+            self.announce_descent(now, telemetry);
+            self.inform(Notice::UncommandedLanding);
         } else {
-            Notice::Landed
-        });
+            self.inform(Notice::Landed);
+        }
     }
 
-    /// Lays the legs to a goal from where the vehicle would come to rest.
-    fn plan(&mut self, now: Timestamp, goal: Goal, telemetry: &Telemetry) {
-        let start = telemetry.stop;
-        let corners: Vec<Ned> = match goal {
+    /// Plans the legs to a goal from where the vehicle would come to rest.
+    fn plan_legs(&mut self, now: Timestamp, goal: Goal, telemetry: &Telemetry) {
+        match goal {
             Goal::TakeOff { .. } if !telemetry.armed => {
-                let knows_where_it_is = telemetry.position_lost_for.is_none();
+                let has_position = telemetry.position_lost_for.is_none();
                 let has_charge = telemetry.charge > self.config.failsafe.battery_low;
-                if knows_where_it_is && has_charge {
+                if has_position && has_charge {
                     self.command(FlightCommand::Arm);
                 }
                 return;
             }
-            Goal::TakeOff {
-                to,
-                transit_altitude_m,
-                ..
-            } => vec![
-                start.at_altitude(transit_altitude_m),
-                to.at_altitude(transit_altitude_m),
-                to,
-            ],
-            Goal::FlyTo {
-                to,
-                hold_altitude_m,
-            } => path_from_hold_altitude(start, to, hold_altitude_m),
-            Goal::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
-            Goal::Hold => vec![start],
-            Goal::Land => Vec::new(),
-            Goal::Track { .. } => {
-                self.hold(now, telemetry);
-                Vec::new()
-            }
-            Goal::Yield => {
-                self.intend(now, None, false);
-                Vec::new()
-            }
-        };
-        self.progress(Progress::Flying(corners.into()));
-        self.pursue(now, telemetry);
+            Goal::Track { .. } => _ = self.hold(now, telemetry),
+            Goal::Yield => self.announce(now, None, false),
+            _ => {}
+        }
+        self.set_progress(Progress::Flying(goal.corners(telemetry.stop)));
+        self.advance(now, telemetry);
     }
 
-    fn watch_landing(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        let column = Path {
-            from: telemetry.stop,
-            to: telemetry.stop.at_altitude(0.0),
-        };
+    fn monitor_landing(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        let column = Path::new(telemetry.stop, telemetry.stop.at_altitude(0.0));
         if !telemetry.armed {
-            self.progress(Progress::Done);
+            self.set_progress(Progress::Done);
             self.inform(Notice::Landed);
         } else if telemetry.landing {
-            self.sinks(now, telemetry);
-        } else if self.may_come_down(now, column, telemetry) {
-            self.intend(now, Some(column), true);
+            self.announce_descent(now, telemetry);
+        } else if self.may_descend(now, column, telemetry) {
+            self.announce(now, Some(column), true);
             self.command(FlightCommand::Land);
         } else {
-            self.wait_to_come_down(now, column, telemetry);
+            self.wait_to_descend(now, column, telemetry);
         }
     }
 
-    /// Whether it comes down at once: nobody is below it, or it can't wait or has waited for long enough.
-    fn may_come_down(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
-        let is_urgent =
-            self.watch.is_lost() || telemetry.charge <= self.config.failsafe.battery_critical;
-        let mut guard = self.guard.iter_mut().filter(|_| !is_urgent);
-        guard.all(|it| it.lets_down(now, column))
+    /// Whether to land now: the column below is clear, or the landing is urgent or has waited long enough.
+    fn may_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
+        let is_urgent = self.health.is_position_lost()
+            || telemetry.charge <= self.config.failsafe.battery_critical;
+        let mut deconfliction = self.deconfliction.iter_mut().filter(|_| !is_urgent);
+        deconfliction.all(|it| it.may_descend(now, column))
     }
 
-    /// Holds above others, or makes for where it comes down beside them.
-    fn wait_to_come_down(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
-        let Some(guard) = &mut self.guard else { return };
-        match guard.beside(now, column).filter(|_| telemetry.at_rest) {
+    /// Holds above the traffic below, or flies to a clear landing place beside it.
+    fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
+        let Some(deconfliction) = &mut self.deconfliction else {
+            return;
+        };
+        let detour = deconfliction.landing_detour(now, column);
+        match detour.filter(|_| telemetry.at_rest) {
             Some(side) => {
-                guard.waits(now);
-                let path = Path {
-                    from: column.from,
-                    to: side,
-                };
-                self.intend(now, Some(path), false);
-                let leg = self.leg(path.from, side);
+                deconfliction.wait(now);
+                let path = Path::new(column.from, side);
+                self.announce(now, Some(path), false);
+                let leg = self.config.leg(path.from, side);
                 self.command(FlightCommand::Fly(leg));
             }
-            None if !telemetry.at_rest && guard.goes_aside(telemetry.target) => guard.waits(now),
-            None => self.wait(now, None, telemetry),
+            None if !telemetry.at_rest && deconfliction.is_on_detour_to(telemetry.target) => {
+                deconfliction.wait(now);
+            }
+            None => self.wait_for_traffic(now, None, telemetry),
         }
     }
 
-    fn watch_legs(
+    fn monitor_legs(
         &mut self,
         now: Timestamp,
         goal: Goal,
@@ -523,147 +331,109 @@ impl Navigation {
         }
         match corners.front().copied() {
             None => {
-                self.stand(now, telemetry.position);
-                self.progress(Progress::Done);
+                self.announce(now, Some(Path::stationary(telemetry.position)), false);
+                self.set_progress(Progress::Done);
                 self.inform_done(goal);
             }
             Some(corner) => {
                 if corners.len() < before {
-                    self.progress(Progress::Flying(corners));
+                    self.set_progress(Progress::Flying(corners));
                 }
-                self.fly(now, corner, telemetry);
+                self.fly_to(now, corner, telemetry);
             }
         }
     }
 
-    /// Flies straight to `corner`, as soon as nobody is in the way.
-    fn fly(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
-        let path = Path {
-            from: telemetry.stop,
-            to: corner,
-        };
-        let guard = self.guard.as_mut();
+    /// Flies straight to `corner` as soon as the path is clear.
+    fn fly_to(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
+        let path = Path::new(telemetry.stop, corner);
+        let deconfliction = self.deconfliction.as_mut();
         if telemetry.target != Some(corner) {
-            // What others are told of it is one straight way: to brake and to fly on may be two.
-            let can_tell = |guard: &mut Guard| telemetry.at_rest && guard.lets_begin(now, path);
-            if guard.is_none_or(can_tell) {
-                self.intend(now, Some(path), false);
-                let leg = self.leg(telemetry.stop, corner);
+            // An intent is one straight path, but braking and flying on may be two.
+            let may_begin = |deconfliction: &mut Deconfliction| {
+                telemetry.at_rest && deconfliction.may_begin(now, path)
+            };
+            if deconfliction.is_none_or(may_begin) {
+                self.announce(now, Some(path), false);
+                let leg = self.config.leg(telemetry.stop, corner);
                 self.command(FlightCommand::Fly(leg));
             } else if telemetry.at_rest
-                && let Some(side) = self.turn_aside(now, path)
+                && let Some(side) = self.start_detour(now, path)
             {
-                self.fly(now, side, telemetry);
+                self.fly_to(now, side, telemetry);
             } else {
-                self.wait(now, Some(corner), telemetry);
+                self.wait_for_traffic(now, Some(corner), telemetry);
             }
-        } else if guard.is_some_and(|it| it.stops(now, telemetry.stop, corner)) {
-            self.wait(now, Some(corner), telemetry);
+        } else if deconfliction.is_some_and(|it| it.must_stop(now, telemetry.stop, corner)) {
+            self.wait_for_traffic(now, Some(corner), telemetry);
         } else {
-            self.gets(now, telemetry);
+            self.announce_progress(now, telemetry);
         }
     }
 
-    /// Lays a way round one that stays in the way for too long, if there is one; where it begins.
-    fn turn_aside(&mut self, now: Timestamp, path: Path) -> Option<Ned> {
-        let [side, level] = self.guard.as_ref()?.way_round(now, path)?;
+    /// Plans a detour around traffic that blocks the path for too long; returns its first corner.
+    fn start_detour(&mut self, now: Timestamp, path: Path) -> Option<Ned> {
+        let [side, level] = self.deconfliction.as_ref()?.detour(now, path)?;
         let Progress::Flying(mut corners) = self.durable.progress.clone() else {
             return None;
         };
         corners.push_front(level);
         corners.push_front(side);
-        self.progress(Progress::Flying(corners));
+        self.set_progress(Progress::Flying(corners));
         Some(side)
     }
 
-    /// Comes to rest, if it is not, and tries again to fly to `corner`, or to come down.
-    fn wait(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
-        let path = Path {
-            from: telemetry.position,
-            to: telemetry.stop,
-        };
-        self.intend(now, Some(path), false);
-        if let Some(guard) = &mut self.guard {
-            guard.waits(now);
+    /// Comes to rest and retries the path to `corner`, or the landing if `None`.
+    fn wait_for_traffic(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
+        self.announce(
+            now,
+            Some(Path::new(telemetry.position, telemetry.stop)),
+            false,
+        );
+        if let Some(deconfliction) = &mut self.deconfliction {
+            deconfliction.wait(now);
         }
         if !telemetry.at_rest || corner.is_some() && telemetry.target == corner {
-            self.command(FlightCommand::Fly(Setpoint::Hold {
-                altitude_m: telemetry.stop.altitude_m(),
-                vertical_mps: self.config.climb_mps.min(self.config.descent_mps),
-                acceleration_mps2: self.config.acceleration_mps2,
-            }));
+            let hold = self.config.hold(telemetry.stop.altitude_m());
+            self.command(FlightCommand::Fly(hold));
         }
     }
 
-    /// Lets the others know that the drone stands still.
-    fn stand(&mut self, now: Timestamp, place: Ned) {
-        let path = Path {
-            from: place,
-            to: place,
-        };
-        self.intend(now, Some(path), false);
-    }
-
-    /// Lets the others know where the drone is and goes, if that can be said.
-    fn intend(&mut self, now: Timestamp, path: Option<Path>, is_heedless: bool) {
-        let guard = self.guard.as_mut();
-        if let Some(said) = guard.and_then(|it| it.intend(now, path, is_heedless)) {
-            self.outbox.transmit(said);
+    /// Announces the path; `None` if it is unknown.
+    fn announce(&mut self, now: Timestamp, path: Option<Path>, has_priority: bool) {
+        if let Some(deconfliction) = &mut self.deconfliction
+            && let Some(announcement) = deconfliction.announce(now, path, has_priority)
+        {
+            self.outbox.transmit(announcement);
         }
     }
 
-    /// Lets the others know that the vehicle comes down, which nobody can call off.
-    fn sinks(&mut self, now: Timestamp, telemetry: &Telemetry) {
+    /// Announces a landing that can't be interrupted.
+    fn announce_descent(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let ground = telemetry.stop.at_altitude(0.0);
-        let is_said = |guard: &Guard| guard.leads_to(ground);
-        if self.guard.as_ref().is_some_and(is_said) {
-            self.gets(now, telemetry);
+        let is_announced = |deconfliction: &Deconfliction| deconfliction.is_announced_to(ground);
+        if self.deconfliction.as_ref().is_some_and(is_announced) {
+            self.announce_progress(now, telemetry);
         } else {
-            let path = Path {
-                from: telemetry.stop,
-                to: ground,
-            };
-            self.intend(now, Some(path), true);
+            let path = Path::new(telemetry.stop, ground);
+            self.announce(now, Some(path), true);
         }
     }
 
-    /// Lets the others know how far it has got.
-    fn gets(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        let guard = self.guard.as_mut();
-        if let Some(said) = guard.and_then(|it| it.gets(now, telemetry.position)) {
-            self.outbox.transmit(said);
+    /// Announces the progress on the path.
+    fn announce_progress(&mut self, now: Timestamp, telemetry: &Telemetry) {
+        if let Some(deconfliction) = &mut self.deconfliction
+            && let Some(announcement) = deconfliction.announce_progress(now, telemetry.position)
+        {
+            self.outbox.transmit(announcement);
         }
     }
 
-    /// Takes in where another is and goes, and looks what that means for the own way.
-    fn hear_of(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
-        let guard = self.guard.as_mut();
-        if guard.is_some_and(|it| it.hears(now, sender, intent)) {
+    /// Handles the intent of another drone; asks for telemetry if it affects the own path.
+    fn handle_traffic(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
+        let deconfliction = self.deconfliction.as_mut();
+        if deconfliction.is_some_and(|it| it.update_traffic(now, sender, intent)) {
             self.command(FlightCommand::Report);
-        }
-    }
-
-    /// A leg as fast as the vehicle may fly in that direction.
-    fn leg(&self, from: Ned, to: Ned) -> Setpoint {
-        let path = to - from;
-        let length_m = path.0.norm();
-        let over_ground = from.horizontal_distance_m(to) / length_m;
-        let climbing = path.altitude_m() / length_m;
-        let vertical_mps = if climbing > 0.0 {
-            self.config.climb_mps
-        } else {
-            self.config.descent_mps
-        };
-        // A share of zero divides to infinity, which no minimum takes.
-        let speed_mps = if length_m > 0.0 {
-            (self.config.speed_mps / over_ground).min(vertical_mps / climbing.abs())
-        } else {
-            self.config.speed_mps
-        };
-        Setpoint::Leg {
-            to,
-            speed_mps,
-            acceleration_mps2: self.config.acceleration_mps2,
         }
     }
 }
@@ -676,17 +446,17 @@ impl Machine for Navigation {
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
-            Input::Goal(goal) => self.take_goal(now, goal),
+            Input::Goal(goal) => self.accept_goal(now, goal),
             Input::Locate => {
-                self.locating = true;
+                self.position_requested = true;
                 self.command(FlightCommand::Report);
             }
-            Input::Telemetry(telemetry) => self.hear(now, &telemetry),
-            Input::Traffic { sender, intent } => self.hear_of(now, sender, intent),
+            Input::Telemetry(telemetry) => self.handle_telemetry(now, &telemetry),
+            Input::Traffic { sender, intent } => self.handle_traffic(now, sender, intent),
             Input::Resync => self.command(FlightCommand::Report),
-            Input::SayWay => {
-                if let Some(guard) = &self.guard {
-                    self.outbox.transmit(guard.word(true));
+            Input::ResendIntent => {
+                if let Some(deconfliction) = &self.deconfliction {
+                    self.outbox.transmit(deconfliction.intent(true));
                 }
             }
         }
@@ -694,36 +464,34 @@ impl Machine for Navigation {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        let is_lost = self.tracks_until.take_if(|at| *at <= now).is_some();
-        if is_lost {
-            self.progress(Progress::Planning);
+        let track_expired = self.track_expires_at.take_if(|at| *at <= now).is_some();
+        if track_expired {
+            self.set_progress(Progress::Planning);
         }
-        let looks = self.watch.next_look().is_some_and(|at| at <= now);
-        let guards = self.guard.as_mut().is_some_and(|it| it.is_due(now));
-        if looks {
-            self.watch.looked();
+        let is_check_due = self.health.next_check().is_some_and(|at| at <= now);
+        let is_traffic_due = self
+            .deconfliction
+            .as_mut()
+            .is_some_and(|it| it.take_due(now));
+        if is_check_due {
+            self.health.checked();
         }
-        if is_lost || looks || guards {
+        if track_expired || is_check_due || is_traffic_due {
             self.command(FlightCommand::Report);
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let guard = self.guard.as_ref().and_then(Guard::deadline);
-        let deadlines = [self.watch.next_look(), guard, self.tracks_until];
+        let deconfliction = self
+            .deconfliction
+            .as_ref()
+            .and_then(Deconfliction::deadline);
+        let deadlines = [
+            self.health.next_check(),
+            deconfliction,
+            self.track_expires_at,
+        ];
         self.outbox.poll(deadlines.into_iter().flatten().min())
-    }
-}
-
-/// The corners of the way to a slot: a drone that has held in its refuge descends only once it is over its slot.
-fn path_from_hold_altitude(start: Ned, to: Ned, hold_altitude_m: f64) -> Vec<Ned> {
-    let height_m = start.altitude_m();
-    let is_at_hold_altitude = (height_m - hold_altitude_m).abs() < ARRIVAL_RADIUS_M
-        && height_m > to.altitude_m() + ARRIVAL_RADIUS_M;
-    if is_at_hold_altitude {
-        vec![to.at_altitude(height_m), to]
-    } else {
-        vec![to]
     }
 }
 

@@ -5,17 +5,17 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Source;
-use super::budget::{Budget, Forgeries, TokenBucket};
+use super::budget::{Budget, FailedVerifications, TokenBucket};
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
-use crate::roster::Roster;
+use crate::node_map::NodeMap;
 use crate::time::Timestamp;
 use crate::wire::{FrameError, Header};
 
-/// How far behind the newest counter of a sender a frame may be, in frames.
-const WINDOW: u64 = 64;
+/// Length of the replay window, in counters.
+const REPLAY_WINDOW: u64 = 64;
 
-/// Why a frame was not let in; in the order in which it is checked, the cheap checks first.
+/// Why a frame was dropped, in the order of the checks, cheap checks first.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Error, Serialize, Deserialize,
 )]
@@ -26,40 +26,40 @@ pub enum DropReason {
     /// Ends before its authenticator.
     #[error("too short")]
     TooShort,
-    /// Of another version of the frame.
+    /// Another version of the frame format.
     #[error("other version")]
     Version,
-    /// For another swarm.
+    /// Another swarm.
     #[error("other swarm")]
     OtherSwarm,
-    /// A frame of our own that came back.
+    /// An own frame that came back.
     #[error("own echo")]
     OwnEcho,
-    /// Came by a connection with another drone than the one that it names as its sender.
+    /// Sent by another drone than the peer of its connection.
     #[error("relayed")]
     Relayed,
-    /// Of a drone that has been expelled from the swarm.
+    /// The sender is on the revocation list.
     #[error("revoked")]
     Revoked,
-    /// Of a drone that is none of the swarm's.
+    /// The sender is not a member of the swarm.
     #[error("stranger")]
     Stranger,
-    /// Seen before or too old to tell, or of an earlier life of the sender where lives are counted.
+    /// Received before, older than the replay window, or of an earlier incarnation if these are counted.
     #[error("replayed")]
     Replayed,
-    /// Of a sender that has not signed this radio's nonce yet, or not in this life: it may have been recorded.
+    /// The sender has not signed this radio's nonce, or not in this incarnation: possibly a recording.
     #[error("unproven")]
     Unproven,
-    /// More frames, signed by their sender, than its budget.
+    /// More signed frames than the sender's budget.
     #[error("over budget")]
     OverBudget,
-    /// Not looked at, for too many forged ones came from there, or in all.
+    /// Not verified: too many failed verifications from this source or in all.
     #[error("unverified")]
     Unverified,
-    /// Not signed by the sender that it names.
+    /// Not signed by its sender.
     #[error("forged")]
     Forged,
-    /// A list of the expelled that the fleet has not signed.
+    /// A revocation list that the fleet has not signed.
     #[error("unsigned list")]
     UnsignedList,
 }
@@ -74,48 +74,48 @@ impl From<FrameError> for DropReason {
     }
 }
 
-/// Who must sign a radio's nonce before it is believed.
+/// Which senders must sign a radio's nonce before they are accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
-    /// Nobody: nothing was ever said before.
-    Nobody,
-    /// A sender of whom nothing was let in yet; it is believed in its later lives, too.
-    TheUnknown,
-    /// Every sender, in each of its lives.
+pub enum ProofPolicy {
+    /// None: no frame was ever sent before.
+    NotRequired,
+    /// Senders without an admitted frame; they are accepted in later incarnations too.
+    UnknownSenders,
+    /// Every sender, in each of its incarnations.
     EachIncarnation,
 }
 
-/// Budgets and replay windows, an entry a sender.
+/// Token buckets and replay windows, one entry per sender.
 #[derive(Debug)]
 pub struct Admission {
     budget: Budget,
     members: u32,
-    asked: Asked,
-    senders: Roster<Sender>,
-    forgeries: Forgeries,
+    proof_policy: ProofPolicy,
+    senders: NodeMap<Sender>,
+    failures: FailedVerifications,
 }
 
-/// Where a sender stands in the table, as [`Admission::find`] found it.
+/// Entry of a sender in the table, as found by [`Admission::find`].
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct SenderLookup {
     at: usize,
     state: SenderState,
 }
 
-/// What is known of whoever a frame names as its sender.
+/// State of a frame's sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum SenderState {
-    /// It must sign a nonce first, and nothing of it was let in yet.
+    /// It must sign a nonce first; no frame of it was admitted.
     Unknown,
-    /// It must sign a nonce first, for it is known in another life.
+    /// It must sign a nonce first; it is known in another incarnation.
     OtherIncarnation,
-    /// The frame does not come from where the last one came from that it had signed.
-    Elsewhere,
-    /// The frame comes from there.
-    Home,
+    /// The frame has another source than the sender's last admitted frame.
+    OtherSource,
+    /// The frame has the same source as the sender's last admitted frame.
+    SameSource,
 }
 
-impl Place {
+impl SenderLookup {
     /// Whether the sender has signed the radio's nonce, or need not.
     #[must_use]
     pub fn is_proven(&self) -> bool {
@@ -125,7 +125,7 @@ impl Place {
         )
     }
 
-    /// Whether the sender is believed, but in another life than the frame has.
+    /// Whether the sender is proven in another incarnation than that of the frame.
     #[must_use]
     pub fn is_of_other_incarnation(&self) -> bool {
         self.state == SenderState::OtherIncarnation
@@ -134,48 +134,47 @@ impl Place {
 
 #[derive(Debug)]
 struct Sender {
-    /// Of frames that it has signed.
+    /// Bucket of its signed frames.
     bucket: TokenBucket,
-    /// Nothing yet, or the newest life and counter.
+    /// `None` before its first admitted frame.
     newest: Option<Newest>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Newest {
     incarnation: u32,
-    /// Where the last frame came from that was let in.
+    /// Source of the last admitted frame.
     source: Option<Source>,
     counter: u64,
-    /// A bit for each counter, the newest in the lowest.
+    /// A bit per counter, the newest in the lowest bit.
     seen: NonZeroU64,
 }
 
 /// Only the newest counter was seen.
 const ONLY_NEWEST: NonZeroU64 = NonZeroU64::MIN;
-/// All before it may have been.
+/// All earlier counters count as seen.
 const ALL: NonZeroU64 = NonZeroU64::MAX;
 
 impl Admission {
-    /// An empty table for a swarm of so many members, whose ids run from 0 to one below: nobody else's frame takes a
-    /// place in it.
+    /// An empty table for a swarm with ids from 0 to `members` − 1; frames of other senders take no entry.
     #[must_use]
-    pub fn new(budget: Budget, members: u32, asked: Asked) -> Self {
+    pub fn new(budget: Budget, members: u32, proof_policy: ProofPolicy) -> Self {
         Self {
             budget,
             members,
-            asked,
-            senders: Roster::new(),
-            forgeries: Forgeries::new(),
+            proof_policy,
+            senders: NodeMap::new(),
+            failures: FailedVerifications::new(),
         }
     }
 
-    /// How many senders the table holds.
+    /// Number of entries.
     #[must_use]
     pub const fn senders(&self) -> usize {
         self.senders.len()
     }
 
-    /// The members of whom nothing was let in yet.
+    /// Members without an admitted frame.
     #[must_use]
     pub fn unproven(&self) -> NodeSet {
         let is_proven = |id: &NodeId| self.senders.get(*id).is_some_and(|it| it.newest.is_some());
@@ -183,24 +182,27 @@ impl Admission {
         members.filter(|id| !is_proven(id)).collect()
     }
 
-    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
+    /// Prefetches; see [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead).
     pub(super) fn read_ahead(&self) {
         black_box((self.members, self.budget.burst, self.senders.len()));
     }
 
-    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
+    /// Prefetches; see [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead).
     pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
         let known = sender.and_then(|sender| self.senders.get(sender));
         black_box(known.map(|it| it.bucket));
     }
 
-    /// What is known of a frame's sender.
+    /// Finds the sender of a frame, and adds an entry for a new one.
     ///
     /// # Errors
-    /// With the reason for which the frame is to be dropped: a replay, which uses up nothing of what its sender may say,
-    /// or a stranger.
+    /// A replay, which costs its sender no tokens, or a sender that is not a member.
     #[inline]
-    pub fn find(&mut self, header: &Header, source: Option<Source>) -> Result<Place, DropReason> {
+    pub fn find(
+        &mut self,
+        header: &Header,
+        source: Option<Source>,
+    ) -> Result<SenderLookup, DropReason> {
         if header.sender.0 >= self.members {
             return Err(DropReason::Stranger);
         }
@@ -213,62 +215,77 @@ impl Admission {
             at
         });
         let newest = self.senders.at(at).newest.as_ref();
-        let is_asked = match newest {
-            None => self.asked != Asked::Nobody,
+        let needs_proof = match newest {
+            None => self.proof_policy != ProofPolicy::NotRequired,
             Some(newest) => {
-                self.asked == Asked::EachIncarnation && newest.incarnation != header.incarnation
+                self.proof_policy == ProofPolicy::EachIncarnation
+                    && newest.incarnation != header.incarnation
             }
         };
-        let is_asked = is_asked && !flaw::has(Flaw::BelievesTheUnproven);
+        let needs_proof = needs_proof && !flaw::has(Flaw::SkipsFreshnessProof);
         let state = match newest {
-            None if is_asked => SenderState::Unknown,
-            Some(_) if is_asked => SenderState::OtherIncarnation,
+            None if needs_proof => SenderState::Unknown,
+            Some(_) if needs_proof => SenderState::OtherIncarnation,
             Some(newest) if newest.has_seen(header) => return Err(DropReason::Replayed),
-            Some(newest) if source.is_some() && newest.source == source => SenderState::Home,
-            _ => SenderState::Elsewhere,
+            Some(newest) if source.is_some() && newest.source == source => SenderState::SameSource,
+            _ => SenderState::OtherSource,
         };
-        Ok(Place { at, state })
+        Ok(SenderLookup { at, state })
     }
 
-    /// Whether a frame may go on to the costly check of its signature.
+    /// Whether to verify the signature of a frame.
     ///
     /// # Errors
-    /// With the reason for which the frame is to be dropped.
+    /// The reason to drop the frame.
     ///
     /// # Panics
-    /// When another table than this one found the place; so do the others.
+    /// If another table found the entry; so do the other methods.
     #[inline]
     pub fn check(
         &mut self,
         now: Timestamp,
-        place: Place,
+        lookup: SenderLookup,
         source: Option<Source>,
     ) -> Result<(), DropReason> {
-        if !self.senders.at(place.at).bucket.has_left(now, &self.budget) {
+        if !self
+            .senders
+            .at(lookup.at)
+            .bucket
+            .has_tokens(now, &self.budget)
+        {
             return Err(DropReason::OverBudget);
         }
-        let has_left = match (place.state, source) {
-            (SenderState::Home, Some(home)) => self.forgeries.has_left_at(home, now, &self.budget),
-            _ => self.forgeries.has_left(now, source),
+        let may_verify = match (lookup.state, source) {
+            (SenderState::SameSource, Some(source)) => {
+                self.failures.has_tokens_at(source, now, &self.budget)
+            }
+            _ => self.failures.has_tokens(now, source),
         };
-        has_left.then_some(()).ok_or(DropReason::Unverified)
+        may_verify.then_some(()).ok_or(DropReason::Unverified)
     }
 
-    /// Takes in that a frame was looked at in vain: its signature was wrong, or it came of an unproven sender and proved
-    /// nothing. What its sender may say from elsewhere is no less by that, for whoever was the first to pass on a frame of
-    /// its has its home.
-    pub fn refuse(&mut self, now: Timestamp, place: Place, source: Option<Source>) {
-        match (place.state, source) {
-            (SenderState::Home, Some(home)) => self.forgeries.charge_at(home, now, &self.budget),
-            _ => self.forgeries.charge(now, source),
+    /// Records a failed verification: the signature was wrong, or an unproven sender proved nothing. Frames of the
+    /// sender from elsewhere are not affected, because the first drone that forwards its frame counts as its source.
+    pub fn refuse(&mut self, now: Timestamp, lookup: SenderLookup, source: Option<Source>) {
+        match (lookup.state, source) {
+            (SenderState::SameSource, Some(source)) => {
+                self.failures.charge_at(source, now, &self.budget);
+            }
+            _ => self.failures.charge(now, source),
         }
     }
 
-    /// Marks a frame, whose signature was right, as seen, and charges its sender's budget. Where the sender was unproven all
-    /// that it said before is taken for seen, for it may have been.
+    /// Marks a verified frame as seen and charges its sender's bucket. For an unproven sender all earlier counters
+    /// count as seen.
     #[inline]
-    pub fn admit(&mut self, now: Timestamp, place: Place, header: &Header, source: Option<Source>) {
-        let sender = self.senders.at(place.at);
+    pub fn admit(
+        &mut self,
+        now: Timestamp,
+        lookup: SenderLookup,
+        header: &Header,
+        source: Option<Source>,
+    ) {
+        let sender = self.senders.at(lookup.at);
         sender.bucket.charge(now, &self.budget);
         match &mut sender.newest {
             Some(newest) if newest.incarnation == header.incarnation => {
@@ -280,7 +297,7 @@ impl Admission {
                     incarnation: header.incarnation,
                     source,
                     counter: header.counter,
-                    seen: if place.is_proven() { ONLY_NEWEST } else { ALL },
+                    seen: if lookup.is_proven() { ONLY_NEWEST } else { ALL },
                 });
             }
         }
@@ -291,21 +308,22 @@ impl Newest {
     #[inline]
     fn has_seen(&self, header: &Header) -> bool {
         if header.incarnation != self.incarnation {
-            return header.incarnation < self.incarnation && !flaw::has(Flaw::AcceptsEarlierLives);
+            return header.incarnation < self.incarnation
+                && !flaw::has(Flaw::AcceptsEarlierIncarnations);
         }
         match self.counter.checked_sub(header.counter) {
             None => false,
-            Some(behind) => behind >= WINDOW || self.seen.get() & (1 << behind) != 0,
+            Some(behind) => behind >= REPLAY_WINDOW || self.seen.get() & (1 << behind) != 0,
         }
     }
 
     #[inline]
     fn mark(&mut self, counter: u64) {
         match self.counter.checked_sub(counter) {
-            Some(behind) => self.seen |= 1 << behind.min(WINDOW - 1),
+            Some(behind) => self.seen |= 1 << behind.min(REPLAY_WINDOW - 1),
             None => {
                 let ahead = counter - self.counter;
-                self.seen = if ahead < WINDOW {
+                self.seen = if ahead < REPLAY_WINDOW {
                     ONLY_NEWEST | self.seen.get() << ahead
                 } else {
                     ONLY_NEWEST

@@ -5,14 +5,14 @@ use bytes::Bytes;
 use crate::identity::NodeId;
 use crate::wire::AUTHENTICATOR_LEN;
 
-/// Who vouches for a frame's sender, and knows who was expelled.
+/// Signs and verifies frames, and knows the revocation list.
 pub trait Authenticator {
-    /// Whether anything that `sender` signs is believed at all; asked before anything costly is done about a frame.
+    /// Whether frames of `sender` are accepted at all; checked before anything costly.
     fn is_trusted(&self, _sender: NodeId) -> bool {
         true
     }
 
-    /// The authenticator of a frame of our own.
+    /// Authenticator of an own frame.
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN];
 
     /// Whether `sender` signed this.
@@ -23,32 +23,32 @@ pub trait Authenticator {
         authenticator: &[u8; AUTHENTICATOR_LEN],
     ) -> bool;
 
-    /// The number of the newest list of the expelled that is known, which rises with each list; 0 where there are none.
+    /// Number of the newest known revocation list, which rises with each list; 0 without lists.
     fn list_number(&self) -> u64 {
         0
     }
 
-    /// That list with the fleet's signature, as it is passed on; nothing where there is none, or it does not fit a datagram.
+    /// That list with the fleet's signature; `None` if there is none or it does not fit a datagram.
     fn list(&self) -> Option<Bytes> {
         None
     }
 
-    /// Takes in what a peer passed on for a list, if the fleet has signed it and it is newer than the one that is known.
+    /// Takes a list from a peer if the fleet has signed it and it is newer than the known one.
     fn take_list(&self, _list: &[u8]) -> Offer {
         Offer::Unsigned
     }
 }
 
-/// What a list is that a peer has passed on.
+/// Result of a list offered by a peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Offer {
-    /// None that the fleet has signed.
+    /// Not signed by the fleet.
     Unsigned,
-    /// Older than the one that is known.
+    /// Older than the known list.
     Older,
-    /// The one that is known.
+    /// The known list.
     Same,
-    /// Newer; from now on it is the one that is known.
+    /// Newer; it is the known list from now on.
     Newer,
 }
 
@@ -83,8 +83,8 @@ impl<A: Authenticator + ?Sized> Authenticator for Arc<A> {
     }
 }
 
-/// The authenticator of a simulation: every sender's frames bear the same mark, of the length of a signature, and
-/// whoever forges a frame in a simulated medium leaves the mark out.
+/// Authenticator of a simulation: all frames have the same mark, as long as a signature. Forged frames in a simulated
+/// medium lack it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct IdealAuthenticator;
 

@@ -3,31 +3,31 @@ use std::time::Duration;
 use super::Source;
 use crate::time::Timestamp;
 
-/// How much of something is allowed.
+/// Rate limit of a token bucket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
-    /// How long it takes to earn one.
+    /// Time to refill one token.
     pub interval: Duration,
-    /// How many may come at once.
+    /// Capacity of the bucket.
     pub burst: u32,
 }
 
-/// What is left of a budget.
+/// Token bucket.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TokenBucket {
-    /// When the whole burst will have been earned back.
+    /// Time when the bucket will be full.
     full_at: Timestamp,
 }
 
 impl TokenBucket {
-    /// From which nothing was taken yet.
+    /// A full bucket.
     pub(super) const FULL: Self = Self {
         full_at: Timestamp::ZERO,
     };
 
-    /// Whether there is one left.
+    /// Whether a token is left.
     #[inline]
-    pub(super) fn has_left(&self, now: Timestamp, budget: &Budget) -> bool {
+    pub(super) fn has_tokens(&self, now: Timestamp, budget: &Budget) -> bool {
         if self.full_at <= now {
             return budget.burst > 0;
         }
@@ -35,8 +35,8 @@ impl TokenBucket {
         full_at.since(now) <= budget.interval * budget.burst
     }
 
-    /// When there is one left, at the latest.
-    pub(super) fn earns_at(&self, budget: &Budget) -> Timestamp {
+    /// Latest time at which a token is available.
+    pub(super) fn available_at(&self, budget: &Budget) -> Timestamp {
         let rest = budget.interval * budget.burst.saturating_sub(1);
         Timestamp::ZERO + self.full_at.since(Timestamp::ZERO + rest)
     }
@@ -47,31 +47,31 @@ impl TokenBucket {
     }
 }
 
-/// How many frames are looked at in vain that do not come from where their sender was last proven to be: a signature
-/// that takes a tenth of a millisecond to check costs a tenth of a processor at most.
-const IN_ALL: Budget = Budget {
+/// Failed verifications of frames from other than the last proven source of their sender. At 0.1 ms per signature they
+/// cost at most a tenth of a processor.
+const TOTAL_BUDGET: Budget = Budget {
     interval: Duration::from_millis(1),
     burst: 256,
 };
 
-/// How many of these may come from one host, from whichever of its ports: a tenth of all. Drones share a host only where
-/// they share a machine, which then has some dozens of them that ask each other at their start.
-const OF_ONE_HOST: Budget = Budget {
+/// Share of one host, from all its ports: a tenth of all. Drones share a host only if they share a machine; some dozens
+/// of them challenge each other at the start.
+const HOST_BUDGET: Budget = Budget {
     interval: Duration::from_millis(10),
     burst: 128,
 };
 
-/// The port that stands for all of a host: nobody sends from it.
+/// Port that stands for all ports of a host; never a real port.
 const ALL_PORTS: u16 = 0;
 
-/// How many hosts and homes are remembered from which frames came that were looked at in vain.
+/// Number of hosts and proven sources with a bucket of their own.
 const SOURCES_MAX: usize = 64;
 
-/// What was looked at in vain: forgeries, whose sender nobody knows.
+/// Failed verifications: forgeries with an unknown real sender.
 #[derive(Debug)]
-pub(super) struct Forgeries {
-    in_all: TokenBucket,
-    /// Hosts and homes from which the last ones came.
+pub(super) struct FailedVerifications {
+    total: TokenBucket,
+    /// Buckets of hosts and proven sources of the last failures.
     sources: Vec<(Source, TokenBucket)>,
 }
 
@@ -82,45 +82,45 @@ const fn all_of(source: Source) -> Source {
     }
 }
 
-impl Forgeries {
+impl FailedVerifications {
     pub(super) const fn new() -> Self {
         Self {
-            in_all: TokenBucket::FULL,
+            total: TokenBucket::FULL,
             sources: Vec::new(),
         }
     }
 
-    /// Whether one more may be looked at, of a sender that is not at home there.
+    /// Whether one more frame may be verified that is not from its sender's proven source.
     #[inline]
-    pub(super) fn has_left(&self, now: Timestamp, source: Option<Source>) -> bool {
-        self.in_all.has_left(now, &IN_ALL)
-            && source.is_none_or(|source| self.has_left_at(all_of(source), now, &OF_ONE_HOST))
+    pub(super) fn has_tokens(&self, now: Timestamp, source: Option<Source>) -> bool {
+        self.total.has_tokens(now, &TOTAL_BUDGET)
+            && source.is_none_or(|source| self.has_tokens_at(all_of(source), now, &HOST_BUDGET))
     }
 
-    /// Whether one more may be looked at from a sender's home, of which so many may come.
+    /// Whether one more frame from its sender's proven source may be verified, within `budget`.
     #[inline]
-    pub(super) fn has_left_at(&self, home: Source, now: Timestamp, budget: &Budget) -> bool {
-        let known = self.sources.iter().find(|it| it.0 == home);
-        known.is_none_or(|(_, bucket)| bucket.has_left(now, budget))
+    pub(super) fn has_tokens_at(&self, source: Source, now: Timestamp, budget: &Budget) -> bool {
+        let known = self.sources.iter().find(|it| it.0 == source);
+        known.is_none_or(|(_, bucket)| bucket.has_tokens(now, budget))
     }
 
-    /// One was looked at in vain, of a sender that is not at home there.
+    /// Records a failure of a frame that is not from its sender's proven source.
     pub(super) fn charge(&mut self, now: Timestamp, source: Option<Source>) {
-        self.in_all.charge(now, &IN_ALL);
+        self.total.charge(now, &TOTAL_BUDGET);
         if let Some(source) = source {
-            self.charge_at(all_of(source), now, &OF_ONE_HOST);
+            self.charge_at(all_of(source), now, &HOST_BUDGET);
         }
     }
 
-    /// One from a sender's home was looked at in vain. Others may come from elsewhere as before.
-    pub(super) fn charge_at(&mut self, home: Source, now: Timestamp, budget: &Budget) {
-        let known = self.sources.iter().position(|it| it.0 == home);
-        let at = known.unwrap_or_else(|| self.enter(home));
+    /// Records a failure of a frame from its sender's proven source. Frames from elsewhere are not affected.
+    pub(super) fn charge_at(&mut self, source: Source, now: Timestamp, budget: &Budget) {
+        let known = self.sources.iter().position(|it| it.0 == source);
+        let at = known.unwrap_or_else(|| self.insert(source));
         self.sources[at].1.charge(now, budget);
     }
 
-    /// Remembers a source, in the place of the one that has earned most back if there is no room.
-    fn enter(&mut self, source: Source) -> usize {
+    /// Adds a source; replaces the fullest bucket if there is no room.
+    fn insert(&mut self, source: Source) -> usize {
         let entry = (source, TokenBucket::FULL);
         if self.sources.len() < SOURCES_MAX {
             self.sources.push(entry);

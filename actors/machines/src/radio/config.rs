@@ -1,29 +1,28 @@
 use super::Budget;
 use crate::identity::{NodeId, SwarmId};
 
-/// What a radio is built with.
+/// Configuration of a radio.
 #[derive(Debug, Clone)]
 pub struct Config {
-    /// Whose radio this is.
+    /// Own drone.
     pub id: NodeId,
-    /// The swarm it belongs to.
+    /// Own swarm.
     pub swarm: SwarmId,
-    /// How much of each sender is let in.
+    /// Budget of admitted frames per sender.
     pub budget: Budget,
-    /// How many members the swarm has, relays included; ids run from 0 to one below.
+    /// Number of members, relays included; ids run from 0 to one below.
     pub members: u32,
-    /// How lives are numbered, and which one this is.
+    /// Numbering of incarnations.
     pub incarnations: Incarnations,
 }
 
-/// How the lives of drones' processes are numbered, so that what was said in an earlier one does not count.
+/// How incarnations are numbered, so that frames of an earlier one are not accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Incarnations {
-    /// By each drone's journal, where none is ever lost: whoever is known is believed in a later life than before, and in no
-    /// earlier one. Only a radio that has lived before itself asks those whom it does not know to prove themselves.
+    /// Counted by the drone's journal, which is never lost. A known sender is accepted in a later incarnation and in no
+    /// earlier one. Only a radio with earlier incarnations asks unknown senders for a freshness proof.
     Counted,
-    /// By numbers that each start draws, this life's being the one here: of two nobody can tell which is the later. A radio
-    /// believes a sender in the life in which it has signed the radio's nonce and in no other, whoever may have recorded
-    /// what, and whatever journal was lost.
+    /// Drawn at each start, with this incarnation's number; their order is unknown. A radio accepts a sender only in an
+    /// incarnation that has signed the radio's nonce. So recorded frames and lost journals do no harm.
     Drawn(u32),
 }

@@ -1,5 +1,5 @@
-//! What proves that a frame was said now, and not recorded before this radio was there and sent again: its sender has
-//! signed a number that the radio has drawn for this life and nobody knew before.
+//! Freshness proofs: a frame is not a recording from before this incarnation if its sender has signed a nonce drawn for
+//! it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -8,141 +8,140 @@ use super::budget::{Budget, TokenBucket};
 use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 
-/// How soon after one challenge the next may follow, however many frames of unproven senders come in, so that nobody who
-/// sends again or makes up frames makes a drone say much.
+/// Minimum interval of challenges, however many frames of unproven senders arrive: replayed or made-up frames cause
+/// little traffic.
 const CHALLENGE_INTERVAL: Duration = Duration::from_millis(100);
 
-/// How many challenges are sent at the start, in case some are lost, or answers to them, before others are heard.
-const FIRST_CHALLENGES: u32 = 3;
+/// Challenges at the start, in case some or their responses are lost, before others are heard.
+const INITIAL_CHALLENGES: u32 = 3;
 
-/// How often a sender that is believed in one life is asked because another life speaks in its name: so many times at once,
-/// should it have started anew, and then once a second, for it may be a recording that is said again and again.
-const DOUBTS: Budget = Budget {
+/// Challenges for a proven sender because of a frame in its name from another incarnation: a few at once in case it
+/// restarted, then one a second, because it may be a replayed recording.
+const RECHECKS: Budget = Budget {
     interval: Duration::from_secs(1),
     burst: 3,
 };
 
-/// How soon after one response the next may follow; whoever asks meanwhile is answered with it.
+/// Minimum interval of responses; challenges in between are answered together.
 const RESPONSE_INTERVAL: Duration = Duration::from_millis(20);
 
-/// How many responses are sent, at once and from then on: recorded challenges can be said again without end.
+/// Budget of responses: recorded challenges can be replayed without end.
 const RESPONSES: Budget = Budget {
     interval: Duration::from_millis(200),
     burst: 10,
 };
 
-/// How many are answered at once, so that a response fits a datagram.
+/// Challenges per response, so that it fits a datagram.
 const ANSWERED_MAX: usize = 64;
 
-/// How many nonces of one who asks wait to be answered: which of them is not an old one said again, nobody can tell.
-const ASKED_BY_ONE_MAX: usize = 4;
+/// Pending challenges of one sender: a replayed one can't be told from a new one.
+const PENDING_BY_SENDER_MAX: usize = 4;
 
-/// How many wait in all.
-const ASKED_MAX: usize = 1_024;
+/// Pending challenges of all senders.
+const PENDING_MAX: usize = 1_024;
 
-/// Asks those who are unproven.
+/// Challenges unproven senders.
 #[derive(Debug)]
 pub(super) struct Challenger {
     nonce: u64,
-    /// Who has signed that. It counts once for each, so that what a sender signed in an earlier life does not bring that
-    /// life back.
+    /// Senders that have signed the nonce. Each proof counts once, so that an old one does not bring back an earlier
+    /// incarnation.
     answered: NodeSet,
-    /// Senders that are believed, and in whose name another life speaks: they are to be asked.
-    doubted: NodeSet,
-    /// How often these were asked.
+    /// Proven senders to challenge again, because of a frame from another incarnation.
+    rechecked: NodeSet,
+    /// Challenges for these senders.
     asked: BTreeMap<NodeId, TokenBucket>,
-    /// How many challenges are still to be sent.
-    left: u32,
+    /// Challenges still to send.
+    remaining: u32,
     next_at: Timestamp,
 }
 
 impl Challenger {
-    /// Asks at once, with a number that was never used before.
+    /// Challenges at once, with a nonce that was never used before.
     pub(super) const fn new(nonce: u64) -> Self {
         Self {
             nonce,
             answered: NodeSet::new(),
-            doubted: NodeSet::new(),
+            rechecked: NodeSet::new(),
             asked: BTreeMap::new(),
-            left: FIRST_CHALLENGES,
+            remaining: INITIAL_CHALLENGES,
             next_at: Timestamp::ZERO,
         }
     }
 
-    /// What proves a sender if it signs it now.
+    /// The nonce that proves `sender`; `None` if it has signed the nonce.
     pub(super) fn nonce_for(&self, sender: NodeId) -> Option<u64> {
         (!self.answered.contains(sender)).then_some(self.nonce)
     }
 
     /// A sender has signed the nonce.
-    pub(super) fn is_answered(&mut self, by: NodeId) {
+    pub(super) fn record_proof(&mut self, by: NodeId) {
         self.answered.insert(by);
-        self.doubted = self.doubted.difference(&by.into());
+        self.rechecked = self.rechecked.difference(&by.into());
     }
 
-    /// Somebody of whom nothing was let in yet was heard, or a frame in its name.
-    pub(super) fn hears(&mut self) {
-        self.left = self.left.max(1);
+    /// An unproven sender was heard: sends at least one more challenge.
+    pub(super) fn request(&mut self) {
+        self.remaining = self.remaining.max(1);
     }
 
-    /// A sender that is believed was heard in another life, or a frame in its name that was recorded.
-    pub(super) fn doubts(&mut self, now: Timestamp, sender: NodeId) {
+    /// A proven sender was heard in another incarnation, or a recording of one was replayed.
+    pub(super) fn recheck(&mut self, now: Timestamp, sender: NodeId) {
         let asked = self.asked.get(&sender);
-        if asked.is_none_or(|bucket| bucket.has_left(now, &DOUBTS)) {
-            self.doubted.insert(sender);
-            self.hears();
+        if asked.is_none_or(|bucket| bucket.has_tokens(now, &RECHECKS)) {
+            self.rechecked.insert(sender);
+            self.request();
         }
     }
 
-    /// Who is believed and is to be asked all the same.
-    pub(super) const fn doubted(&self) -> &NodeSet {
-        &self.doubted
+    /// Proven senders to challenge again.
+    pub(super) const fn rechecked(&self) -> &NodeSet {
+        &self.rechecked
     }
 
     pub(super) fn deadline(&self) -> Option<Timestamp> {
-        (self.left > 0).then_some(self.next_at)
+        (self.remaining > 0).then_some(self.next_at)
     }
 
-    /// Whether a challenge is to be sent now.
+    /// Whether a challenge is due.
     pub(super) fn is_due(&self, now: Timestamp) -> bool {
         self.deadline().is_some_and(|at| at <= now)
     }
 
-    /// A challenge is sent; with this nonce, which is another one if somebody has signed the one before who is to prove
-    /// itself again.
-    pub(super) fn sends(&mut self, now: Timestamp) -> u64 {
-        let doubted = std::mem::take(&mut self.doubted);
-        if !doubted.intersection(&self.answered).is_empty() {
+    /// Starts a challenge and returns its nonce. The nonce changes if a sender to recheck has signed the last one.
+    pub(super) fn next_nonce(&mut self, now: Timestamp) -> u64 {
+        let rechecked = std::mem::take(&mut self.rechecked);
+        if !rechecked.intersection(&self.answered).is_empty() {
             self.nonce = self.nonce.wrapping_add(1);
             self.answered = NodeSet::new();
         }
-        for sender in doubted.iter() {
+        for sender in rechecked.iter() {
             let bucket = self.asked.entry(sender).or_insert(TokenBucket::FULL);
-            bucket.charge(now, &DOUBTS);
+            bucket.charge(now, &RECHECKS);
         }
-        self.left = self.left.saturating_sub(1);
+        self.remaining = self.remaining.saturating_sub(1);
         self.next_at = now + CHALLENGE_INTERVAL;
         self.nonce
     }
 
-    /// All are proven.
-    pub(super) const fn rest(&mut self) {
-        self.left = 0;
+    /// Stops: all senders are proven.
+    pub(super) const fn stop(&mut self) {
+        self.remaining = 0;
     }
 }
 
-/// Answers those who ask.
+/// Answers challenges.
 #[derive(Debug)]
 pub(super) struct Responder {
-    /// What members have asked since they were last answered.
+    /// Pending challenges: sender and nonce.
     asked: BTreeSet<(NodeId, u64)>,
-    /// Where to go on if not all can be answered at once.
+    /// Start of the next response, if not all fit into one.
     next: (NodeId, u64),
     next_at: Timestamp,
     responses: TokenBucket,
 }
 
-/// Before all that can be asked.
+/// Lowest possible challenge.
 const FIRST: (NodeId, u64) = (NodeId(0), 0);
 
 impl Responder {
@@ -155,10 +154,10 @@ impl Responder {
         }
     }
 
-    /// Somebody asks; in vain if it or all together have asked too much since they were last answered.
-    pub(super) fn asks(&mut self, who: NodeId, nonce: u64) {
+    /// Adds a challenge; drops it if this sender or all together have too many pending.
+    pub(super) fn enqueue(&mut self, who: NodeId, nonce: u64) {
         let by_one = self.asked.range((who, 0)..=(who, u64::MAX)).count();
-        if by_one < ASKED_BY_ONE_MAX && self.asked.len() < ASKED_MAX {
+        if by_one < PENDING_BY_SENDER_MAX && self.asked.len() < PENDING_MAX {
             self.asked.insert((who, nonce));
         }
     }
@@ -167,13 +166,13 @@ impl Responder {
         (!self.asked.is_empty()).then_some(self.next_at)
     }
 
-    /// Whom to answer now.
-    pub(super) fn due(&mut self, now: Timestamp) -> Vec<(NodeId, u64)> {
+    /// The challenges to answer now.
+    pub(super) fn take_due(&mut self, now: Timestamp) -> Vec<(NodeId, u64)> {
         if self.deadline().is_none_or(|at| at > now) {
             return Vec::new();
         }
         self.responses.charge(now, &RESPONSES);
-        let earned_at = self.responses.earns_at(&RESPONSES);
+        let earned_at = self.responses.available_at(&RESPONSES);
         self.next_at = earned_at.max(now + RESPONSE_INTERVAL);
         let (before, behind) = (self.asked.range(..self.next), self.asked.range(self.next..));
         let answered: Vec<_> = behind.chain(before).take(ANSWERED_MAX).copied().collect();

@@ -2,8 +2,10 @@ mod budgets;
 mod freshness;
 mod lists;
 
+use std::num::NonZeroU16;
 use std::time::Duration;
 
+use super::counters::COUNTER_BLOCK;
 use super::*;
 use crate::identity::SwarmId;
 use crate::machine::{Emitted, Stimulus, step};
@@ -30,7 +32,7 @@ fn config(id: u32) -> Config {
     }
 }
 
-/// In its first life, and so without need to ask anybody.
+/// In its first incarnation, so it needs no freshness proofs.
 fn radio(id: u32) -> Radio<IdealAuthenticator> {
     Radio::new(config(id), IdealAuthenticator, 1, Checkpoint::default(), 0)
 }
@@ -39,29 +41,29 @@ fn at(now_ms: u64) -> Timestamp {
     Timestamp::from_nanos(now_ms * 1_000_000)
 }
 
-/// What comes of a step.
-fn stepped<A: Authenticator>(
+/// Output of a step.
+fn step_at<A: Authenticator>(
     radio: &mut Radio<A>,
     now_ms: u64,
     stimulus: Stimulus<Input>,
 ) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
-    let Ok(_) = step(radio, at(now_ms), stimulus, |said| match said {
+    let Ok(_) = step(radio, at(now_ms), stimulus, |output| match output {
         Emitted::Transmit(transmit) => transmits.push(transmit),
         Emitted::Event(event) => events.push(event),
     });
     (transmits, events)
 }
 
-fn told<A: Authenticator>(
+fn handle<A: Authenticator>(
     radio: &mut Radio<A>,
     now_ms: u64,
     input: Input,
 ) -> (Vec<Transmit>, Vec<Event>) {
-    stepped(radio, now_ms, Stimulus::Input(input))
+    step_at(radio, now_ms, Stimulus::Input(input))
 }
 
-/// The frames among what was transmitted.
+/// Sent frames in this output.
 fn frames(transmits: Vec<Transmit>) -> Vec<Bytes> {
     let frames = transmits.into_iter().filter_map(|it| match it {
         Transmit::Send { frame, .. } => Some(frame),
@@ -70,22 +72,26 @@ fn frames(transmits: Vec<Transmit>) -> Vec<Bytes> {
     frames.collect()
 }
 
-/// What a radio says by itself, woken now.
-fn says<A: Authenticator>(radio: &mut Radio<A>, now_ms: u64) -> Vec<Bytes> {
-    frames(stepped(radio, now_ms, Stimulus::Timeout).0)
+/// Frames that a radio sends on a timeout.
+fn timeout_frames<A: Authenticator>(radio: &mut Radio<A>, now_ms: u64) -> Vec<Bytes> {
+    frames(step_at(radio, now_ms, Stimulus::Timeout).0)
 }
 
-/// What it answers to a frame, whether it lets that in or not.
-fn answers<A: Authenticator>(radio: &mut Radio<A>, now_ms: u64, frame: &Bytes) -> Vec<Bytes> {
-    frames(told(radio, now_ms, received(frame, None)).0)
+/// Frames that it sends in response to a frame, admitted or not.
+fn response_frames<A: Authenticator>(
+    radio: &mut Radio<A>,
+    now_ms: u64,
+    frame: &Bytes,
+) -> Vec<Bytes> {
+    frames(handle(radio, now_ms, received(frame, None)).0)
 }
 
-fn packet(frame: &Bytes) -> Packet {
+fn packet(frame: &Bytes) -> RadioPacket {
     let payload = wire::decode_frame(frame).unwrap().payload;
     wire::decode_radio_packet(payload).unwrap()
 }
 
-/// The same frame, signed by nobody.
+/// The same frame with a wrong signature.
 fn unsigned(frame: &Bytes) -> Bytes {
     let mut bytes = frame.to_vec();
     *bytes.last_mut().unwrap() ^= 1;
@@ -94,7 +100,7 @@ fn unsigned(frame: &Bytes) -> Bytes {
 
 fn sent_by<A: Authenticator>(radio: &mut Radio<A>, payload: &[u8]) -> Bytes {
     let payload = payload.to_vec();
-    let (transmits, _) = told(
+    let (transmits, _) = handle(
         radio,
         0,
         Input::Send {
@@ -111,7 +117,7 @@ fn sent_by<A: Authenticator>(radio: &mut Radio<A>, payload: &[u8]) -> Bytes {
     frame.expect("a frame should have been sent")
 }
 
-/// One of a host's ports.
+/// A port of a host.
 fn source(host: u16, port: u16) -> Source {
     let host = NonZeroU16::new(host).unwrap();
     Source { host, port }
@@ -126,7 +132,7 @@ fn received(frame: &Bytes, source: Option<Source>) -> Input {
     }
 }
 
-/// What becomes of a frame: nothing if it was let in.
+/// Why a frame is dropped; `None` if it is admitted.
 fn dropped<A: Authenticator>(
     radio: &mut Radio<A>,
     now_ms: u64,
@@ -135,14 +141,14 @@ fn dropped<A: Authenticator>(
     dropped_from(radio, now_ms, frame, None)
 }
 
-/// Likewise, of one from somewhere.
+/// As [`dropped`], for a frame from this source.
 fn dropped_from<A: Authenticator>(
     radio: &mut Radio<A>,
     now_ms: u64,
     frame: &Bytes,
     source: Option<Source>,
 ) -> Option<DropReason> {
-    let (transmits, events) = told(radio, now_ms, received(frame, source));
+    let (transmits, events) = handle(radio, now_ms, received(frame, source));
     let reason = events.into_iter().find_map(|event| match event {
         Event::Dropped(reason) => Some(reason),
         _ => None,
@@ -150,20 +156,23 @@ fn dropped_from<A: Authenticator>(
     let is_heard = transmits.iter().any(is_passed_on);
     assert!(
         !is_heard || reason.is_none(),
-        "what is dropped is not passed on"
+        "a dropped frame is not passed on"
     );
     reason
 }
 
 fn is_passed_on(transmit: &Transmit) -> bool {
-    matches!(transmit, Transmit::Heard { .. } | Transmit::Locate { .. })
+    matches!(
+        transmit,
+        Transmit::Received { .. } | Transmit::Locate { .. }
+    )
 }
 
 #[test]
-fn a_frame_reaches_the_routing_of_another_drone() {
+fn frame_reaches_the_routing_of_another_drone() {
     let frame = sent_by(&mut radio(0), b"hello");
-    let (transmits, events) = told(&mut radio(1), 0, received(&frame, None));
-    let heard = Transmit::Heard {
+    let (transmits, events) = handle(&mut radio(1), 0, received(&frame, None));
+    let heard = Transmit::Received {
         sender: NodeId(0),
         ballot: BALLOT,
         payload: Bytes::from_static(b"hello"),
@@ -172,7 +181,7 @@ fn a_frame_reaches_the_routing_of_another_drone() {
 }
 
 #[test]
-fn a_frame_is_let_in_once() {
+fn frame_is_admitted_once() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     let frames = [b"a", b"b", b"c"].map(|payload| sent_by(&mut sender, payload));
     for frame in [&frames[1], &frames[0], &frames[2]] {
@@ -187,7 +196,7 @@ fn a_frame_is_let_in_once() {
 }
 
 #[test]
-fn a_frame_of_an_earlier_life_is_a_replay() {
+fn frame_of_an_earlier_incarnation_is_a_replay() {
     let mut earlier = radio(0);
     let mut later = radio(0);
     later.incarnation = 2;
@@ -199,7 +208,7 @@ fn a_frame_of_an_earlier_life_is_a_replay() {
 }
 
 #[test]
-fn a_sender_over_its_budget_is_dropped_until_it_has_earned_more() {
+fn sender_over_its_budget_is_dropped_until_tokens_are_refilled() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     let outcome: Vec<_> = [0, 1, 2, 3, 150]
         .map(|now| {
@@ -212,7 +221,7 @@ fn a_sender_over_its_budget_is_dropped_until_it_has_earned_more() {
 }
 
 #[test]
-fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
+fn drop_reasons_of_other_swarm_own_echo_forgery_and_stranger_differ() {
     let mut receiver = radio(1);
     let mut elsewhere = radio(0);
     elsewhere.config.swarm = SwarmId(2);
@@ -237,25 +246,25 @@ fn other_swarms_own_echoes_forgeries_and_strangers_are_told_apart() {
 }
 
 #[test]
-fn over_a_connection_a_drone_speaks_for_itself_only_and_its_signature_is_not_looked_at() {
+fn connection_admits_frames_of_its_peer_only_and_without_signature_check() {
     let mut receiver = radio(1);
     let frame = unsigned(&sent_by(&mut radio(0), b"hello"));
-    let over_that_with = |peer| Input::Received {
+    let from_peer = |peer| Input::Received {
         datagram: frame.clone(),
         source: Some(source(1, 7)),
         peer: Some(NodeId(peer)),
     };
-    let (transmits, events) = told(&mut receiver, 0, over_that_with(2));
-    assert_eq!(transmits, [], "nor is drone 0 looked for there");
+    let (transmits, events) = handle(&mut receiver, 0, from_peer(2));
+    assert_eq!(transmits, [], "drone 0 is not located there");
     assert_eq!(events, [Event::Dropped(DropReason::Relayed)]);
-    let (transmits, events) = told(&mut receiver, 0, over_that_with(0));
+    let (transmits, events) = handle(&mut receiver, 0, from_peer(0));
     assert!(transmits.iter().any(is_passed_on) && events.is_empty());
-    let (_, events) = told(&mut receiver, 0, over_that_with(0));
+    let (_, events) = handle(&mut receiver, 0, from_peer(0));
     assert_eq!(events, [Event::Dropped(DropReason::Replayed)]);
 }
 
 #[test]
-fn a_forged_frame_does_not_use_up_the_counter_it_claims() {
+fn forged_frame_does_not_use_up_its_counter() {
     let mut receiver = radio(1);
     let genuine = sent_by(&mut radio(0), b"");
     let forged = unsigned(&genuine);
@@ -264,10 +273,10 @@ fn a_forged_frame_does_not_use_up_the_counter_it_claims() {
 }
 
 #[test]
-fn a_restarted_radio_uses_no_counter_twice() {
+fn restarted_radio_reuses_no_counter() {
     let mut first = radio(0);
     let payload = Vec::new();
-    let (_, events) = told(
+    let (_, events) = handle(
         &mut first,
         0,
         Input::Send {
@@ -278,22 +287,22 @@ fn a_restarted_radio_uses_no_counter_twice() {
         },
     );
     let [Event::Checkpoint(checkpoint)] = events.as_slice() else {
-        panic!("counters are reserved before they are used");
+        panic!("counters are reserved before use");
     };
     sent_by(&mut first, b"");
     let mut second = Radio::new(config(0), IdealAuthenticator, 1, *checkpoint, 7);
     let frame = sent_by(&mut second, b"");
     let counter = wire::decode_frame(&frame).unwrap().header.counter;
     assert!(
-        counter > first.counter,
+        counter >= first.counters.next(),
         "{counter} was used by the first incarnation already"
     );
 }
 
 #[test]
-fn a_payload_that_outgrows_a_datagram_is_not_sent() {
+fn payload_too_long_for_a_datagram_is_not_sent() {
     let payload = vec![0; PAYLOAD_MAX + 1];
-    let (transmits, events) = told(
+    let (transmits, events) = handle(
         &mut radio(0),
         0,
         Input::Send {
@@ -313,7 +322,7 @@ fn a_payload_that_outgrows_a_datagram_is_not_sent() {
 }
 
 #[test]
-fn where_a_sender_is_to_be_found_is_told_by_frames_that_are_let_in_and_by_no_other() {
+fn only_admitted_frames_locate_their_sender() {
     let frame = sent_by(&mut radio(0), b"hello");
     let source = source(1, 7);
     let forged = unsigned(&frame);
@@ -322,18 +331,18 @@ fn where_a_sender_is_to_be_found_is_told_by_frames_that_are_let_in_and_by_no_oth
         let is_location = |it: &Transmit| matches!(it, Transmit::Locate { .. });
         transmits.into_iter().find(is_location)
     };
-    let (transmits, _) = told(&mut receiver, 0, received(&forged, Some(source)));
+    let (transmits, _) = handle(&mut receiver, 0, received(&forged, Some(source)));
     assert_eq!(located(transmits), None);
-    let (transmits, _) = told(&mut receiver, 0, received(&frame, Some(source)));
+    let (transmits, _) = handle(&mut receiver, 0, received(&frame, Some(source)));
     let sender = NodeId(0);
     let found = Transmit::Locate { sender, source };
     assert_eq!(located(transmits), Some(found));
 }
 
-/// Believes nobody but itself.
-struct Suspicious;
+/// Trusts no sender.
+struct TrustsNone;
 
-impl Authenticator for Suspicious {
+impl Authenticator for TrustsNone {
     fn is_trusted(&self, _: NodeId) -> bool {
         false
     }
@@ -343,72 +352,79 @@ impl Authenticator for Suspicious {
     }
 
     fn verify(&self, _: NodeId, _: &[u8], _: &[u8; AUTHENTICATOR_LEN]) -> bool {
-        panic!("who is not trusted is not worth the cost of a signature")
+        panic!("the signature of an untrusted sender is not checked")
     }
 }
 
 #[test]
-fn frames_of_whoever_is_expelled_are_dropped_before_their_signature_is_looked_at() {
+fn frames_of_revoked_senders_are_dropped_before_the_signature_check() {
     let frame = sent_by(&mut radio(0), b"hello");
-    let mut receiver = Radio::new(config(1), Suspicious, 1, Checkpoint::default(), 0);
-    let (transmits, events) = told(&mut receiver, 0, received(&frame, None));
+    let mut receiver = Radio::new(config(1), TrustsNone, 1, Checkpoint::default(), 0);
+    let (transmits, events) = handle(&mut receiver, 0, received(&frame, None));
     assert_eq!(transmits, []);
     assert_eq!(events, [Event::Dropped(DropReason::Revoked)]);
 }
 
 #[test]
-fn where_a_drone_is_and_goes_is_said_at_once_and_in_every_frame() {
+fn intent_is_sent_immediately_and_in_every_frame() {
     let intent = |north_dm: i32| Intent {
         from_dm: [0, 0, -300],
         to_dm: [north_dm, 0, -300],
         flown: 0,
-        is_heedless: false,
+        has_priority: false,
     };
-    let intend = |intent: Option<Intent>, at_once: bool| Input::Intend { intent, at_once };
-    let (mut speaker, mut listener) = (radio(0), radio(1));
-    let before = sent_by(&mut speaker, b"before");
-    let at_once = frames(told(&mut speaker, 0, intend(Some(intent(600)), true)).0);
-    assert_eq!(at_once.len(), 1);
-    assert_eq!(packet(&at_once[0]), Packet::Intent);
+    let intend = |intent: Option<Intent>, immediately: bool| Input::AnnounceIntent {
+        intent,
+        immediately,
+    };
+    let (mut sender, mut receiver) = (radio(0), radio(1));
+    let before = sent_by(&mut sender, b"before");
+    let immediately = frames(handle(&mut sender, 0, intend(Some(intent(600)), true)).0);
+    assert_eq!(immediately.len(), 1);
+    assert_eq!(packet(&immediately[0]), RadioPacket::Intent);
     assert!(
-        told(&mut speaker, 0, intend(Some(intent(600)), true))
+        handle(&mut sender, 0, intend(Some(intent(600)), true))
             .0
             .is_empty()
     );
-    let after = sent_by(&mut speaker, b"after");
-    let too_long = sent_by(&mut speaker, &[9; PAYLOAD_MAX]);
+    let after = sent_by(&mut sender, b"after");
+    let too_long = sent_by(&mut sender, &[9; PAYLOAD_MAX]);
     let farther = Intent {
         flown: 64,
         ..intent(600)
     };
-    let silently = told(&mut speaker, 0, intend(Some(farther), false)).0;
-    assert_eq!(silently, [], "the next frame says so");
-    let later = sent_by(&mut speaker, b"later");
-    let gone = frames(told(&mut speaker, 0, intend(None, true)).0);
-    let mut hears = |now_ms: u64, frame: &Bytes| {
-        let (transmits, _) = told(&mut listener, now_ms, received(frame, None));
+    let silently = handle(&mut sender, 0, intend(Some(farther), false)).0;
+    assert_eq!(silently, [], "the next frame holds it");
+    let later = sent_by(&mut sender, b"later");
+    let gone = frames(handle(&mut sender, 0, intend(None, true)).0);
+    let mut traffic = |now_ms: u64, frame: &Bytes| {
+        let (transmits, _) = handle(&mut receiver, now_ms, received(frame, None));
         transmits.into_iter().find_map(|it| match it {
             Transmit::Traffic { sender, intent } => Some((sender, intent)),
             _ => None,
         })
     };
-    assert_eq!(hears(0, &before), None);
+    assert_eq!(traffic(0, &before), None);
     assert_eq!(
-        hears(200, &at_once[0]),
+        traffic(200, &immediately[0]),
         Some((NodeId(0), Some(intent(600))))
     );
-    assert_eq!(hears(400, &after), None, "that is known");
-    assert_eq!(hears(600, &too_long), None, "no room is no news");
-    assert_eq!(hears(700, &later), Some((NodeId(0), Some(farther))));
-    assert_eq!(hears(800, &gone[0]), Some((NodeId(0), None)));
+    assert_eq!(traffic(400, &after), None, "unchanged");
+    assert_eq!(
+        traffic(600, &too_long),
+        None,
+        "a frame without room changes no intent"
+    );
+    assert_eq!(traffic(700, &later), Some((NodeId(0), Some(farther))));
+    assert_eq!(traffic(800, &gone[0]), Some((NodeId(0), None)));
 }
 
 #[test]
-fn a_radio_that_restarts_asks_where_its_drone_is_and_goes() {
+fn restarted_radio_requests_the_own_intent() {
     let kept = Checkpoint { counter: 1_024 };
     let mut restarted = Radio::new(config(0), IdealAuthenticator, 1, kept, 7);
-    let (asked, _) = told(&mut restarted, 0, received(&Bytes::new(), None));
+    let (asked, _) = handle(&mut restarted, 0, received(&Bytes::new(), None));
     assert!(asked.contains(&Transmit::Resync), "{asked:?}");
-    let (asked, _) = told(&mut radio(1), 0, received(&Bytes::new(), None));
-    assert_eq!(asked, [], "nothing was said before");
+    let (asked, _) = handle(&mut radio(1), 0, received(&Bytes::new(), None));
+    assert_eq!(asked, [], "no frame was sent before");
 }

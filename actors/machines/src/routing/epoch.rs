@@ -5,8 +5,7 @@ use super::Notice;
 use crate::identity::{Ballot, NodeId};
 use crate::leader::{BallotDecision, CurrentLeader, LinkSymmetry};
 
-/// What a drone's routing knows of the leader epoch that it is under, by any policy: whose it is, its newest order, and how
-/// far the drone has got.
+/// The state of a leader epoch at one drone: the leader, its newest order, and the drone's own progress.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct LeaderEpoch {
     leader: CurrentLeader,
@@ -16,7 +15,7 @@ pub struct LeaderEpoch {
 }
 
 impl LeaderEpoch {
-    /// A leader epoch that has just begun.
+    /// The start of a leader epoch.
     #[must_use]
     pub fn of(ballot: Ballot) -> Self {
         Self {
@@ -25,7 +24,7 @@ impl LeaderEpoch {
         }
     }
 
-    /// Whom the drone obeys.
+    /// The current leader's ballot; `None` before the first.
     #[must_use]
     pub const fn ballot(&self) -> Option<Ballot> {
         self.leader.ballot()
@@ -37,77 +36,77 @@ impl LeaderEpoch {
         self.leader.is_of(drone)
     }
 
-    /// The number of the newest order that the drone has heard of; 0 before the first.
+    /// Number of the newest known order; 0 before the first.
     #[must_use]
     pub const fn sequence(&self) -> u32 {
         self.sequence
     }
 
-    /// The newest order.
+    /// The newest known order; `None` before the first.
     #[must_use]
     pub const fn order(&self) -> Option<&Bytes> {
         self.order.as_ref()
     }
 
-    /// The newest order that the drone itself has carried out.
+    /// Number of the newest order that this drone has carried out.
     #[must_use]
     pub const fn acknowledged(&self) -> u32 {
         self.acknowledged
     }
 
-    /// Hears of a ballot: in a frame, or from its own protocol, which leads. Turning to it forgets the orders of the
-    /// leader epoch before.
-    pub fn hear(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
-        let decision = self.leader.hear(ballot, symmetry);
-        if decision == BallotDecision::Turned {
+    /// Observes a ballot, from a frame or from the drone's own protocol. Adopting one forgets the orders of the epoch
+    /// before.
+    pub fn observe(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
+        let decision = self.leader.observe(ballot, symmetry);
+        if decision == BallotDecision::Adopted {
             *self = Self::of(ballot);
         }
         decision
     }
 
-    /// Takes an order that the drone gives under its ballot; whether it is news. It is not if the drone has turned to
-    /// another, of which its protocol need not know yet: nobody orders in the name of another.
+    /// Accepts an order that this drone's protocol gives under `ballot`; returns whether it is new. The order is
+    /// dropped if the routing has adopted another ballot, which the protocol may not know yet.
     pub fn publish(&mut self, own: NodeId, ballot: Ballot, sequence: u32, order: Bytes) -> bool {
         let is_current = self.is_led_by(own) && self.ballot() == Some(ballot);
         is_current && self.take(sequence, order)
     }
 
-    /// Takes an order that was heard under this leader epoch; whether it is news. A master hears its own orders only.
-    pub fn hear_order(&mut self, own: NodeId, sequence: u32, order: Bytes) -> bool {
+    /// Accepts an order received from others under this epoch; returns whether it is new. A master ignores it.
+    pub fn receive_order(&mut self, own: NodeId, sequence: u32, order: Bytes) -> bool {
         let has_master = self.ballot().is_some() && !self.is_led_by(own);
         has_master && self.take(sequence, order)
     }
 
     fn take(&mut self, sequence: u32, order: Bytes) -> bool {
-        let is_news = sequence > self.sequence;
-        if is_news {
+        let is_new = sequence > self.sequence;
+        if is_new {
             self.sequence = sequence;
             self.order = Some(order);
         }
-        is_news
+        is_new
     }
 
-    /// Takes in that the drone has carried out an order of this leader epoch, and all before it; whether that is news.
+    /// Records that this drone has carried out an order and all before it; returns whether that is new.
     pub fn acknowledge(&mut self, ballot: Ballot, sequence: u32) -> bool {
-        let is_news = self.ballot() == Some(ballot) && sequence > self.acknowledged;
-        if is_news {
+        let is_new = self.ballot() == Some(ballot) && sequence > self.acknowledged;
+        if is_new {
             self.acknowledged = sequence;
         }
-        is_news
+        is_new
     }
 
-    /// Whether the drone has carried out the newest order.
+    /// Whether this drone has carried out the newest order.
     #[must_use]
     pub const fn is_carried_out(&self) -> bool {
         self.sequence > 0 && self.acknowledged >= self.sequence
     }
 
-    /// Whether what must never fall back has changed since `before`: whose leader epoch it is, and how many orders it had.
-    pub(super) fn is_news(&self, before: &Self) -> bool {
+    /// Whether state that must never fall back differs from `before`: the leader and the number of orders.
+    pub(super) fn has_advanced_since(&self, before: &Self) -> bool {
         (self.leader, self.sequence) != (before.leader, before.sequence)
     }
 
-    /// For the protocol: the newest order.
+    /// Notice of the newest order; `None` if there is none.
     #[must_use]
     pub fn newest_order(&self) -> Option<Notice> {
         Some(Notice::Order {
@@ -117,7 +116,7 @@ impl LeaderEpoch {
         })
     }
 
-    /// For a protocol that restarted: whom it obeys, and the newest order.
+    /// Notices for a restarted protocol: the leader and the newest order.
     pub fn notices(&self) -> impl Iterator<Item = Notice> {
         let epoch = self.ballot().map(Notice::Leader);
         epoch.into_iter().chain(self.newest_order())
@@ -137,39 +136,44 @@ mod tests {
     const ORDER: Bytes = Bytes::from_static(b"go");
 
     #[test]
-    fn what_a_protocol_says_under_an_older_ballot_is_not_taken() {
+    fn inputs_under_an_older_ballot_are_ignored() {
         let (own, claimed, better) = (NodeId(1), ballot(2, 1), ballot(3, 2));
         let mut epoch = LeaderEpoch::of(claimed);
         assert!(epoch.publish(own, claimed, 1, ORDER));
         assert!(epoch.acknowledge(claimed, 1) && epoch.is_carried_out());
-        // A frame under a better ballot comes before what the protocol said next.
+        // A frame under a better ballot arrives before the protocol's next input.
         assert_eq!(
-            epoch.hear(better, LinkSymmetry::Mutual),
-            BallotDecision::Turned
+            epoch.observe(better, LinkSymmetry::Symmetric),
+            BallotDecision::Adopted
         );
         assert_eq!(
-            epoch.hear(claimed, LinkSymmetry::Mutual),
+            epoch.observe(claimed, LinkSymmetry::Symmetric),
             BallotDecision::Ignored
         );
         assert!(!epoch.publish(own, claimed, 2, ORDER));
-        assert!(!epoch.publish(own, better, 2, ORDER), "it is another's");
-        assert!(epoch.hear_order(own, 1, ORDER));
+        assert!(
+            !epoch.publish(own, better, 2, ORDER),
+            "the ballot is another drone's"
+        );
+        assert!(epoch.receive_order(own, 1, ORDER));
         assert!(!epoch.acknowledge(claimed, 1) && !epoch.is_carried_out());
     }
 
     #[test]
-    fn orders_are_taken_from_the_master_only_and_each_once() {
+    fn orders_are_accepted_once_and_from_the_master_only() {
         let master = ballot(1, 2);
         let mut epoch = LeaderEpoch::of(master);
-        assert!(epoch.hear_order(NodeId(1), 3, ORDER));
-        assert!(!epoch.hear_order(NodeId(1), 3, ORDER) && !epoch.hear_order(NodeId(1), 2, ORDER));
+        assert!(epoch.receive_order(NodeId(1), 3, ORDER));
         assert!(
-            !epoch.hear_order(NodeId(2), 4, ORDER),
-            "a master has its own"
+            !epoch.receive_order(NodeId(1), 3, ORDER) && !epoch.receive_order(NodeId(1), 2, ORDER)
         );
         assert!(
-            !LeaderEpoch::default().hear_order(NodeId(1), 1, ORDER),
-            "whose is it?"
+            !epoch.receive_order(NodeId(2), 4, ORDER),
+            "a master ignores others' orders"
+        );
+        assert!(
+            !LeaderEpoch::default().receive_order(NodeId(1), 1, ORDER),
+            "there is no leader yet"
         );
         let order = Notice::Order {
             ballot: master,

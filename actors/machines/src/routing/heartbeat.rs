@@ -1,25 +1,25 @@
 use serde::{Deserialize, Serialize};
 
-/// How many numbers are reserved at once, so that a restart never falls back to one already used.
+/// Sequences reserved at once in a checkpoint, so that a restart never reuses one.
 const BLOCK: u32 = 256;
 
-/// By how many numbers more than it skips anyway a restart is ahead, so that nobody takes those that were skipped for so many
-/// frames that were missed: over a link on which as many in a row are missed next to nothing is heard.
+/// Additional sequences that a restart skips, so that receivers do not count the skipped ones as lost frames. A link
+/// that loses this many frames in a row is practically down.
 pub(super) const RESTART_GAP: u32 = 64;
 
-/// The numbers by which drones prove that they live; they only rise.
+/// Sequences that prove that drones live. They only rise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Heartbeats {
-    /// This drone's own last number.
+    /// This drone's last packet number.
     pub own: u32,
-    /// The highest number of the master's own that was heard of, or used as master.
+    /// Highest known heartbeat sequence of the master; the last used one on the master.
     pub master: u32,
-    /// The first number that may not have been used yet.
+    /// First sequence that is not reserved, so certainly unused.
     reserved: u32,
 }
 
 impl Heartbeats {
-    /// Goes on to the next number; whether a new block of them was reserved, which is to be remembered before it is
+    /// Takes the next sequence; returns whether a new block was reserved. That must be stored before the sequence is
     /// used.
     pub(super) fn advance(&mut self, is_master: bool) -> bool {
         self.own += 1;
@@ -34,18 +34,18 @@ impl Heartbeats {
         exhausted
     }
 
-    /// The first number that may not have been used yet.
+    /// First sequence that is not reserved.
     pub(super) const fn reserved(self) -> u32 {
         self.reserved
     }
 
-    /// The same under another master, whose number has not been heard yet.
+    /// Without the heartbeat sequence of the master before.
     #[must_use]
-    pub(super) const fn under_another_master(self) -> Self {
+    pub(super) const fn for_new_master(self) -> Self {
         Self { master: 0, ..self }
     }
 
-    /// Skips whatever may have been used since this was remembered.
+    /// After a restart: skips all sequences that may have been used.
     pub(super) fn skip_reserved(&mut self, is_master: bool) {
         self.own = self.own.max(self.reserved) + RESTART_GAP;
         if is_master {
@@ -59,15 +59,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_restart_skips_more_numbers_than_may_be_missed() {
-        let (mut beats, mut kept) = (Heartbeats::default(), Heartbeats::default());
+    fn restart_skips_more_than_the_restart_gap() {
+        let (mut heartbeats, mut checkpoint) = (Heartbeats::default(), Heartbeats::default());
         for _ in 0..BLOCK * 2 {
-            if beats.advance(false) {
-                kept = beats;
+            if heartbeats.advance(false) {
+                checkpoint = heartbeats;
             }
-            let mut restarted = kept;
+            let mut restarted = checkpoint;
             restarted.skip_reserved(false);
-            assert!(restarted.own - beats.own > RESTART_GAP);
+            assert!(restarted.own - heartbeats.own > RESTART_GAP);
         }
     }
 }

@@ -1,414 +1,297 @@
-//! Who is near, which way the master is, who must relay; orders outwards and acknowledgements inwards.
+//! Routing: neighbours, the route to the master, relaying; orders outwards and acknowledgements inwards.
 //!
-//! It serves any protocol in which a master gives numbered orders and its members acknowledge them; what an order
-//! means is not known here. The core holds what any dissemination shares; how orders and
-//! acknowledgements spread is a policy inside.
+//! It serves any protocol in which a master gives numbered orders and members acknowledge them. It does not know what
+//! an order means. A policy decides how orders and acknowledgements spread; [`Routing`] runs one of two.
 
-mod core;
+mod checkpoint;
 mod epoch;
 pub mod flood;
 mod heartbeat;
-mod packet;
+mod policy;
+mod shared;
 pub mod tree;
 
 use std::convert::Infallible;
-use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
-
-pub use epoch::LeaderEpoch;
-pub use heartbeat::Heartbeats;
-pub use packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 use serde::{Deserialize, Serialize};
 
-use self::core::Core;
+pub use self::checkpoint::{Checkpoint, Durable, PolicyCheckpoint};
+pub use self::epoch::LeaderEpoch;
+pub use self::heartbeat::Heartbeats;
+use self::policy::{Dissemination, Policy};
+use self::shared::SharedState;
 use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
+pub use crate::wire::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 
-/// What a routing is built with: the policy that it follows.
+/// Configuration of a routing: its policy.
 #[derive(Debug, Clone)]
 pub enum Config {
-    /// Periodic repetition, as the thesis has it.
+    /// Periodic repetition, as in the thesis.
     Flood(flood::Config),
     /// On change, along a tree, repaired at each hop.
     Tree(tree::Config),
 }
 
 impl Config {
-    /// How long a drone takes at most until it misses a master that is gone.
+    /// Longest time until a drone reports a lost master as silent.
     #[must_use]
-    pub fn detection(&self) -> Duration {
+    pub fn detection_max(&self) -> Duration {
         match self {
-            Self::Flood(config) => config.detection(),
-            Self::Tree(config) => config.detection(),
+            Self::Flood(config) => config.detection_max(),
+            Self::Tree(config) => config.detection_max(),
         }
     }
 
-    /// How long news takes to a neighbour, losses included, the way through the air apart.
+    /// Time until a change reaches a neighbour, losses included, without the time in the air.
     #[must_use]
-    pub fn hop(&self) -> Duration {
+    pub fn hop_latency(&self) -> Duration {
         match self {
-            Self::Flood(config) => config.hop(),
-            Self::Tree(config) => config.hop(),
+            Self::Flood(config) => config.hop_latency(),
+            Self::Tree(config) => config.hop_latency(),
         }
     }
 
-    /// The longest that a drone keeps silent that is not landing.
+    /// Longest pause between two frames of a drone that is not landing.
     #[must_use]
-    pub fn turn(&self) -> Duration {
+    pub fn silence_max(&self) -> Duration {
         match self {
-            Self::Flood(config) => config.turn(),
-            Self::Tree(config) => config.turn(),
+            Self::Flood(config) => config.silence_max(),
+            Self::Tree(config) => config.silence_max(),
         }
     }
 
-    /// For how many turns a drone waits for a sign of the master, which each drone on the way repeats at its own turn, before
-    /// it misses it; nothing where it asks first.
+    /// Number of send periods without a newer heartbeat after which the master counts as silent; each hop adds up to
+    /// one period. `None` for policy `tree`, which probes the parent instead.
     #[must_use]
-    pub fn awaited_turns(&self) -> Option<u32> {
+    pub fn periods_to_timeout(&self) -> Option<u32> {
         match self {
-            Self::Flood(config) => Some(config.awaited_turns()),
+            Self::Flood(config) => Some(config.periods_to_timeout()),
             Self::Tree(_) => None,
         }
     }
 }
 
-/// What a routing is told.
+/// Input of a routing.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Input {
-    /// By the radio: a frame was let in.
-    Heard {
-        /// Who said it.
+    /// From the radio: a frame was admitted.
+    Received {
+        /// Its sender.
         sender: NodeId,
-        /// Whom the sender obeys.
+        /// The sender's current leader.
         ballot: Ballot,
-        /// What was said.
+        /// A packet, encoded.
         payload: Bytes,
     },
-    /// By the radio: what became of a frame for one drone, where whatever carries frames tells.
-    Outcome {
-        /// For whom it was.
+    /// From the radio: the result of a unicast, if the medium reports it.
+    Delivery {
+        /// The receiver.
         to: NodeId,
-        /// What was said.
+        /// The packet.
         payload: Bytes,
-        /// Whether it arrived there, as far as is known.
+        /// Whether it arrived, as far as the medium knows.
         delivered: bool,
     },
-    /// By the protocol: this drone is the master, under this ballot.
+    /// From the protocol: this drone leads under this ballot.
     Lead(Ballot),
-    /// By the protocol, as master: this is the newest order.
+    /// From the protocol of a master: the newest order.
     Publish {
-        /// Under which ballot of its own; nothing is published if another has been heard of meanwhile.
+        /// The master's ballot. The order is dropped if the routing has adopted another ballot meanwhile.
         ballot: Ballot,
-        /// One more than the order before it.
+        /// Number of the order, one more than of the order before.
         sequence: u32,
-        /// The order.
+        /// The order, encoded.
         order: Bytes,
     },
-    /// By the protocol: this order and all before it are carried out.
+    /// From the protocol: this order and all before it are carried out.
     Acknowledge {
-        /// Whose order it is; nothing is acknowledged if the drone has turned to another meanwhile.
+        /// Ballot under which the order was given. The acknowledgement is dropped if another ballot is current.
         ballot: Ballot,
-        /// The order's number.
+        /// Number of the order.
         sequence: u32,
     },
-    /// By the protocol, as master: start neighbour discovery.
+    /// From the protocol of a master: start neighbour discovery.
     Discover,
-    /// By the protocol: the drones change places; ways that were learnt once don't hold any more.
-    Scatter,
-    /// By the protocol: this drone is going to land; nobody is to wait for it.
+    /// From the protocol: the drones change positions, so known routes become invalid.
+    TopologyChanges,
+    /// From the protocol: this drone is going to land, and must not be awaited.
     Land,
-    /// By the protocol: this drone is done; say so once more and fall silent.
+    /// From the protocol: this drone is done; send the state once more and stop.
     Stop,
-    /// By the protocol, restarted: tell me again what I should know.
+    /// From the protocol, after its restart: repeat the notices that still apply.
     Resync,
 }
 
-/// What a routing sends.
+/// Output of a routing to other machines.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Transmit {
-    /// To the radio: send this.
+    /// To the radio: send a frame.
     Send {
-        /// For whom it is; for all in range otherwise. Others may hear it in either case.
+        /// Receiver of a unicast; `None` for a broadcast. Other drones may hear either.
         to: Option<NodeId>,
-        /// Whom this drone obeys.
+        /// This drone's current leader.
         ballot: Ballot,
         /// A packet, encoded.
         payload: Vec<u8>,
-        /// Whether it is sent only because its time has come, and not because anything has changed or was missed.
+        /// Whether the frame is periodic, so that nothing has changed or is repaired.
         keep_alive: bool,
     },
     /// To the protocol.
     Inform(Notice),
 }
 
-/// What a routing lets its protocol know.
+/// What a routing tells its protocol.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Notice {
-    /// Whom this drone obeys from now on: it heard of a better ballot.
+    /// The routing adopted a better ballot.
     Leader(Ballot),
     /// There is a newer order.
     Order {
-        /// Whose order it is.
+        /// Ballot under which it was given.
         ballot: Ballot,
-        /// Its number.
+        /// Number of the order.
         sequence: u32,
-        /// The order.
+        /// The order, encoded.
         order: Bytes,
     },
-    /// To a master: how far members have got, as far as that is news.
+    /// To a master: changes in the progress of members.
     Progress {
-        /// The newest order.
+        /// Number of the newest order.
         sequence: u32,
-        /// Who has carried it out.
+        /// Members that have newly carried it out.
         acknowledged: NodeSet,
-        /// Who is going to land.
+        /// Members that are newly going to land.
         landing: NodeSet,
     },
-    /// To a master, before routes are up: whom it hears itself.
-    Hears(NodeSet),
-    /// To a master: these members have not been heard of for their time to live.
+    /// To a master, before routes are up: the drones that it hears itself.
+    Neighbours(NodeSet),
+    /// To a master: members not heard of for their time to live.
     Silent(NodeSet),
-    /// To a master: these members were silent and are back.
+    /// To a master: members that were silent and are back.
     Returned(NodeSet),
-    /// The master's own number has not risen for its time to live.
+    /// The master's heartbeat sequence has not risen for its time to live.
     MasterSilent,
     /// The master is back.
     MasterReturned,
-    /// The master says that it is going to land, and has given no order that this drone does not know of.
+    /// The master is going to land, and this drone knows its last order.
     MasterLands,
-    /// Neighbour discovery has begun.
+    /// Neighbour discovery has started.
     DiscoveryStarted,
-    /// Neighbour discovery has ended; hop update has begun.
+    /// Neighbour discovery has ended; hop update has started.
     HopUpdateStarted,
     /// Routes are up.
     RoutesReady,
-    /// This routing restarted: tell me again what I should know.
+    /// This routing restarted: repeat the inputs that still apply.
     Resync,
 }
 
-/// What can be seen of a routing.
+/// Observable events of a routing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// A neighbour became stable.
     NeighbourStable(NodeId),
-    /// What this drone knows of its way to the master.
+    /// This drone's route to the master changed.
     Routes(Routes),
-    /// As master: who speaks for a member, and whether it is out of the master's own range.
+    /// On a master: the path to a member changed.
     Reached {
         /// The member.
         member: NodeId,
-        /// The master's neighbour that its acknowledgements come through; itself when heard directly.
+        /// The master's neighbour that forwards the member's acknowledgements; the member itself if the master hears
+        /// it.
         via: NodeId,
         /// Whether the member does not hear the master itself.
         out_of_range: bool,
     },
-    /// A peer sent a payload that is none, a member that is none, or obeys an older ballot.
+    /// A frame of this sender was dropped: malformed payload, unknown sender or older ballot.
     Ignored(NodeId),
-    /// What a restarted routing is built from.
+    /// State from which a restarted routing resumes.
     Checkpoint(Box<Checkpoint>),
 }
 
-/// A drone's way to the master.
+/// A drone's route to the master.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Routes {
-    /// Hops to the master; 0 for the master itself.
+    /// Hops to the master, 0 for the master itself; `None` without a route.
     pub hops: Option<u16>,
-    /// The neighbour through which acknowledgements go.
+    /// Next hop towards the master, which gets this drone's acknowledgements.
     pub parent: Option<NodeId>,
     /// The thesis's routing list (its table 8).
     pub routing_list: Vec<NodeId>,
-    /// Whether this drone must repeat orders because it reaches drones that are not listed yet.
+    /// Whether this drone relays orders.
     pub relay: bool,
     /// Whether this drone does not hear the master itself.
     pub out_of_range: bool,
 }
 
-/// What outlives a routing: what both policies share, and what its policy adds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Checkpoint {
-    /// By either policy.
-    pub common: Durable,
-    /// By its policy.
-    pub policy: PolicyCheckpoint,
-}
-
-/// What outlives a routing by either policy.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Durable {
-    /// Whom this drone obeys, and what it was ordered.
-    pub epoch: LeaderEpoch,
-    /// Since when the drone is going to land.
-    pub landing: Option<Timestamp>,
-    /// Whether the drone is done.
-    pub stopped: bool,
-    /// The signs of life.
-    pub heartbeats: Heartbeats,
-}
-
-/// What a policy adds to a checkpoint.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum PolicyCheckpoint {
-    /// Of policy `flood`.
-    Flood(flood::Checkpoint),
-    /// Of policy `tree`.
-    Tree(tree::Checkpoint),
-}
-
-impl Checkpoint {
-    /// Whom the drone obeys, if anybody.
-    #[must_use]
-    pub const fn ballot(&self) -> Option<Ballot> {
-        self.common.epoch.ballot()
-    }
-
-    /// Whether what must never fall back has changed since `before`: whom the drone obeys, which numbers it may have
-    /// used, whether it is landing or done, and by `flood` what its routing is doing.
-    pub(crate) fn is_news(&self, before: &Self) -> bool {
-        let (own, was) = (&self.common, &before.common);
-        let phases = match (&self.policy, &before.policy) {
-            (PolicyCheckpoint::Flood(own), PolicyCheckpoint::Flood(was)) => own.phase != was.phase,
-            (PolicyCheckpoint::Tree(_), PolicyCheckpoint::Tree(_)) => false,
-            _ => true,
-        };
-        phases
-            || (own.landing, own.stopped) != (was.landing, was.stopped)
-            || own.epoch.is_news(&was.epoch)
-            || own.heartbeats.reserved() != was.heartbeats.reserved()
-    }
-}
-
-/// How orders and acknowledgements spread.
-trait Policy: std::fmt::Debug {
-    /// Takes in a frame that the radio let in.
-    fn heard(&mut self, core: &mut Core, now: Timestamp, from: (NodeId, Ballot), payload: &Bytes);
-
-    /// Takes in what became of a frame for one drone.
-    fn outcome(
-        &mut self,
-        _core: &mut Core,
-        _now: Timestamp,
-        _to: NodeId,
-        _payload: &[u8],
-        _delivered: bool,
-    ) {
-    }
-
-    /// The current leader is another one than before.
-    fn begin_epoch(&mut self, core: &mut Core, now: Timestamp);
-
-    /// This drone leads; [`Self::begin_epoch`] was called if it did not before.
-    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot);
-
-    /// This master gave a newer order.
-    fn published(&mut self, core: &mut Core, now: Timestamp);
-
-    /// This drone has carried an order out.
-    fn carried_out(&mut self, core: &mut Core, now: Timestamp);
-
-    /// See [`Input::Discover`].
-    fn discover(&mut self, core: &mut Core, now: Timestamp);
-
-    /// See [`Input::Scatter`].
-    fn scatter(&mut self, core: &mut Core, now: Timestamp);
-
-    /// This drone is going to land.
-    fn land(&mut self, core: &mut Core, now: Timestamp);
-
-    /// Says the last words; nothing is said afterwards.
-    fn stop(&mut self, core: &mut Core, now: Timestamp);
-
-    /// Tells the protocol anew what this policy knows.
-    fn resync(&mut self, core: &mut Core, now: Timestamp);
-
-    /// The host stood still: silence since then says nothing about anybody.
-    fn forgive(&mut self, core: &mut Core, now: Timestamp);
-
-    /// Fires every deadline `<= now`.
-    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp);
-
-    /// When it wants to be stepped next; after `now` once [`Self::handle_timeout`] was called at `now`.
-    fn deadline(&self, core: &Core) -> Option<Timestamp>;
-
-    /// What outlives it.
-    fn checkpoint(&self) -> PolicyCheckpoint;
-
-    /// Entries in the larger of its tables, and the most that it takes.
-    fn occupancy(&self) -> (usize, usize);
-
-    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says.
-    fn read_ahead(&self) {}
-
-    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
-    fn read_further_ahead(&self, _sender: Option<NodeId>) {}
-}
-
-/// The routing of one drone, by whichever policy.
+/// The routing of one drone.
 #[derive(Debug)]
-pub struct Routing(Kind);
+pub struct Routing(PolicyKind);
 
 #[derive(Debug)]
 #[expect(
     clippy::large_enum_variant,
-    reason = "there is one a drone, which lies on the heap already"
+    reason = "there is one per drone, on the heap already"
 )]
-enum Kind {
+enum PolicyKind {
     Flood(Box<Dissemination<flood::FloodPolicy>>),
     Tree(Dissemination<tree::TreePolicy>),
 }
 
 impl Routing {
-    /// A routing as `checkpoint` left it; one without, or with another policy's, knows nothing.
+    /// Resumes from `checkpoint`; starts empty if it is `None` or another policy's.
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<Checkpoint>) -> Self {
         Self(match config {
             Config::Flood(config) => {
-                let core = Core::new(config.id, config.drones, seed);
-                let kept = checkpoint.and_then(|it| match it.policy {
+                let shared = SharedState::new(config.id, config.drones, seed);
+                let checkpoint = checkpoint.and_then(|it| match it.policy {
                     PolicyCheckpoint::Flood(own) => Some((it.common, own)),
                     PolicyCheckpoint::Tree(_) => None,
                 });
-                let new = |core: &mut Core| flood::FloodPolicy::new(config, core, now, kept);
-                Kind::Flood(Box::new(Dissemination::new(core, new)))
+                let new = |shared: &mut SharedState| {
+                    flood::FloodPolicy::new(config, shared, now, checkpoint)
+                };
+                PolicyKind::Flood(Box::new(Dissemination::new(shared, new)))
             }
             Config::Tree(config) => {
-                let core = Core::new(config.id, config.drones, seed);
-                let kept = checkpoint.and_then(|it| match it.policy {
+                let shared = SharedState::new(config.id, config.drones, seed);
+                let checkpoint = checkpoint.and_then(|it| match it.policy {
                     PolicyCheckpoint::Tree(own) => Some((it.common, own)),
                     PolicyCheckpoint::Flood(_) => None,
                 });
-                let new = |core: &mut Core| tree::TreePolicy::new(config, core, now, kept);
-                Kind::Tree(Dissemination::new(core, new))
+                let new = |shared: &mut SharedState| {
+                    tree::TreePolicy::new(config, shared, now, checkpoint)
+                };
+                PolicyKind::Tree(Dissemination::new(shared, new))
             }
         })
     }
 
-    /// Entries in the larger of its tables, and the most either takes.
+    /// Number of entries in the largest table, and that table's limit.
     #[must_use]
     pub fn occupancy(&self) -> (usize, usize) {
         match &self.0 {
-            Kind::Flood(routing) => routing.policy.occupancy(),
-            Kind::Tree(routing) => routing.policy.occupancy(),
+            PolicyKind::Flood(routing) => routing.occupancy(),
+            PolicyKind::Tree(routing) => routing.occupancy(),
         }
     }
 
-    /// As [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead) says. Whoever repeats everything all the time flies in small
-    /// swarms, which need not be read ahead.
+    /// See [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead). Policy `flood` is for small swarms, which
+    /// do not need it.
     pub(crate) fn read_ahead(&self) {
-        if let Kind::Tree(routing) = &self.0 {
-            black_box(routing.wakes);
-            routing.core.read_ahead();
-            routing.policy.read_ahead();
+        if let PolicyKind::Tree(routing) = &self.0 {
+            routing.read_ahead();
         }
     }
 
-    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
+    /// See [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead).
     pub(crate) fn read_further_ahead(&self, sender: Option<NodeId>) {
-        if let Kind::Tree(routing) = &self.0 {
-            routing.policy.read_further_ahead(sender);
+        if let PolicyKind::Tree(routing) = &self.0 {
+            routing.read_further_ahead(sender);
         }
     }
 }
@@ -421,151 +304,22 @@ impl Machine for Routing {
 
     fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
         match &mut self.0 {
-            Kind::Flood(routing) => routing.handle_input(now, input),
-            Kind::Tree(routing) => routing.handle_input(now, input),
+            PolicyKind::Flood(routing) => routing.handle_input(now, input),
+            PolicyKind::Tree(routing) => routing.handle_input(now, input),
         }
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
         match &mut self.0 {
-            Kind::Flood(routing) => routing.handle_timeout(now),
-            Kind::Tree(routing) => routing.handle_timeout(now),
+            PolicyKind::Flood(routing) => routing.handle_timeout(now),
+            PolicyKind::Tree(routing) => routing.handle_timeout(now),
         }
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
         match &mut self.0 {
-            Kind::Flood(routing) => routing.poll_output(),
-            Kind::Tree(routing) => routing.poll_output(),
+            PolicyKind::Flood(routing) => routing.poll_output(),
+            PolicyKind::Tree(routing) => routing.poll_output(),
         }
-    }
-}
-
-/// What both policies share, with one of them.
-///
-/// Invariant: a checkpoint leaves ahead of everything that rests on it.
-#[derive(Debug)]
-struct Dissemination<P> {
-    core: Core,
-    policy: P,
-    /// When it wants to act next, as of the end of its last step.
-    wakes: Option<Timestamp>,
-}
-
-impl<P: Policy> Dissemination<P> {
-    fn new(mut core: Core, policy: impl FnOnce(&mut Core) -> P) -> Self {
-        let policy = policy(&mut core);
-        let mut routing = Self {
-            wakes: policy.deadline(&core),
-            core,
-            policy,
-        };
-        routing.put_checkpoint();
-        routing
-    }
-
-    fn forgive_if_stalled(&mut self, now: Timestamp) {
-        if self.core.has_stalled(now) {
-            self.policy.forgive(&mut self.core, now);
-        }
-    }
-
-    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
-        match self.core.hear_ballot(ballot, LinkSymmetry::Mutual) {
-            // A better ballot has been heard of meanwhile, of which the protocol is being told.
-            BallotDecision::Ignored => return,
-            BallotDecision::Same => {}
-            BallotDecision::Turned => self.policy.begin_epoch(&mut self.core, now),
-        }
-        self.policy.lead(&mut self.core, now, ballot);
-    }
-
-    fn end_step(&mut self, now: Timestamp) {
-        self.put_checkpoint();
-        self.wakes = self.policy.deadline(&self.core);
-        self.core.ask(now, self.wakes);
-    }
-
-    /// Puts a checkpoint ahead of all that was said, if one is due.
-    fn put_checkpoint(&mut self) {
-        if self.core.takes_checkpoint() {
-            let checkpoint = Checkpoint {
-                common: self.core.durable.clone(),
-                policy: self.policy.checkpoint(),
-            };
-            self.core.put_first(Event::Checkpoint(Box::new(checkpoint)));
-        }
-    }
-}
-
-impl<P: Policy> Machine for Dissemination<P> {
-    type Input = Input;
-    type Transmit = Transmit;
-    type Event = Event;
-    type Rejection = Infallible;
-
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
-        self.forgive_if_stalled(now);
-        let (core, policy) = (&mut self.core, &mut self.policy);
-        match input {
-            Input::Heard {
-                sender,
-                ballot,
-                payload,
-            } => policy.heard(core, now, (sender, ballot), &payload),
-            Input::Outcome {
-                to,
-                payload,
-                delivered,
-            } => policy.outcome(core, now, to, &payload, delivered),
-            Input::Lead(ballot) => self.lead(now, ballot),
-            Input::Publish {
-                ballot,
-                sequence,
-                order,
-            } => {
-                let own = core.id;
-                if core.durable.epoch.publish(own, ballot, sequence, order) {
-                    core.keep();
-                    policy.published(core, now);
-                }
-            }
-            Input::Acknowledge { ballot, sequence } => {
-                if core.durable.epoch.acknowledge(ballot, sequence) {
-                    core.keep();
-                    policy.carried_out(core, now);
-                }
-            }
-            Input::Discover => policy.discover(core, now),
-            Input::Land => {
-                core.begin_landing(now);
-                policy.land(core, now);
-            }
-            Input::Scatter => policy.scatter(core, now),
-            Input::Stop => {
-                if !core.durable.stopped {
-                    core.begin_landing(now);
-                    policy.stop(core, now);
-                    core.durable.stopped = true;
-                }
-            }
-            Input::Resync => {
-                core.resync();
-                policy.resync(core, now);
-                core.resync_master();
-            }
-        }
-        self.end_step(now);
-        Ok(())
-    }
-
-    fn handle_timeout(&mut self, now: Timestamp) {
-        self.forgive_if_stalled(now);
-        self.policy.handle_timeout(&mut self.core, now);
-        self.end_step(now);
-    }
-
-    fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.core.poll(self.wakes)
     }
 }

@@ -1,27 +1,27 @@
 use std::fmt;
 
 use super::radio::{CHALLENGE, INTENT};
-use super::{FLOOD, HELLO, HOP_UPDATE, TREE};
+use super::routing::{FLOOD, HELLO, HOP_UPDATE, TREE};
 
-/// What a packet is, for whoever counts frames.
+/// Kind of a packet, for statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PacketKind {
-    /// A neighbour says hello.
+    /// Neighbour discovery.
     Hello,
-    /// How far it is to the master.
+    /// Hop update.
     HopUpdate,
-    /// All that policy `flood` repeats.
+    /// State of policy `flood`.
     Flood,
-    /// What policy `tree` says.
+    /// State of policy `tree`.
     Tree,
-    /// What radios say to each other.
+    /// A packet between radios.
     Radio,
-    /// None of this version.
+    /// Unknown in this version.
     Other,
 }
 
 impl PacketKind {
-    /// Of a packet, by the first of its bytes; whether the rest is one nobody looks at.
+    /// The kind of a packet by its first byte; the rest is not checked.
     #[must_use]
     pub const fn of(payload: &[u8]) -> Self {
         match payload {

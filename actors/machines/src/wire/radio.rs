@@ -1,80 +1,99 @@
-//! What radios say to each other, in bytes.
+//! Packets between radios, and their bytes.
 
 use bytes::Bytes;
 
 use super::reader::Reader;
 use super::writer::Writer;
-use crate::identity::NodeId;
-use crate::radio::Packet;
+use crate::identity::{NodeId, NodeSet};
 
-/// What such packets begin with, by their kind; the numbers before these are the routing's.
+/// A packet between radios. All other payloads are for the routing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum RadioPacket {
+    /// A restarted radio asks senders for proof that their frames are fresh.
+    Challenge {
+        /// A number that the radio has not used before.
+        nonce: u64,
+        /// The senders that are asked.
+        of: NodeSet,
+    },
+    /// The proof of freshness: the last challengers, each with its nonce.
+    Response(Vec<(NodeId, u64)>),
+    /// Number of the newest known revocation list.
+    ListNumber(u64),
+    /// A revocation list, encoded, with the fleet's signature.
+    List(Bytes),
+    /// Empty; the frame's header carries the intent.
+    Intent,
+}
+
+/// Kinds of packets, in the first byte. Lower numbers are the routing's.
 pub(super) const CHALLENGE: u8 = 4;
 const RESPONSE: u8 = 5;
 const LIST_NUMBER: u8 = 6;
 const LIST: u8 = 7;
 pub(super) const INTENT: u8 = 8;
 
-/// Writes a packet of the radio.
+/// Encodes a packet between radios.
 #[must_use]
-pub fn encode_radio_packet(packet: &Packet) -> Vec<u8> {
-    let mut to = Writer(Vec::with_capacity(32));
+pub fn encode_radio_packet(packet: &RadioPacket) -> Vec<u8> {
+    let mut writer = Writer(Vec::with_capacity(32));
     match packet {
-        Packet::Challenge { nonce, of } => {
-            to.byte(CHALLENGE);
-            to.long_number(*nonce);
-            to.set(of);
+        RadioPacket::Challenge { nonce, of } => {
+            writer.u8(CHALLENGE);
+            writer.u64(*nonce);
+            writer.set(of);
         }
-        Packet::Response(answered) => {
-            to.byte(RESPONSE);
-            to.count(answered.len());
+        RadioPacket::Response(answered) => {
+            writer.u8(RESPONSE);
+            writer.count(answered.len());
             for (id, nonce) in answered {
-                to.number(id.0);
-                to.long_number(*nonce);
+                writer.u32(id.0);
+                writer.u64(*nonce);
             }
         }
-        Packet::ListNumber(number) => {
-            to.byte(LIST_NUMBER);
-            to.long_number(*number);
+        RadioPacket::ListNumber(number) => {
+            writer.u8(LIST_NUMBER);
+            writer.u64(*number);
         }
-        Packet::List(list) => {
-            to.byte(LIST);
-            to.0.extend_from_slice(list);
+        RadioPacket::List(list) => {
+            writer.u8(LIST);
+            writer.0.extend_from_slice(list);
         }
-        Packet::Intent => to.byte(INTENT),
+        RadioPacket::Intent => writer.u8(INTENT),
     }
-    to.0
+    writer.0
 }
 
-/// Reads a packet of the radio; nothing for whatever is none, which is the routing's to read.
+/// Decodes a packet between radios; `None` for any other payload.
 #[inline]
 #[must_use]
-pub fn decode_radio_packet(payload: &[u8]) -> Option<Packet> {
+pub fn decode_radio_packet(payload: &[u8]) -> Option<RadioPacket> {
     match payload {
         [kind, packet @ ..] if *kind >= CHALLENGE => read(*kind, packet),
         _ => None,
     }
 }
 
-fn read(kind: u8, packet: &[u8]) -> Option<Packet> {
-    let mut from = Reader(packet);
+fn read(kind: u8, packet: &[u8]) -> Option<RadioPacket> {
+    let mut reader = Reader(packet);
     let packet = match kind {
-        CHALLENGE => Packet::Challenge {
-            nonce: from.long_number()?,
-            of: from.set()?,
+        CHALLENGE => RadioPacket::Challenge {
+            nonce: reader.u64()?,
+            of: reader.set()?,
         },
         RESPONSE => {
-            let count = from.number()? as usize;
-            // Each takes two bytes at least, whatever is claimed.
+            let count = reader.u32()? as usize;
+            // An entry takes at least two bytes, whatever count is claimed.
             let mut answered = Vec::with_capacity(count.min(packet.len() / 2));
             for _ in 0..count {
-                answered.push((NodeId(from.number()?), from.long_number()?));
+                answered.push((NodeId(reader.u32()?), reader.u64()?));
             }
-            Packet::Response(answered)
+            RadioPacket::Response(answered)
         }
-        LIST_NUMBER => Packet::ListNumber(from.long_number()?),
-        LIST => return Some(Packet::List(Bytes::copy_from_slice(packet))),
-        INTENT => Packet::Intent,
+        LIST_NUMBER => RadioPacket::ListNumber(reader.u64()?),
+        LIST => return Some(RadioPacket::List(Bytes::copy_from_slice(packet))),
+        INTENT => RadioPacket::Intent,
         _ => return None,
     };
-    from.0.is_empty().then_some(packet)
+    reader.0.is_empty().then_some(packet)
 }

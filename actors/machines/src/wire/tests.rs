@@ -1,9 +1,10 @@
+use std::time::Duration;
+
 use proptest::prelude::*;
 
 use super::*;
-use crate::identity::NodeSet;
-use crate::radio;
-use crate::routing::{Reception, Tree};
+use crate::geometry::{Ned, Velocity};
+use crate::identity::{Ballot, NodeId, NodeSet, SwarmId};
 
 const HEADER: Header = Header {
     swarm: SwarmId(7),
@@ -29,13 +30,13 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_frame_has_these_bytes() {
+fn frame_matches_golden_bytes() {
     let golden = format!("0107ac0202c0843d030104{}{}", "c0ffee", "ab".repeat(64));
     assert_eq!(hex(&frame(&[0xc0, 0xff, 0xee])), golden);
 }
 
 #[test]
-fn packets_have_these_bytes() {
+fn packets_match_golden_bytes() {
     let hello = Packet::Hello {
         remaining: Duration::from_millis(7_500),
     };
@@ -67,7 +68,7 @@ fn packets_have_these_bytes() {
 }
 
 #[test]
-fn a_packet_of_policy_tree_has_these_bytes() {
+fn tree_packet_matches_golden_bytes() {
     let tree = Packet::Tree(Tree {
         number: 300,
         hops: Some(1),
@@ -85,7 +86,7 @@ fn a_packet_of_policy_tree_has_these_bytes() {
             id: NodeId(2),
             sixteenths: 12,
         }],
-        asks: NodeId(9).into(),
+        requests: NodeId(9).into(),
         to: Some(NodeId(5)),
         unicasts: 2,
         pending: NodeSet::default(),
@@ -98,22 +99,22 @@ fn a_packet_of_policy_tree_has_these_bytes() {
 }
 
 #[test]
-fn packets_of_the_radio_have_these_bytes() {
-    let challenge = radio::Packet::Challenge {
+fn radio_packets_match_golden_bytes() {
+    let challenge = RadioPacket::Challenge {
         nonce: 300,
         of: [NodeId(1), NodeId(2)].into_iter().collect(),
     };
     assert_eq!(hex(&encode_radio_packet(&challenge)), "04ac02020102");
-    let response = radio::Packet::Response(vec![(NodeId(3), 300), (NodeId(200), 1)]);
+    let response = RadioPacket::Response(vec![(NodeId(3), 300), (NodeId(200), 1)]);
     assert_eq!(hex(&encode_radio_packet(&response)), "050203ac02c80101");
-    let number = radio::Packet::ListNumber(300);
+    let number = RadioPacket::ListNumber(300);
     assert_eq!(hex(&encode_radio_packet(&number)), "06ac02");
-    let list = radio::Packet::List(bytes::Bytes::from_static(&[0xc0, 0xff]));
+    let list = RadioPacket::List(bytes::Bytes::from_static(&[0xc0, 0xff]));
     assert_eq!(hex(&encode_radio_packet(&list)), "07c0ff");
 }
 
 #[test]
-fn sets_are_written_as_what_differs_from_who_is_alive_where_that_is_shorter() {
+fn sets_are_encoded_relative_to_alive_if_shorter() {
     let alive: NodeSet = (0..1_000).step_by(3).map(NodeId).collect();
     let tree = |acknowledged: NodeSet| {
         Packet::Tree(Tree {
@@ -122,15 +123,15 @@ fn sets_are_written_as_what_differs_from_who_is_alive_where_that_is_shorter() {
             ..Tree::default()
         })
     };
-    let nobody = encode_packet(&tree(NodeSet::default()));
+    let empty = encode_packet(&tree(NodeSet::default()));
     let all_but_one = tree(alive.difference(&NodeId(30).into()));
     let bytes = encode_packet(&all_but_one);
-    assert!(bytes.len() <= nobody.len() + 2, "{}", bytes.len());
+    assert!(bytes.len() <= empty.len() + 2, "{}", bytes.len());
     assert_eq!(decode_packet(&bytes), Ok(all_but_one));
 }
 
 #[test]
-fn bounds_that_do_not_rise_or_are_not_in_pairs_make_no_set() {
+fn set_bounds_must_rise_and_come_in_pairs() {
     let tree = Packet::Tree(Tree {
         pending: [NodeId(5)].into_iter().collect(),
         ..Tree::default()
@@ -138,10 +139,10 @@ fn bounds_that_do_not_rise_or_are_not_in_pairs_make_no_set() {
     let bytes = encode_packet(&tree);
     let (pending, rest) = (bytes.len() - 3, [2, 5, 1, 0]);
     assert_eq!(bytes[pending - 1..], rest);
-    for spoilt in [[2, 5, 0, 0], [2, 0x85, 1, 0], [2, 0xff, 0xff, 0]] {
+    for malformed in [[2, 5, 0, 0], [2, 0x85, 1, 0], [2, 0xff, 0xff, 0]] {
         let mut bytes = bytes.clone();
-        bytes.splice(pending - 1.., spoilt);
-        assert_eq!(decode_packet(&bytes), Err(PayloadError), "{spoilt:?}");
+        bytes.splice(pending - 1.., malformed);
+        assert_eq!(decode_packet(&bytes), Err(PayloadError), "{malformed:?}");
     }
     assert!(postcard::from_bytes::<NodeSet>(&[2, 0, 1]).is_ok());
     for bytes in [&[2, 5, 0][..], &[1, 5], &[3, 5, 1, 1]] {
@@ -150,7 +151,7 @@ fn bounds_that_do_not_rise_or_are_not_in_pairs_make_no_set() {
 }
 
 #[test]
-fn orders_have_these_bytes() {
+fn orders_match_golden_bytes() {
     let plan = Order::Plan {
         index: 0,
         count: 1,
@@ -238,7 +239,7 @@ fn orders_have_these_bytes() {
 }
 
 #[test]
-fn a_frame_is_read_back_without_a_copy() {
+fn frame_decodes_without_a_copy() {
     let bytes = frame(b"payload");
     let read = decode_frame(&bytes).unwrap();
     assert_eq!(read.header, HEADER);
@@ -249,23 +250,23 @@ fn a_frame_is_read_back_without_a_copy() {
 }
 
 #[test]
-fn a_frame_says_where_its_sender_is_and_goes_if_that_is_known() {
+fn version_2_frame_carries_the_intent() {
     let intent = Intent {
         from_dm: [-1, 64, -300],
         to_dm: [i32::MAX, 0, i32::MIN],
         flown: 127,
-        is_heedless: true,
+        has_priority: true,
     };
     let header = Header {
         intent: Some(intent),
         ..HEADER
     };
-    let said = |header: &Header| {
+    let encode = |header: &Header| {
         let mut frame = encode_covered(header, b"payload", Vec::new());
         frame.extend_from_slice(&[9; AUTHENTICATOR_LEN]);
         frame
     };
-    let (with, without) = (said(&header), said(&HEADER));
+    let (with, without) = (encode(&header), encode(&HEADER));
     let read = decode_frame(&with).unwrap();
     assert_eq!((read.header, read.payload), (header, &b"payload"[..]));
     assert_eq!(sender(&with), Some(header.sender));
@@ -279,7 +280,7 @@ fn a_frame_says_where_its_sender_is_and_goes_if_that_is_known() {
 }
 
 #[test]
-fn frames_of_the_wrong_form_are_told_apart() {
+fn malformed_frames_get_distinct_errors() {
     let mut other_version = frame(b"");
     other_version[0] = VERSION_WITH_INTENT + 1;
     assert_eq!(decode_frame(&other_version), Err(FrameError::Version));
@@ -291,7 +292,7 @@ fn frames_of_the_wrong_form_are_told_apart() {
 }
 
 #[test]
-fn the_largest_header_leaves_room_for_the_largest_payload() {
+fn largest_header_and_payload_fit_a_datagram() {
     let header = Header {
         swarm: SwarmId(u32::MAX),
         sender: NodeId(u32::MAX),
@@ -309,7 +310,7 @@ fn the_largest_header_leaves_room_for_the_largest_payload() {
 }
 
 #[test]
-fn a_payload_with_something_after_it_is_none() {
+fn payload_with_trailing_bytes_is_rejected() {
     let mut packet = encode_packet(&Packet::Hello {
         remaining: Duration::ZERO,
     });
@@ -324,9 +325,9 @@ fn a_payload_with_something_after_it_is_none() {
         waypoints: vec![Ned::HOME],
         holds: vec![hold],
     };
-    let most = holds_for(Holds::MAX);
+    let most = holds_for(HOLD_MAX);
     assert_eq!(decode_order(&encode_order(&most)), Ok(most));
-    let longer = holds_for(Holds::MAX + Duration::from_millis(1));
+    let longer = holds_for(HOLD_MAX + Duration::from_millis(1));
     assert_eq!(decode_order(&encode_order(&longer)), Err(PayloadError));
 }
 
@@ -393,7 +394,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                 lag,
                 sequence,
                 weak: weak.collect(),
-                asks: pending.clone(),
+                requests: pending.clone(),
                 span: span.map(|[start, end]| start..end),
                 acknowledged,
                 alive,
@@ -408,21 +409,21 @@ fn any_packet() -> impl Strategy<Value = Packet> {
     prop_oneof![hello, hop_update, flood, tree]
 }
 
-fn any_radio_packet() -> impl Strategy<Value = radio::Packet> {
+fn any_radio_packet() -> impl Strategy<Value = RadioPacket> {
     let challenge = (any::<u64>(), ids_below_200()).prop_map(|(nonce, of)| {
         let of = of.into_iter().collect();
-        radio::Packet::Challenge { nonce, of }
+        RadioPacket::Challenge { nonce, of }
     });
     let answered = (any::<u32>().prop_map(NodeId), any::<u64>());
-    let response = prop::collection::vec(answered, 0..70).prop_map(radio::Packet::Response);
-    let number = any::<u64>().prop_map(radio::Packet::ListNumber);
-    let list = any::<Vec<u8>>().prop_map(|list| radio::Packet::List(list.into()));
+    let response = prop::collection::vec(answered, 0..70).prop_map(RadioPacket::Response);
+    let number = any::<u64>().prop_map(RadioPacket::ListNumber);
+    let list = any::<Vec<u8>>().prop_map(|list| RadioPacket::List(list.into()));
     prop_oneof![challenge, response, number, list]
 }
 
 proptest! {
     #[test]
-    fn a_set_of_drones_is_a_set(
+    fn node_set_behaves_like_btree_set(
         a in ids_below_200(),
         b in ids_below_200(),
         end in 0_u32..250,
@@ -430,50 +431,50 @@ proptest! {
         use std::collections::BTreeSet;
         let (set_a, set_b): (BTreeSet<_>, BTreeSet<_>) =
             (a.iter().copied().collect(), b.iter().copied().collect());
-        let mut bits: NodeSet = a.into_iter().collect();
+        let mut set: NodeSet = a.into_iter().collect();
         let others: NodeSet = b.into_iter().collect();
-        prop_assert_eq!(bits.len(), set_a.len());
-        prop_assert_eq!(bits.is_superset(&others), set_a.is_superset(&set_b));
-        let difference: BTreeSet<_> = bits.difference(&others).iter().collect();
+        prop_assert_eq!(set.len(), set_a.len());
+        prop_assert_eq!(set.is_superset(&others), set_a.is_superset(&set_b));
+        let difference: BTreeSet<_> = set.difference(&others).iter().collect();
         prop_assert_eq!(difference, &set_a - &set_b);
-        let both: BTreeSet<_> = bits.intersection(&others).iter().collect();
+        let both: BTreeSet<_> = set.intersection(&others).iter().collect();
         prop_assert_eq!(both, &set_a & &set_b);
-        let either: BTreeSet<_> = bits.symmetric_difference(&others).iter().collect();
+        let either: BTreeSet<_> = set.symmetric_difference(&others).iter().collect();
         prop_assert_eq!(either, &set_a ^ &set_b);
         let below = NodeSet::from(0..end);
-        let is_there = NodeSet::any_where([&bits, &others, &below], |[own, others, below]| {
+        let is_there = NodeSet::any_where([&set, &others, &below], |[own, others, below]| {
             own && !others && below
         });
         prop_assert_eq!(is_there, (&set_a - &set_b).iter().any(|id| id.0 < end));
-        bits.extend_from(&others);
-        prop_assert_eq!(bits.iter().collect::<BTreeSet<_>>(), &set_a | &set_b);
-        let bytes = postcard::to_stdvec(&bits).unwrap();
-        prop_assert_eq!(&postcard::from_bytes::<NodeSet>(&bytes).unwrap(), &bits);
-        bits.truncate(end);
+        set.extend_from(&others);
+        prop_assert_eq!(set.iter().collect::<BTreeSet<_>>(), &set_a | &set_b);
+        let bytes = postcard::to_stdvec(&set).unwrap();
+        prop_assert_eq!(&postcard::from_bytes::<NodeSet>(&bytes).unwrap(), &set);
+        set.truncate(end);
         let below: BTreeSet<_> = (&set_a | &set_b).into_iter().filter(|id| id.0 < end).collect();
-        prop_assert_eq!(&bits.iter().collect::<BTreeSet<_>>(), &below);
-        prop_assert_eq!(bits, below.into_iter().collect::<NodeSet>(), "one form for one set");
+        prop_assert_eq!(&set.iter().collect::<BTreeSet<_>>(), &below);
+        prop_assert_eq!(set, below.into_iter().collect::<NodeSet>(), "equal sets are encoded equally");
     }
 
     #[test]
-    fn any_packet_is_read_back(packet in any_packet()) {
+    fn packets_survive_a_round_trip(packet in any_packet()) {
         prop_assert_eq!(decode_packet(&encode_packet(&packet)), Ok(packet));
     }
 
     #[test]
-    fn any_packet_of_a_radio_is_read_back(packet in any_radio_packet()) {
+    fn radio_packets_survive_a_round_trip(packet in any_radio_packet()) {
         let bytes = encode_radio_packet(&packet);
-        prop_assert_eq!(decode_packet(&bytes), Err(PayloadError), "none of the routing's");
+        prop_assert_eq!(decode_packet(&bytes), Err(PayloadError), "no routing packet");
         prop_assert_eq!(decode_radio_packet(&bytes), Some(packet));
     }
 
     #[test]
-    fn what_is_the_routings_is_none_of_a_radios(packet in any_packet()) {
+    fn routing_packet_is_no_radio_packet(packet in any_packet()) {
         prop_assert_eq!(decode_radio_packet(&encode_packet(&packet)), None);
     }
 
     #[test]
-    fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..1_600)) {
+    fn decoders_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..1_600)) {
         let _ = decode_frame(&bytes);
         let _ = decode_packet(&bytes);
         let _ = decode_order(&bytes);
@@ -481,11 +482,11 @@ proptest! {
     }
 
     #[test]
-    fn places_survive_to_the_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
+    fn positions_are_exact_to_a_millimetre(place in prop::array::uniform3(-2e6..2e6_f64)) {
         let at = Ned::new(place[0], place[1], place[2]);
         let land = Order::Land { at, changes: 0, apart: false, wave: 0 };
         let Ok(Order::Land { at: read, .. }) = decode_order(&encode_order(&land)) else {
-            panic!("a landing is read back as one");
+            panic!("a landing decodes as a landing");
         };
         prop_assert!((read.0 - at.0).amax() <= 0.000_501);
     }

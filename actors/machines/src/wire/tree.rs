@@ -1,81 +1,81 @@
-//! The packet of policy `tree`, read where it lies: most of what a neighbour says is of no use to whoever hears it.
+//! Bytes of packets of policy `tree`. They are read in place, because receivers need only a small part of most.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
 use super::reader::{Reader, take_varint};
 use super::writer::Writer;
+use super::{Reception, Tree};
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::{Reception, Tree};
 
-/// What a packet of policy `tree` begins with.
+/// First part of a packet of policy `tree`.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct TreeFront {
-    /// As in [`Tree`], as all that follow.
+pub struct TreeHeader {
+    /// See [`Tree::number`].
     pub number: u32,
-    /// See there.
+    /// See [`Tree::hops`].
     pub hops: Option<u16>,
-    /// See there.
+    /// See [`Tree::cost`].
     pub cost: u16,
-    /// See there.
+    /// See [`Tree::parent`].
     pub parent: Option<NodeId>,
-    /// See there.
+    /// See [`Tree::heartbeat`].
     pub heartbeat: u32,
-    /// See there.
+    /// See [`Tree::lag`].
     pub lag: u32,
 }
 
-impl TreeFront {
+impl TreeHeader {
     #[inline]
-    pub(super) fn read(from: &mut Reader<'_>) -> Option<Self> {
+    pub(super) fn read(reader: &mut Reader<'_>) -> Option<Self> {
         Some(Self {
-            number: from.number()?,
-            hops: from.hops()?,
-            cost: u16::try_from(from.number()?).ok()?,
-            parent: from.id()?,
-            heartbeat: from.number()?,
-            lag: from.number()?,
+            number: reader.u32()?,
+            hops: reader.hops()?,
+            cost: u16::try_from(reader.u32()?).ok()?,
+            parent: reader.id()?,
+            heartbeat: reader.u32()?,
+            lag: reader.u32()?,
         })
     }
 }
 
-/// A packet of policy `tree` as it was received; its sets are made only when they are asked for.
+/// A received packet of policy `tree`. Its sets are decoded on demand.
 #[derive(Debug, Clone, Default)]
 pub struct TreeFrame<'a> {
-    /// What it begins with.
-    pub front: TreeFront,
-    /// As in [`Tree`], as all that follow.
+    /// The header.
+    pub header: TreeHeader,
+    /// See [`Tree::sequence`].
     pub sequence: u32,
-    /// See there.
+    /// See [`Tree::span`].
     pub span: Option<Range<u32>>,
-    /// See there.
-    pub hears: Option<Runs<'a>>,
-    /// See there.
-    pub asks: Runs<'a>,
-    /// See there.
+    /// See [`Tree::hears`].
+    pub hears: Option<EncodedSet<'a>>,
+    /// See [`Tree::requests`].
+    pub requests: EncodedSet<'a>,
+    /// See [`Tree::to`].
     pub to: Option<NodeId>,
-    /// See there.
+    /// See [`Tree::unicasts`].
     pub unicasts: u32,
-    /// See there.
-    pub pending: Runs<'a>,
-    /// See there.
+    /// See [`Tree::pending`].
+    pub pending: EncodedSet<'a>,
+    /// See [`Tree::order`].
     pub order: Option<&'a [u8]>,
-    /// See there.
-    pub alive: Runs<'a>,
-    acknowledged: Runs<'a>,
-    landing: Runs<'a>,
-    weak: Receptions<'a>,
+    /// See [`Tree::alive`].
+    pub alive: EncodedSet<'a>,
+    acknowledged: EncodedSet<'a>,
+    landing: EncodedSet<'a>,
+    weak: EncodedReceptions<'a>,
     differences: u8,
 }
 
-/// Neighbours and how well they are heard, as they are written: the distance from the id before, and the share.
+/// Encoded receptions: for each the distance from the id before, and the share.
 #[derive(Debug, Clone, Copy, Default)]
-struct Receptions<'a>(&'a [u8]);
+struct EncodedReceptions<'a>(&'a [u8]);
 
-/// The shares that a [`Reception`] may have.
+/// Valid shares of a [`Reception`].
 const SIXTEENTHS: Range<u8> = 1..16;
 
-impl<'a> Receptions<'a> {
+impl<'a> EncodedReceptions<'a> {
     fn read(bytes: &'a [u8]) -> Option<Self> {
         let receptions = Self(bytes);
         let mut rest = bytes;
@@ -109,12 +109,12 @@ impl<'a> Receptions<'a> {
     }
 }
 
-/// A set of drones as it is written: the distances from each bound of its runs to the next, the first one from 0, as
-/// varints. Whoever has one knows that the bounds rise and come in pairs.
+/// An encoded set of drones: distances between the bounds of its runs as varints, the first one from 0. The bounds are
+/// known to rise and to come in pairs.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Runs<'a>(&'a [u8]);
+pub struct EncodedSet<'a>(&'a [u8]);
 
-impl<'a> Runs<'a> {
+impl<'a> EncodedSet<'a> {
     fn read(bytes: &'a [u8]) -> Option<Self> {
         let mut rest = bytes;
         let (mut bound, mut is_in, mut is_first) = (0_u32, false, true);
@@ -136,15 +136,15 @@ impl<'a> Runs<'a> {
         })
     }
 
-    /// Whether it has this drone.
+    /// Whether the drone is a member.
     #[must_use]
     pub fn contains(self, id: NodeId) -> bool {
         self.bounds().take_while(|bound| *bound <= id.0).count() % 2 == 1
     }
 
-    /// How many drones it has; at most [`u16::MAX`] are told.
+    /// Number of members, at most [`u16::MAX`].
     #[must_use]
-    pub fn members(self) -> u16 {
+    pub fn member_count(self) -> u16 {
         let distances = (0..).zip(std::iter::from_fn({
             let mut rest = self.0;
             move || take_varint(&mut rest)
@@ -154,18 +154,18 @@ impl<'a> Runs<'a> {
         u16::try_from(members).unwrap_or(u16::MAX)
     }
 
-    /// The set.
+    /// The decoded set.
     #[must_use]
     pub fn to_set(self) -> NodeSet {
-        NodeSet::of_bounds(self.0.len(), self.bounds())
+        NodeSet::from_bounds(self.0.len(), self.bounds())
     }
 }
 
 const ACKNOWLEDGED_DIFFERS: u8 = 1;
 const LANDING_DIFFERS: u8 = 2;
 
-/// A set as it is written beside `alive`: as what differs from that, if that has fewer runs, which is then told by `flag`.
-fn beside_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
+/// A set as it is encoded beside `alive`: as the difference from `alive`, with `flag`, if that has fewer runs.
+fn relative_to_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
     if !set.is_empty() && !alive.is_empty() {
         let differs = alive.symmetric_difference(set);
         if differs.runs().len() < set.runs().len() {
@@ -175,69 +175,70 @@ fn beside_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, Nod
     (Cow::Borrowed(set), 0)
 }
 
-/// Writes a packet, behind its number.
-pub(super) fn write(tree: &Tree, to: &mut Writer) {
-    to.number(tree.number);
-    to.hops(tree.hops);
-    to.number(tree.cost.into());
-    to.id(tree.parent);
-    to.number(tree.heartbeat);
-    to.number(tree.lag);
-    to.number(tree.sequence);
-    to.or_nothing(tree.span.as_ref(), |to, span| {
-        to.number(span.start);
-        to.number(span.end);
+/// Writes a packet behind its kind.
+pub(super) fn write(tree: &Tree, writer: &mut Writer) {
+    writer.u32(tree.number);
+    writer.hops(tree.hops);
+    writer.u32(tree.cost.into());
+    writer.id(tree.parent);
+    writer.u32(tree.heartbeat);
+    writer.u32(tree.lag);
+    writer.u32(tree.sequence);
+    writer.option(tree.span.as_ref(), |writer, span| {
+        writer.u32(span.start);
+        writer.u32(span.end);
     });
-    let (acknowledged, first) = beside_alive(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
-    let (landing, second) = beside_alive(&tree.alive, &tree.landing, LANDING_DIFFERS);
-    to.byte(first | second);
-    to.runs(&tree.alive);
-    to.runs(&acknowledged);
-    to.runs(&landing);
-    to.or_nothing(tree.hears.as_ref(), |to, hears| {
-        to.runs(hears);
-        to.receptions(&tree.weak);
+    let (acknowledged, first) =
+        relative_to_alive(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
+    let (landing, second) = relative_to_alive(&tree.alive, &tree.landing, LANDING_DIFFERS);
+    writer.u8(first | second);
+    writer.encoded_set(&tree.alive);
+    writer.encoded_set(&acknowledged);
+    writer.encoded_set(&landing);
+    writer.option(tree.hears.as_ref(), |writer, hears| {
+        writer.encoded_set(hears);
+        writer.receptions(&tree.weak);
     });
-    to.runs(&tree.asks);
-    to.id(tree.to);
+    writer.encoded_set(&tree.requests);
+    writer.id(tree.to);
     if tree.to.is_some() {
-        to.number(tree.unicasts);
+        writer.u32(tree.unicasts);
     }
-    to.runs(&tree.pending);
-    to.or_nothing(tree.order.as_deref(), Writer::bytes);
+    writer.encoded_set(&tree.pending);
+    writer.option(tree.order.as_deref(), Writer::bytes);
 }
 
 impl<'a> TreeFrame<'a> {
-    /// Reads the packet that has these words behind its front, field by field; nothing if they are none.
+    /// Reads a packet from its header and body; `None` if the body is malformed or bytes follow it.
     #[must_use]
-    pub fn read(front: TreeFront, words: &'a [u8]) -> Option<Self> {
-        let mut from = Reader(words);
+    pub fn read(header: TreeHeader, body: &'a [u8]) -> Option<Self> {
+        let mut reader = Reader(body);
         let mut frame = Self {
-            front,
+            header,
             ..Self::default()
         };
-        frame.sequence = from.number()?;
-        if from.is_there()? {
-            frame.span = Some(from.number()?..from.number()?);
+        frame.sequence = reader.u32()?;
+        if reader.option_tag()? {
+            frame.span = Some(reader.u32()?..reader.u32()?);
         }
-        frame.differences = from.byte()?;
-        frame.alive = Runs::read(from.bytes()?)?;
-        frame.acknowledged = Runs::read(from.bytes()?)?;
-        frame.landing = Runs::read(from.bytes()?)?;
-        if from.is_there()? {
-            frame.hears = Some(Runs::read(from.bytes()?)?);
-            frame.weak = Receptions::read(from.bytes()?)?;
+        frame.differences = reader.u8()?;
+        frame.alive = EncodedSet::read(reader.bytes()?)?;
+        frame.acknowledged = EncodedSet::read(reader.bytes()?)?;
+        frame.landing = EncodedSet::read(reader.bytes()?)?;
+        if reader.option_tag()? {
+            frame.hears = Some(EncodedSet::read(reader.bytes()?)?);
+            frame.weak = EncodedReceptions::read(reader.bytes()?)?;
         }
-        frame.asks = Runs::read(from.bytes()?)?;
-        frame.to = from.id()?;
+        frame.requests = EncodedSet::read(reader.bytes()?)?;
+        frame.to = reader.id()?;
         if frame.to.is_some() {
-            frame.unicasts = from.number()?;
+            frame.unicasts = reader.u32()?;
         }
-        frame.pending = Runs::read(from.bytes()?)?;
-        if from.is_there()? {
-            frame.order = Some(from.bytes()?);
+        frame.pending = EncodedSet::read(reader.bytes()?)?;
+        if reader.option_tag()? {
+            frame.order = Some(reader.bytes()?);
         }
-        from.0.is_empty().then_some(frame)
+        reader.0.is_empty().then_some(frame)
     }
 }
 
@@ -245,16 +246,16 @@ impl TreeFrame<'_> {
     /// See [`Tree::acknowledged`].
     #[must_use]
     pub fn acknowledged(&self) -> NodeSet {
-        self.beside_alive(self.acknowledged, ACKNOWLEDGED_DIFFERS)
+        self.relative_to_alive(self.acknowledged, ACKNOWLEDGED_DIFFERS)
     }
 
     /// See [`Tree::landing`].
     #[must_use]
     pub fn landing(&self) -> NodeSet {
-        self.beside_alive(self.landing, LANDING_DIFFERS)
+        self.relative_to_alive(self.landing, LANDING_DIFFERS)
     }
 
-    fn beside_alive(&self, runs: Runs<'_>, flag: u8) -> NodeSet {
+    fn relative_to_alive(&self, runs: EncodedSet<'_>, flag: u8) -> NodeSet {
         let set = runs.to_set();
         if self.differences & flag == 0 {
             set
@@ -263,20 +264,20 @@ impl TreeFrame<'_> {
         }
     }
 
-    /// Whether a drone is on its way to the ground, as far as this tells.
+    /// Whether a drone is in [`Tree::landing`].
     #[must_use]
     pub fn is_landing(&self, id: NodeId) -> bool {
         let differs = self.differences & LANDING_DIFFERS != 0;
         self.landing.contains(id) != (differs && self.alive.contains(id))
     }
 
-    /// The same, with nothing but that its sender is there and whom it hears.
+    /// The same packet with only what describes the link to its sender: packet numbers and whom it hears.
     #[must_use]
-    pub fn only_of_its_link(&self) -> Self {
+    pub fn link_part(&self) -> Self {
         Self {
-            front: TreeFront {
-                number: self.front.number,
-                ..TreeFront::default()
+            header: TreeHeader {
+                number: self.header.number,
+                ..TreeHeader::default()
             },
             span: self.span.clone(),
             hears: self.hears,
@@ -286,15 +287,15 @@ impl TreeFrame<'_> {
         }
     }
 
-    /// Whether its sender hears a drone, as far as this tells.
+    /// Whether the sender hears a drone; `None` if the packet does not cover that drone.
     #[must_use]
     pub fn hears(&self, id: NodeId) -> Option<bool> {
-        let tells_of = self.span.as_ref().is_none_or(|span| span.contains(&id.0));
-        let hears = self.hears.filter(|_| tells_of);
+        let covers = self.span.as_ref().is_none_or(|span| span.contains(&id.0));
+        let hears = self.hears.filter(|_| covers);
         hears.map(|hears| hears.contains(id))
     }
 
-    /// The share of a drone's broadcasts that its sender hears, in sixteenths; `None` if it does not tell.
+    /// Share of a drone's broadcasts that the sender receives, in sixteenths; `None` if the packet does not tell.
     #[must_use]
     pub fn reception_of(&self, id: NodeId) -> Option<u8> {
         if !self.hears(id)? {
@@ -304,34 +305,34 @@ impl TreeFrame<'_> {
         Some(weak.map_or(SIXTEENTHS.end, |it| it.sixteenths))
     }
 
-    /// What its sender says of everybody, where `said` is one of the sets of this packet and `before` what the sender
-    /// said before.
+    /// `reported`, a set of this packet, with the members of `before`, the same set of the sender's last packet, that
+    /// the span does not cover.
     #[must_use]
-    pub fn and_before(&self, mut said: NodeSet, before: &NodeSet) -> NodeSet {
+    pub fn merged_with_previous(&self, mut reported: NodeSet, before: &NodeSet) -> NodeSet {
         if let Some(span) = &self.span {
-            said.extend_from(&before.difference(&span.clone().into()));
+            reported.extend_from(&before.difference(&span.clone().into()));
         }
-        said
+        reported
     }
 
-    /// All of it, made.
+    /// The decoded packet.
     #[must_use]
     pub fn to_tree(&self) -> Tree {
         Tree {
-            number: self.front.number,
-            hops: self.front.hops,
-            cost: self.front.cost,
-            parent: self.front.parent,
-            heartbeat: self.front.heartbeat,
-            lag: self.front.lag,
+            number: self.header.number,
+            hops: self.header.hops,
+            cost: self.header.cost,
+            parent: self.header.parent,
+            heartbeat: self.header.heartbeat,
+            lag: self.header.lag,
             sequence: self.sequence,
             span: self.span.clone(),
             acknowledged: self.acknowledged(),
             alive: self.alive.to_set(),
             landing: self.landing(),
-            hears: self.hears.map(Runs::to_set),
+            hears: self.hears.map(EncodedSet::to_set),
             weak: self.weak.iter().collect(),
-            asks: self.asks.to_set(),
+            requests: self.requests.to_set(),
             to: self.to,
             unicasts: self.unicasts,
             pending: self.pending.to_set(),

@@ -1,84 +1,84 @@
-//! Bytes as postcard writes them, written without serde: for the packets that drones say all the time.
+//! Writes postcard's format without serde, for the packets that drones send most.
 
+use super::Reception;
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::Reception;
 
-/// Puts to the end what [`Reader`](super::reader::Reader) takes from the front.
+/// Appends values that [`Reader`](super::reader::Reader) takes from the front.
 pub(super) struct Writer(pub(super) Vec<u8>);
 
 impl Writer {
-    pub(super) fn byte(&mut self, byte: u8) {
+    pub(super) fn u8(&mut self, byte: u8) {
         self.0.push(byte);
     }
 
-    pub(super) fn number(&mut self, number: u32) {
-        self.long_number(number.into());
+    pub(super) fn u32(&mut self, number: u32) {
+        self.u64(number.into());
     }
 
-    pub(super) fn long_number(&mut self, mut number: u64) {
+    pub(super) fn u64(&mut self, mut number: u64) {
         while number >= 0x80 {
-            self.byte((number & 0x7f) as u8 | 0x80);
+            self.u8((number & 0x7f) as u8 | 0x80);
             number >>= 7;
         }
-        self.byte(number as u8);
+        self.u8(number as u8);
     }
 
-    /// As postcard has it: small numbers of either sign take few bytes.
-    pub(super) fn signed(&mut self, number: i32) {
-        self.number(((number << 1) ^ (number >> 31)).cast_unsigned());
+    /// Zigzag encoding: small numbers of either sign take few bytes.
+    pub(super) fn i32(&mut self, number: i32) {
+        self.u32(((number << 1) ^ (number >> 31)).cast_unsigned());
     }
 
     pub(super) fn hops(&mut self, hops: Option<u16>) {
-        self.or_nothing(hops, |to, hops| to.number(hops.into()));
+        self.option(hops, |writer, hops| writer.u32(hops.into()));
     }
 
     pub(super) fn id(&mut self, id: Option<NodeId>) {
-        self.or_nothing(id, |to, id| to.number(id.0));
+        self.option(id, |writer, id| writer.u32(id.0));
     }
 
-    /// What may be there or not.
-    pub(super) fn or_nothing<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Self, T)) {
-        self.byte(value.is_some().into());
+    /// A tag of 0 or 1, then the value if there is one.
+    pub(super) fn option<T>(&mut self, value: Option<T>, write: impl FnOnce(&mut Self, T)) {
+        self.u8(value.is_some().into());
         if let Some(value) = value {
             write(self, value);
         }
     }
 
-    /// A set as serde writes it: how many bounds there are, and the distances between them.
+    /// A set as serde writes it: the number of bounds, and the distances between them.
     pub(super) fn set(&mut self, set: &NodeSet) {
         self.count(set.distances().count());
         for distance in set.distances() {
-            self.number(distance);
+            self.u32(distance);
         }
     }
 
-    /// How many there are of something.
+    /// A number of elements.
     pub(super) fn count(&mut self, count: usize) {
-        self.number(u32::try_from(count).expect("a packet holds less"));
+        self.u32(u32::try_from(count).expect("a packet holds less"));
     }
 
     /// The distances between the bounds of a set's runs, as bytes.
-    pub(super) fn runs(&mut self, set: &NodeSet) {
-        self.behind_its_length(|to| set.distances().for_each(|distance| to.number(distance)));
+    pub(super) fn encoded_set(&mut self, set: &NodeSet) {
+        self.length_prefixed(|writer| set.distances().for_each(|distance| writer.u32(distance)));
     }
 
-    /// Receptions in the order of their ids, as bytes: the distance from the id before, and the share.
+    /// Receptions by rising id, as bytes: the distance from the id before, and the share.
     pub(super) fn receptions(&mut self, receptions: &[Reception]) {
-        self.behind_its_length(|to| {
+        self.length_prefixed(|writer| {
             let mut before = 0;
             for Reception { id, sixteenths } in receptions {
-                to.number(id.0 - before);
-                to.byte(*sixteenths);
+                writer.u32(id.0 - before);
+                writer.u8(*sixteenths);
                 before = id.0;
             }
         });
     }
 
-    /// What `write` writes, and before it how many bytes that is, which is known only then.
-    fn behind_its_length(&mut self, write: impl FnOnce(&mut Self)) {
+    /// Writes the bytes of `write` with their length before them.
+    fn length_prefixed(&mut self, write: impl FnOnce(&mut Self)) {
         let at = self.0.len();
-        // Most are so short that their length takes one byte.
-        self.byte(0);
+        // Most lengths take one byte.
+        self.u8(0);
         write(self);
         let end = self.0.len();
         let length = end - at - 1;

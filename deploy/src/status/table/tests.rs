@@ -72,7 +72,7 @@ fn answer(drone: Option<u32>, status: Result<Status, AskError>) -> Answer {
 }
 
 #[test]
-fn drones_are_rows_by_number_and_those_that_do_not_answer_say_so() {
+fn rows_are_ordered_by_number_and_show_missing_answers() {
     let master = Status {
         role: Role::Master,
         hops: Some(0),
@@ -87,13 +87,13 @@ fn drones_are_rows_by_number_and_those_that_do_not_answer_say_so() {
         up_s: 300.0,
         ..status(1)
     };
-    let nobody = || Err(AskError::NoAnswer(Box::new(ureq::Error::ConnectionFailed)));
+    let no_answer = || Err(AskError::NoAnswer(Box::new(ureq::Error::ConnectionFailed)));
     let answers = [
-        answer(None, nobody()),
+        answer(None, no_answer()),
         answer(Some(2), Ok(master)),
         answer(None, Ok(idle)),
         answer(Some(0), Ok(status(0))),
-        answer(Some(3), nobody()),
+        answer(Some(3), no_answer()),
     ];
     insta::assert_snapshot!(table(&answers, Colour::Never));
 }

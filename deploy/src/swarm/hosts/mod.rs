@@ -1,69 +1,79 @@
-//! What a hosts file says: which drones' processes run where, and how they talk to each other.
-
-mod fields;
+//! The hosts file: which drones' processes run on which host, and how their frames reach each other.
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, SocketAddrV4};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use muster_machines::identity::NodeId;
-use muster_runtime::diagnostic::{BadInput, Form, TomlFile};
-use muster_runtime::schema;
+use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile};
+use muster_runtime::schema::{self, Field, FileSchema, Located};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde_json::Value;
-use toml::Spanned;
 
-use self::fields::FIELDS;
-
-/// Every field of a hosts file, tables included, as in `hosts.run`.
+/// Every field of a hosts file, including tables, for example `hosts.run`.
 pub fn fields() -> impl Iterator<Item = &'static str> {
-    FIELDS.iter().map(|(field, _)| *field)
+    all_fields().iter().map(|field| &*field.path)
 }
 
-/// What a hosts file may say, as a JSON Schema.
+/// What a hosts file may hold.
 #[must_use]
-pub fn schema() -> Value {
-    schema::of::<Raw>("The hosts of a swarm of muster's", FIELDS)
+pub fn schema() -> &'static FileSchema {
+    static SCHEMA: LazyLock<FileSchema> =
+        LazyLock::new(|| FileSchema::of::<Raw>("Hosts of a muster swarm"));
+    &SCHEMA
 }
 
-/// Where the drones of a swarm run: each of them at one host.
+fn all_fields() -> &'static [Field] {
+    &schema().fields
+}
+
+/// The reference of hosts files as a page in Markdown.
+#[must_use]
+pub fn reference() -> String {
+    let introduction = "A hosts file tells `muster swarm --hosts` which drones run on which host, and how their \
+                        frames reach each other. It is a TOML file. Without `group` and `broadcast`, a frame for all is \
+                        sent to each drone's address.";
+    schema::page("Hosts file", introduction, all_fields())
+}
+
+/// The hosts of a swarm. Each drone runs on exactly one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hosts {
     pub(super) reach: Reach,
     pub(super) hosts: Vec<Host>,
 }
 
-/// How frames for all get to all.
+/// How a broadcast frame reaches the other drones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reach {
     /// To a multicast group.
     Group(SocketAddrV4),
-    /// To a network's broadcast address.
+    /// To the broadcast address of the network.
     Broadcast(SocketAddrV4),
-    /// To each of the others' addresses.
+    /// To the address of each other drone.
     Peers,
 }
 
-/// A machine, or a namespace of one, on which drones' processes run.
+/// A machine or a network namespace that runs drones' processes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Host {
-    /// The command that runs another there; none for this machine.
+    /// The command that runs other commands there, for example ssh; empty for this machine.
     pub(super) run: Vec<String>,
     /// The daemon's program there.
     pub(super) musterd: PathBuf,
-    /// Who flies there, with its address where it has to have a certain one.
+    /// Its drones, each with its address; `None` if any free port will do.
     pub(super) drones: BTreeMap<NodeId, Option<SocketAddr>>,
     pub(super) interface: Option<String>,
 }
 
 impl Host {
-    /// Whether it is this machine, and no namespace of it.
-    pub(super) fn is_here(&self) -> bool {
+    /// Whether it is this machine, outside of any namespace.
+    pub(super) fn is_local(&self) -> bool {
         self.run.is_empty()
     }
 
-    /// What it is called.
+    /// Its name in messages: the command that runs others there.
     pub(super) fn name(&self) -> String {
         match &self.run[..] {
             [] => "this machine".to_owned(),
@@ -72,43 +82,72 @@ impl Host {
     }
 }
 
+/// The fields of a hosts file; their only declaration, as for scenario files.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Raw {
-    #[schemars(with = "Option<String>")]
-    group: Option<Spanned<SocketAddrV4>>,
-    #[schemars(with = "Option<String>")]
-    broadcast: Option<Spanned<SocketAddrV4>>,
+    /// Multicast group for broadcasts.
+    #[schemars(extend(
+        "x-accepted" = "an IPv4 address from 224.0.0.0 to 239.255.255.255 and a port, for example \"239.77.0.1:4700\""
+    ))]
+    group: Option<Located<SocketAddrV4>>,
+    /// Broadcast address of the network.
+    #[schemars(extend(
+        "x-accepted" = "an IPv4 broadcast address and a port, for example \"10.0.0.255:4700\"",
+        "x-condition" = "not with `group`"
+    ))]
+    broadcast: Option<Located<SocketAddrV4>>,
     #[serde(default)]
-    #[schemars(with = "Vec<RawHost>")]
-    hosts: Vec<Spanned<RawHost>>,
+    hosts: Vec<Located<RawHost>>,
 }
 
+/// The hosts, each with its drones.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[[hosts]]`")]
 struct RawHost {
-    #[schemars(with = "Vec<u32>")]
-    drones: Spanned<Vec<Spanned<u32>>>,
-    #[schemars(with = "Option<Vec<String>>")]
-    run: Option<Spanned<Vec<String>>>,
-    #[schemars(with = "Option<String>")]
-    musterd: Option<Spanned<String>>,
+    /// Drones and relays on this host. Each of the scenario is on exactly one host.
+    #[schemars(
+        with = "Vec<u32>",
+        extend("x-accepted" = "a list of numbers of drones and relays, for example `[0, 1]`")
+    )]
+    drones: Located<Vec<Located<u32>>>,
+    /// Command that runs another command on the host and connects its input and output.
+    #[schemars(extend(
+        "x-accepted" = "a list of a command and its arguments, for example `[\"ssh\", \"pi@10.0.0.7\"]`",
+        "x-default" = "none, for this machine"
+    ))]
+    run: Option<Located<Vec<String>>>,
+    /// The daemon's program on the host, of the same version as `muster`.
+    #[schemars(extend(
+        "x-accepted" = "a path or name of letters, digits and `/._-+`",
+        "x-default" = "\"musterd\""
+    ))]
+    musterd: Option<Located<String>>,
+    /// Network interface of the host.
+    #[schemars(extend(
+        "x-accepted" = "the name of a network interface, for example \"wlan0\"",
+        "x-default" = "by the system's routes"
+    ))]
     interface: Option<String>,
-    #[schemars(with = "Option<String>")]
-    address: Option<Spanned<SocketAddr>>,
+    /// Address of the host's first drone; the others use the following ports.
+    #[schemars(extend(
+        "x-accepted" = "an address and port, for example \"10.0.0.7:4700\"",
+        "x-condition" = "only without `group` and `broadcast`, which need none"
+    ))]
+    address: Option<Located<SocketAddr>>,
 }
 
 impl Hosts {
-    /// Reads where the drones and relays of a scenario, numbered up to `nodes`, run.
+    /// Reads a hosts file for a scenario with drones and relays 0 to `nodes` - 1.
     ///
     /// # Errors
-    /// When the file can't be used: the error shows the place and says what would be accepted.
+    /// If the file can't be used; the error shows the line and what is accepted.
     pub fn load(path: &Path, nodes: u32) -> Result<Self, BadInput> {
-        File(TomlFile::read(path, FORM)?).hosts(nodes)
+        File(TomlFile::read(path, FORMAT)?).hosts(nodes)
     }
 }
 
-/// A hosts file that has been read, but not looked into.
+/// A parsed hosts file that is not validated yet.
 struct File(TomlFile<Raw>);
 
 impl File {
@@ -127,7 +166,7 @@ impl File {
             });
         }
         if let Some(missing) = (0..nodes).find(|id| !placed.contains_key(&NodeId(*id))) {
-            let message = format!("no host has drone {missing} of the scenario");
+            let message = format!("drone {missing} of the scenario is on no host");
             let last = self
                 .0
                 .raw
@@ -143,16 +182,15 @@ impl File {
     fn reach(&self) -> Result<Reach, BadInput> {
         match (&self.0.raw.group, &self.0.raw.broadcast) {
             (Some(_), Some(broadcast)) => {
-                let message =
-                    "frames for all go to a `group` or to a `broadcast` address: one of them";
+                let message = "`group` and `broadcast` exclude each other";
                 Err(self.0.error(broadcast.span(), message))
             }
-            (Some(all), None) | (None, Some(all)) if all.get_ref().port() == 0 => Err(self
-                .0
-                .error(all.span(), "what is for all needs a port that all know")),
+            (Some(address), None) | (None, Some(address)) if address.get_ref().port() == 0 => {
+                let message = "needs a fixed port (1–65535), found 0";
+                Err(self.0.error(address.span(), message))
+            }
             (Some(group), None) if !group.get_ref().ip().is_multicast() => {
-                let message =
-                    "this is not a multicast group: they go from 224.0.0.0 to 239.255.255.255";
+                let message = "not a multicast group (224.0.0.0 to 239.255.255.255)";
                 Err(self.0.error(group.span(), message))
             }
             (Some(group), None) => Ok(Reach::Group(*group.get_ref())),
@@ -169,17 +207,15 @@ impl File {
     ) -> Result<BTreeMap<NodeId, Option<SocketAddr>>, BadInput> {
         let listed = raw.drones.get_ref();
         if listed.is_empty() {
-            return Err(self.0.error(raw.drones.span(), "no drone flies here"));
+            return Err(self.0.error(raw.drones.span(), "the host has no drone"));
         }
         let first = match (&raw.address, reach) {
             (None, Reach::Peers) => {
-                let message = "frames for all go to a `group`, to a `broadcast` address, or to the `address` that each host \
-                               has: this one has none";
+                let message = "the host needs an `address`, since the file has neither `group` nor `broadcast`";
                 return Err(self.0.error(raw.drones.span(), message));
             }
             (Some(address), Reach::Group(_) | Reach::Broadcast(_)) => {
-                let message =
-                    "drones that talk by a `group` or a `broadcast` take a port of their own";
+                let message = "`address` can't be combined with `group` or `broadcast`";
                 return Err(self.0.error(address.span(), message));
             }
             (address, _) => address.as_ref(),
@@ -189,22 +225,19 @@ impl File {
             let (span, id) = (id.span(), NodeId(*id.get_ref()));
             if id.0 >= nodes {
                 let last = nodes - 1;
-                let message = format!("the scenario's drones and relays have numbers up to {last}");
+                let message = format!("the scenario has drones and relays 0 to {last}, found {id}");
                 return Err(self.0.error(span, &message));
             }
             let address = match first {
                 None => None,
                 Some(first) => Some(port_after(*first.get_ref(), nth).ok_or_else(|| {
-                    self.0.error(
-                        first.span(),
-                        "each drone here needs an address and a port of its own, from this one on",
-                    )
+                    let message = "each drone of the host needs a port, counted from this one; the address can't be \
+                                   unspecified";
+                    self.0.error(first.span(), message)
                 })?),
             };
             if placed.contains_key(&id) || drones.insert(id, address).is_some() {
-                return Err(self
-                    .0
-                    .error(span, &format!("drone {id} is at a host already")));
+                return Err(self.0.error(span, &format!("drone {id} is listed twice")));
             }
         }
         Ok(drones)
@@ -214,13 +247,13 @@ impl File {
         match &raw.run {
             None => Ok(Vec::new()),
             Some(run) if run.get_ref().iter().any(String::is_empty) || run.get_ref().is_empty() => {
-                Err(self.0.error(run.span(), "this names no command"))
+                Err(self.0.error(run.span(), "the command is empty"))
             }
             Some(run) => Ok(run.get_ref().clone()),
         }
     }
 
-    /// What runs it there may hand it to a shell, as ssh does: nothing that means something to one is let through.
+    /// The command may pass the path to a shell, as ssh does, so characters with a meaning to a shell are refused.
     fn musterd(&self, raw: &RawHost) -> Result<PathBuf, BadInput> {
         let Some(musterd) = &raw.musterd else {
             return Ok(PathBuf::from("musterd"));
@@ -228,7 +261,7 @@ impl File {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
         let path = musterd.get_ref();
         if path.is_empty() || path.starts_with('-') || !path.chars().all(is_plain) {
-            let message = "a shell there would not take this for the path of a program";
+            let message = "the path needs quoting in a shell";
             return Err(self.0.error(musterd.span(), message));
         }
         Ok(PathBuf::from(path))
@@ -245,14 +278,14 @@ impl File {
                 continue;
             };
             if first.is_some_and(|first| first.is_ipv4() != address.get_ref().is_ipv4()) {
-                let message =
-                    "a drone with an IPv4 address reaches no IPv6 address, nor the other way round";
+                let message = "IPv4 and IPv6 addresses can't be mixed";
                 return Err(self.0.error(address.span(), message));
             }
             for id in raw.get_ref().drones.get_ref() {
                 let own = placed.get(&NodeId(*id.get_ref())).copied().flatten();
                 if let Some(other) = own.and_then(|own| seen.insert(own, *id.get_ref())) {
-                    let message = format!("drone {other} has one of the addresses from here on");
+                    let message =
+                        format!("drones {other} and {} have the same address", id.get_ref());
                     return Err(self.0.error(address.span(), &message));
                 }
             }
@@ -261,14 +294,14 @@ impl File {
     }
 }
 
-/// The same address, so many ports on; a port 0 is nobody's.
+/// The address with its port raised by `nth`; `None` without a valid port or with an unspecified address.
 fn port_after(mut address: SocketAddr, nth: u16) -> Option<SocketAddr> {
     let port = address.port().checked_add(nth)?;
     address.set_port(port);
     (address.port() > 0 && !address.ip().is_unspecified()).then_some(address)
 }
 
-const FORM: Form = Form {
-    fields: FIELDS,
-    is: "a hosts file is a TOML file: a line `group = …`, then tables `[[hosts]]`",
+const FORMAT: FileFormat = FileFormat {
+    fields: all_fields,
+    description: "a hosts file is a TOML file with a line `group = …` and tables `[[hosts]]`",
 };

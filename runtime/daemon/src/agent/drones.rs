@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
-use super::protocol::{Reply, Sent};
+use super::protocol::{Reply, ProcessSignal};
 
 /// How many lines to a process may wait that does not read them, as one that is stopped. More are lost to it.
 const UNREAD_MAX: usize = 64;
@@ -70,19 +70,19 @@ impl Drones {
                 let line = format!("can't start the process: {error}");
                 let replies = self.replies.clone();
                 self.listeners.spawn(async move {
-                    let _ = replies.send(Reply::Said { drone, line }).await;
+                    let _ = replies.send(Reply::Output { drone, line }).await;
                     let _ = replies.send(Reply::Ended { drone }).await;
                 });
             }
         }
     }
 
-    pub(super) fn signal(&self, drone: u32, signal: Sent) {
+    pub(super) fn signal(&self, drone: u32, signal: ProcessSignal) {
         if let Some(process) = self.processes.get(&drone) {
             process.signal(match signal {
-                Sent::Stop => Signal::STOP,
-                Sent::Continue => Signal::CONT,
-                Sent::Kill => Signal::KILL,
+                ProcessSignal::Stop => Signal::STOP,
+                ProcessSignal::Continue => Signal::CONT,
+                ProcessSignal::Kill => Signal::KILL,
             });
         }
     }
@@ -146,7 +146,7 @@ async fn listen(
         let mut lines = BufReader::new(stderr).lines();
         while let Ok(Some(line)) = lines.next_line().await {
             // Nobody may listen any more; the process is read from nevertheless.
-            let _ = replies.send(Reply::Said { drone, line }).await;
+            let _ = replies.send(Reply::Output { drone, line }).await;
         }
     }
     // It can't be told why it ended where the system has lost it.

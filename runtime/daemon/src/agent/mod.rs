@@ -84,7 +84,7 @@ async fn serve() -> Result<(), AgentError> {
         replies,
     };
     let version = VERSION.to_owned();
-    agent.reply(Reply::Here { version });
+    agent.reply(Reply::Hello { version });
     let ended = tokio::select! {
         ended = agent.obey_all(orders) => ended,
         () = called_off => Ok(()),
@@ -162,7 +162,7 @@ impl Agent {
                 let at_ns = self.clock.now().as_nanos();
                 self.reply(Reply::Pong { ping, at_ns });
             }
-            Order::Write { path, text } => self.write(&path, &text)?,
+            Order::AppendFile { path, text } => self.write(&path, &text)?,
             Order::Start {
                 drone,
                 config,
@@ -172,7 +172,7 @@ impl Agent {
                 self.drones.start(drone, &own.join(config), &arguments);
             }
             Order::Signal { drone, signal } => self.drones.signal(drone, signal),
-            Order::Tell { drone, line } => self.drones.tell(drone, line),
+            Order::WriteStdin { drone, line } => self.drones.tell(drone, line),
         }
         Ok(())
     }

@@ -1,32 +1,32 @@
-//! What a starter and its agent on a host say to each other: an object a line, over the agent's standard input and output.
+//! The protocol between `muster swarm` (the starter) and its agent on a host: one JSON object per line, over the agent's
+//! standard input and output.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// What a starter asks of an agent.
+/// A message from the starter to an agent.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Order {
-    /// Say what time it is.
+    /// Report the host's time.
     Ping(u64),
-    /// Add to the end of a file at a path within the agent's own folder; of one that is not there yet, this is the
-    /// beginning, and only its owner can read it.
-    Write { path: PathBuf, text: String },
-    /// Start a drone's process with its file, as seen from the agent's own folder, and these arguments.
+    /// Append to a file within the agent's folder. A new file is readable by its owner only.
+    AppendFile { path: PathBuf, text: String },
+    /// Start a drone's process. The path of its file is relative to the agent's folder.
     Start {
         drone: u32,
         config: PathBuf,
         arguments: Vec<String>,
     },
     /// Send a drone's process a signal.
-    Signal { drone: u32, signal: Sent },
-    /// Hand a drone's process a line on its standard input.
-    Tell { drone: u32, line: String },
+    Signal { drone: u32, signal: ProcessSignal },
+    /// Write a line to the standard input of a drone's process.
+    WriteStdin { drone: u32, line: String },
 }
 
-/// A signal that a process may be sent.
+/// A signal to a drone's process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Sent {
+pub enum ProcessSignal {
     /// SIGSTOP.
     Stop,
     /// SIGCONT.
@@ -35,32 +35,32 @@ pub enum Sent {
     Kill,
 }
 
-/// What an agent tells its starter.
+/// A message from an agent to the starter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reply {
-    /// It is there, and of this version.
-    Here { version: String },
-    /// What time it was on its host when it read this ping, in nanoseconds since the Unix epoch.
+    /// The agent runs, in this version.
+    Hello { version: String },
+    /// The host's time when the agent read this ping, in nanoseconds since the Unix epoch.
     Pong { ping: u64, at_ns: u64 },
-    /// A drone's process said something on its standard error.
-    Said { drone: u32, line: String },
-    /// A drone's process has ended, or could not be started.
+    /// A line that a drone's process wrote to standard error.
+    Output { drone: u32, line: String },
+    /// A drone's process has ended or could not be started.
     Ended { drone: u32 },
 }
 
-/// How much of a file is carried at once, in bytes: over a slow connection too, something is heard of the starter in time.
+/// Largest part of a file in one order, in bytes. It keeps orders frequent enough for the silence limit on a slow connection.
 const PIECE_MAX: usize = 16 * 1_024;
 
 impl Order {
-    /// What carries a file, piece by piece.
-    pub fn to_write<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Self> + 'a {
+    /// The orders that write a file, in pieces.
+    pub fn append_file<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Self> + 'a {
         let mut rest = Some(text);
         std::iter::from_fn(move || {
             let text = rest?;
             let mut ends = (0..=text.len().min(PIECE_MAX)).rev();
             let (piece, more) = text.split_at(ends.find(|end| text.is_char_boundary(*end))?);
             rest = Some(more).filter(|more| !more.is_empty());
-            Some(Self::Write {
+            Some(Self::AppendFile {
                 path: path.to_owned(),
                 text: piece.to_owned(),
             })
@@ -68,12 +68,12 @@ impl Order {
     }
 }
 
-/// The version that both must be of: what they say to each other is no format to be kept.
+/// Version of the program; both sides must have the same, since the protocol has no stable format.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Something said, as a line; it ends with a line feed.
-pub fn line(said: &impl Serialize) -> String {
-    let mut line = serde_json::to_string(said).expect("what is said has a form in JSON");
+/// A message as a line of JSON with its line feed.
+pub fn line(message: &impl Serialize) -> String {
+    let mut line = serde_json::to_string(message).expect("every message has a form in JSON");
     line.push('\n');
     line
 }
@@ -83,8 +83,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_that_is_told_arrives_as_it_was_whatever_is_in_it() {
-        let order = Order::Tell {
+    fn any_line_for_standard_input_survives_encoding() {
+        let order = Order::WriteStdin {
             drone: 3,
             line: "{\"losses\":{}}\n".to_owned(),
         };
@@ -94,21 +94,21 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_carried_in_pieces_and_an_empty_one_too() {
-        let carried = |text: &str| {
-            let orders: Vec<_> = Order::to_write(Path::new("drone-1/drone.toml"), text).collect();
+    fn files_are_sent_in_pieces_even_empty_ones() {
+        let pieces = |text: &str| {
+            let orders: Vec<_> = Order::append_file(Path::new("drone-1/drone.toml"), text).collect();
             let texts = orders.iter().map(|order| match order {
-                Order::Write { text, .. } => text.as_str(),
+                Order::AppendFile { text, .. } => text.as_str(),
                 other => panic!("{other:?}"),
             });
             assert_eq!(texts.collect::<String>(), text);
             orders.len()
         };
-        assert_eq!(carried(""), 1);
-        assert_eq!(carried("id = 1\n"), 1);
-        // The first piece would end in the middle of a letter.
+        assert_eq!(pieces(""), 1);
+        assert_eq!(pieces("id = 1\n"), 1);
+        // A piece of the maximum size would end inside a character.
         let long = format!("12345{}", "größe\n".repeat(PIECE_MAX / 4));
         assert!(!long.is_char_boundary(PIECE_MAX));
-        assert_eq!(carried(&long), 3);
+        assert_eq!(pieces(&long), 3);
     }
 }

@@ -1,33 +1,31 @@
-//! What a drone's file says. The scenario that it names is the very file that was simulated, so that what was simulated
-//! is what flies; what a scenario says of its world (the radio, faults, the seed, other swarms) means nothing here.
+//! A drone's file. It names a scenario, the same file that is simulated. The scenario's simulated world (radio, faults,
+//! seed, other swarms) is ignored here.
 
-mod fields;
 mod flight;
 mod raw;
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::wire;
-use muster_runtime::diagnostic::{BadInput, Form, TomlFile, read_text};
+use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
+use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
-use muster_runtime::schema;
+use muster_runtime::schema::{self, Field, FileSchema, Located};
 use muster_transport::sockets::{self, Reach};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-use toml::Spanned;
 
-use self::fields::FIELDS;
 pub(crate) use self::flight::Origin;
 use self::raw::{LevelName, LogName, Network, Raw, StageName, VehicleName};
 use crate::log::{Format, Level};
 
-/// What the newest list of the expelled is kept in that a drone has taken: beside its journal, for it outlives that.
+/// Path of the newest revocation list that a drone has received. It is beside the journal's folder, because it outlives
+/// the journal.
 fn kept_list(journal: &Path, id: u32) -> PathBuf {
     journal.with_file_name(format!("revoked-kept-{id}.toml"))
 }
@@ -35,87 +33,104 @@ fn kept_list(journal: &Path, id: u32) -> PathBuf {
 /// The most peers of a drone.
 const PEERS_MAX: usize = 1_000;
 
-/// What is not there yet, by name.
 const NO_CONTROLLER: &str =
-    "there is no link to a flight controller yet, so nothing but a simulated vehicle flies";
+    "`vehicle` needs \"closed-form\", found \"msp\": there is no link to a flight controller yet";
 
-/// Every field of a drone's file, tables included, as in `udp.group`.
-pub fn fields() -> impl Iterator<Item = &'static str> {
-    FIELDS.iter().map(|(field, _)| *field)
-}
-
-/// What a drone's file may say, as a JSON Schema.
+/// The schema of a drone's file.
 #[must_use]
-pub fn schema() -> Value {
-    schema::of::<Raw>("A drone of muster's", FIELDS)
+pub fn schema() -> &'static FileSchema {
+    static SCHEMA: LazyLock<FileSchema> =
+        LazyLock::new(|| FileSchema::of::<Raw>("A drone of muster"));
+    &SCHEMA
 }
 
-/// How drones' frames move.
+/// Paths of all fields of a drone's file, with tables, e.g. `udp.group`.
+pub fn fields() -> impl Iterator<Item = &'static str> {
+    all_fields().iter().map(|field| &*field.path)
+}
+
+fn all_fields() -> &'static [Field] {
+    &schema().fields
+}
+
+/// The reference of a drone's file, as Markdown.
+#[must_use]
+pub fn reference() -> String {
+    let introduction = "A drone's file tells `musterd` which drone it is and how it reaches the others. It is a TOML \
+                        file; paths are relative to its folder.";
+    schema::page("Drone file", introduction, all_fields())
+}
+
+/// How frames are sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TransportName {
-    /// As datagrams to all of a network or to a list of addresses.
+    /// Datagrams to a group, a broadcast address or a list of peers.
     Udp,
-    /// Over a connection with each other drone.
+    /// A connection with each other drone.
     Quic,
 }
 
-/// A drone that can be flown: its file, and all that it names, fit together.
+/// A drone's configuration: its file and all files that it names are valid and fit together.
 #[derive(Debug)]
 pub struct DroneConfig {
-    /// The file, to be read again when that is asked for.
+    /// The drone's file, which HUP reads again.
     pub(crate) path: PathBuf,
-    /// The scenario's file that it names.
+    /// The scenario's file, named in the drone's file.
     pub(crate) scenario_path: PathBuf,
     pub(crate) plan: Plan,
-    /// Where that comes from.
+    /// Source of the plan.
     pub(crate) origin: Origin,
     pub(crate) id: NodeId,
     pub(crate) swarm: SwarmId,
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
-    /// Whose word counts, from the start to the end of the process.
+    /// Key that signs the roster and revocation lists. Constant while the process runs.
     pub(crate) fleet: FleetKey,
     pub(crate) transport: TransportName,
-    /// Its sockets, and how others are reached.
+    /// Sockets and the addresses of other drones.
     pub(crate) network: sockets::Config,
+    /// Folder of the flight's journal.
     pub(crate) journal: PathBuf,
+    /// Folder of all flights.
+    pub(crate) journals: PathBuf,
     pub(crate) log: Format,
     pub(crate) level: Level,
-    /// Where it is asked what it is doing, if anywhere.
-    pub(crate) observed_at: Option<SocketAddr>,
+    /// Address of `/metrics`, `/health` and `/status`. `None` without `[observe]`.
+    pub(crate) http: Option<SocketAddr>,
 }
 
-/// What the file at a path says.
+/// Returns the text of the file at a path.
 pub(crate) type Read<'a> = &'a dyn Fn(&Path) -> Result<String, BadInput>;
 
-/// What is read again while a drone flies.
+/// Values that can be reloaded in flight.
 #[derive(Debug)]
-pub(crate) struct Reread {
+pub(crate) struct Reloaded {
     pub(crate) level: Level,
     pub(crate) revoked: RevocationList,
 }
 
 impl DroneConfig {
-    /// Reads a drone's file and all that it names.
+    /// Reads a drone's file and all files that it names.
     ///
     /// # Errors
-    /// When a file can't be used or they do not fit together: the error names the file, shows the place and says what
-    /// would be accepted.
+    /// If a file is invalid, or the files do not fit together. The error names the file, shows the place and what is
+    /// accepted.
     pub fn load(path: &Path) -> Result<Self, BadInput> {
         Self::load_from(path, &read_text)
     }
 
-    /// Likewise, with the text of the files that make up the named scenario from `read`. Of a drone that takes part in a
-    /// flight it is the scenario with which that began that counts, if that can be had.
+    /// Like [`Self::load`], but reads the named scenario's files with `read`. A drone that takes part in a flight uses the
+    /// scenario stored at its start, if it is there.
     ///
     /// # Errors
-    /// As [`Self::load`], and what `read` refuses.
+    /// As [`Self::load`], and errors of `read`.
     pub(crate) fn load_from(path: &Path, read: Read<'_>) -> Result<Self, BadInput> {
         let file = File::read(path)?;
         let raw = &file.0.raw;
         file.check_vehicle()?;
-        let scenario_path = file.0.beside(raw.scenario.get_ref());
-        let journal = file.0.beside(&raw.journal);
+        let scenario_path = file.0.resolve(raw.scenario.get_ref());
+        let journals = file.0.resolve(&raw.journal);
+        let journal = file.journal(&journals)?;
         let (plan, origin) = flight::scenario(&journal, &scenario_path, read)?;
         file.check_plan(&plan)?;
         let id = NodeId(*raw.id.get_ref());
@@ -129,95 +144,94 @@ impl DroneConfig {
             transport: *raw.transport.get_ref(),
             network: file.network(id)?,
             journal,
+            journals,
             log: match raw.log {
                 LogName::Human => Format::Human,
                 LogName::Json => Format::Json,
             },
             level: raw.log_level.into(),
-            observed_at: file.observed_at()?,
+            http: file.http()?,
             plan,
             origin,
         })
     }
 
-    /// Where it keeps the newest list of the expelled that it has taken, for its next life.
+    /// Path of the newest revocation list received, for the next incarnation.
     pub(crate) fn kept_list(&self) -> PathBuf {
-        kept_list(&self.journal, self.id.0)
+        kept_list(&self.journals, self.id.0)
     }
 
-    /// Whether it takes part in a flight by its journal, as that was when this was read.
+    /// Whether the drone took part in a flight, by its journal, when this configuration was read.
     pub(crate) const fn is_of_a_flight(&self) -> bool {
         !matches!(self.origin, Origin::Named(_))
     }
 
-    /// Whether it has the scenario with which its flight began, or none has begun.
+    /// Whether the scenario of the flight is known: no flight has begun, or its stored copy is intact.
     pub(crate) const fn knows_its_flight(&self) -> bool {
         !matches!(self.origin, Origin::Lost)
     }
 
-    /// Keeps the scenario in the journal's folder for the flight that may begin; of one that has begun it is there.
+    /// Stores the scenario in the journal's folder, unless a flight has begun.
     ///
     /// # Errors
-    /// When the system can't write it.
-    pub(crate) fn keep_flight(&self) -> io::Result<()> {
+    /// If it can't be written.
+    pub(crate) fn store_flight(&self) -> io::Result<()> {
         match &self.origin {
-            Origin::Named(files) => files.keep(&self.journal),
-            Origin::Kept | Origin::Lost => Ok(()),
+            Origin::Named(files) => files.store(&self.journal),
+            Origin::Stored | Origin::Lost => Ok(()),
         }
     }
 
-    /// Whether it is the drone at the centre of its swarm, which leads when the operator tells it to fly.
+    /// Whether the drone has the centre slot of its swarm, so that it leads when the operator orders it to fly.
     #[must_use]
     pub fn leads(&self) -> bool {
         self.id == self.plan.centre()
     }
 
-    /// Whether it flies no mission and only passes on.
+    /// Whether the drone flies no mission and only forwards frames.
     pub(crate) fn is_relay(&self) -> bool {
         self.id.0 >= self.plan.layout.formation().drones()
     }
 
-    /// What it is, in a few words.
+    /// One line for people: number, role and flight.
     #[must_use]
     pub fn description(&self) -> String {
-        let part = match () {
-            () if self.leads() => ", which leads",
-            () if self.is_relay() => ", a relay",
+        let role = match () {
+            () if self.leads() => ", leads",
+            () if self.is_relay() => ", relay",
             () => "",
         };
         format!(
-            "number {}{part}: {}",
+            "drone {}{role}: {}",
             self.id,
             self.plan.description(self.plan.limits.duration)
         )
     }
 }
 
-/// Reads what may change while a drone flies, of the fleet that it belongs to since its start.
+/// Reads the values that can be reloaded in flight. The fleet's key is that of the start.
 ///
 /// # Errors
-/// As [`DroneConfig::load`], of what is read.
-pub(crate) fn reread(path: &Path, fleet: &FleetKey) -> Result<Reread, BadInput> {
+/// If the drone's file or its revocation list is invalid.
+pub(crate) fn reload(path: &Path, fleet: &FleetKey) -> Result<Reloaded, BadInput> {
     let file = File::read(path)?;
-    Ok(Reread {
+    Ok(Reloaded {
         level: file.0.raw.log_level.into(),
-        revoked: RevocationList::load(&file.0.beside(&file.0.raw.keys.revoked), fleet)?,
+        revoked: RevocationList::load(&file.0.resolve(&file.0.raw.keys.revoked), fleet)?,
     })
 }
 
-/// Which drone a file is of, and where it is asked what it is doing; nothing else of the file is looked into.
+/// The drone's number and the address of its status, from its file. Other fields are parsed but not validated.
 ///
 /// # Errors
-/// As [`DroneConfig::load`], and when the drone tells nobody.
+/// If the file can't be parsed or has no table `[observe]`.
 pub fn observed(path: &Path) -> Result<(NodeId, SocketAddr), BadInput> {
     let file = File::read(path)?;
     let id = NodeId(*file.0.raw.id.get_ref());
-    file.observed_at()?
-        .map(|address| (id, address))
-        .ok_or_else(|| {
-            let message = "this drone tells nobody what it does: its file has no table `[observe]`";
-            file.0.error(file.0.raw.id.span(), message)
-        })
+    file.http()?.map(|address| (id, address)).ok_or_else(|| {
+        let message = "no table `[observe]`: this drone does not serve its status";
+        file.0.error(file.0.raw.id.span(), message)
+    })
 }
 
 impl From<LevelName> for Level {
@@ -232,22 +246,22 @@ impl From<LevelName> for Level {
     }
 }
 
-/// A drone's file that has been read, but not looked into.
+/// A parsed drone's file that is not validated yet.
 struct File(TomlFile<Raw>);
 
 impl File {
     fn read(path: &Path) -> Result<Self, BadInput> {
-        TomlFile::read(path, FORM).map(Self)
+        TomlFile::read(path, FORMAT).map(Self)
     }
 
-    /// A drone does nothing above its stage, and there is no vehicle yet that needs a stage above the lowest.
+    /// Checks that the vehicle is supported and fits the stage.
     fn check_vehicle(&self) -> Result<(), BadInput> {
         let (stage, vehicle) = (&self.0.raw.stage, &self.0.raw.vehicle);
         match (stage.get_ref(), vehicle.get_ref()) {
             (_, VehicleName::Msp) => Err(self.0.error(vehicle.span(), NO_CONTROLLER)),
             (StageName::Sim, VehicleName::ClosedForm) => Ok(()),
             (StageName::Bench | StageName::Tethered | StageName::Flight, _) => {
-                let message = "a simulated vehicle flies in the stage \"sim\", and in no other";
+                let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
                 Err(self.0.error(stage.span(), message))
             }
         }
@@ -257,58 +271,78 @@ impl File {
         let nodes = plan.nodes();
         if *self.0.raw.id.get_ref() >= nodes {
             let message = format!(
-                "the scenario's drones and relays have numbers up to {}",
+                "no such drone in the scenario: its drones and relays have numbers up to {}",
                 nodes - 1
             );
             return Err(self.0.error(self.0.raw.id.span(), &message));
         }
         if plan.is_steered() {
-            let message = "in this scenario a simulated pilot or operator ends or steers the flight, who is not here";
+            let message =
+                "the scenario needs a simulated pilot or operator, which `musterd` does not have";
             return Err(self.0.error(self.0.raw.scenario.span(), message));
         }
         Ok(())
     }
 
-    fn observed_at(&self) -> Result<Option<SocketAddr>, BadInput> {
+    fn http(&self) -> Result<Option<SocketAddr>, BadInput> {
         let Some(observe) = &self.0.raw.observe else {
             return Ok(None);
         };
         if observe.http.get_ref().port() == 0 {
-            let message = "port 0 is any, and whoever asks must know which";
+            let message = "`observe.http` needs a fixed port (1–65535), found 0";
             return Err(self.0.error(observe.http.span(), message));
         }
         Ok(Some(*observe.http.get_ref()))
     }
 
+    /// Journal folder of the flight that the drone joins.
+    fn journal(&self, root: &Path) -> Result<PathBuf, BadInput> {
+        let number = self.0.raw.flight.as_ref().map_or(1, |it| *it.get_ref());
+        let refuse = |message: &str| {
+            let span = self.0.raw.flight.as_ref().map_or(0..0, Located::span);
+            Err(self.0.error(span, message))
+        };
+        if number == 0 {
+            return refuse("`flight` needs a number from 1, found 0");
+        }
+        match flights::choose(root, number) {
+            Ok(chosen) => Ok(flights::folder_of(root, chosen)),
+            Err(error) => refuse(&format!(
+                "{error}: set `flight` to {} or, for a new flight, to a higher number",
+                error.newest
+            )),
+        }
+    }
+
     fn swarm(&self) -> Result<SwarmId, BadInput> {
         match &self.0.raw.swarm {
             None => Ok(Plan::FIRST_SWARM),
-            Some(number) if *number.get_ref() == 0 => {
-                Err(self.0.error(number.span(), "swarms are numbered from 1"))
-            }
+            Some(number) if *number.get_ref() == 0 => Err(self
+                .0
+                .error(number.span(), "`swarm` needs a number from 1, found 0")),
             Some(number) => Ok(SwarmId(*number.get_ref())),
         }
     }
 
     fn fleet(&self) -> Result<FleetKey, BadInput> {
-        FleetKey::load(&self.0.beside(&self.0.raw.keys.fleet))
+        FleetKey::load(&self.0.resolve(&self.0.raw.keys.fleet))
     }
 
     fn authenticator(&self, id: NodeId) -> Result<Ed25519Authenticator, BadInput> {
         let keys = &self.0.raw.keys;
         let fleet = self.fleet()?;
-        let roster = Roster::load(&self.0.beside(&keys.roster), &fleet)?;
+        let roster = Roster::load(&self.0.resolve(&keys.roster), &fleet)?;
         let revoked = self.revoked(&fleet)?;
-        let key = DroneKey::load(&self.0.beside(keys.drone.get_ref()))?;
+        let key = DroneKey::load(&self.0.resolve(keys.drone.get_ref()))?;
         Ed25519Authenticator::new(id, key, fleet, roster, revoked)
             .map_err(|error| self.0.error(keys.drone.span(), &error.to_string()))
     }
 
-    /// The newer one of the list that the file names and the one that was kept.
+    /// The newer of the named revocation list and the kept one.
     fn revoked(&self, fleet: &FleetKey) -> Result<RevocationList, BadInput> {
-        let named = RevocationList::load(&self.0.beside(&self.0.raw.keys.revoked), fleet)?;
+        let named = RevocationList::load(&self.0.resolve(&self.0.raw.keys.revoked), fleet)?;
         let path = kept_list(
-            &self.0.beside(&self.0.raw.journal),
+            &self.0.resolve(&self.0.raw.journal),
             *self.0.raw.id.get_ref(),
         );
         if let Ok(false) = path.try_exists() {
@@ -322,7 +356,7 @@ impl File {
         })
     }
 
-    /// What the table of the chosen transport says; that of another waits for another choice.
+    /// The table of the chosen transport. The other transport's table is ignored.
     fn network(&self, id: NodeId) -> Result<sockets::Config, BadInput> {
         let transport = &self.0.raw.transport;
         let (table, name) = match transport.get_ref() {
@@ -331,7 +365,7 @@ impl File {
         };
         let Some(network) = table else {
             let message = format!(
-                "this transport needs a table `[{name}]`, which says how others are reached"
+                "the transport \"{name}\" needs a table `[{name}]` with the addresses of other drones"
             );
             return Err(self.0.error(transport.span(), &message));
         };
@@ -343,12 +377,11 @@ impl File {
             && let Some(own) = &network.bind
         {
             if own.get_ref().port() == all.port() {
-                let message = "a drone's own port must be another than that of what is for all";
+                let message = "`bind` needs another port than the group or broadcast address";
                 return Err(self.0.error(own.span(), message));
             }
             if !own.get_ref().is_ipv4() {
-                let message =
-                    "groups and broadcasts are IPv4's, so the drone's own address must be";
+                let message = "`bind` needs an IPv4 address: groups and broadcasts are IPv4 only";
                 return Err(self.0.error(own.span(), message));
             }
         }
@@ -361,7 +394,7 @@ impl File {
         })
     }
 
-    fn reach(&self, network: &Spanned<Network>) -> Result<Reach, BadInput> {
+    fn reach(&self, network: &Located<Network>) -> Result<Reach, BadInput> {
         let Network {
             bind,
             group,
@@ -369,7 +402,7 @@ impl File {
             peers,
             ..
         } = network.get_ref();
-        let is_of_other_family = |peer: &SocketAddr| {
+        let has_other_family = |peer: &SocketAddr| {
             bind.as_ref()
                 .is_some_and(|bind| bind.get_ref().is_ipv4() != peer.is_ipv4())
         };
@@ -377,39 +410,41 @@ impl File {
             (Some(all), None, None) | (None, Some(all), None) if all.get_ref().port() == 0 => {
                 Err(self
                     .0
-                    .error(all.span(), "what is for all needs a port that all know"))
+                    .error(all.span(), "needs a fixed port (1–65535), found 0"))
             }
             (Some(group), None, None) if group.get_ref().ip().is_multicast() => {
                 Ok(Reach::Group(*group.get_ref()))
             }
             (Some(group), None, None) => {
-                let message =
-                    "this is not a multicast group: they go from 224.0.0.0 to 239.255.255.255";
+                let message = "not a multicast group (224.0.0.0 to 239.255.255.255)";
                 Err(self.0.error(group.span(), message))
             }
             (None, Some(broadcast), None) => Ok(Reach::Broadcast(*broadcast.get_ref())),
-            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => Err(self
-                .0
-                .error(peers.span(), &format!("more than {PEERS_MAX} peers"))),
+            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => Err(self.0.error(
+                peers.span(),
+                &format!(
+                    "{} peers are too many; at most {PEERS_MAX} are accepted",
+                    peers.get_ref().len()
+                ),
+            )),
             (None, None, Some(peers)) if bind.is_none() => {
-                let message = "`peers` send to a drone's own address, so it needs `bind`";
+                let message = "`peers` needs `bind`: the other drones send to that address";
                 Err(self.0.error(peers.span(), message))
             }
-            (None, None, Some(peers)) if peers.get_ref().iter().any(is_of_other_family) => {
-                let message =
-                    "a drone with an IPv4 address reaches no IPv6 address, nor the other way round";
+            (None, None, Some(peers)) if peers.get_ref().iter().any(has_other_family) => {
+                let message = "`peers` and `bind` need the same address family, IPv4 or IPv6";
                 Err(self.0.error(peers.span(), message))
             }
             (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),
             _ => {
-                let message = "others are reached by a `group`, by a `broadcast` address or as `peers`: one of them";
+                let message = "the table needs exactly one of `group`, `broadcast` and `peers`";
                 Err(self.0.error(network.span(), message))
             }
         }
     }
 }
 
-const FORM: Form = Form {
-    fields: FIELDS,
-    is: "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`",
+const FORMAT: FileFormat = FileFormat {
+    fields: all_fields,
+    description: "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`",
 };

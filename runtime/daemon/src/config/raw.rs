@@ -1,67 +1,92 @@
-//! A drone's file as it is written.
+//! The fields of a drone's file. As for scenario files, this is their only declaration.
 
 use std::net::{SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
+use muster_runtime::schema::Located;
 use schemars::JsonSchema;
-use serde::Deserialize;
-use toml::Spanned;
+use serde::{Deserialize, Serialize};
 
 use super::TransportName;
 
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
-    #[schemars(with = "PathBuf")]
-    pub(super) scenario: Spanned<PathBuf>,
-    #[schemars(with = "u32")]
-    pub(super) id: Spanned<u32>,
-    #[schemars(with = "Option<u32>")]
-    pub(super) swarm: Option<Spanned<u32>>,
-    #[schemars(with = "StageName")]
-    pub(super) stage: Spanned<StageName>,
-    #[schemars(with = "VehicleName")]
-    pub(super) vehicle: Spanned<VehicleName>,
-    #[schemars(with = "TransportName")]
-    pub(super) transport: Spanned<TransportName>,
+    /// Scenario of the flight: formation, mission and protocol.
+    #[schemars(extend("x-accepted" = "the path of a scenario file, relative to this file"))]
+    pub(super) scenario: Located<PathBuf>,
+    /// Number of the drone or relay in the scenario.
+    #[schemars(extend("x-accepted" = "the number of a drone or relay of the scenario, from 0"))]
+    pub(super) id: Located<u32>,
+    /// Number of its swarm; frames of other swarms are dropped.
+    #[schemars(extend(
+        "x-accepted" = "a whole number from 1 to 4294967295",
+        "x-default" = "1"
+    ))]
+    pub(super) swarm: Option<Located<u32>>,
+    /// What the drone may do. Only `"sim"` is supported: there is no link to a flight controller yet.
+    pub(super) stage: Located<StageName>,
+    /// What it flies.
+    pub(super) vehicle: Located<VehicleName>,
+    /// How frames are sent. Each transport has a table of its name; the other table is ignored.
+    pub(super) transport: Located<TransportName>,
+    /// Folder with the journal and the files of the current flight; created if missing.
+    #[schemars(extend(
+        "x-accepted" = "the path of a folder for this drone only, relative to this file"
+    ))]
     pub(super) journal: PathBuf,
+    /// Number of the flight. A higher number than before starts a new flight once the last one is over; its journal is a
+    /// new subfolder, and the 16 flights before stay readable.
+    #[schemars(extend(
+        "x-accepted" = "a whole number from 1 to 4294967295, not below that of the last flight",
+        "x-default" = "1"
+    ))]
+    pub(super) flight: Option<Located<u32>>,
+    /// Format of the log on standard error.
     #[serde(default)]
     pub(super) log: LogName,
+    /// Least severity that is logged.
     #[serde(default)]
     pub(super) log_level: LevelName,
     pub(super) keys: Keys,
-    #[schemars(with = "Option<Network>")]
-    pub(super) udp: Option<Spanned<Network>>,
-    #[schemars(with = "Option<Network>")]
-    pub(super) quic: Option<Spanned<Network>>,
+    pub(super) udp: Option<Located<Network>>,
+    pub(super) quic: Option<Located<Network>>,
     pub(super) observe: Option<Observe>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum StageName {
+    /// Only a simulated vehicle is armed.
     Sim,
+    /// Not supported yet.
     Bench,
+    /// Not supported yet.
     Tethered,
+    /// Not supported yet.
     Flight,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum VehicleName {
+    /// A simulated vehicle in real time.
     ClosedForm,
+    /// A flight controller over MSP; not supported yet.
     Msp,
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum LogName {
+    /// Text.
     #[default]
     Human,
+    /// One JSON object a line.
     Json,
 }
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum LevelName {
     Error,
@@ -72,33 +97,65 @@ pub(super) enum LevelName {
     Trace,
 }
 
+/// The drone's identity, made by `muster keys`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[keys]`")]
 pub(super) struct Keys {
-    #[schemars(with = "PathBuf")]
-    pub(super) drone: Spanned<PathBuf>,
+    /// The drone's secret key; only its owner may be able to read the file.
+    #[schemars(extend("x-accepted" = "the path of a key file, relative to this file"))]
+    pub(super) drone: Located<PathBuf>,
+    /// The fleet's public key.
+    #[schemars(extend("x-accepted" = "the path of a key file, relative to this file"))]
     pub(super) fleet: PathBuf,
+    /// The roster: each drone's public key, signed by the fleet's key.
+    #[schemars(extend("x-accepted" = "the path of a roster, relative to this file"))]
     pub(super) roster: PathBuf,
+    /// The revocation list, signed by the fleet's key.
+    #[schemars(extend("x-accepted" = "the path of a revocation list, relative to this file"))]
     pub(super) revoked: PathBuf,
 }
 
+/// Sockets and addresses of a transport. One of `group`, `broadcast` and `peers` is required.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub(super) struct Network {
-    #[schemars(with = "Option<String>")]
-    pub(super) bind: Option<Spanned<SocketAddr>>,
-    #[schemars(with = "Option<String>")]
-    pub(super) group: Option<Spanned<SocketAddrV4>>,
-    #[schemars(with = "Option<String>")]
-    pub(super) broadcast: Option<Spanned<SocketAddrV4>>,
-    #[schemars(with = "Option<Vec<String>>")]
-    pub(super) peers: Option<Spanned<Vec<SocketAddr>>>,
+    /// The drone's own address.
+    #[schemars(extend(
+        "x-accepted" = "an address and port, for example \"10.0.0.7:4700\"",
+        "x-condition" = "required with `peers`",
+        "x-default" = "any address and port"
+    ))]
+    pub(super) bind: Option<Located<SocketAddr>>,
+    /// Multicast group for broadcasts; with QUIC for discovery.
+    #[schemars(extend(
+        "x-accepted" = "an IPv4 address from 224.0.0.0 to 239.255.255.255 and a port, for example \"239.77.0.1:4700\""
+    ))]
+    pub(super) group: Option<Located<SocketAddrV4>>,
+    /// Broadcast address of the network; with QUIC for discovery.
+    #[schemars(extend(
+        "x-accepted" = "an IPv4 broadcast address and a port, for example \"10.0.0.255:4700\""
+    ))]
+    pub(super) broadcast: Option<Located<SocketAddrV4>>,
+    /// Addresses of the other drones, for networks without multicast and broadcast.
+    #[schemars(extend(
+        "x-accepted" = "a list of at most 1000 addresses and ports, for example `[\"10.0.0.8:4700\", \"10.0.0.9:4700\"]`"
+    ))]
+    pub(super) peers: Option<Located<Vec<SocketAddr>>>,
+    /// Network interface.
+    #[schemars(extend(
+        "x-accepted" = "the name of a network interface, for example \"wlan0\"",
+        "x-default" = "by the system's routes"
+    ))]
     pub(super) interface: Option<String>,
 }
 
+/// Metrics, health and status over HTTP. Without this table there are none.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[observe]`")]
 pub(super) struct Observe {
-    #[schemars(with = "String")]
-    pub(super) http: Spanned<SocketAddr>,
+    /// Where the drone listens. There is no authentication: everyone who reaches this address can read.
+    #[schemars(extend(
+        "x-accepted" = "an address of this machine and a fixed port (1–65535), for example \"127.0.0.1:9100\""
+    ))]
+    pub(super) http: Located<SocketAddr>,
 }

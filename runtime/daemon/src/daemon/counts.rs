@@ -1,3 +1,5 @@
+//! Counters of a drone's process.
+
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
@@ -6,60 +8,55 @@ use muster_machines::radio::DropReason;
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, PacketKind};
 
-use super::network::Network;
+use super::actors::Actors;
+use super::radio_link::RadioLink;
 
-/// What a drone's process has counted since its start, each in one place: for its log and for whoever asks.
+/// Counters of a drone's process since its start, for its log, `/metrics` and `/status`.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
-    /// Frames that were sent, by what they carry.
+    /// Sent frames, by kind of packet.
     pub(super) sent: BTreeMap<PacketKind, Sent>,
-    /// Frames that were let in, whether for the radio itself or for the routing.
+    /// Frames that the radio admitted, for itself or for the routing.
     pub(super) admitted: u64,
-    /// Those for the routing, by what they carry.
-    pub(super) let_in: BTreeMap<PacketKind, u64>,
-    /// Whose they were; members only.
+    /// Admitted frames for the routing, by kind of packet.
+    pub(super) admitted_by_kind: BTreeMap<PacketKind, u64>,
+    /// Senders of admitted frames; members only.
     pub(super) heard: BTreeMap<NodeId, Heard>,
-    /// Frames that the radio did not let in.
+    /// Frames that the radio did not admit, by reason.
     pub(super) dropped: BTreeMap<DropReason, u64>,
-    /// Frames that would not have got here over the scenario's radio.
-    pub(super) out_of_range: u64,
-    /// Frames for which the radio had no room or was not there.
-    pub(super) no_room: u64,
-    /// Frames that were let in and of no use to the routing.
+    /// Admitted frames that the routing ignored.
     pub(super) ignored: u64,
-    /// Orders that the mission could not read or not obey.
+    /// Orders that the mission could not read or execute.
     pub(super) orders_refused: u64,
-    /// Messages, no frames among them, for which an actor had no room or was not there.
-    pub(super) refused: u64,
-    /// Records that could not be written.
-    pub(super) unwritten: u64,
 }
 
-/// Frames that were sent.
+/// Sent frames.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sent {
-    /// Because something had changed or was missed.
+    /// Sent because of a change or a repair.
     pub(super) news: u64,
-    /// Only because the time had come.
+    /// Sent only because a period had passed.
     pub(super) keep_alives: u64,
 }
 
-/// A drone that was heard.
+/// Admitted frames of one sender.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Heard {
     pub(super) frames: u64,
+    /// When the last one was received.
     pub(super) last: Timestamp,
 }
 
-/// How much was sent and let in, in frames.
+/// Frames that were sent and admitted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Talk {
+pub(super) struct Traffic {
     pub(super) news: u64,
     pub(super) keep_alives: u64,
     pub(super) let_in: u64,
 }
 
 impl Counts {
+    /// Counts a sent frame.
     pub(super) fn sent(&mut self, frame: &[u8], keep_alive: bool) {
         let payload = wire::decode_frame(frame).map_or(&[][..], |frame| frame.payload);
         let sent = self.sent.entry(PacketKind::of(payload)).or_default();
@@ -70,38 +67,52 @@ impl Counts {
         }
     }
 
-    pub(super) fn let_in(&mut self, now: Timestamp, sender: NodeId, payload: &[u8]) {
-        *self.let_in.entry(PacketKind::of(payload)).or_default() += 1;
-        let nothing = Heard {
+    /// Counts an admitted frame for the routing.
+    pub(super) fn admitted_for_routing(&mut self, now: Timestamp, sender: NodeId, payload: &[u8]) {
+        *self
+            .admitted_by_kind
+            .entry(PacketKind::of(payload))
+            .or_default() += 1;
+        let first = Heard {
             frames: 0,
             last: now,
         };
-        let heard = self.heard.entry(sender).or_insert(nothing);
+        let heard = self.heard.entry(sender).or_insert(first);
         heard.frames += 1;
         heard.last = now;
     }
 
-    /// Those for the radio itself.
+    /// Admitted frames for the radio itself.
     pub(super) fn for_radio(&self) -> u64 {
-        self.admitted.saturating_sub(self.let_in.values().sum())
+        self.admitted
+            .saturating_sub(self.admitted_by_kind.values().sum())
     }
 
+    /// Counts a frame that the radio did not admit.
     pub(super) fn dropped(&mut self, reason: DropReason) {
         *self.dropped.entry(reason).or_default() += 1;
     }
 
-    pub(super) fn talk(&self) -> Talk {
-        Talk {
+    /// Totals of sent and admitted frames.
+    pub(super) fn traffic(&self) -> Traffic {
+        Traffic {
             news: self.sent.values().map(|sent| sent.news).sum(),
             keep_alives: self.sent.values().map(|sent| sent.keep_alives).sum(),
-            let_in: self.let_in.values().sum(),
+            let_in: self.admitted_by_kind.values().sum(),
         }
     }
 
-    /// Says all of it, with what the transport has counted, how often actors failed and how much of the log was lost.
-    pub(super) fn report(&self, network: &Network, failures: u64, lines_lost: u64) {
+    /// Logs all counters of the process.
+    pub(super) fn report(
+        &self,
+        link: &RadioLink,
+        actors: &Actors,
+        unwritten: u64,
+        lines_lost: u64,
+    ) {
+        let network = &link.network;
         let transport = network.counters();
-        // Nothing of it is said where there are no connections.
+        // `None` without connections, as over UDP.
         let connections = network.connections();
         let connections = connections.as_ref();
         tracing::info!(
@@ -111,22 +122,22 @@ impl Counts {
             too_long = transport.too_long,
             overflowed = network.overflowed(),
             connections = connections.map(|it| it.open),
-            connections_refused = connections.map(|it| in_words(&it.refused)),
+            connections_refused = connections.map(|it| list(&it.refused)),
             beacons_refused = connections.map(|it| it.beacons_refused),
-            dropped = in_words(&self.dropped),
-            out_of_range = self.out_of_range,
-            no_room = self.no_room,
+            dropped = list(&self.dropped),
+            out_of_range = link.out_of_range,
+            no_room = actors.refused.frames,
             ignored = self.ignored,
-            refused = self.refused,
-            failures,
-            unwritten = self.unwritten,
+            refused = actors.refused.messages,
+            failures = actors.failures(),
+            unwritten,
             lines_lost,
             "counted"
         );
     }
 }
 
-fn in_words(counts: &BTreeMap<impl Display, u64>) -> String {
+fn list(counts: &BTreeMap<impl Display, u64>) -> String {
     let counts: Vec<_> = (counts.iter())
         .map(|(what, n)| format!("{what} {n}"))
         .collect();

@@ -1,7 +1,7 @@
-//! Where a drone's process is asked what it is doing: metrics, health and status over HTTP, on the drone's one thread.
+//! The HTTP endpoint of `observe.http`: metrics, health and status of a drone, on the drone's one thread.
 //!
-//! Whoever asks holds up nothing: only so many are let in at once, each for so long and for one question, and nothing of
-//! what they send is read but its head.
+//! Clients can't delay the drone: the number of connections is limited, a connection takes one request and ends after a
+//! timeout, and bodies of requests are not read.
 
 use std::io;
 use std::net::SocketAddr;
@@ -25,24 +25,24 @@ use tokio::time::{Sleep, sleep};
 use super::metrics;
 use super::process::Process;
 
-/// How many are let in at once; others wait with the system.
-const VISITORS_MAX: usize = 8;
-/// How long each may take, question and answer together.
-const VISIT_MAX: Duration = Duration::from_secs(3);
+/// The most open connections; others wait in the system's backlog.
+const CONNECTIONS_MAX: usize = 8;
+/// The longest time for a request and its response.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(3);
 
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// How often a drone in flight tries to have an address that it can't have.
-const TRY_EVERY: Duration = Duration::from_secs(1);
+/// Pause before a drone in flight tries again to open the address.
+const RETRY_PERIOD: Duration = Duration::from_secs(1);
 
-/// Where questions come in.
+/// The endpoint's address and, once open, its listener.
 pub(super) struct Endpoint {
     address: SocketAddr,
     listener: Option<TcpListener>,
 }
 
 impl Endpoint {
-    /// One at an address of this machine's, at which nobody listens yet.
+    /// An endpoint that is not open yet.
     pub(super) const fn at(address: SocketAddr) -> Self {
         Self {
             address,
@@ -50,59 +50,59 @@ impl Endpoint {
         }
     }
 
-    /// Listens there. Questions are answered from [`Self::answer`] on.
+    /// Opens the address. Requests are answered from [`Self::serve`] on.
     ///
     /// # Errors
-    /// When the address can't be had.
+    /// If the address can't be opened.
     pub(super) async fn open(&mut self) -> io::Result<()> {
         self.listener = Some(TcpListener::bind(self.address).await?);
         Ok(())
     }
 
-    /// Listens there as soon as that can be had.
-    async fn opened(mut self) -> Door {
+    /// Returns the listener, after retries if the address could not be opened.
+    async fn listener(mut self) -> LimitedListener {
         let mut is_late = false;
         let listener = loop {
             match self.listener.take() {
                 Some(listener) => break listener,
                 None => {
                     is_late = true;
-                    sleep(TRY_EVERY).await;
-                    // Why it can't be had was told when that was found.
+                    sleep(RETRY_PERIOD).await;
+                    // The first failure was logged.
                     let _ = self.open().await;
                 }
             }
         };
         if is_late {
-            tracing::info!("can be asked at {} from now on", self.address);
+            tracing::info!("listens at {}", self.address);
         }
-        Door {
+        LimitedListener {
             listener,
-            room: Arc::new(Semaphore::new(VISITORS_MAX)),
+            permits: Arc::new(Semaphore::new(CONNECTIONS_MAX)),
         }
     }
 
-    /// Answers whoever asks, for as long as the runtime lives.
-    pub(super) async fn answer(self, process: Arc<Process>) {
+    /// Answers requests until the runtime ends.
+    pub(super) async fn serve(self, process: Arc<Process>) {
         let router = Router::new()
             .route("/metrics", get(metrics))
             .route("/health", get(health))
             .route("/status", get(status))
             .with_state(process)
-            .layer(axum::middleware::map_response(last_of_a_connection));
-        // It goes on whatever happens to a connection.
-        let _ = axum::serve(self.opened().await, router).await;
+            .layer(axum::middleware::map_response(close_connection));
+        // Never returns: a failed connection does not end it.
+        let _ = axum::serve(self.listener().await, router).await;
     }
 }
 
-/// Lets those in who ask.
-struct Door {
+/// Accepts connections while fewer than the limit are open.
+struct LimitedListener {
     listener: TcpListener,
-    room: Arc<Semaphore>,
+    permits: Arc<Semaphore>,
 }
 
-/// One question a connection: whoever has asked makes room.
-async fn last_of_a_connection(mut response: Response) -> Response {
+/// Closes the connection after one response.
+async fn close_connection(mut response: Response) -> Response {
     let close = HeaderValue::from_static("close");
     response.headers_mut().insert(CONNECTION, close);
     response
@@ -118,7 +118,7 @@ async fn metrics(State(process): State<Arc<Process>>) -> Response {
 async fn health(State(process): State<Arc<Process>>) -> (StatusCode, String) {
     let faults = process.state().faults(process.clock.now());
     if faults.is_empty() {
-        return (StatusCode::OK, "well\n".to_owned());
+        return (StatusCode::OK, "healthy\n".to_owned());
     }
     let lines = faults.iter().map(|fault| format!("{fault}\n"));
     (StatusCode::SERVICE_UNAVAILABLE, lines.collect())
@@ -128,20 +128,20 @@ async fn status(State(process): State<Arc<Process>>) -> Response {
     Json(process.status()).into_response()
 }
 
-impl Listener for Door {
-    type Io = Visit;
+impl Listener for LimitedListener {
+    type Io = TimedConnection;
     type Addr = SocketAddr;
 
-    async fn accept(&mut self) -> (Visit, SocketAddr) {
-        let place = Arc::clone(&self.room).acquire_owned().await;
-        let place = place.expect("the semaphore is never closed");
+    async fn accept(&mut self) -> (TimedConnection, SocketAddr) {
+        let permit = Arc::clone(&self.permits).acquire_owned().await;
+        let permit = permit.expect("the semaphore is never closed");
         let (stream, address) = Listener::accept(&mut self.listener).await;
-        let visit = Visit {
+        let connection = TimedConnection {
             stream,
-            end: Box::pin(sleep(VISIT_MAX)),
-            _place: place,
+            timeout: Box::pin(sleep(CONNECTION_TIMEOUT)),
+            _permit: permit,
         };
-        (visit, address)
+        (connection, address)
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -149,24 +149,25 @@ impl Listener for Door {
     }
 }
 
-/// A connection that ends in time, whatever the other end does.
-pub(super) struct Visit {
+/// A connection with a timeout.
+pub(super) struct TimedConnection {
     stream: TcpStream,
-    end: Pin<Box<Sleep>>,
-    _place: OwnedSemaphorePermit,
+    timeout: Pin<Box<Sleep>>,
+    /// Admits another connection when dropped.
+    _permit: OwnedSemaphorePermit,
 }
 
-impl Visit {
-    /// The stream, unless the visit is over; whoever waits for it is woken then.
+impl TimedConnection {
+    /// The stream, or an error after the timeout. The calling task is woken at the timeout.
     fn stream(&mut self, context: &mut Context<'_>) -> io::Result<Pin<&mut TcpStream>> {
-        match self.end.as_mut().poll(context) {
+        match self.timeout.as_mut().poll(context) {
             Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
             Poll::Pending => Ok(Pin::new(&mut self.stream)),
         }
     }
 }
 
-impl AsyncRead for Visit {
+impl AsyncRead for TimedConnection {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -176,7 +177,7 @@ impl AsyncRead for Visit {
     }
 }
 
-impl AsyncWrite for Visit {
+impl AsyncWrite for TimedConnection {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,

@@ -1,4 +1,4 @@
-//! What a drone tells of itself, as a page of metrics in the format OpenMetrics.
+//! A drone's status as OpenMetrics text.
 
 use std::fmt;
 
@@ -12,10 +12,10 @@ use prometheus_client::registry::Registry;
 use super::state::STATES;
 use crate::status::{ActorStatus, Role, Status};
 
-/// The page for one status.
+/// Renders a status.
 ///
 /// # Errors
-/// Never, as far as anybody knows: text is written to memory.
+/// None is expected: the text is written to memory.
 pub(super) fn page(status: Status) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix("muster");
     registry.register_collector(Box::new(Snapshot(status)));
@@ -24,7 +24,7 @@ pub(super) fn page(status: Status) -> Result<String, fmt::Error> {
     Ok(page)
 }
 
-/// A status as a source of metrics: nothing is counted but where the status has it from.
+/// A status as a source of metrics. It counts nothing itself.
 #[derive(Debug)]
 struct Snapshot(Status);
 
@@ -93,8 +93,8 @@ impl Collector for Snapshot {
     }
 }
 
-/// 1 for what holds, 0 for what does not.
-fn holds(it: bool) -> f64 {
+/// 1 for true, 0 for false.
+fn flag(it: bool) -> f64 {
     f64::from(u8::from(it))
 }
 
@@ -105,65 +105,68 @@ fn process(status: &Status, page: &mut Page<'_>) -> fmt::Result {
         ("swarm", &*swarm),
         ("version", &*status.version),
     ];
-    let help = "Which drone of which swarm this is, and the version of its program";
+    let help = "The drone's number, its swarm, and the version of `musterd`";
     page.gauges(("drone_info", help), [(labels, 1.0)])?;
-    let help = "For how long the process has run";
+    let help = "Time since the start of the process";
     page.gauge(("uptime_seconds", help), status.up_s)?;
-    let help = "Which incarnation of the drone's journal this is, from 1";
+    let help = "Number of the process's start on this journal, from 1";
     page.gauge(("journal_incarnation", help), f64::from(status.incarnation))?;
-    let help = "Whether all five actors run and answer, and the journal is written";
-    page.gauge(("healthy", help), holds(status.faults.is_empty()))?;
-    let help = "Records that could not be written to the journal";
+    let help = "1 if all five actors run and answer and the journal is written";
+    page.gauge(("healthy", help), flag(status.faults.is_empty()))?;
+    let help = "Journal records that could not be written";
     page.counter(("journal_unwritten", help), status.journal_unwritten)?;
-    let help = "Lines of the log that nobody read in time";
+    let help = "Log lines dropped because the log's reader is too slow";
     page.counter(("log_lines_lost", help), status.log_lines_lost)
 }
 
 fn swarm(status: &Status, page: &mut Page<'_>) -> fmt::Result {
-    let states = STATES.map(|name| (vec![("state", name)], holds(name == status.state.name)));
+    let states = STATES.map(|name| (vec![("state", name)], flag(name == status.state.name)));
     page.gauges(
-        ("state", "What the drone is doing: 1 for one of them"),
+        (
+            "state",
+            "State of the mission: 1 for the current state, 0 for the others",
+        ),
         states,
     )?;
-    let help = "The waypoint that the drone is at or makes for";
+    let help = "Waypoint that the drone is at or flies to";
     page.gauge(("waypoint", help), status.state.waypoint.map(f64::from))?;
-    let roles = Role::ALL.map(|role| (vec![("role", role.name())], holds(role == status.role)));
+    let roles = Role::ALL.map(|role| (vec![("role", role.name())], flag(role == status.role)));
     page.gauges(
-        ("role", "What the drone is in its swarm: 1 for one of them"),
+        (
+            "role",
+            "Role in the swarm: 1 for the current role, 0 for the others",
+        ),
         roles,
     )?;
     let ballot = status.ballot.as_ref();
-    let help = "The term of the ballot that the drone obeys";
+    let help = "Term of the current leader's ballot";
     page.gauge(("ballot_term", help), ballot.map(|it| it.term.into()))?;
-    let help = "The rank of the ballot that the drone obeys";
+    let help = "Rank of the current leader's ballot";
     page.gauge(("ballot_rank", help), ballot.map(|it| it.rank.into()))?;
-    let help = "The number of the master that the drone obeys";
+    let help = "Number of the current leader";
     page.gauge(("ballot_master", help), ballot.map(|it| it.master.into()))?;
-    let help = "How many hops the drone is from its master";
+    let help = "Hops to the master";
     page.gauge(("hops", help), status.hops.map(f64::from))?;
-    let help = "The number of the neighbour through which acknowledgements go";
+    let help = "Number of the parent, the next hop to the master";
     page.gauge(("parent", help), status.parent.map(f64::from))?;
     let neighbours = u32::try_from(status.neighbours().count()).unwrap_or(u32::MAX);
-    let help = "Drones that were heard within the last seconds";
+    let help = "Drones heard within the last 3 s";
     page.gauge(("neighbours", help), f64::from(neighbours))
 }
 
 fn vehicle(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     let vehicle = &status.vehicle;
-    let help = "Where the drone is, north of the mission's home";
+    let help = "Position north of the mission's home";
     page.gauge(("position_north_meters", help), vehicle.north_m)?;
-    let help = "Where the drone is, east of the mission's home";
+    let help = "Position east of the mission's home";
     page.gauge(("position_east_meters", help), vehicle.east_m)?;
-    let help = "Where the drone is, above the mission's home";
+    let help = "Altitude above the mission's home";
     page.gauge(("altitude_meters", help), vehicle.altitude_m)?;
-    let help = "Since when the drone has not known where it is over ground; nothing while it knows";
+    let help = "Time since the drone lost its horizontal position; absent while it has one";
     page.gauge(("position_lost_seconds", help), vehicle.position_lost_s)?;
-    let help = "What is left in the battery, as a share of a full one";
+    let help = "Battery charge, from 0 (empty) to 1 (full)";
     page.gauge(("battery_ratio", help), vehicle.charge)?;
-    page.gauge(
-        ("armed", "Whether the motors are armed"),
-        holds(vehicle.armed),
-    )
+    page.gauge(("armed", "1 if the motors are armed"), flag(vehicle.armed))
 }
 
 fn actors(status: &Status, page: &mut Page<'_>) -> fmt::Result {
@@ -171,25 +174,23 @@ fn actors(status: &Status, page: &mut Page<'_>) -> fmt::Result {
         let actors = status.actors.iter();
         actors.map(move |(name, actor)| (vec![("actor", &**name)], value(actor)))
     };
-    page.gauges(
-        ("actor_up", "Whether an actor runs"),
-        all(|it| holds(it.up)),
-    )?;
-    let help = "Messages that wait for an actor";
+    page.gauges(("actor_up", "1 if the actor runs"), all(|it| flag(it.up)))?;
+    let help = "Messages in the actor's queue";
     page.gauges(("actor_queue_depth", help), all(|it| it.waiting.into()))?;
-    let help = "How many messages may wait for an actor";
+    let help = "Size of the actor's queue";
     page.gauges(("actor_queue_limit", help), all(|it| it.waiting_max.into()))?;
     let counts = |value: fn(&ActorStatus) -> u64| {
         let actors = status.actors.iter();
         actors.map(move |(name, actor)| (vec![("actor", &**name)], value(actor)))
     };
-    let help = "How often an actor has failed";
+    let help = "Failures of the actor";
     page.counters(("actor_failures", help), counts(|it| it.failures))?;
-    let help = "How often an actor was started again";
+    let help = "Restarts of the actor";
     page.counters(("actor_restarts", help), counts(|it| it.restarts))?;
-    let help = "How often an actor handled a timeout and had a deadline that was not after it";
+    let help =
+        "Timeouts after which the actor's deadline was still in the past; a defect if above 0";
     page.counters(("actor_overdue", help), counts(|it| it.overdue))?;
-    let help = "Messages, no frames among them, for which an actor had no room or was not there";
+    let help = "Messages, without frames, dropped because the actor's queue was full or the actor was down";
     page.counter(("messages_refused", help), status.messages_refused)
 }
 
@@ -199,38 +200,29 @@ fn frames(status: &Status, page: &mut Page<'_>) -> fmt::Result {
         let causes = [("news", sent.news), ("keep_alive", sent.keep_alives)];
         causes.map(|(cause, n)| (vec![("kind", &**kind), ("cause", cause)], n))
     });
-    let help = "Frames that were sent, by what they carry and why they were";
+    let help = "Frames sent, by kind and cause";
     page.counters(("frames_sent", help), sent)?;
-    let let_in = frames.let_in.iter();
-    let let_in = let_in.map(|(kind, n)| (vec![("kind", &**kind)], *n));
-    page.counters(
-        (
-            "frames_let_in",
-            "Frames that were let in, by what they carry",
-        ),
-        let_in,
-    )?;
+    let accepted = frames.let_in.iter();
+    let accepted = accepted.map(|(kind, n)| (vec![("kind", &**kind)], *n));
+    page.counters(("frames_let_in", "Frames accepted, by kind"), accepted)?;
     let dropped = frames.dropped.iter();
     let dropped = dropped.map(|(why, n)| (vec![("reason", &**why)], *n));
-    page.counters(
-        ("frames_dropped", "Frames that were not let in, by reason"),
-        dropped,
-    )?;
-    let help = "Frames that were let in and of no use to the routing";
+    page.counters(("frames_dropped", "Frames dropped, by reason"), dropped)?;
+    let help = "Frames accepted by the radio and ignored by the routing";
     page.counter(("frames_ignored", help), frames.ignored)?;
-    let help = "Orders that the mission could not read, or not obey in its state";
+    let help = "Orders that the mission could not read or execute";
     page.counter(("orders_refused", help), frames.orders_refused)
 }
 
 fn datagrams(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     let datagrams = &status.datagrams;
-    let help = "Datagrams that were handed to the system, one for each peer";
+    let help = "Datagrams given to the system, one for each peer";
     page.counter(("datagrams_sent", help), datagrams.sent)?;
-    let help = "Datagrams that the system did not take";
+    let help = "Datagrams that the system refused to send";
     page.counter(("datagrams_unsent", help), datagrams.unsent)?;
-    let help = "Datagrams that were taken in";
+    let help = "Datagrams received";
     page.counter(("datagrams_received", help), datagrams.received)?;
-    let help = "Datagrams that were dropped unread because they were too long";
+    let help = "Datagrams dropped because they were too long";
     page.counter(("datagrams_too_long", help), datagrams.too_long)?;
     let help = "Datagrams that the system dropped because its buffers were full";
     page.counter(("datagrams_overflowed", help), datagrams.overflowed)

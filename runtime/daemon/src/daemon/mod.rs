@@ -1,17 +1,22 @@
-//! One drone as a process: the actors that a simulation runs, on real time, a real network and a journal on a disk.
+//! One drone as a process: the simulation's actors in real time, with a real network and a journal on a disk.
 //!
-//! Everything runs on one thread. A step's effects are carried out before anything else happens, so a checkpoint that must
-//! last is on the disk before the frame that rests on it leaves.
+//! All actors and tasks run on one thread; the journal and the revocation list are written on others. A frame leaves only
+//! after the checkpoints that it depends on are on the disk.
 
+mod actors;
 mod counts;
+mod durable;
 mod endpoint;
-mod lists;
+mod held;
 mod metrics;
+mod monitor;
 mod network;
 mod operators;
+mod outcome;
 mod process;
+mod radio_link;
 mod reporter;
-mod resting;
+mod revocation;
 mod service;
 mod state;
 mod tasks;
@@ -26,100 +31,102 @@ use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::node::{Blueprint, Checkpoints, Envelope};
 use muster_machines::radio::{self, Incarnations};
-use muster_runtime::journal::{Folder, FolderError, Journal, Writer};
+use muster_runtime::journal::{Folder, FolderError, Journal, WriteReport, Writer, flights};
+use muster_runtime::vehicle::SimulatedVehicle;
 use muster_transport::sockets::OpenError;
 use thiserror::Error;
-use tokio::sync::mpsc::unbounded_channel;
-use tokio::task::{JoinError, JoinSet};
+use tokio::signal::unix::Signal;
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+use tokio::task::{JoinError, JoinHandle, JoinSet};
 
 use self::endpoint::Endpoint;
-use self::lists::Keeper;
-use self::network::Network;
-use self::operators::Desk;
+use self::network::{Network, Waiting};
+use self::operators::OperatorService;
 use self::process::{Components, Process};
-use self::tasks::Rereading;
+use self::revocation::{Revocations, Store};
+use self::tasks::{ControlMessages, Reload};
 use crate::clock::Clock;
 use crate::config::DroneConfig;
 use crate::control::{ControlMessage, READY, STARTS};
-use crate::log::{self, Format};
+use crate::log::{self, Format, Log, Lost};
 
-/// How long a drone that is done goes on listening and repeating its last words.
-const LAST_WORDS: Duration = Duration::from_millis(500);
+/// How long a finished drone still listens and repeats its last frames.
+const LINGER: Duration = Duration::from_millis(500);
 
-/// How a drone's process ended that could start; the drone is on the ground unless this says otherwise.
+/// How a drone's process ended. The drone is on the ground, except after [`Self::Abandoned`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// The mission was flown, or the drone was called down.
-    Well,
-    /// It came down by itself before the end of the mission.
-    Early(LandingReason),
-    /// It came down because its journal could not be written any more, or its sockets not be watched.
-    Unable(LandingReason),
-    /// Whoever started the process is gone, and its simulated vehicle with it, wherever that was.
+    /// The mission was flown, or the drone was recalled.
+    Completed,
+    /// The drone landed by itself before the end of the mission.
+    LandedEarly(LandingReason),
+    /// The drone landed because its journal or its sockets failed.
+    Failed(LandingReason),
+    /// The control channel closed. The simulated vehicle ended with the process, on the ground or in the air.
     Abandoned,
 }
 
-/// Why a drone's process could not start, so that nothing was flown, or not go on.
+/// Why a drone's process could not start or had to stop. Only [`Self::Task`] occurs in flight.
 #[derive(Debug, Error)]
 pub enum DaemonError {
-    /// Its journal can't be had.
+    /// The journal's folder can't be opened.
     #[error(transparent)]
     Folder(#[from] FolderError),
-    /// Its journal can't be read or written, or does not tell what the drone has done.
+    /// The journal can't be read or written, or is damaged.
     #[error("can't use the journal in {}", path.display())]
     Journal {
-        /// Its folder.
+        /// The journal's folder.
         path: PathBuf,
         /// Why.
         #[source]
         source: io::Error,
     },
-    /// Its end of the network can't be opened.
-    #[error("no network")]
+    /// The network can't be opened.
+    #[error("can't open the network")]
     Network(#[from] OpenError),
-    /// It can't be asked where its file says. A drone that takes part in a flight goes on all the same.
-    #[error("can't be asked at {address}")]
+    /// The address of `observe.http` can't be opened. In flight this is only logged.
+    #[error("can't listen at {address} (`observe.http`)")]
     Endpoint {
-        /// As configured.
+        /// The configured address.
         address: SocketAddr,
-        /// What the system says.
+        /// The system's error.
         #[source]
         source: io::Error,
     },
-    /// The system has no random numbers, without which nobody could tell this life from an earlier one.
-    #[error("the system has no random numbers")]
+    /// The system gives no random numbers, which distinguish this incarnation from earlier ones.
+    #[error("can't get random numbers from the system")]
     Random(#[source] getrandom::Error),
-    /// The asynchronous runtime does not start, or does not watch sockets or signals.
-    #[error("no runtime for the actors")]
+    /// The asynchronous runtime or the journal's thread does not start, or sockets or signals can't be watched.
+    #[error("can't start the asynchronous runtime")]
     Runtime(#[source] io::Error),
-    /// What keeps the drone's time, or listens for it, failed in the middle of its flight.
-    #[error("the drone has no time or no ears any more")]
+    /// The timer task or the network task failed in flight.
+    #[error("the timer task or the network task failed")]
     Task(#[source] JoinError),
-    /// It was to go on with a vehicle, and was not told with which.
-    #[error("standard input does not begin with what the vehicle is doing")]
+    /// `--resume` was given, but the control channel does not begin with the vehicle's state.
+    #[error("`--resume` needs the vehicle's state as the first line on standard input")]
     NoVehicle,
     /// An actor could not be started.
     #[error("an actor could not be started")]
     Spawn(#[from] Box<ractor::SpawnErr>),
 }
 
-/// How a drone's process is started.
+/// Options of a drone's process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Start {
-    /// Tells the drone that leads to begin, in the first life of its journal only: nothing takes off because a process
-    /// started again.
+    /// Orders the swarm to fly; for the leader only. Ignored after a restart: only the journal's first incarnation takes
+    /// off.
     pub fly: bool,
-    /// Whether the process ends when its standard input does, and reads there, as `muster swarm` writes it, whom it does
-    /// not hear. Only a drone whose vehicle is simulated can be tied.
+    /// Whether standard input is a control channel: the process executes its messages and ends when it closes. For
+    /// simulated vehicles only.
     pub is_controlled: bool,
-    /// Whether a tied process goes on with a vehicle that has flown on without it, which it is told first.
+    /// Whether the control channel's first message is the state of the vehicle, which kept flying without the process.
     pub resume: bool,
 }
 
 /// Flies a drone until it is on the ground for good.
 ///
 /// # Errors
-/// When it can't start, or can't go on.
+/// If the process can't start, or the timer task or the network task fails.
 pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -131,151 +138,257 @@ pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
 async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let log = log::start(config.log, config.level);
     let clock = Clock::start();
-    // A life of the journal's begins last: one that could not even start uses up none.
-    let folder = Folder::open(&config.journal)?;
-    let now = Arc::new(move || clock.now());
-    let mut network = Network::open(&config, now)?;
-    let endpoint = open_endpoint(&config).await?;
-    let [terminate, interrupt] = tasks::signals_to_end().map_err(DaemonError::Runtime)?;
-    let hang_up = tasks::signal_to_reread().map_err(DaemonError::Runtime)?;
-    // Not the journal's number: that would begin anew with another journal, under the same key.
-    let drawn = getrandom::u32().map_err(DaemonError::Random)?;
-    let mut vehicle = (config
-        .plan
-        .simulated_vehicle(config.id, clock.now().as_nanos()))
-    .expect("the configuration has a number of the scenario's");
-    let mut control_messages = start.is_controlled.then(tasks::control_messages);
-    if let Some(control_messages) = control_messages.as_mut().filter(|_| start.resume) {
-        match control_messages.recv().await {
-            Some(ControlMessage::Vehicle { epoch, state }) => {
-                vehicle.resume(*state, epoch, clock.now())
-            }
-            Some(ControlMessage::Losses(_) | ControlMessage::Inject { .. }) => {
-                return Err(DaemonError::NoVehicle);
-            }
-            None => return Ok(Ended::Abandoned),
-        }
-    }
-    let (keeper, kept) = Keeper::start(config.kept_list());
-    let in_air = vehicle.is_armed();
-    let (journal, checkpoints) = open_journal(folder, &config, in_air)?;
-    let incarnation = checkpoints.boot();
-    let is_known = journal.is_understood() && config.knows_its_flight() && incarnation > 1;
-    let is_lost = in_air && !is_known;
-    let (tell, written) = unbounded_channel();
-    let all = checkpoints.clone();
-    // It ends with the process, which tells nobody any more.
-    let journal = Writer::start(journal, all, move |it| drop(tell.send(it)));
-    let journal = journal.map_err(DaemonError::Runtime)?;
-    let waiting = network.begin(drawn).map_err(DaemonError::Runtime)?;
-    let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
-    tracing::info!(drone, at_ns, incarnation, address = %network.address(), "{STARTS}");
-    let process = Process::new(Components {
-        id: config.id,
-        swarm: config.swarm,
-        is_relay: config.is_relay(),
-        clock,
-        hang_max: config.plan.limits.hang,
-        checkpoints,
-        journal,
-        network,
-        authenticator: Arc::clone(&config.authenticator),
-        keeper,
-        vehicle,
-        for_programs: config.log == Format::Json,
-        lines_lost: log.lost.clone(),
-    });
+    // The incarnation is counted last: a process that can't start uses up none.
+    let resources = Resources::open(&config, clock).await?;
+    let Some((vehicle, control_messages)) = open_vehicle(&config, start, clock).await? else {
+        return Ok(Ended::Abandoned);
+    };
+    let drawn = resources.drawn;
+    let (incarnation, interfaces) =
+        Incarnation::begin(&config, resources, vehicle, (clock, log.lost.clone()))?;
+    let process = Arc::clone(&incarnation.process);
     if process.state().is_done() {
         tracing::warn!(
-            "by its journal this drone has landed for good: to fly again it needs another journal"
+            "this flight is over; for another one set a higher `flight` in the drone's file"
         );
-        // A service manager that waits for this word would take the end for a failure, and start it again.
+        // Without this message the service manager would take the exit for a failure and restart the process.
         service::ready();
-        return Ok(Ended::Well);
+        return Ok(Ended::Completed);
     }
     let drone = start_actors(&config, drawn, &process).await?;
-    process.begin(drone.clone());
-    let mut vital = JoinSet::new();
-    vital.spawn(tasks::keep_time(Arc::clone(&process)));
-    vital.spawn(tasks::listen(Arc::clone(&process), waiting));
-    vital.spawn(tasks::look_after(Arc::clone(&process)));
-    vital.spawn(tasks::heed_journal(written, Arc::clone(&process)));
-    tokio::spawn(tasks::end_on(terminate, Arc::clone(&process)));
-    tokio::spawn(tasks::end_on(interrupt, Arc::clone(&process)));
-    let rereading = Rereading {
-        signal: hang_up,
-        path: config.path.clone(),
-        volume: log.volume.clone(),
-        authenticator: Arc::clone(&config.authenticator),
-        fleet: config.fleet,
-    };
-    tokio::spawn(tasks::reread_on(rereading, Arc::clone(&process)));
-    let watchdog = sd_notify::watchdog_enabled();
-    tokio::spawn(tasks::watch(Arc::clone(&process), watchdog));
-    if let Some(endpoint) = endpoint {
-        tokio::spawn(endpoint.answer(Arc::clone(&process)));
-    }
-    if let Some(streams) = process.state().streams() {
-        let (drone, scenario) = (config.path.clone(), config.scenario_path.clone());
-        let desk = Desk::new(drone, scenario, log.recent.clone());
-        tokio::spawn(operators::serve(streams, desk, Arc::clone(&process)));
-    }
+    process.start(drone.clone());
+    let mut vital = start_tasks(&config, &process, &log, interfaces);
     service::ready();
     tracing::info!("{READY}");
     if let Some(control_messages) = control_messages {
-        tokio::spawn(tasks::heed(control_messages, Arc::clone(&process)));
+        tokio::spawn(tasks::control(control_messages, Arc::clone(&process)));
     }
-    if is_lost {
-        tracing::error!("what the drone was doing is not known any more: it comes down");
-        process.bring_down(LandingReason::JournalLost);
+    if incarnation.is_lost {
+        tracing::error!("the journal has no valid state of the flight: the drone lands");
+        process.land_at_once(LandingReason::JournalLost);
     }
     if start.fly {
-        begin_to_fly(&process, incarnation);
+        order_take_off(&process, incarnation.number);
     }
     tokio::select! {
         () = process.done.notified() => {}
         failure = failure_of(&mut vital) => return Err(DaemonError::Task(failure)),
     }
-    tokio::time::sleep(LAST_WORDS).await;
+    tokio::time::sleep(LINGER).await;
     service::stopping();
     drone.stop().await;
-    let (farewell, journal, ended) = {
-        let mut state = process.state();
-        state.say_talk(clock.now());
-        state.report();
-        let ended = match state.is_abandoned() {
-            true => Ended::Abandoned,
-            false => ended(state.landing()),
-        };
-        state.take_no_more_lists();
-        (state.farewell(), state.take_journal(), ended)
-    };
-    farewell.await;
-    let written = tokio::task::spawn_blocking(move || drop(journal));
-    written.await.map_err(DaemonError::Task)?;
-    // It has failed only where it could not keep a list, and has said so.
-    let _ = kept.await;
-    Ok(ended)
+    incarnation.end().await
 }
 
-/// Where it is asked what it is doing, if anywhere. A drone on the ground that can't be asked where it is to be does not
-/// start; one that takes part in a flight is needed more than what it tells.
+/// What a process opens before it counts an incarnation.
+struct Resources {
+    folder: Folder,
+    network: Network,
+    endpoint: Option<Endpoint>,
+    recall: [Signal; 2],
+    reload: Signal,
+    /// Random number of this incarnation. The journal's number is not used for it: another journal would count from 1
+    /// again, under the same key.
+    drawn: u32,
+}
+
+impl Resources {
+    async fn open(config: &DroneConfig, clock: Clock) -> Result<Self, DaemonError> {
+        let folder = Folder::open(&config.journal)?;
+        let network = Network::open(config, Arc::new(move || clock.now()))?;
+        let endpoint = open_endpoint(config).await?;
+        Ok(Self {
+            folder,
+            network,
+            endpoint,
+            recall: tasks::recall_signals().map_err(DaemonError::Runtime)?,
+            reload: tasks::reload_signal().map_err(DaemonError::Runtime)?,
+            drawn: getrandom::u32().map_err(DaemonError::Random)?,
+        })
+    }
+}
+
+/// Creates the vehicle, or resumes it with the state from the control channel. Returns it with the control channel, if
+/// the process has one. `None` if the channel closed before that.
+async fn open_vehicle(
+    config: &DroneConfig,
+    start: Start,
+    clock: Clock,
+) -> Result<Option<(SimulatedVehicle, Option<ControlMessages>)>, DaemonError> {
+    let mut vehicle = (config
+        .plan
+        .simulated_vehicle(config.id, clock.now().as_nanos()))
+    .expect("the configuration checked the drone's id");
+    let mut control_messages = start.is_controlled.then(tasks::control_messages);
+    if let Some(control_messages) = control_messages.as_mut().filter(|_| start.resume) {
+        match control_messages.recv().await {
+            Some(ControlMessage::Vehicle { epoch, state }) => {
+                vehicle.resume(*state, epoch, clock.now());
+            }
+            Some(ControlMessage::Losses(_) | ControlMessage::Inject { .. }) => {
+                return Err(DaemonError::NoVehicle);
+            }
+            None => return Ok(None),
+        }
+    }
+    Ok(Some((vehicle, control_messages)))
+}
+
+/// A started incarnation.
+struct Incarnation {
+    process: Arc<Process>,
+    /// Number in the journal, from 1.
+    number: u32,
+    /// Whether the drone is in the air and its journal has no valid state of the flight.
+    is_lost: bool,
+    /// Ends once the last revocation list is stored.
+    stored: JoinHandle<()>,
+}
+
+/// Inputs of an incarnation's tasks.
+struct Interfaces {
+    /// Received datagrams.
+    waiting: Waiting,
+    /// Reports of the journal.
+    reports: UnboundedReceiver<WriteReport>,
+    endpoint: Option<Endpoint>,
+    recall: [Signal; 2],
+    reload: Signal,
+}
+
+impl Incarnation {
+    /// Opens the journal, which counts the incarnation, and starts to receive.
+    fn begin(
+        config: &DroneConfig,
+        resources: Resources,
+        vehicle: SimulatedVehicle,
+        (clock, lines_lost): (Clock, Lost),
+    ) -> Result<(Self, Interfaces), DaemonError> {
+        let (store, stored) = Store::start(config.kept_list());
+        let in_air = vehicle.is_armed();
+        let (journal, checkpoints) = open_journal(resources.folder, config, in_air)?;
+        let number = checkpoints.boot();
+        let is_known = journal.is_intact() && config.knows_its_flight() && number > 1;
+        let (report, reports) = unbounded_channel();
+        let all = checkpoints.clone();
+        // The receiver is gone once the process has ended.
+        let journal = Writer::start(journal, all, move |it| drop(report.send(it)));
+        let journal = journal.map_err(DaemonError::Runtime)?;
+        let mut network = resources.network;
+        let waiting = network
+            .begin(resources.drawn)
+            .map_err(DaemonError::Runtime)?;
+        let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
+        tracing::info!(drone, at_ns, incarnation = number, address = %network.address(), "{STARTS}");
+        let process = Process::new(Components {
+            id: config.id,
+            swarm: config.swarm,
+            is_relay: config.is_relay(),
+            clock,
+            hang_max: config.plan.limits.hang,
+            checkpoints,
+            journal,
+            network,
+            revocations: Revocations::new(Arc::clone(&config.authenticator), store),
+            vehicle,
+            for_programs: config.log == Format::Json,
+            lines_lost,
+        });
+        let incarnation = Self {
+            process,
+            number,
+            is_lost: in_air && !is_known,
+            stored,
+        };
+        let interfaces = Interfaces {
+            waiting,
+            reports,
+            endpoint: resources.endpoint,
+            recall: resources.recall,
+            reload: resources.reload,
+        };
+        Ok((incarnation, interfaces))
+    }
+
+    /// Writes what is not on the disk yet and closes the network's connections. Must be called after the actors have
+    /// stopped.
+    async fn end(self) -> Result<Ended, DaemonError> {
+        let (farewell, journal, ended) = {
+            let mut state = self.process.state();
+            state.report_traffic(self.process.clock.now());
+            state.report();
+            let ended = match state.outcome().is_abandoned() {
+                true => Ended::Abandoned,
+                false => ended(state.outcome().landing()),
+            };
+            (state.farewell(), state.close(), ended)
+        };
+        farewell.await;
+        let written = tokio::task::spawn_blocking(move || drop(journal));
+        written.await.map_err(DaemonError::Task)?;
+        // A failure is logged already.
+        let _ = self.stored.await;
+        Ok(ended)
+    }
+}
+
+/// Starts the tasks. Returns those without which the drone can't fly.
+fn start_tasks(
+    config: &DroneConfig,
+    process: &Arc<Process>,
+    log: &Log,
+    interfaces: Interfaces,
+) -> JoinSet<()> {
+    let mut vital = JoinSet::new();
+    vital.spawn(tasks::keep_time(Arc::clone(process)));
+    vital.spawn(tasks::listen(Arc::clone(process), interfaces.waiting));
+    vital.spawn(tasks::detect_hangs(Arc::clone(process)));
+    vital.spawn(tasks::watch_journal(
+        interfaces.reports,
+        Arc::clone(process),
+    ));
+    for signal in interfaces.recall {
+        tokio::spawn(tasks::recall_on(signal, Arc::clone(process)));
+    }
+    let reload = Reload {
+        signal: interfaces.reload,
+        path: config.path.clone(),
+        volume: log.volume.clone(),
+        authenticator: Arc::clone(&config.authenticator),
+        fleet: config.fleet,
+    };
+    tokio::spawn(tasks::reload_on(reload, Arc::clone(process)));
+    let watchdog = sd_notify::watchdog_enabled();
+    tokio::spawn(tasks::feed_watchdog(Arc::clone(process), watchdog));
+    if let Some(endpoint) = interfaces.endpoint {
+        tokio::spawn(endpoint.serve(Arc::clone(process)));
+    }
+    if let Some(streams) = process.state().streams() {
+        let (drone, scenario) = (config.path.clone(), config.scenario_path.clone());
+        let service = OperatorService::new(drone, scenario, log.recent.clone());
+        tokio::spawn(operators::serve(streams, service, Arc::clone(process)));
+    }
+    vital
+}
+
+/// Opens the HTTP endpoint of `observe.http`. If the address can't be opened, that is an error on the ground; in flight it
+/// is logged and retried.
 async fn open_endpoint(config: &DroneConfig) -> Result<Option<Endpoint>, DaemonError> {
-    let Some(address) = config.observed_at else {
+    let Some(address) = config.http else {
         return Ok(None);
     };
     let mut endpoint = Endpoint::at(address);
     match endpoint.open().await {
         Err(source) if !config.is_of_a_flight() => Err(DaemonError::Endpoint { address, source }),
         Err(error) => {
-            tracing::error!(%error, "can't be asked at {address}: the drone flies on, and tries again each second");
+            tracing::error!(%error, "can't listen at {address}; retries each second");
             Ok(Some(endpoint))
         }
         Ok(()) => Ok(Some(endpoint)),
     }
 }
 
-/// Begins another life of the journal's. Before a flight the scenario is kept in its folder.
+/// Opens the journal and starts an incarnation. Before a flight it stores the scenario in the journal's folder.
 fn open_journal(
     folder: Folder,
     config: &DroneConfig,
@@ -287,7 +400,10 @@ fn open_journal(
         Journal::open(folder)
     };
     let kept = opened.and_then(|(journal, checkpoints)| {
-        config.keep_flight()?;
+        config.store_flight()?;
+        if let Err(error) = flights::prune(&config.journals) {
+            tracing::warn!(%error, "can't remove the journals of old flights");
+        }
         Ok((journal, checkpoints))
     });
     kept.map_err(|source| DaemonError::Journal {
@@ -296,7 +412,7 @@ fn open_journal(
     })
 }
 
-/// The first task that fails, if ever one does: a drone without time or ears is not to pass for alive.
+/// Waits for the first task that fails. Never returns if none fails.
 async fn failure_of(tasks: &mut JoinSet<()>) -> JoinError {
     while let Some(ended) = tasks.join_next().await {
         if let Err(failure) = ended {
@@ -330,12 +446,12 @@ async fn start_actors(
     Ok(started.map_err(Box::new)?)
 }
 
-/// Tells the drone to lead its swarm, if it has not lived before.
-fn begin_to_fly(process: &Process, incarnation: u32) {
+/// Orders the drone to lead its swarm, in its first incarnation only.
+fn order_take_off(process: &Process, incarnation: u32) {
     if incarnation > 1 {
         tracing::warn!(
             incarnation,
-            "not told to fly: nothing takes off because a process started again"
+            "ignored --fly: a restarted process never takes off"
         );
         return;
     }
@@ -344,10 +460,10 @@ fn begin_to_fly(process: &Process, incarnation: u32) {
 
 fn ended(landing: Option<LandingReason>) -> Ended {
     match landing {
-        None | Some(LandingReason::MissionOver | LandingReason::Recalled) => Ended::Well,
+        None | Some(LandingReason::MissionOver | LandingReason::Recalled) => Ended::Completed,
         Some(reason @ (LandingReason::JournalLost | LandingReason::NetworkLost)) => {
-            Ended::Unable(reason)
+            Ended::Failed(reason)
         }
-        Some(reason) => Ended::Early(reason),
+        Some(reason) => Ended::LandedEarly(reason),
     }
 }

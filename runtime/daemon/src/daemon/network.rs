@@ -1,4 +1,4 @@
-//! A drone's end of the network, over whichever transport its file names.
+//! The drone's network, over the transport named in its file.
 
 use std::io;
 use std::net::SocketAddr;
@@ -19,10 +19,10 @@ pub(super) enum Network {
 }
 
 impl Network {
-    /// Opens it.
+    /// Opens the network.
     ///
     /// # Errors
-    /// When it can't be had as configured; nothing is left open then.
+    /// If it can't be opened as configured. Nothing is left open.
     pub(super) fn open(config: &DroneConfig, clock: Clock) -> Result<Self, OpenError> {
         let network = config.network.clone();
         Ok(match config.transport {
@@ -42,14 +42,14 @@ impl Network {
         })
     }
 
-    /// Begins to hear others, and to look for them, in this life of the drone.
+    /// Starts to receive and, over QUIC, to discover other drones, for this incarnation.
     ///
     /// # Errors
-    /// When the runtime can't watch the sockets.
+    /// If the runtime can't watch the sockets.
     pub(super) fn begin(&mut self, incarnation: u32) -> io::Result<Waiting> {
         Ok(match self {
-            Self::Udp(udp) => Waiting::Udp(udp.waiting()?),
-            Self::Quic(quic) => Waiting::Quic(quic.begin(incarnation)?),
+            Self::Udp(udp) => Waiting::Udp(udp.readiness()?),
+            Self::Quic(quic) => Waiting::Quic(quic.start(incarnation)?),
         })
     }
 
@@ -67,7 +67,7 @@ impl Network {
         }
     }
 
-    /// How many datagrams or frames were dropped for want of room, where that is known.
+    /// Datagrams or frames that were dropped because buffers were full. `None` if that is unknown.
     pub(super) fn overflowed(&self) -> Option<u64> {
         match self {
             Self::Udp(udp) => udp.overflowed(),
@@ -75,7 +75,7 @@ impl Network {
         }
     }
 
-    /// Whether nothing more has come in for now.
+    /// Whether no received datagram waits.
     pub(super) const fn is_drained(&self) -> bool {
         match self {
             Self::Udp(udp) => udp.is_drained(),
@@ -83,7 +83,7 @@ impl Network {
         }
     }
 
-    /// What became of its connections, where it has any.
+    /// Counters of connections. `None` over UDP.
     pub(super) fn connections(&self) -> Option<Connections> {
         match self {
             Self::Udp(_) => None,
@@ -91,7 +91,7 @@ impl Network {
         }
     }
 
-    /// What operators have to say, where they can, for whoever asks first.
+    /// Operators' streams, for the first caller. `None` over UDP.
     pub(super) fn streams(&mut self) -> Option<Receiver<Stream>> {
         match self {
             Self::Udp(_) => None,
@@ -99,11 +99,11 @@ impl Network {
         }
     }
 
-    /// Ends its connections, where it has any; returns once the others know.
+    /// Closes connections, if any; returns once the others know.
     pub(super) fn farewell(&self) -> impl Future<Output = ()> + use<> {
         let farewell = match self {
             Self::Udp(_) => None,
-            Self::Quic(quic) => Some(quic.farewell()),
+            Self::Quic(quic) => Some(quic.close()),
         };
         async {
             if let Some(farewell) = farewell {
@@ -112,7 +112,7 @@ impl Network {
         }
     }
 
-    /// What moves frames.
+    /// The transport.
     pub(super) fn transport(&mut self) -> &mut dyn Transport {
         match self {
             Self::Udp(udp) => &mut **udp,
@@ -121,18 +121,18 @@ impl Network {
     }
 }
 
-/// Waits until something has come in.
+/// Waits for received datagrams.
 pub(super) enum Waiting {
-    Udp(udp::Waiting),
-    Quic(quic::Waiting),
+    Udp(udp::Readiness),
+    Quic(quic::Readiness),
 }
 
 impl Waiting {
-    /// Returns once something may have come in, having called `drain`, which takes some and says whether it has taken all.
-    /// Until it has, the next call returns at once.
+    /// Waits until datagrams may be there, then calls `drain`, which takes some and returns whether none is left. If some are
+    /// left the next call returns at once.
     ///
     /// # Errors
-    /// When nothing will come in any more.
+    /// If the sockets can't be watched any more.
     pub(super) async fn datagrams(&self, mut drain: impl FnMut() -> bool) -> io::Result<bool> {
         match self {
             Self::Udp(udp) => udp.datagrams(drain).await,

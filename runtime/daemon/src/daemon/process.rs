@@ -1,4 +1,4 @@
-//! A drone's process as its actors see it: their environment in real time.
+//! The process of a drone: the real-time environment of its actors.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -10,48 +10,46 @@ use muster_machines::msp;
 use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, last_resort};
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
-use muster_runtime::identity::Ed25519Authenticator;
-use muster_runtime::journal::{Writer, Written};
+use muster_runtime::journal::{WriteReport, Writer};
 use muster_runtime::vehicle::SimulatedVehicle;
 use tokio::sync::Notify;
 
-use super::lists::Keeper;
 use super::network::Network;
+use super::revocation::Revocations;
 use super::state::State;
 use crate::clock::Clock;
 use crate::log::Lost;
 use crate::status::Status;
 
-/// What a drone's actors and the tasks around them share.
+/// State that a drone's actors and tasks share.
 ///
-/// All of them run on one thread, and nobody waits while holding the lock.
+/// Invariant: all run on one thread, and none awaits while it holds the lock.
 pub(super) struct Process {
     pub(super) clock: Clock,
     state: Mutex<State>,
-    /// Somebody is to be woken sooner than was thought.
+    /// Wakes the timer task for an earlier deadline.
     pub(super) sooner: Notify,
-    /// The drone may be done.
+    /// Signals that the process may end.
     pub(super) done: Notify,
 }
 
-/// What a process is made of.
+/// The parts of a process.
 pub(super) struct Components {
     pub(super) id: NodeId,
     pub(super) swarm: SwarmId,
-    /// Whether it flies no mission and only passes on.
+    /// Whether the drone flies no mission and only forwards frames.
     pub(super) is_relay: bool,
     pub(super) clock: Clock,
-    /// How long an actor may do nothing while something waits for it.
+    /// The longest time for an actor to handle no message while one waits.
     pub(super) hang_max: Duration,
     pub(super) checkpoints: Checkpoints,
     pub(super) journal: Writer,
     pub(super) network: Network,
-    pub(super) authenticator: Arc<Ed25519Authenticator>,
-    pub(super) keeper: Keeper,
+    pub(super) revocations: Revocations,
     pub(super) vehicle: SimulatedVehicle,
-    /// Whether everything that is seen of the drone is to be told in a form for programs.
+    /// Whether the log is for programs: each observation as JSON.
     pub(super) for_programs: bool,
-    /// What is lost of what is told.
+    /// Counts lost log lines.
     pub(super) lines_lost: Lost,
 }
 
@@ -66,46 +64,46 @@ impl Process {
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
-        // A panic under this lock is an actor's, whose step is given up with it.
+        // Only an actor's step can panic under this lock; the supervisor then restarts the actor.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What it tells of itself.
+    /// The drone's status.
     pub(super) fn status(&self) -> Status {
         self.state().status(self.clock.now())
     }
 
-    /// The five actors run: they are told what was posted meanwhile.
-    pub(super) fn begin(&self, drone: Drone) {
-        self.state().begin(drone);
+    /// Takes over the actors once all five run.
+    pub(super) fn start(&self, drone: Drone) {
+        self.state().start(drone);
     }
 
-    /// The drone is to come down and stay down.
-    pub(super) fn come_down(&self, reason: LandingReason) {
-        self.state().come_down(reason);
-        self.look_round();
+    /// Orders the drone to land and stay on the ground.
+    pub(super) fn order_landing(&self, reason: LandingReason) {
+        self.state().order_landing(reason);
+        self.notify();
     }
 
-    /// The drone is brought down where it is, whatever its mission takes it to be doing, and stays down.
-    pub(super) fn bring_down(&self, reason: LandingReason) {
+    /// Lands the drone at its position, even if the mission has lost its state.
+    pub(super) fn land_at_once(&self, reason: LandingReason) {
         let land = Envelope::Msp(Box::new(msp::Input::GiveUp));
         self.state().post(land);
-        self.come_down(reason);
+        self.order_landing(reason);
     }
 
-    /// Something has become of what was kept in the journal.
-    pub(super) fn written(&self, written: &Written) {
-        self.state().written(self.clock.now(), written);
-        self.look_round();
+    /// Handles a report of the journal.
+    pub(super) fn journal_reported(&self, report: &WriteReport) {
+        self.state().journal_reported(self.clock.now(), report);
+        self.notify();
     }
 
-    /// Whoever waits for the drone to be done, or for a time, looks again.
-    pub(super) fn look_round(&self) {
+    /// Wakes the tasks that wait for the end of the process or for an earlier deadline.
+    pub(super) fn notify(&self) {
         let mut state = self.state();
         if state.is_done() {
             self.done.notify_one();
         }
-        if state.wakes_sooner() {
+        if state.must_wake_sooner() {
             self.sooner.notify_one();
         }
     }
@@ -117,7 +115,7 @@ impl Environment for Process {
     }
 
     fn seed(&self) -> u64 {
-        // What is drawn here is no secret: it spreads load, and as a nonce it is never to come twice.
+        // The seed is not secret. It spreads load and makes nonces, which must only never repeat.
         getrandom::u64().unwrap_or_else(|_| self.clock.now().as_nanos())
     }
 
@@ -128,34 +126,34 @@ impl Environment for Process {
     fn carry_out(&self, from: Address, output: &mut StepOutput) {
         let now = self.clock.now();
         let mut state = self.state();
-        state.answered(now, from);
+        state.actors().has_stepped(now, from);
         for effect in output.effects.drain(..) {
-            state.effect(now, effect);
+            state.execute(now, effect);
         }
         state.set_timer(now, from, output);
         drop(state);
-        self.look_round();
+        self.notify();
     }
 
     fn failed(&self, address: Address, decision: RestartDecision) {
         let now = self.clock.now();
         let mut state = self.state();
         tracing::error!(actor = %address, ?decision, "an actor failed");
-        state.take_down(address);
+        state.actors().set_down(address);
         match decision {
-            RestartDecision::Restart { at } => state.restart(at, address),
+            RestartDecision::Restart { at } => state.actors().restart_at(at, address),
             RestartDecision::GiveUp => {
                 state.give_up();
                 for effect in last_resort(|address| state.is_up(address)) {
-                    state.effect(now, effect);
+                    state.execute(now, effect);
                 }
             }
         }
         drop(state);
-        self.look_round();
+        self.notify();
     }
 
     fn starting(&self, address: Address) {
-        self.state().bring_up(address);
+        self.state().actors().set_up(address);
     }
 }

@@ -1,4 +1,4 @@
-//! Says what becomes of a drone in its log: to people in words, to programs each in a form that can be read again.
+//! Logs what is observed of a drone: in words for people, as JSON for programs.
 
 use muster_machines::identity::NodeId;
 use muster_machines::msp::FlightCommand;
@@ -8,14 +8,14 @@ use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio};
 use serde::Serialize;
 
-use super::counts::Talk;
+use super::counts::Traffic;
 
-/// Who says what becomes of a drone.
+/// Writes a drone's observations to its log.
 pub(super) struct Reporter {
     drone: u32,
     for_programs: bool,
-    /// What was last said of how much was sent and let in.
-    talk: Talk,
+    /// Totals when traffic was last logged.
+    last: Traffic,
 }
 
 impl Reporter {
@@ -23,72 +23,73 @@ impl Reporter {
         Self {
             drone: drone.0,
             for_programs,
-            talk: Talk::default(),
+            last: Traffic::default(),
         }
     }
 
-    /// Its vehicle was told something, which is for programs.
+    /// Logs a flight-controller command, for programs only.
     pub(super) fn commanded(&self, now: Timestamp, command: &FlightCommand) {
         if self.for_programs {
             let (drone, at_ns) = (self.drone, now.as_nanos());
-            tracing::info!(drone, at_ns, commanded = in_json(command), "commanded");
+            tracing::info!(drone, at_ns, commanded = to_json(command), "commanded");
         }
     }
 
-    /// So much was sent and let in until now; what of it is new is for programs.
-    pub(super) fn talked(&mut self, now: Timestamp, talk: Talk) {
-        let before = std::mem::replace(&mut self.talk, talk);
-        if self.for_programs && talk != before {
+    /// Logs how many frames were sent and admitted since the last time, for programs only.
+    pub(super) fn traffic(&mut self, now: Timestamp, traffic: Traffic) {
+        let before = std::mem::replace(&mut self.last, traffic);
+        if self.for_programs && traffic != before {
             let (drone, at_ns) = (self.drone, now.as_nanos());
-            let news = talk.news - before.news;
-            let keep_alives = talk.keep_alives - before.keep_alives;
-            let let_in = talk.let_in - before.let_in;
+            let news = traffic.news - before.news;
+            let keep_alives = traffic.keep_alives - before.keep_alives;
+            let let_in = traffic.let_in - before.let_in;
             tracing::info!(drone, at_ns, news, keep_alives, let_in, "talked");
         }
     }
 
-    /// Something was seen of it: what a peer sent that was not let in is only for those who want to know it all, for peers
-    /// could fill a disk with it.
-    pub(super) fn saw(&self, now: Timestamp, seen: &Observation) {
+    /// Logs an observation. Dropped and ignored frames are logged at debug level: an attacker could fill
+    /// the disk with them.
+    pub(super) fn observed(&self, now: Timestamp, seen: &Observation) {
         let (drone, at_ns) = (self.drone, now.as_nanos());
-        let is_of_peers = matches!(
+        let is_caused_by_peer = matches!(
             seen,
             Observation::Radio(radio::Event::Dropped(_))
                 | Observation::Routing(routing::Event::Ignored(_))
         );
-        match (self.for_programs, is_of_peers) {
-            (true, true) => tracing::debug!(drone, at_ns, seen = in_json(seen), "seen"),
-            (true, false) => tracing::info!(drone, at_ns, seen = in_json(seen), "seen"),
-            (false, true) => tracing::debug!(drone, "{}", in_words(seen)),
-            (false, false) => tracing::info!(drone, "{}", in_words(seen)),
+        match (self.for_programs, is_caused_by_peer) {
+            (true, true) => tracing::debug!(drone, at_ns, seen = to_json(seen), "seen"),
+            (true, false) => tracing::info!(drone, at_ns, seen = to_json(seen), "seen"),
+            (false, true) => tracing::debug!(drone, "{}", describe(seen)),
+            (false, false) => tracing::info!(drone, "{}", describe(seen)),
         }
     }
 }
 
-fn in_json(said: &impl Serialize) -> String {
-    serde_json::to_string(said).expect("what is said has names and numbers only")
+fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("commands and observations have names and numbers only")
 }
 
-/// A drone's way to its master.
-fn in_words_of_way(routes: &Routes) -> String {
+fn describe_route(routes: &Routes) -> String {
     let relays = if routes.relay {
-        ", and relays for others"
+        "; relays for others"
     } else {
         ""
     };
     match (routes.hops, routes.parent) {
         (Some(0), _) => format!("is the master{relays}"),
-        (Some(1), _) => format!("hears its master{relays}"),
-        (Some(hops), Some(by)) => format!("is {hops} hops from its master, by drone {by}{relays}"),
+        (Some(1), _) => format!("is 1 hop from its master{relays}"),
+        (Some(hops), Some(parent)) => {
+            format!("is {hops} hops from its master, via drone {parent}{relays}")
+        }
         (Some(hops), None) => format!("is {hops} hops from its master{relays}"),
-        (None, _) => "knows no way to a master".to_owned(),
+        (None, _) => "has no route to a master".to_owned(),
     }
 }
 
-fn in_words(seen: &Observation) -> String {
+fn describe(seen: &Observation) -> String {
     match seen {
         Observation::Mission(mission::Event::State(state)) => state.to_string(),
-        Observation::Mission(mission::Event::Obeys(ballot)) => format!("obeys {ballot}"),
+        Observation::Mission(mission::Event::Obeys(ballot)) => format!("follows ballot {ballot}"),
         Observation::Mission(mission::Event::Opened { waypoint }) => {
             format!("opens waypoint {waypoint}")
         }
@@ -96,21 +97,21 @@ fn in_words(seen: &Observation) -> String {
             format!("flies without drone {drone}")
         }
         Observation::Mission(mission::Event::Landing(reason)) => {
-            format!("comes down: {reason:?}")
+            format!("lands: {reason:?}")
         }
         Observation::Radio(radio::Event::Dropped(reason)) => format!("drops a frame: {reason}"),
         Observation::Radio(radio::Event::RevocationList { list }) => {
-            format!("list {list} of the revoked was passed on to this drone")
+            format!("received revocation list {list} from another drone")
         }
-        Observation::Routing(routing::Event::Routes(routes)) => in_words_of_way(routes),
+        Observation::Routing(routing::Event::Routes(routes)) => describe_route(routes),
         Observation::Routing(routing::Event::Reached { member, via, .. }) if member == via => {
             format!("hears drone {member}")
         }
         Observation::Routing(routing::Event::Reached { member, via, .. }) => {
-            format!("hears of drone {member} by drone {via}")
+            format!("reaches drone {member} via drone {via}")
         }
         Observation::Routing(routing::Event::NeighbourStable(drone)) => {
-            format!("has drone {drone} for a neighbour")
+            format!("has a stable link to drone {drone}")
         }
         Observation::Mission(event) => format!("{event:?}"),
         Observation::Routing(event) => format!("{event:?}"),
@@ -123,23 +124,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn people_are_told_the_way_to_the_master_in_words() {
-        let way = |hops, parent: Option<u32>, relay| {
+    fn route_is_described_with_hops_and_parent() {
+        let route = |hops, parent: Option<u32>, relay| {
             let routes = Routes {
                 hops,
                 parent: parent.map(NodeId),
                 relay,
                 ..Routes::default()
             };
-            in_words(&Observation::Routing(routing::Event::Routes(routes)))
+            describe(&Observation::Routing(routing::Event::Routes(routes)))
         };
         assert_eq!(
-            way(Some(0), None, true),
-            "is the master, and relays for others"
+            route(Some(0), None, true),
+            "is the master; relays for others"
         );
-        assert_eq!(way(Some(1), Some(2), false), "hears its master");
-        let by = "is 3 hops from its master, by drone 4, and relays for others";
-        assert_eq!(way(Some(3), Some(4), true), by);
-        assert_eq!(way(None, None, false), "knows no way to a master");
+        assert_eq!(route(Some(1), Some(2), false), "is 1 hop from its master");
+        let expected = "is 3 hops from its master, via drone 4; relays for others";
+        assert_eq!(route(Some(3), Some(4), true), expected);
+        assert_eq!(route(None, None, false), "has no route to a master");
     }
 }

@@ -1,29 +1,29 @@
-//! What the service manager is told, where there is one.
+//! Notifications to the service manager, if there is one.
 
 use sd_notify::NotifyState;
 
-/// The drone's five actors run.
+/// The five actors run.
 pub(super) fn ready() {
     notify(&[NotifyState::Ready]);
 }
 
-/// What the drone is doing, in a few words.
-pub(super) fn status(words: &str) {
-    notify(&[NotifyState::Status(words)]);
+/// The drone's state in a few words.
+pub(super) fn status(text: &str) {
+    notify(&[NotifyState::Status(text)]);
 }
 
-/// The process ends by itself.
+/// The process ends.
 pub(super) fn stopping() {
     notify(&[NotifyState::Stopping]);
 }
 
-/// The drone's actors answer.
+/// All actors handle messages: feeds the watchdog.
 pub(super) fn alive() {
     notify(&[NotifyState::Watchdog]);
 }
 
 fn notify(state: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(state) {
-        tracing::warn!(%error, "the service manager can't be told");
+        tracing::warn!(%error, "can't notify the service manager");
     }
 }

@@ -1,491 +1,298 @@
-//! What a drone's process holds: its journal, its end of the network, its vehicle, its timers, and what has become of it.
+//! The state of a drone's process: actors, journal, network, vehicle, and how the flight ends.
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use bytes::Bytes;
 use muster_actors::{Drone, Message};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::machine::Stimulus;
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::msp::{self, FlightCommand, Telemetry};
 use muster_machines::node::{
     Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, StepOutput,
 };
-use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
-use muster_machines::{radio, routing, wire};
-use muster_runtime::identity::Ed25519Authenticator;
-use muster_runtime::journal::{Writer, Written};
+use muster_machines::{radio, routing};
+use muster_runtime::journal::{WriteReport, Writer};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use muster_transport::quic::Stream;
-use muster_transport::{Destination, Event};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use tokio::sync::mpsc::Receiver;
 
-use super::counts::Counts;
-use super::lists::Keeper;
-use super::network::Network;
+use super::actors::Actors;
+use super::durable::{Durable, Frame};
+use super::monitor::Monitor;
+use super::outcome::Outcome;
 use super::process::Components;
-use super::reporter::Reporter;
-use super::resting::Resting;
+use super::radio_link::{Polled, RadioLink};
+use super::revocation::Revocations;
 use super::service;
 use crate::clock::Clock;
 use crate::control::Losses;
-use crate::log::Lost;
 
-mod tell;
+mod status;
 
-pub(super) use self::tell::STATES;
+pub(super) use self::status::{ANSWER_MAX, STATES};
 
-/// How many datagrams are taken in before the actors get their turn.
+/// The most datagrams that are taken in before the actors run.
 const DRAIN_MAX: usize = 64;
-
-/// The least pause before an actor is woken again that handled a timeout and has a deadline that is not after it. Such an actor
-/// has a defect; without the pause it would take a core for itself. The timers of tokio are no finer than this.
-const OVERDUE_PAUSE: Duration = Duration::from_millis(1);
-
-/// A frame to be sent: to whom, if not to all, and whether it is no more than a sign of life.
-type Frame = (Option<NodeId>, Bytes, bool);
 
 pub(super) struct State {
     id: NodeId,
     swarm: SwarmId,
+    /// Whether it flies no mission and only forwards.
     is_relay: bool,
     clock: Clock,
-    /// How long an actor may do nothing while something waits for it.
-    hang_max: Duration,
-    checkpoints: Checkpoints,
-    /// Until the process ends.
-    journal: Option<Writer>,
-    resting: Resting<Frame>,
-    network: Network,
-    authenticator: Arc<Ed25519Authenticator>,
-    /// Keeps lists of the expelled for the next life, up to the end of this one.
-    keeper: Option<Keeper>,
+    actors: Actors,
+    durable: Durable,
+    link: RadioLink,
+    revocations: Revocations,
     vehicle: SimulatedVehicle,
-    reporter: Reporter,
-    /// The actors, once all five run.
-    drone: Option<Drone>,
-    /// What was posted before that.
-    held: Vec<Envelope>,
-    seats: [Seat; 5],
-    restarts: Vec<(Timestamp, Address)>,
-    /// When those who keep time wake.
+    monitor: Monitor,
+    outcome: Outcome,
+    /// When the timer task wakes.
     wakes: Option<Timestamp>,
-    /// How many datagrams were taken in.
-    taken_in: u64,
-    /// When the actors were last asked whether they are there.
-    asked_at: Option<Timestamp>,
-    /// The way to the master.
-    routes: Routes,
-    counts: Counts,
-    /// Lines of the log that were lost.
-    lines_lost: Lost,
-    /// Whose frames are not let in, as if they were out of range.
-    losses: Losses,
-    rng: ChaCha8Rng,
-    /// Why it is to come down, until its mission has been told.
-    called_down: Option<LandingReason>,
-    /// Why it began to come down first.
-    landing: Option<LandingReason>,
-    /// Whether its mission says that it is on the ground for good.
-    is_finished: bool,
-    /// Whether an actor could not be kept alive.
-    gave_up: bool,
-    /// Whether whoever started the process is gone.
-    is_abandoned: bool,
-}
-
-/// What is kept of one of the five actors.
-#[derive(Debug, Clone, Copy, Default)]
-struct Seat {
-    is_up: bool,
-    deadline: Option<Timestamp>,
-    /// Whether it has done anything since it was last asked.
-    has_answered: bool,
-    starts: u64,
-    failures: u64,
-    /// How often it was overdue.
-    overdue: u64,
-    /// Since when something waits for it, and it has done nothing.
-    idle_since: Option<Timestamp>,
-}
-
-impl Seat {
-    const fn restarts(&self) -> u64 {
-        self.starts.saturating_sub(1)
-    }
-
-    /// Sets its timer as its step wants it; no sooner than after a pause if it is overdue.
-    fn set_timer(&mut self, now: Timestamp, output: &StepOutput) {
-        self.deadline = output.deadline;
-        if output.is_overdue {
-            self.overdue += 1;
-            self.deadline = Some(now + OVERDUE_PAUSE);
-        }
-    }
 }
 
 impl State {
     pub(super) fn new(components: Components) -> Self {
-        let missions = components.checkpoints.iter();
-        let is_finished = missions.into_iter().any(|it| match it {
-            Checkpoint::Mission(mission) => mission.state == mission::State::Finished,
-            _ => false,
+        let is_finished = components.checkpoints.iter().any(|checkpoint| {
+            matches!(checkpoint, Checkpoint::Mission(it) if it.state == mission::State::Finished)
         });
+        let seed = components.clock.now().as_nanos();
         Self {
             id: components.id,
             swarm: components.swarm,
             is_relay: components.is_relay,
             clock: components.clock,
-            hang_max: components.hang_max,
-            checkpoints: components.checkpoints,
-            journal: Some(components.journal),
-            resting: Resting::default(),
-            network: components.network,
-            authenticator: components.authenticator,
-            keeper: Some(components.keeper),
+            actors: Actors::new(components.hang_max),
+            durable: Durable::new(components.checkpoints, components.journal),
+            link: RadioLink::new(components.network, seed),
+            revocations: components.revocations,
             vehicle: components.vehicle,
-            reporter: Reporter::new(components.id, components.for_programs),
-            drone: None,
-            held: Vec::new(),
-            seats: [Seat::default(); 5],
-            restarts: Vec::new(),
+            monitor: Monitor::new(
+                components.id,
+                components.for_programs,
+                components.lines_lost,
+            ),
+            outcome: Outcome::new(is_finished),
             wakes: None,
-            taken_in: 0,
-            asked_at: None,
-            routes: Routes::default(),
-            counts: Counts::default(),
-            lines_lost: components.lines_lost,
-            losses: Losses::default(),
-            rng: ChaCha8Rng::seed_from_u64(components.clock.now().as_nanos()),
-            called_down: None,
-            landing: None,
-            is_finished,
-            gave_up: false,
-            is_abandoned: false,
         }
+    }
+
+    pub(super) const fn actors(&mut self) -> &mut Actors {
+        &mut self.actors
+    }
+
+    pub(super) fn is_up(&self, address: Address) -> bool {
+        self.actors.seat(address).is_up
     }
 
     pub(super) const fn checkpoints(&self) -> &Checkpoints {
-        &self.checkpoints
+        self.durable.checkpoints()
     }
 
-    pub(super) const fn landing(&self) -> Option<LandingReason> {
-        self.landing
+    pub(super) const fn outcome(&self) -> &Outcome {
+        &self.outcome
     }
 
-    /// Whether there is nothing more that it could do: it is down for good, or nobody is there for whom it flies.
+    /// Whether the process may end.
     pub(super) const fn is_done(&self) -> bool {
-        // A mission that does not know that it flies is done with it before the vehicle is down.
-        let is_over = self.is_finished || self.gave_up;
-        self.is_abandoned || (is_over && !self.vehicle.is_armed())
+        self.outcome.is_done(self.vehicle.is_armed())
     }
 
-    /// Nobody is there any more for whom a simulated drone flies.
+    /// The process that started this one is gone.
     pub(super) const fn abandon(&mut self) {
-        self.is_abandoned = true;
+        self.outcome.abandon();
     }
 
-    pub(super) const fn is_abandoned(&self) -> bool {
-        self.is_abandoned
+    /// All five actors run.
+    pub(super) fn start(&mut self, drone: Drone) {
+        self.actors.start(self.clock.now(), drone);
     }
 
-    pub(super) fn begin(&mut self, drone: Drone) {
-        self.drone = Some(drone);
-        for envelope in std::mem::take(&mut self.held) {
-            self.post(envelope);
-        }
-    }
-
-    /// Does one thing that a step asked for.
-    pub(super) fn effect(&mut self, now: Timestamp, effect: Effect) {
+    /// Executes one effect of a step.
+    pub(super) fn execute(&mut self, now: Timestamp, effect: Effect) {
         match effect {
             Effect::Post(envelope) => {
-                if let Envelope::Routing(routing::Input::Heard {
+                if let Envelope::Routing(routing::Input::Received {
                     sender, payload, ..
                 }) = &envelope
                 {
-                    self.counts.let_in(now, *sender, payload);
+                    self.monitor
+                        .counts
+                        .admitted_for_routing(now, *sender, payload);
                 }
-                self.post(envelope);
+                self.actors.post(now, envelope);
             }
             Effect::Send {
                 to,
                 frame,
                 keep_alive,
             } => {
-                if let Some(frame) = self.resting.take((to, frame, keep_alive)) {
+                let frame = Frame {
+                    to,
+                    bytes: frame,
+                    keep_alive,
+                };
+                if let Some(frame) = self.durable.hold(frame) {
                     self.send(now, &frame);
                 }
             }
             Effect::Locate { sender, source } => {
-                self.counts.admitted += 1;
-                self.network.transport().learn(sender, source);
+                self.monitor.counts.admitted += 1;
+                self.link.network.transport().learn(sender, source);
             }
-            Effect::Command(command) => self.command(now, command),
-            Effect::Keep(checkpoint) => self.keep(&checkpoint),
+            Effect::Command(command) => {
+                self.monitor.reporter.commanded(now, &command);
+                let telemetry = self.vehicle.execute(now, command);
+                self.report_telemetry(now, telemetry);
+            }
+            Effect::Keep(checkpoint) => self.durable.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
         }
     }
 
-    fn send(&mut self, now: Timestamp, (to, frame, keep_alive): &Frame) {
-        self.counts.sent(frame, *keep_alive);
-        let to = to.map_or(Destination::Broadcast, Destination::To);
-        self.network
-            .transport()
-            .send(now, self.id, to, frame)
-            .expect("a radio sends no more than a datagram, and in its own name");
+    fn send(&mut self, now: Timestamp, frame: &Frame) {
+        self.monitor.counts.sent(&frame.bytes, frame.keep_alive);
+        self.link.send(now, self.id, frame);
     }
 
     pub(super) fn post(&mut self, envelope: Envelope) {
-        self.cast(envelope.address(), Stimulus::Input(envelope));
+        self.actors.post(self.clock.now(), envelope);
     }
 
-    /// Hands something to an actor; whether it is there and has room, or will get it once all five run.
-    fn cast(&mut self, address: Address, stimulus: Stimulus<Envelope>) -> bool {
-        let Some(drone) = &self.drone else {
-            if let Stimulus::Input(envelope) = stimulus {
-                self.held.push(envelope);
-            }
-            return true;
-        };
-        let is_frame = matches!(
-            stimulus,
-            Stimulus::Input(Envelope::Radio(radio::Input::Received { .. }))
-        );
-        let cast = drone.book().cast(address, Message::Step(stimulus));
-        if cast.is_ok() {
-            let now = self.clock.now();
-            self.seats[address as usize].idle_since.get_or_insert(now);
-        }
-        if let Err(refused) = &cast {
-            // Frames at line rate may be among them.
-            self.counts.no_room += u64::from(is_frame);
-            self.counts.refused += u64::from(!is_frame);
-            tracing::debug!("{refused}");
-        }
-        cast.is_ok()
-    }
-
-    fn command(&mut self, now: Timestamp, command: FlightCommand) {
-        self.reporter.commanded(now, &command);
-        let telemetry = self.vehicle.obey(now, command);
-        self.tell(telemetry);
-    }
-
-    /// Hands the link what the vehicle says of itself.
-    fn tell(&mut self, telemetry: Option<Telemetry>) {
+    fn report_telemetry(&mut self, now: Timestamp, telemetry: Option<Telemetry>) {
         if let Some(telemetry) = telemetry {
-            self.post(Envelope::Msp(Box::new(msp::Input::Telemetry(telemetry))));
+            let telemetry = Box::new(msp::Input::Telemetry(telemetry));
+            self.actors.post(now, Envelope::Msp(telemetry));
         }
     }
 
-    /// Keeps what a machine is built anew from, in the journal too: what is said from now on rests on it, if it must last.
-    fn keep(&mut self, checkpoint: &Checkpoint) {
-        if self.checkpoints.holds(checkpoint) {
-            return;
-        }
-        let must_last = self.checkpoints.keep(checkpoint.clone());
-        if let Some(journal) = &mut self.journal {
-            let number = journal.keep(checkpoint.clone(), must_last);
-            if must_last {
-                self.resting.rests_on(number);
-            }
-        }
-    }
-
-    /// Something has become of what was kept. A drone whose journal can't be written comes down: should its process start anew,
-    /// it would not know what it has said.
-    pub(super) fn written(&mut self, now: Timestamp, written: &Written) {
-        for frame in self.resting.written(written) {
+    /// Sends the frames that a report of the journal releases. A drone that can't write its journal lands: its next
+    /// incarnation would not know what it has sent.
+    pub(super) fn journal_reported(&mut self, now: Timestamp, report: &WriteReport) {
+        for frame in self.durable.release(report) {
             self.send(now, &frame);
         }
-        let Written::Failed { error, .. } = written else {
-            return;
-        };
-        self.counts.unwritten += 1;
-        if self.counts.unwritten == 1 {
-            tracing::error!(%error, "the journal can't be written: the drone comes down");
-            self.come_down(LandingReason::JournalLost);
+        if let WriteReport::Failed { error, .. } = report
+            && self.durable.failures == 1
+        {
+            tracing::error!(%error, "the journal can't be written: the drone lands");
+            self.order_landing(LandingReason::JournalLost);
         }
     }
 
-    /// The process ends: what was kept is to be written, by whoever lets go of what is returned.
-    pub(super) fn take_journal(&mut self) -> Option<Writer> {
-        self.journal.take()
+    /// Stores no further checkpoints and lists. Dropping the returned writer waits for the journal.
+    pub(super) fn close(&mut self) -> Option<Writer> {
+        self.revocations.close();
+        self.durable.close()
     }
 
-    /// The drone is to come down: its mission is told or, while that is built anew, will be.
-    pub(super) fn come_down(&mut self, reason: LandingReason) {
-        self.called_down.get_or_insert(reason);
-        self.tell_to_come_down();
+    /// Orders the mission to land. It gets the order as soon as it runs and has room.
+    pub(super) fn order_landing(&mut self, reason: LandingReason) {
+        self.outcome.ordered.get_or_insert(reason);
+        self.deliver_landing_order(self.clock.now());
     }
 
-    fn tell_to_come_down(&mut self) {
-        // Where the mission can't be kept alive the drone is on its way down already.
-        if let Some(reason) = self.called_down.filter(|_| !self.gave_up) {
-            let envelope = Envelope::Mission(mission::Input::ComeDown(reason));
-            if self.cast(envelope.address(), Stimulus::Input(envelope)) {
-                self.called_down = None;
+    fn deliver_landing_order(&mut self, now: Timestamp) {
+        // After giving up, the drone is landing already.
+        if let Some(reason) = self.outcome.ordered.filter(|_| !self.outcome.gave_up()) {
+            let order = Envelope::Mission(mission::Input::Abort(reason));
+            if self.actors.post(now, order) {
+                self.outcome.ordered = None;
             }
         }
     }
 
     fn observe(&mut self, now: Timestamp, seen: &Observation) {
         match seen {
-            Observation::Radio(radio::Event::Dropped(reason)) => self.counts.dropped(*reason),
-            Observation::Routing(routing::Event::Routes(routes)) => self.routes.clone_from(routes),
-            Observation::Routing(routing::Event::Ignored(_)) => self.counts.ignored += 1,
-            Observation::Mission(mission::Event::Refused) => self.counts.orders_refused += 1,
-            Observation::Radio(radio::Event::RevocationList { .. }) => self.has_new_list(),
+            Observation::Radio(radio::Event::RevocationList { .. }) => self.revocation_changed(),
             Observation::Mission(mission::Event::State(state)) => {
-                self.say_talk(now);
                 service::status(&state.to_string());
-                self.is_finished |= *state == mission::State::Finished;
+                self.outcome.is_finished |= *state == mission::State::Finished;
             }
-            Observation::Mission(mission::Event::Landing(reason)) => {
-                self.landing.get_or_insert(*reason);
-            }
+            Observation::Mission(mission::Event::Landing(reason)) => self.outcome.lands(*reason),
             _ => {}
         }
-        self.reporter.saw(now, seen);
+        self.monitor.observe(now, seen);
     }
 
-    /// There is a newer list of the expelled, which is obeyed already: it is passed on, and kept for the next life.
-    pub(super) fn has_new_list(&mut self) {
-        let list = self.authenticator.revoked();
-        let number = list.number();
-        let can_be_passed_on = list.can_be_passed_on();
-        if let Some(keeper) = &self.keeper {
-            keeper.take(list);
+    /// A newer revocation list is in force: stores and forwards it.
+    pub(super) fn revocation_changed(&mut self) {
+        if self.revocations.store_newest() {
+            self.order_landing(LandingReason::Recalled);
         }
-        if !can_be_passed_on {
-            tracing::warn!(
-                number,
-                "the list of the revoked is too long to be passed on to others"
-            );
-        }
-        if self.authenticator.is_revoked() {
-            tracing::error!(number, "this drone was revoked: it comes down");
-            self.come_down(LandingReason::Recalled);
-        }
-        self.cast(Address::Radio, Stimulus::Timeout);
+        // The radio forwards it on its next step.
+        self.actors.poke(self.clock.now(), Address::Radio);
     }
 
-    /// The process ends: what it was told to keep is all.
-    pub(super) fn take_no_more_lists(&mut self) {
-        self.keeper = None;
+    /// Logs for programs how many frames were sent and admitted since the last time.
+    pub(super) fn report_traffic(&mut self, now: Timestamp) {
+        self.monitor.report_traffic(now);
     }
 
-    /// Says to programs how much was sent and let in since this was last said.
-    pub(super) fn say_talk(&mut self, now: Timestamp) {
-        self.reporter.talked(now, self.counts.talk());
+    /// Sets the share of received frames to drop, for each sender.
+    pub(super) fn set_losses(&mut self, losses: Losses) {
+        self.link.losses = losses;
     }
 
-    /// From now on so much of what others send is not let in.
-    pub(super) fn lose(&mut self, losses: Losses) {
-        self.losses = losses;
-    }
-
-    /// The vehicle does something else than it was told.
-    pub(super) fn overrule(&mut self, now: Timestamp, state: VehicleState, epoch: Timestamp) {
+    /// Replaces the state of the simulated vehicle. Its times count from `epoch`.
+    pub(super) fn set_vehicle(&mut self, now: Timestamp, state: VehicleState, epoch: Timestamp) {
         self.vehicle.resume(state, epoch, now);
-        let telemetry = self.vehicle.obey(now, FlightCommand::Report);
-        self.tell(telemetry);
+        let telemetry = self.vehicle.execute(now, FlightCommand::Report);
+        self.report_telemetry(now, telemetry);
     }
 
-    /// Whether a datagram is one of those that would not have got here.
-    fn is_lost(&mut self, datagram: &[u8]) -> bool {
-        let sender = wire::decode_frame(datagram).map(|frame| frame.header.sender);
-        let loss = sender.map_or(0.0, |sender| self.losses.from(sender));
-        loss > 0.0 && self.rng.random_bool(loss.min(1.0))
+    /// Injects a fault into an actor.
+    pub(super) fn inject(&self, address: Address, message: Message) {
+        self.actors.inject(address, message);
     }
 
-    /// Takes in datagrams; whether there were any.
+    /// Takes in datagrams; returns whether there were any.
     pub(super) fn drain_some(&mut self) -> bool {
-        let before = self.taken_in;
+        let before = self.link.taken;
         self.drain();
-        self.taken_in != before
+        self.link.taken != before
     }
 
-    /// Takes in datagrams, no more than the radio has room for; whether there are no more for now.
+    /// Takes in datagrams, as many as the radio has room for. Returns whether the network has none left.
     pub(super) fn drain(&mut self) -> bool {
+        let now = self.clock.now();
         for _ in 0..self.room_for_datagrams() {
-            let Some(event) = self.network.transport().poll_event() else {
-                return self.network.is_drained();
-            };
-            self.taken_in = self.taken_in.wrapping_add(1);
-            let input = match event {
-                Event::Arrival(arrival) if self.is_lost(&arrival.datagram) => {
-                    self.counts.out_of_range += 1;
-                    continue;
-                }
-                Event::Arrival(arrival) => radio::Input::Received {
-                    datagram: arrival.datagram,
-                    source: arrival.source,
-                    peer: arrival.peer,
-                },
-                Event::Outcome(outcome) => radio::Input::Outcome {
-                    to: outcome.to,
-                    delivered: outcome.fate == muster_transport::Fate::Delivered,
-                    frame: outcome.datagram,
-                },
-            };
-            self.post(Envelope::Radio(input));
+            match self.link.poll() {
+                Polled::Input(input) => _ = self.actors.post(now, Envelope::Radio(input)),
+                Polled::Lost => {}
+                Polled::Idle { is_drained } => return is_drained,
+            }
         }
         false
     }
 
-    /// How many datagrams may be taken in: what does not come off the network is not lost, as long as it has room there.
-    /// While the radio is built anew they come off, and are counted.
+    /// How many datagrams may be taken in. While the radio has no room they stay in the network's buffers; while it is down
+    /// they are taken and counted.
     fn room_for_datagrams(&self) -> usize {
-        let book = self.drone.as_ref().map(Drone::book);
-        let room = book.and_then(|book| {
-            // Half of it is for what the drone itself sends.
+        let room = self.actors.book().and_then(|book| {
+            // Half of the queue is for what the drone itself sends.
             Some((book.waiting_max() / 2).saturating_sub(book.waiting(Address::Radio)?))
         });
         room.unwrap_or(DRAIN_MAX).min(DRAIN_MAX)
     }
 
-    /// Does what is due; when something will be next.
+    /// Does what is due by `now`; returns the next deadline.
     pub(super) fn wake(&mut self, now: Timestamp) -> Option<Timestamp> {
-        for address in Address::ALL {
-            let deadline = &mut self.seats[address as usize].deadline;
-            let is_due = deadline.take_if(|deadline| *deadline <= now).is_some();
-            if is_due && !self.cast(address, Stimulus::Timeout) && self.is_up(address) {
-                // It had no room.
-                self.seats[address as usize].deadline = Some(now + OVERDUE_PAUSE);
-            }
-        }
-        self.tell_to_come_down();
+        self.actors.fire_timers(now);
+        self.deliver_landing_order(now);
         let telemetry = self.vehicle.handle_timeout(now);
-        self.tell(telemetry);
-        let (due, later) = (self.restarts.iter().copied()).partition(|(at, _)| *at <= now);
-        self.restarts = later;
-        let due: Vec<_> = due;
-        if let Some(drone) = &self.drone {
-            due.into_iter()
-                .for_each(|(_, address)| drone.restart(address));
-        }
-        self.wakes = self.next_deadline();
+        self.report_telemetry(now, telemetry);
+        self.actors.restart_due(now);
+        self.wakes = self.deadline();
         self.wakes
     }
 
-    fn next_deadline(&self) -> Option<Timestamp> {
-        let seats = self.seats.iter().filter_map(|seat| seat.deadline);
-        let restarts = self.restarts.iter().map(|(at, _)| *at);
-        seats
-            .chain(restarts)
-            .chain(self.vehicle.next_timeout())
-            .min()
+    fn deadline(&self) -> Option<Timestamp> {
+        let actors = self.actors.deadline();
+        actors.into_iter().chain(self.vehicle.next_timeout()).min()
     }
 
-    /// Whether somebody waits for an earlier time than those who keep time wake at.
-    pub(super) fn wakes_sooner(&mut self) -> bool {
-        let next = self.next_deadline();
+    /// Whether the timer task must wake earlier than it is set to.
+    pub(super) fn must_wake_sooner(&mut self) -> bool {
+        let next = self.deadline();
         let is_sooner = next.is_some_and(|next| self.wakes.is_none_or(|wakes| next < wakes));
         if is_sooner {
             self.wakes = next;
@@ -494,153 +301,36 @@ impl State {
     }
 
     pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, output: &StepOutput) {
-        let seat = &mut self.seats[address as usize];
-        seat.set_timer(now, output);
-        if output.is_overdue && seat.overdue == 1 {
-            tracing::error!(
-                actor = %address,
-                "an actor handled a timeout and has a deadline that is not after it: it is woken again after {OVERDUE_PAUSE:?}"
-            );
-        }
+        self.actors.set_timer(now, address, output);
     }
 
-    pub(super) fn restart(&mut self, at: Timestamp, address: Address) {
-        self.restarts.push((at, address));
-    }
-
-    pub(super) const fn is_up(&self, address: Address) -> bool {
-        self.seats[address as usize].is_up
-    }
-
-    pub(super) const fn bring_up(&mut self, address: Address) {
-        let seat = &mut self.seats[address as usize];
-        seat.is_up = true;
-        seat.starts += 1;
-    }
-
-    pub(super) const fn take_down(&mut self, address: Address) {
-        let seat = &mut self.seats[address as usize];
-        seat.is_up = false;
-        seat.deadline = None;
-        seat.has_answered = false;
-        seat.idle_since = None;
-        seat.failures += 1;
-    }
-
+    /// An actor failed too often.
     pub(super) fn give_up(&mut self) {
-        self.gave_up = true;
-        self.landing.get_or_insert(LandingReason::ActorGivenUp);
+        self.outcome.give_up();
     }
 
-    pub(super) fn answered(&mut self, now: Timestamp, address: Address) {
-        let book = self.drone.as_ref().map(Drone::book);
-        let waiting = book.and_then(|it| it.waiting(address));
-        let seat = &mut self.seats[address as usize];
-        seat.has_answered = true;
-        seat.idle_since = waiting.filter(|it| *it > 0).map(|_| now);
-    }
-
-    /// Tells the supervisor of actors that have done nothing for too long, though something waits for them.
-    pub(super) fn mend_what_hangs(&mut self, now: Timestamp) {
-        for address in Address::ALL {
-            let seat = &mut self.seats[address as usize];
-            let hangs = |since: &mut Timestamp| now.since(*since) >= self.hang_max;
-            if seat.is_up
-                && seat.idle_since.take_if(hangs).is_some()
-                && let Some(drone) = &self.drone
-            {
-                tracing::error!(actor = %address, "an actor hangs");
-                drone.hangs(address);
-            }
-        }
-    }
-
-    /// The process stood still: that an actor did nothing meanwhile is no sign that it hangs.
-    pub(super) fn stood_still(&mut self, now: Timestamp) {
-        for seat in &mut self.seats {
-            seat.idle_since = seat.idle_since.map(|_| now);
-        }
-    }
-
-    /// Injects a fault into an actor.
-    pub(super) fn inject(&self, address: Address, message: Message) {
-        if let Some(drone) = &self.drone {
-            // One that is not there can't be harmed.
-            let _ = drone.book().cast(address, message);
-        }
-    }
-
-    /// Whether all actors that run have done something since this was last asked; then they are asked again. What is due
-    /// is all that they do when they are woken, so to be woken early does no harm.
-    pub(super) fn ask_actors(&mut self, now: Timestamp) -> bool {
-        let up = self.seats.iter().filter(|seat| seat.is_up);
-        let have_answered = up.clone().all(|seat| seat.has_answered);
-        if have_answered {
-            self.asked_at = Some(now);
-        }
-        for address in Address::ALL {
-            if have_answered && self.is_up(address) {
-                self.seats[address as usize].has_answered = false;
-                self.cast(address, Stimulus::Timeout);
-            }
-        }
-        have_answered
-    }
-
-    /// What operators have to say, where they can, for whoever asks first.
+    /// Operators' streams, for the first caller. `None` if the transport has none.
     pub(super) fn streams(&mut self) -> Option<Receiver<Stream>> {
-        self.network.streams()
+        self.link.network.streams()
     }
 
-    /// Whether the drone stands on the ground and takes part in no flight: it has not heard of a master, or is there for
-    /// good.
-    pub(super) fn rests(&self) -> bool {
-        !self.vehicle.is_armed() && !self.checkpoints.are_of_a_flight()
+    /// Whether the drone is on the ground and takes part in no flight: it has heard of no master, or its flight is over.
+    pub(super) fn is_idle(&self) -> bool {
+        !self.vehicle.is_armed() && !self.checkpoints().are_of_a_flight()
     }
 
-    /// Lets the others know that nothing more comes from here; returns once they do, or can't.
+    /// Closes the network's connections; returns once the others know, or can't.
     pub(super) fn farewell(&self) -> impl Future<Output = ()> + use<> {
-        self.network.farewell()
+        self.link.network.farewell()
     }
 
+    /// Logs all counters.
     pub(super) fn report(&self) {
-        let failures = self.seats.iter().map(|seat| seat.failures).sum();
-        self.counts
-            .report(&self.network, failures, self.lines_lost());
-    }
-
-    fn lines_lost(&self) -> u64 {
-        self.lines_lost.lines()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn set(now_ms: u64, deadline_ms: u64, is_overdue: bool) -> Seat {
-        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
-        let output = StepOutput {
-            deadline: Some(at(deadline_ms)),
-            is_overdue,
-            ..StepOutput::default()
-        };
-        let mut seat = Seat::default();
-        seat.set_timer(at(now_ms), &output);
-        seat
-    }
-
-    #[test]
-    fn an_actor_that_is_overdue_is_counted_and_woken_after_a_pause() {
-        let seat = set(5_000, 4_000, true);
-        let paused = Timestamp::from_nanos(5_000_000_000) + OVERDUE_PAUSE;
-        assert_eq!((seat.deadline, seat.overdue), (Some(paused), 1));
-    }
-
-    #[test]
-    fn a_message_may_set_a_deadline_that_has_passed_already() {
-        let seat = set(5_000, 4_000, false);
-        let passed = Timestamp::from_nanos(4_000_000_000);
-        assert_eq!((seat.deadline, seat.overdue), (Some(passed), 0));
+        self.monitor.counts.report(
+            &self.link,
+            &self.actors,
+            self.durable.failures,
+            self.monitor.lines_lost(),
+        );
     }
 }

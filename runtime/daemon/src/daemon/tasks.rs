@@ -1,4 +1,4 @@
-//! What runs beside a drone's actors, on the same thread.
+//! The tasks of a drone's process. They share one thread with the actors.
 
 use std::io;
 use std::path::PathBuf;
@@ -9,32 +9,31 @@ use muster_actors::{Message, Stall};
 use muster_machines::mission::LandingReason;
 use muster_machines::node::Address;
 use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
-use muster_runtime::journal::Written;
+use muster_runtime::journal::WriteReport;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
 
 use super::network::Waiting;
 use super::process::Process;
 use super::service;
-use crate::config::reread;
+use super::state::ANSWER_MAX;
+use crate::config::reload;
 use crate::control::{ActorFault, ControlMessage};
 use crate::log::Volume;
 
-/// Wakes whoever waits for a time.
+/// Runs the process's timers.
 pub(super) async fn keep_time(process: Arc<Process>) {
     loop {
-        // What has come in counts before anybody finds that nothing came: a process that was kept from running is no
-        // sign that others are silent. Whatever it wakes has run by then.
+        // Received frames are handled before timeouts: a process that stood still must not treat others as silent.
         if process.state().drain_some() {
             tokio::task::yield_now().await;
         }
         let now = process.clock.now();
         let next = process.state().wake(now);
-        process.look_round();
+        process.notify();
         match next {
             Some(at) => {
                 let at = process.clock.instant(at);
-                // Either it is time, or somebody is to be woken sooner.
                 let _ = tokio::time::timeout_at(at, process.sooner.notified()).await;
             }
             None => process.sooner.notified().await,
@@ -42,102 +41,102 @@ pub(super) async fn keep_time(process: Arc<Process>) {
     }
 }
 
-/// How often it is looked whether an actor hangs.
-const LOOKS_EVERY: Duration = Duration::from_millis(50);
-/// How late such a look is at the most in a process that has not stood still.
+/// How often actors are checked for hangs.
+const HANG_CHECK_PERIOD: Duration = Duration::from_millis(50);
+/// A check that is late by more than this means that the whole process stood still.
 const STALL: Duration = Duration::from_millis(150);
 
-/// Has actors mended that hang.
-pub(super) async fn look_after(process: Arc<Process>) {
+/// Reports hung actors to their supervisor.
+pub(super) async fn detect_hangs(process: Arc<Process>) {
     let mut last = process.clock.now();
     loop {
-        tokio::time::sleep(LOOKS_EVERY).await;
+        tokio::time::sleep(HANG_CHECK_PERIOD).await;
         let now = process.clock.now();
-        let has_stood_still = now.since(last) > LOOKS_EVERY + STALL;
+        let has_stood_still = now.since(last) > HANG_CHECK_PERIOD + STALL;
         last = now;
         let mut state = process.state();
         if has_stood_still {
-            state.stood_still(now);
+            state.actors().forgive_stall(now);
         }
-        state.mend_what_hangs(now);
+        state.actors().report_hung(now);
     }
 }
 
-/// Lets go what rests on the journal.
-pub(super) async fn heed_journal(
-    mut written: mpsc::UnboundedReceiver<Written>,
+/// Handles the journal's reports, which release frames.
+pub(super) async fn watch_journal(
+    mut reports: mpsc::UnboundedReceiver<WriteReport>,
     process: Arc<Process>,
 ) {
-    while let Some(written) = written.recv().await {
-        process.written(&written);
+    while let Some(report) = reports.recv().await {
+        process.journal_reported(&report);
     }
 }
 
-/// Hands the radio what comes in.
+/// Passes received datagrams to the radio.
 pub(super) async fn listen(process: Arc<Process>, waiting: Waiting) {
     while let Ok(is_drained) = waiting.datagrams(|| process.state().drain()).await {
-        process.look_round();
+        process.notify();
         if !is_drained {
-            // The actors get their turn.
+            // Lets the actors run.
             tokio::task::yield_now().await;
         }
     }
-    tracing::error!("the sockets are not watched any more: the drone comes down");
-    process.come_down(LandingReason::NetworkLost);
+    tracing::error!("the sockets can't be watched: the drone lands");
+    process.order_landing(LandingReason::NetworkLost);
 }
 
-/// The signals that call the drone down.
-pub(super) fn signals_to_end() -> io::Result<[Signal; 2]> {
+/// The signals that recall the drone.
+pub(super) fn recall_signals() -> io::Result<[Signal; 2]> {
     Ok([
         signal(SignalKind::terminate())?,
         signal(SignalKind::interrupt())?,
     ])
 }
 
-/// Calls the drone down at the first signal; it is on its way already at the second.
-pub(super) async fn end_on(mut signal: Signal, process: Arc<Process>) {
+/// Orders the drone to land at each signal.
+pub(super) async fn recall_on(mut signal: Signal, process: Arc<Process>) {
     while signal.recv().await.is_some() {
-        tracing::info!("called down");
-        process.come_down(LandingReason::Recalled);
+        tracing::info!("recalled by a signal");
+        process.order_landing(LandingReason::Recalled);
     }
 }
 
-/// What comes of standard input, by which the process is tied to whoever started it.
-pub(super) fn control_messages() -> mpsc::UnboundedReceiver<ControlMessage> {
+/// Control messages from standard input.
+pub(super) type ControlMessages = mpsc::UnboundedReceiver<ControlMessage>;
+
+/// Starts to read control messages from standard input.
+pub(super) fn control_messages() -> ControlMessages {
     let (sender, receiver) = mpsc::unbounded_channel();
-    // Nothing can end a thread that reads, but the end of the process.
+    // The thread blocks in reads until the process ends.
     std::thread::spawn(move || {
         for line in io::stdin().lines().map_while(Result::ok) {
             match ControlMessage::read(&line) {
-                Some(word) => drop(sender.send(word)),
-                None => tracing::warn!("standard input has a line that is none of a starter's"),
+                Some(message) => drop(sender.send(message)),
+                None => {
+                    tracing::warn!("ignored a line on standard input that is no control message");
+                }
             }
         }
     });
     receiver
 }
 
-/// Does as whoever started the process says; once that is gone, so is the process.
-pub(super) async fn heed(
-    mut control_messages: mpsc::UnboundedReceiver<ControlMessage>,
-    process: Arc<Process>,
-) {
-    while let Some(word) = control_messages.recv().await {
+/// Executes control messages. Ends the process when the control channel closes.
+pub(super) async fn control(mut control_messages: ControlMessages, process: Arc<Process>) {
+    while let Some(message) = control_messages.recv().await {
         let now = process.clock.now();
-        match word {
-            ControlMessage::Losses(losses) => process.state().lose(losses),
+        match message {
+            ControlMessage::Losses(losses) => process.state().set_losses(losses),
             ControlMessage::Vehicle { epoch, state } => {
-                process.state().overrule(now, *state, epoch)
+                process.state().set_vehicle(now, *state, epoch);
             }
             ControlMessage::Inject { actor, fault } => inject(&process, actor, fault),
         }
-        process.look_round();
+        process.notify();
     }
-    tracing::warn!(
-        "whoever started this process is gone: it ends, and its simulated vehicle with it"
-    );
+    tracing::warn!("the control channel closed: the process and its simulated vehicle end");
     process.state().abandon();
-    process.look_round();
+    process.notify();
 }
 
 /// Injects a fault into an actor.
@@ -145,16 +144,16 @@ fn inject(process: &Process, actor: Address, fault: ActorFault) {
     let message = match fault {
         ActorFault::Crashes => Message::Crash,
         ActorFault::Hangs(Some(seconds)) => {
-            let lasts = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-            Message::Stall(Stall(Box::pin(tokio::time::sleep(lasts))))
+            let duration = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+            Message::Stall(Stall(Box::pin(tokio::time::sleep(duration))))
         }
         ActorFault::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
     };
     process.state().inject(actor, message);
 }
 
-/// What is read again on HUP, and who is told.
-pub(super) struct Rereading {
+/// What HUP reloads.
+pub(super) struct Reload {
     pub(super) signal: Signal,
     pub(super) path: PathBuf,
     pub(super) volume: Volume,
@@ -162,55 +161,56 @@ pub(super) struct Rereading {
     pub(super) fleet: FleetKey,
 }
 
-/// The signal at which files are read again.
-pub(super) fn signal_to_reread() -> io::Result<Signal> {
+/// The signal that reloads files.
+pub(super) fn reload_signal() -> io::Result<Signal> {
     signal(SignalKind::hangup())
 }
 
-/// Reads again what may change while the drone flies.
-pub(super) async fn reread_on(mut rereading: Rereading, process: Arc<Process>) {
-    while rereading.signal.recv().await.is_some() {
-        rereading.reread(&process);
+/// Reloads the log level and the revocation list at each signal.
+pub(super) async fn reload_on(mut reload: Reload, process: Arc<Process>) {
+    while reload.signal.recv().await.is_some() {
+        reload.run(&process);
         process.state().report();
     }
 }
 
-impl Rereading {
-    fn reread(&self, process: &Process) {
-        let read = match reread(&self.path, &self.fleet) {
-            Ok(read) => read,
+impl Reload {
+    fn run(&self, process: &Process) {
+        let reloaded = match reload(&self.path, &self.fleet) {
+            Ok(reloaded) => reloaded,
             Err(error) => {
                 let path = self.path.display();
-                tracing::error!(%path, %error, "nothing was read again: all stays as it was");
+                tracing::error!(%path, %error, "reloaded nothing: a file can't be used");
                 return;
             }
         };
-        self.volume.set(read.level);
-        let number = read.revoked.number();
-        match self.authenticator.revoke(read.revoked) {
+        self.volume.set(reloaded.level);
+        let number = reloaded.revoked.number();
+        match self.authenticator.revoke(reloaded.revoked) {
             Ok(()) => {
                 tracing::info!(
                     number,
-                    "read again: log_level and the list of the revoked; all else is read at the start only"
+                    "reloaded log_level and the revocation list; other fields need a restart"
                 );
-                process.state().has_new_list();
-                process.look_round();
+                process.state().revocation_changed();
+                process.notify();
             }
-            Err(error) => tracing::error!(%error, "log_level was read again; the list stays"),
+            Err(error) => {
+                tracing::error!(%error, "reloaded log_level, but not the revocation list");
+            }
         }
     }
 }
 
-/// How often the actors are asked whether they are there, unless a service manager wants to know it sooner.
-const ASK_PERIOD: Duration = Duration::from_secs(1);
+/// How often the actors' liveness is checked, unless the service manager's watchdog needs it sooner.
+const LIVENESS_PERIOD: Duration = Duration::from_secs(1);
 
-/// Asks the actors whether they are there, and tells the service manager as long as they answer: four times in each period
-/// after which it would end the process.
-pub(super) async fn watch(process: Arc<Process>, watchdog: Option<Duration>) {
-    let period = watchdog.map_or(ASK_PERIOD, |it| (it / 4).min(ASK_PERIOD));
+/// Notifies the service manager's watchdog while all actors handle messages, four times in each watchdog period.
+pub(super) async fn feed_watchdog(process: Arc<Process>, watchdog: Option<Duration>) {
+    let period = watchdog.map_or(LIVENESS_PERIOD, |it| (it / 4).min(LIVENESS_PERIOD));
     loop {
         let now = process.clock.now();
-        if process.state().ask_actors(now) {
+        if process.state().actors().check_liveness(now, ANSWER_MAX) {
             service::alive();
         }
         tokio::time::sleep(period).await;

@@ -1,4 +1,4 @@
-//! The page that shows a campaign, in the style of that of a run.
+//! The HTML page of a campaign.
 
 mod plot;
 #[cfg(test)]
@@ -9,21 +9,21 @@ use maud::{Markup, html};
 use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
-use super::summary::{Broken, FIGURES, Summary};
+use super::summary::{BrokenRun, FIGURES, Summary};
 use super::table::{interval, p99};
 use crate::report::figures::count;
 use crate::report::html::document;
-use muster_runtime::text::{NOTHING, figure, plural};
+use muster_runtime::text::{NO_VALUE, figure, plural};
 
 const STYLE: &str = include_str!("campaign.css");
 
-/// The most combinations that are drawn; more than can be told apart.
+/// Maximum number of plotted combinations.
 const DRAWN_MAX: usize = 200;
-/// The most combinations that are listed.
+/// Maximum number of listed combinations.
 const LISTED_MAX: usize = 1_000;
 
-/// The page of a campaign, as HTML; every text that comes from it is escaped.
-pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[Broken]) -> String {
+/// The page of a campaign as HTML. All texts of the campaign are escaped.
+pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[BrokenRun]) -> String {
     let title = format!("{}, campaign", campaign.name());
     let content = html! {
         (head(campaign, summaries))
@@ -31,24 +31,24 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[Broken]
         section {
             h2 { "Medians" }
             p.about {
-                "The large dot is the median of a combination's runs, the bar its 95\u{a0}% interval, each small dot "
-                "a run (of many runs, some that are evenly ranked). The scales do not begin at 0."
+                "Large dot: median of a combination's runs. Bar: its 95\u{a0}% interval. Small dots: single runs (of many runs, an "
+                "evenly ranked selection). The axes do not start at 0."
             }
             @if summaries.len() <= DRAWN_MAX { (plot::plots(campaign, summaries)) }
-            @else { p.none { "There are too many combinations to be drawn; all are in " (SUMMARY_CSV) "." } }
+            @else { p.none { "Too many combinations to plot; all are in " (SUMMARY_CSV) "." } }
         }
         section {
             h2 { "Combinations" }
-            p.about { "Median, and below it the 95\u{a0}% interval and, from a hundred runs on, the 99th percentile (≤)." }
+            p.about { "Median; below it the 95\u{a0}% interval and, from 100 runs, the 99th percentile (≤)." }
             (table(campaign, summaries))
         }
         (method())
         section {
-            h2 { "Run it again" }
+            h2 { "Repeat the campaign" }
             pre { code { (campaign.command()) } }
             p.about {
-                "The same program makes the same files. Every run is in " a href=(RUNS_CSV) { (RUNS_CSV) } " and "
-                a href=(RUNS_JSONL) { (RUNS_JSONL) } ", this table in " a href=(SUMMARY_CSV) { (SUMMARY_CSV) } "."
+                "The same program version writes the same files. Runs: " a href=(RUNS_CSV) { (RUNS_CSV) } " and "
+                a href=(RUNS_JSONL) { (RUNS_JSONL) } ". Table: " a href=(SUMMARY_CSV) { (SUMMARY_CSV) } "."
             }
         }
     };
@@ -73,7 +73,7 @@ fn head(campaign: &Campaign, summaries: &[Summary]) -> Markup {
             }
         }
         div.cards {
-            div.card { p { "Runs" } p.value { (figure(count(campaign.runs_at_hand()), 0)) } }
+            div.card { p { "Runs" } p.value { (figure(count(campaign.shard_runs()), 0)) } }
             div.card { p { "Combinations" } p.value { (figure(count(summaries.len() as u64), 0)) } }
             div.card.{ @if broken == 0 { "good" } @else { "bad" } } {
                 p { "Rules broken" }
@@ -95,14 +95,14 @@ fn runs(number: u64) -> String {
     plural(usize::try_from(number).unwrap_or(usize::MAX), "run")
 }
 
-fn rules(summaries: &[Summary], broken: &[Broken]) -> Markup {
+fn rules(summaries: &[Summary], broken: &[BrokenRun]) -> Markup {
     let all: u64 = summaries.iter().map(|summary| summary.broken).sum();
     html! {
         section.bad {
             h2 { "Runs that broke a rule" }
             p.about {
-                (runs(all)) @if all > broken.len() as u64 { ", the first " (broken.len()) " of them below" } ". "
-                "They ended there and are left out of the medians. These commands fly them again:"
+                (runs(all)) @if all > broken.len() as u64 { "; the first " (broken.len()) " are listed" } ". "
+                "Such a run stops at the violation and is excluded from the medians. Commands that repeat the runs:"
             }
             pre {
                 code {
@@ -124,7 +124,7 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                     tr {
                         @for variation in &campaign.vary { th.n { (variation.key()) } }
                         th.n { "Runs" }
-                        th.n { "Broken" }
+                        th.n { "BrokenRun" }
                         th.n { "Incomplete" }
                         th.n { "Elections" }
                         @for figure in &FIGURES {
@@ -157,7 +157,7 @@ fn row(summary: &Summary) -> Markup {
                             span.low-high { (interval(of, estimate).unwrap_or_default()) }
                             span.low-high { (p99(of, estimate).unwrap_or_default()) }
                         }
-                        None => (NOTHING),
+                        None => (NO_VALUE),
                     }
                 }
             }
@@ -168,12 +168,12 @@ fn row(summary: &Summary) -> Markup {
 fn method() -> Markup {
     html! {
         section {
-            h2 { "How the intervals are made" }
+            h2 { "Method" }
             p.about {
-                "A figure is taken from each run, and the median of a combination's runs is estimated from those that "
-                "kept the rules. Its interval lies between the j-th smallest and the j-th largest of them, with the "
-                "highest j such that 2\u{a0}P(B\u{a0}<\u{a0}j)\u{a0}≤\u{a0}0.05 for B binomial of their number and "
-                "½: at least 95\u{a0}% confidence whatever the distribution. Fewer than six runs have no interval."
+                "The median of a combination is taken over its runs without violations. The interval reaches from the j-th "
+                "smallest to the j-th largest value, with the highest j such that "
+                "2\u{a0}P(B\u{a0}<\u{a0}j)\u{a0}≤\u{a0}0.05 for B binomial of the number of runs and ½. It has at least "
+                "95\u{a0}% confidence for any distribution. Fewer than six runs have no interval."
             }
         }
     }

@@ -1,4 +1,4 @@
-//! A plot a figure: medians, their intervals and single runs over the values of one varied field.
+//! Plots, one per figure: medians, intervals and single runs over the values of one varied field.
 
 use maud::{Markup, html};
 
@@ -16,46 +16,46 @@ const LEFT_PX: f64 = 76.0;
 const RIGHT_PX: f64 = 16.0;
 const TOP_PX: f64 = 12.0;
 const BOTTOM_PX: f64 = 46.0;
-/// Between the ends of the horizontal axis and the first and the last value.
+/// Margin between the ends of the horizontal axis and the outer values.
 const INSET_PX: f64 = 34.0;
-/// The width of a letter.
+/// Width of a letter.
 const LETTER_PX: f64 = 7.0;
-/// Letters of a value that are written below the axis.
+/// Maximum length of a label below the axis.
 const LETTERS_MAX: usize = 16;
-/// With more combinations, single runs are not drawn.
+/// Above this many combinations, single runs are not drawn.
 const WITH_RUNS_MAX: usize = 40;
-/// How many colours there are.
+/// Number of colours.
 const COLOURS: usize = 7;
 
-/// The combinations as they are laid out in every plot.
-struct Plan<'a> {
-    /// The field along the horizontal axis, if any is varied.
+/// Layout of the combinations, common to all plots.
+struct PlotLayout<'a> {
+    /// Field on the horizontal axis; empty if none is varied.
     key: &'a str,
-    /// Its values, and where they stand.
+    /// Its values with their positions.
     places: Vec<(&'a str, f64)>,
-    /// Whether the values are numbers, between which a line means something.
+    /// Whether the values are numbers; then a line connects the medians.
     is_numeric: bool,
-    /// Combinations that differ in the field along the axis only, with what they have in common.
+    /// Series: combinations that differ in the field on the axis only, with the name of the other values.
     series: Vec<(String, Vec<(usize, &'a Summary)>)>,
 }
 
 /// All plots, with their legend.
 pub(super) fn plots(campaign: &Campaign, summaries: &[Summary]) -> Markup {
-    let plan = Plan::new(campaign, summaries);
+    let layout = PlotLayout::new(campaign, summaries);
     html! {
-        @if plan.series.len() > 1 {
+        @if layout.series.len() > 1 {
             ul.legend {
-                @for (place, (name, _)) in plan.series.iter().enumerate() {
+                @for (place, (name, _)) in layout.series.iter().enumerate() {
                     li { span.chip.{ "s" (place % COLOURS) } {} (name) }
                 }
             }
         }
-        div.plots { @for (place, figure) in FIGURES.iter().enumerate() { (plan.plot(place, figure)) } }
+        div.plots { @for (place, figure) in FIGURES.iter().enumerate() { (layout.plot(place, figure)) } }
     }
 }
 
-impl<'a> Plan<'a> {
-    /// Along the axis goes the field with the most values, of several the first.
+impl<'a> PlotLayout<'a> {
+    /// Puts the field with the most values on the axis; the first of several.
     fn new(campaign: &'a Campaign, summaries: &'a [Summary]) -> Self {
         let fields = campaign.vary.iter().enumerate();
         let field = fields
@@ -108,14 +108,14 @@ impl<'a> Plan<'a> {
         };
         Self {
             key: axis.map_or("", |axis| campaign.vary[axis].key()),
-            places: along(&numbers, &texts),
+            places: positions(&numbers, &texts),
             is_numeric,
             series,
         }
     }
 
-    /// How far apart the estimates of two series at one value are drawn.
-    fn dodge(&self) -> f64 {
+    /// Distance between two series at one value.
+    fn series_offset(&self) -> f64 {
         let mut places: Vec<f64> = self.places.iter().map(|(_, place)| *place).collect();
         places.sort_unstable_by(f64::total_cmp);
         let gaps = places.windows(2).map(|pair| pair[1] - pair[0]);
@@ -145,9 +145,9 @@ impl<'a> Plan<'a> {
                         line.baseline x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(base) y2=(base) {}
                         (self.labels(base))
                         @for (at, (_, members)) in self.series.iter().enumerate() {
-                            @let shift = (count(at as u64) - (count(self.series.len() as u64) - 1.0) / 2.0) * self.dodge();
+                            @let shift = (count(at as u64) - (count(self.series.len() as u64) - 1.0) / 2.0) * self.series_offset();
                             g.{ "s" (at % COLOURS) } {
-                                @if self.is_numeric { (through(members, place, |value| self.places[value].1 + shift, &y)) }
+                                @if self.is_numeric { (median_line(members, place, |value| self.places[value].1 + shift, &y)) }
                                 @for (value, summary) in members {
                                     @if let Some(estimate) = &summary.estimates[place] {
                                         g.estimate {
@@ -160,19 +160,19 @@ impl<'a> Plan<'a> {
                         }
                         text.axis-name transform={ "translate(13 " (px(f64::midpoint(base, TOP_PX))) ") rotate(-90)" }
                             text-anchor="middle" {
-                            @if figure.unit.is_empty() { "number" } @else { (figure.unit) }
+                            @if figure.unit.is_empty() { "count" } @else { (figure.unit) }
                         }
                         text.axis-name x=(px(f64::midpoint(LEFT_PX, WIDTH_PX - RIGHT_PX))) y=(HEIGHT_PX - 6.0)
                             text-anchor="middle" { (self.key) }
                     }
                 } @else {
-                    p.none { "No run has it." }
+                    p.none { "No run has this figure." }
                 }
             }
         }
     }
 
-    /// The values below the axis, as far as there is room.
+    /// Labels below the axis; some are left out if there is no room.
     fn labels(&self, base: f64) -> Markup {
         let mut sorted: Vec<_> = self
             .places
@@ -214,8 +214,8 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Where values stand along the axis.
-fn along<'a>(numbers: &[f64], texts: &[&'a str]) -> Vec<(&'a str, f64)> {
+/// Positions of the values on the axis.
+fn positions<'a>(numbers: &[f64], texts: &[&'a str]) -> Vec<(&'a str, f64)> {
     let (left, right) = (LEFT_PX + INSET_PX, WIDTH_PX - RIGHT_PX - INSET_PX);
     let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
     let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -234,7 +234,7 @@ fn along<'a>(numbers: &[f64], texts: &[&'a str]) -> Vec<(&'a str, f64)> {
         .collect()
 }
 
-/// The end of a long value, which tells paths apart.
+/// Shortens a long value to its end, which distinguishes paths.
 fn shortened(text: &str) -> String {
     let letters = text.chars().count();
     if letters <= LETTERS_MAX {
@@ -244,7 +244,7 @@ fn shortened(text: &str) -> String {
     format!("…{end}")
 }
 
-/// Lines at round heights, named on the left.
+/// Grid lines at round heights, labelled on the left.
 fn scale(y: &Axis, low: f64, high: f64) -> Markup {
     let heights = ticks(low, high, 5.0);
     let digits = decimals(&heights);
@@ -258,7 +258,7 @@ fn scale(y: &Axis, low: f64, high: f64) -> Markup {
 }
 
 /// A line through the medians of a series.
-fn through(
+fn median_line(
     members: &[(usize, &Summary)],
     place: usize,
     x: impl Fn(usize) -> f64,
@@ -277,7 +277,7 @@ fn marks(estimate: &Estimate, x: f64, y: &Axis, with_runs: bool) -> Markup {
     html! {
         @if with_runs {
             @for (place, value) in estimate.drawn.iter().enumerate() {
-                // Side by side in threes, so that equal ones show.
+                // In three columns, so that equal values stay visible.
                 circle.run cx=(px(x + 3.2 * (count(place as u64 % 3) - 1.0))) cy=(px(y.px(*value))) r="2" {}
             }
         }

@@ -3,16 +3,16 @@ use scraper::{Html, Selector};
 use super::page;
 use crate::campaign::plan::{self, Campaign};
 use crate::campaign::row;
-use crate::campaign::summary::{Broken, FIGURES, Summary, Tally};
+use crate::campaign::summary::{BrokenRun, FIGURES, Summary, Tally};
 
-fn summaries(campaign: &Campaign, broken: u64) -> (Vec<Summary>, Vec<Broken>) {
+fn summaries(campaign: &Campaign, broken: u64) -> (Vec<Summary>, Vec<BrokenRun>) {
     let mut listed = Vec::new();
     let summaries = (0..campaign.combinations()).map(|combination| {
         let mut tally = Tally::default();
         for seed in 0..8 {
             let row = row::tests::row(campaign, combination, seed < broken);
             if row.is_broken() {
-                listed.push(Broken::new(campaign, &row));
+                listed.push(BrokenRun::new(campaign, &row));
             }
             tally.add(&row);
         }
@@ -33,7 +33,7 @@ fn number(html: &Html, selector: &str) -> usize {
 }
 
 #[test]
-fn every_combination_has_its_row_and_its_place_in_every_plot() {
+fn every_combination_has_a_row_and_a_median_in_every_plot() {
     let html = parsed(&plan::tests::campaign(), 0);
     assert_eq!(number(&html, "tbody tr"), 6);
     assert_eq!(number(&html, ".plots svg"), FIGURES.len());
@@ -42,13 +42,13 @@ fn every_combination_has_its_row_and_its_place_in_every_plot() {
     assert_eq!(
         number(&html, ".legend li"),
         2,
-        "two ranges, three losses along the axis"
+        "two ranges as series, three losses on the axis"
     );
     assert_eq!(number(&html, ".through"), 2 * FIGURES.len());
 }
 
 #[test]
-fn a_campaign_that_varies_nothing_has_its_plots() {
+fn campaign_without_varied_fields_has_plots() {
     let mut campaign = plan::tests::campaign();
     campaign.vary.clear();
     let html = parsed(&campaign, 0);
@@ -58,7 +58,7 @@ fn a_campaign_that_varies_nothing_has_its_plots() {
 }
 
 #[test]
-fn values_that_are_words_stand_side_by_side_without_a_line() {
+fn medians_of_text_values_have_no_connecting_line() {
     let mut campaign = plan::tests::campaign();
     campaign.vary = vec![
         "mission.file=a.plan,a-rather-long-name.plan"
@@ -71,7 +71,7 @@ fn values_that_are_words_stand_side_by_side_without_a_line() {
 }
 
 #[test]
-fn broken_runs_are_shown_with_their_commands() {
+fn broken_runs_are_listed_with_their_commands() {
     let html = parsed(&plan::tests::campaign(), 2);
     let commands = Selector::parse("section.bad code").unwrap();
     let commands: String = html.select(&commands).flat_map(|it| it.text()).collect();
@@ -82,12 +82,12 @@ fn broken_runs_are_shown_with_their_commands() {
     assert_eq!(
         number(&html, ".median"),
         0,
-        "nothing is left to estimate from"
+        "no run without violation is left"
     );
 }
 
 #[test]
-fn the_page_asks_the_network_for_nothing_and_shows_text_as_text() {
+fn page_loads_nothing_from_the_network_and_escapes_text() {
     let mut campaign = plan::tests::campaign();
     campaign.scenario = "<script>alert(1)</script>&\"'.toml".to_owned();
     let (summaries, broken) = summaries(&campaign, 1);
@@ -100,7 +100,7 @@ fn the_page_asks_the_network_for_nothing_and_shows_text_as_text() {
 }
 
 #[test]
-fn more_combinations_than_can_be_drawn_are_listed() {
+fn too_many_combinations_are_listed_but_not_plotted() {
     let mut campaign = plan::tests::campaign();
     let values: Vec<_> = (1..=201).map(|it| it.to_string()).collect();
     campaign.vary = vec![

@@ -1,4 +1,4 @@
-//! Whose paths may come near each other, so that not every two drones need to be looked at.
+//! Which paths may come near each other, so that not every pair of drones needs a check.
 
 use std::collections::BTreeMap;
 
@@ -7,21 +7,23 @@ use nalgebra::{Vector2, Vector3};
 
 use muster_runtime::vehicle::Motion;
 
-/// How wide a cell is, in metres: a few times what drones of a swarm are apart.
+/// Width of a cell in metres: a few times the distance between drones of a swarm.
 const CELL_M: f64 = 256.0;
-/// A path that leads through more cells than this may come near anybody.
+/// A path through more cells than this counts as near every drone.
 const CELLS_MAX: i64 = 64;
 
-/// For each drone a box over ground that it does not leave, and who is where.
+/// A horizontal bounding box of each drone's path, and an index of them.
+///
+/// Invariant: each box that was placed is in all cells that it touches, or in `everywhere` if they are too many.
 #[derive(Debug)]
 pub(super) struct Nearby {
     boxes: Vec<Extent>,
     cells: BTreeMap<(i64, i64), Vec<u32>>,
-    /// Those that may come near anybody.
+    /// Drones that may come near every other.
     everywhere: Vec<u32>,
 }
 
-/// A box over ground, from its lowest to its highest corner, in metres.
+/// A horizontal box, from its lowest to its highest corner, in metres.
 #[derive(Debug, Clone, Copy)]
 struct Extent {
     low: Vector2<f64>,
@@ -29,7 +31,7 @@ struct Extent {
 }
 
 impl Extent {
-    /// The least that a path fits into from `from` on, whatever comes of it later than planned.
+    /// The bounding box of a path from `from` on, however late it is flown.
     fn of(motion: &Motion, from: Timestamp) -> Self {
         let at = |place: Vector3<f64>| Self {
             low: place.xy(),
@@ -69,10 +71,10 @@ impl Extent {
             && other.low.y <= self.high.y
     }
 
-    /// The first and the last cell along each axis; nothing if there are too many between them.
+    /// The first and the last cell along each axis; `None` if it touches more than [`CELLS_MAX`].
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "what is beyond 2^63 cells is too many cells away"
+        reason = "coordinates beyond 2^63 cells saturate"
     )]
     fn cells(&self) -> Option<[(i64, i64); 2]> {
         let index = |metres: f64| (metres / CELL_M).floor() as i64;
@@ -86,7 +88,7 @@ impl Extent {
 }
 
 impl Nearby {
-    /// Of so many drones whose paths have yet to be told.
+    /// For this many drones, without paths.
     pub(super) fn new(drones: usize) -> Self {
         let nowhere = Extent {
             low: Vector2::repeat(f64::INFINITY),
@@ -99,7 +101,7 @@ impl Nearby {
         }
     }
 
-    /// A drone's path from `from` on is this.
+    /// Sets a drone's path from `from` on.
     pub(super) fn place(&mut self, drone: usize, motion: &Motion, from: Timestamp) {
         let (before, after) = (self.boxes[drone], Extent::of(motion, from));
         self.boxes[drone] = after;
@@ -121,7 +123,7 @@ impl Nearby {
         }
     }
 
-    /// Overwrites `found` with those, lowest first, whose paths may come within `near_m` metres of a drone's.
+    /// Overwrites `found` with the drones, lowest first, whose paths may come within `near_m` metres of this one's.
     pub(super) fn of(&self, drone: usize, near_m: f64, found: &mut Vec<u32>) {
         found.clear();
         let around = self.boxes[drone].grown(near_m);

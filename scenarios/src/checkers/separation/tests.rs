@@ -23,8 +23,8 @@ fn at(seconds: f64) -> Timestamp {
 
 fn flying(from: Ned, start_s: f64, to: Ned, speed_mps: f64) -> Vehicle {
     let mut vehicle = Vehicle::new(LANDING, from);
-    vehicle.obey(Timestamp::ZERO, FlightCommand::Arm);
-    vehicle.obey(
+    vehicle.execute(Timestamp::ZERO, FlightCommand::Arm);
+    vehicle.execute(
         at(start_s),
         FlightCommand::Fly(Setpoint::Leg {
             to,
@@ -45,7 +45,7 @@ fn checked(vehicles: &[Vehicle], until_s: f64) -> (Option<Violation>, Option<f64
 }
 
 #[test]
-fn two_that_meet_head_on_are_found_where_they_meet() {
+fn a_head_on_encounter_breaks_the_rule_where_it_happens() {
     let a = flying(
         Ned::new(0.0, 0.0, -20.0),
         0.0,
@@ -67,12 +67,12 @@ fn two_that_meet_head_on_are_found_where_they_meet() {
     assert!((violation.at.as_secs_f64() - 25.0).abs() < 0.5);
     assert!(
         closest_m.unwrap() < 1e-3,
-        "no sample is needed at the very instant"
+        "the closest approach needs no sample"
     );
 }
 
 #[test]
-fn two_that_cross_in_different_layers_are_fine() {
+fn crossing_in_different_layers_keeps_the_rule() {
     let a = flying(
         Ned::new(0.0, 0.0, -20.0),
         0.0,
@@ -91,7 +91,7 @@ fn two_that_cross_in_different_layers_are_fine() {
 }
 
 #[test]
-fn a_drone_that_climbs_through_another_is_found() {
+fn climbing_through_another_drone_breaks_the_rule() {
     let a = flying(
         Ned::new(0.0, 0.0, -10.0),
         0.0,
@@ -108,20 +108,20 @@ fn a_drone_that_climbs_through_another_is_found() {
 }
 
 #[test]
-fn drones_on_the_ground_may_stand_close() {
+fn drones_on_the_ground_may_be_close() {
     let standing = |east_m| Vehicle::new(LANDING, Ned::new(0.0, east_m, 0.0));
     assert_eq!(checked(&[standing(0.0), standing(1.0)], 30.0), (None, None));
 }
 
 #[test]
-fn a_drone_that_lands_on_one_that_is_down_is_found() {
+fn landing_on_a_drone_in_its_landing_place_breaks_the_rule() {
     let mut landing = flying(
         Ned::new(0.0, 0.0, -20.0),
         0.0,
         Ned::new(10.0, 0.0, -20.0),
         5.0,
     );
-    landing.obey(at(20.0), FlightCommand::Land);
+    landing.execute(at(20.0), FlightCommand::Land);
     let down = Vehicle::new(LANDING, Ned::new(10.0, 3.0, 0.0));
     let (violation, _) = checked(&[landing, down], 90.0);
     assert!(violation.unwrap().at > at(20.0));
@@ -129,7 +129,7 @@ fn a_drone_that_lands_on_one_that_is_down_is_found() {
 
 proptest! {
     #[test]
-    fn no_sample_is_closer_than_the_closest_approach_and_none_breaks_the_rule_unseen(
+    fn closest_approach_is_below_all_samples(
         places in prop::collection::vec(prop::array::uniform3(-30.0..30.0_f64), 4),
         starts in prop::array::uniform2(0.0..10.0_f64),
         speeds in prop::array::uniform2(1.0..10.0_f64),

@@ -1,6 +1,6 @@
-//! Numbers along an axis, and where they stand.
+//! Axes and their ticks.
 
-/// A stretch of numbers laid out along a stretch of pixels.
+/// Linear map from a range of numbers to a range of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Axis {
     from: f64,
@@ -9,7 +9,7 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// `from` at `start_px` and `to` at `end_px`, which may be on either side.
+    /// Maps `from` to `start_px` and `to` to `end_px`, in either direction.
     pub(crate) fn new((from, to): (f64, f64), (start_px, end_px): (f64, f64)) -> Self {
         let span = if to > from { to - from } else { 1.0 };
         Self {
@@ -19,13 +19,13 @@ impl Axis {
         }
     }
 
-    /// Where `value` stands.
+    /// Pixel position of `value`.
     pub(crate) fn px(&self, value: f64) -> f64 {
         self.start_px + (value - self.from) * self.px_per_unit
     }
 }
 
-/// Round numbers from `from` to `to`, about `number` of them: multiples of 1, 2 or 5 times a power of ten.
+/// About `number` round values from `from` to `to`: multiples of 1, 2 or 5 times a power of ten.
 pub(crate) fn ticks(from: f64, to: f64, number: f64) -> Vec<f64> {
     let span = to - from;
     if !(span.is_finite() && span > 0.0) {
@@ -39,14 +39,14 @@ pub(crate) fn ticks(from: f64, to: f64, number: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The smallest step of 1, 2 or 5 times a power of ten that is at least `rough`.
+/// The smallest of 1, 2 or 5 times a power of ten that is at least `rough`.
 fn round_step(rough: f64) -> f64 {
     let power = 10_f64.powf(rough.log10().floor());
     let fits = |factor: &f64| factor * power >= rough * (1.0 - 1e-9);
     [1.0, 2.0, 5.0].into_iter().find(fits).unwrap_or(10.0) * power
 }
 
-/// Digits after the point that tell `ticks` apart.
+/// Number of decimals needed to distinguish `ticks`.
 pub(crate) fn decimals(ticks: &[f64]) -> usize {
     let step = match ticks {
         [first, second, ..] => second - first,
@@ -60,7 +60,7 @@ pub(crate) fn decimals(ticks: &[f64]) -> usize {
         .map_or(6, |digits| digits.unsigned_abs() as usize)
 }
 
-/// Every how many of labels `pitch_px` apart one is written, if a label takes `label_px`.
+/// Step between shown labels, for labels `pitch_px` apart and `label_px` wide.
 pub(crate) fn stride(pitch_px: f64, label_px: f64) -> usize {
     [1, 2, 5, 10, 20, 25, 50, 100]
         .into_iter()
@@ -68,7 +68,7 @@ pub(crate) fn stride(pitch_px: f64, label_px: f64) -> usize {
         .unwrap_or(200) as usize
 }
 
-/// A coordinate as it is written into a picture: to a tenth of a pixel.
+/// Rounds a coordinate to 1/10 pixel.
 pub(crate) fn px(value: f64) -> f64 {
     (value * 10.0).round() / 10.0 + 0.0
 }
@@ -89,13 +89,13 @@ mod tests {
     }
 
     #[test]
-    fn labels_have_as_many_digits_as_they_need() {
+    fn decimals_suffice_to_distinguish_ticks() {
         assert_eq!(decimals(&ticks(0.0, 0.9, 4.0)), 1);
         assert_eq!(decimals(&ticks(0.0, 400.0, 4.0)), 0);
     }
 
     #[test]
-    fn labels_thin_out_as_they_get_closer() {
+    fn stride_grows_as_labels_get_closer() {
         assert_eq!(stride(30.0, 20.0), 1);
         assert_eq!(stride(5.0, 20.0), 5);
         assert_eq!(stride(0.01, 20.0), 200);

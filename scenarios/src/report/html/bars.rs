@@ -1,11 +1,11 @@
-//! Bar charts with a place for each drone or each experiment, after the thesis's figures 23 and 24.
+//! Bar charts by drone or by experiment, like figures 23 and 24 of the thesis.
 
 use maud::{Markup, html};
 
 use super::axis::{Axis, decimals, px, stride, ticks};
 use crate::report::figures::count;
 use crate::report::{DroneReport, Report};
-use muster_runtime::text::{NOTHING, figure};
+use muster_runtime::text::{NO_VALUE, figure};
 
 /// Up to this many drones, two charts fit side by side.
 pub(super) const NARROW_MAX: usize = 24;
@@ -15,43 +15,43 @@ const LEFT_PX: f64 = 72.0;
 const RIGHT_PX: f64 = 58.0;
 const TOP_PX: f64 = 12.0;
 const BOTTOM_PX: f64 = 46.0;
-/// The width of a digit.
+/// Width of a digit.
 const DIGIT_PX: f64 = 8.0;
 
-/// What a chart shows.
+/// Contents of a chart.
 pub(crate) struct Chart {
-    /// For who can't see it.
+    /// Text alternative for screen readers.
     pub(crate) about: String,
-    /// What stands beside its vertical axis.
+    /// Name of the vertical axis.
     pub(crate) axis: &'static str,
-    /// What stands below the bars.
+    /// Name of the horizontal axis.
     pub(crate) places: &'static str,
-    /// Digits after the point.
+    /// Number of decimals.
     pub(crate) digits: usize,
-    /// Lines across it, two at most.
+    /// Horizontal lines, at most two.
     pub(crate) levels: Vec<Level>,
     pub(crate) bars: Vec<Bars>,
 }
 
-/// A height that is marked across a chart.
+/// A named horizontal line.
 pub(crate) struct Level {
     pub(crate) name: &'static str,
     pub(crate) height: f64,
 }
 
-/// The bars at one place, the first in full colour.
+/// The bars at one place; the first has full colour.
 pub(crate) struct Bars {
-    /// What stands below them.
+    /// Label below the bars.
     pub(crate) label: String,
-    /// Which colour: the name of a kind of drone, or `all`.
+    /// Colour: the name of a [`Kind`](crate::report::Kind), or `all`.
     pub(crate) colour: &'static str,
-    /// What is said of them when they are pointed at.
+    /// Tooltip.
     pub(crate) title: String,
     pub(crate) heights: Vec<Option<f64>>,
 }
 
 impl Bars {
-    /// Those of a drone.
+    /// The bars of one drone.
     pub(crate) fn of_drone(drone: &DroneReport, about: &str, heights: Vec<Option<f64>>) -> Self {
         let kind = drone.kind();
         Self {
@@ -63,12 +63,12 @@ impl Bars {
     }
 }
 
-/// How long each drone flew.
+/// Chart of the flight times.
 pub(super) fn flight_times(report: &Report) -> Markup {
     let bars = report.drones.iter().map(|drone| {
         let about = match drone.flight_time_s {
             Some(flown_s) => format!("{} s", figure(flown_s, 1)),
-            None => format!("has no flight time, {}", drone.state),
+            None => format!("no flight time, {}", drone.state),
         };
         Bars::of_drone(drone, &about, vec![drone.flight_time_s])
     });
@@ -83,7 +83,7 @@ pub(super) fn flight_times(report: &Report) -> Markup {
     })
 }
 
-/// How many messages each drone received and sent.
+/// Chart of the messages received and sent.
 pub(super) fn messages(report: &Report) -> Markup {
     let bars = report.drones.iter().map(|drone| {
         let (received, sent) = (count(drone.messages_received), count(drone.messages_sent));
@@ -147,7 +147,7 @@ pub(crate) fn chart(chart: &Chart) -> Markup {
     }
 }
 
-/// The levels with their names on the right: of two, the higher one's above its line and the lower one's below.
+/// The levels with names on the right. Of two, the higher has its name above the line, the lower below.
 fn levels_across(chart: &Chart, y: &Axis, (left, right): (f64, f64)) -> Markup {
     let mut levels: Vec<&Level> = chart.levels.iter().collect();
     levels.sort_by(|a, b| b.height.total_cmp(&a.height));
@@ -165,7 +165,7 @@ fn levels_across(chart: &Chart, y: &Axis, (left, right): (f64, f64)) -> Markup {
     }
 }
 
-/// Lines at round heights, named on the left.
+/// Grid lines at round heights, labelled on the left.
 fn scale(y: &Axis, highest: f64, (left, right): (f64, f64)) -> Markup {
     let heights = ticks(0.0, highest, 4.0);
     let digits = decimals(&heights);
@@ -195,7 +195,7 @@ fn group(bars: &Bars, y: &Axis, base: f64, left: f64, pitch: f64) -> Markup {
                             width=(hundredth(width)) height=(px(base - top)) {}
                     }
                     None => {
-                        text.tick x=(px(x + width / 2.0)) y=(px(base - 5.0)) text-anchor="middle" { (NOTHING) }
+                        text.tick x=(px(x + width / 2.0)) y=(px(base - 5.0)) text-anchor="middle" { (NO_VALUE) }
                     }
                 }
             }
@@ -203,12 +203,12 @@ fn group(bars: &Bars, y: &Axis, base: f64, left: f64, pitch: f64) -> Markup {
     }
 }
 
-/// To a hundredth of a pixel, so that two hundred bars look equally wide.
+/// Rounds to 1/100 pixel, so that 200 bars look equally wide.
 fn hundredth(value: f64) -> f64 {
     (value * 100.0).round() / 100.0
 }
 
-/// What stands below the bars, as far as there is room.
+/// Labels below the bars; some are left out if there is no room.
 fn labels(bars: &[Bars], left: f64, pitch: f64, base: f64) -> Markup {
     let widest = bars.iter().map(|bars| bars.label.chars().count()).max();
     let every = stride(pitch, DIGIT_PX * count(widest.unwrap_or(1) as u64) + 6.0);

@@ -1,4 +1,4 @@
-//! The page that shows a run: one file, without scripts, that opens from disk and asks the network for nothing.
+//! The HTML page of a run: one file without scripts and without network access.
 
 pub(crate) mod axis;
 pub(crate) mod bars;
@@ -12,20 +12,18 @@ mod timeline;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::figures::pace;
+use super::figures::speedup_text;
 use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
 use super::{Flight, Report};
-use muster_runtime::text::{figure, figure_or_nothing, plural};
+use muster_runtime::text::{figure, figure_or_dash, plural};
 
-/// What the page's parts look like.
+/// Style sheet of all pages.
 const STYLE: &str = include_str!("page.css");
-/// What the browser may load: nothing.
+/// Content security policy: the browser may load nothing.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
 
-/// The page of a run, as HTML: about 10 kB a drone.
-///
-/// Every text that comes from the run is escaped.
+/// The page of a run as HTML, about 10 kB per drone. All texts of the run are escaped.
 #[must_use]
 pub fn page(report: &Report, flight: &Flight) -> String {
     let title = format!("{}, seed {}", report.name(), report.seed);
@@ -36,7 +34,7 @@ pub fn page(report: &Report, flight: &Flight) -> String {
     )
 }
 
-/// A page in this style, with `style` besides.
+/// A page with the common style sheet and the additional `style`.
 pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
     html! {
         (DOCTYPE)
@@ -58,7 +56,7 @@ pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
 fn head(report: &Report) -> Markup {
     html! {
         header {
-            p.kind { @if report.engine.is_some() { "muster · simulated run" } @else { "muster · flight of processes" } }
+            p.kind { @if report.engine.is_some() { "muster · simulated run" } @else { "muster · run with processes" } }
             h1 { (report.name()) }
             dl.facts {
                 div { dt { "Scenario" } dd { (report.scenario) } }
@@ -71,13 +69,13 @@ fn head(report: &Report) -> Markup {
                 @if report.engine.is_some() {
                     div { dt { "Simulated" } dd { (figure(report.simulated_s, 1)) " s" } }
                     div {
-                        dt { "Took" }
-                        dd { (figure(report.wall_s, 2)) " s" @if let Some(pace) = pace(report) { span.aside { (pace) } } }
+                        dt { "Wall-clock time" }
+                        dd { (figure(report.wall_s, 2)) " s" @if let Some(speedup_text) = speedup_text(report) { span.aside { (speedup_text) } } }
                     }
                 } @else {
-                    div { dt { "Took" } dd { (figure(report.simulated_s, 1)) " s " span.aside { "in real time" } } }
+                    div { dt { "Duration" } dd { (figure(report.simulated_s, 1)) " s " span.aside { "in real time" } } }
                     @if let Some(uncertainty_s) = report.clock_uncertainty_s {
-                        div { dt { "Clocks known to" } dd { (figure(uncertainty_s * 1e3, 2)) " ms" } }
+                        div { dt { "Clock error at most" } dd { (figure(uncertainty_s * 1e3, 2)) " ms" } }
                     }
                 }
             }
@@ -85,9 +83,9 @@ fn head(report: &Report) -> Markup {
         div.cards {
             (card("Flight time of the master", report.master().and_then(|drone| drone.flight_time_s), 1, "s"))
             (card("Flight time, mean", report.means.flight_time_s, 1, "s"))
-            (card("Messages received, mean", Some(report.means.messages_received), 0, "a drone"))
-            (card("Wait at a waypoint, mean", report.mean_wait_s(), 2, "s"))
-            (card("Closest two drones came", report.min_separation_m, 1, "m"))
+            (card("Messages received, mean", Some(report.means.messages_received), 0, "per drone"))
+            (card("Barrier wait, mean", report.mean_wait_s(), 2, "s"))
+            (card("Closest approach", report.min_separation_m, 1, "m"))
             (verdict(report))
         }
     }
@@ -98,7 +96,7 @@ pub(crate) fn card(name: &str, value: Option<f64>, decimals: usize, unit: &str) 
         div.card {
             p { (name) }
             p.value {
-                (figure_or_nothing(value, decimals))
+                (figure_or_dash(value, decimals))
                 @if value.is_some() { " " span.unit { (unit) } }
             }
         }
@@ -122,38 +120,38 @@ fn verdict(report: &Report) -> Markup {
 fn sections(report: &Report, flight: &Flight) -> Markup {
     html! {
         @if !report.violations.is_empty() {
-            section.bad { h2 { "Rules that were broken" } (tables::violations(report)) }
+            section.bad { h2 { "Broken rules" } (tables::violations(report)) }
         }
         section {
             h2 { "Tracks" }
             p.about {
-                "Seen from above. Each drone is marked where it was when the master first stood at a waypoint; "
-                "the circle is how far the master's radio reached from there."
+                "Seen from above. Marks show the drones when the master first reached a waypoint. "
+                "The circle is the master's radio range from there."
             }
             (map::map(report, flight))
         }
-        @if !report.others.is_empty() { h2.swarm { "The swarm of " (report.scenario) } }
-        (of_swarm(report, flight))
+        @if !report.others.is_empty() { h2.swarm { "Swarm of " (report.scenario) } }
+        (swarm_sections(report, flight))
         @for (report, flight) in report.others.iter().zip(&flight.others) {
-            h2.swarm { "The swarm of " (report.scenario) }
-            (of_swarm(report, flight))
+            h2.swarm { "Swarm of " (report.scenario) }
+            (swarm_sections(report, flight))
         }
         section {
-            h2 { "Run it again" }
+            h2 { "Repeat the run" }
             pre { code { (report.command) } }
             p.about {
                 @if let Some(trace) = &report.trace {
-                    "The same program gives the same trace: " code.trace { (trace) } ". "
+                    "The same program version gives the same trace: " code.trace { (trace) } ". "
                 }
-                "All figures are in " a href=(REPORT_JSON) { (REPORT_JSON) }
-                ", all positions in " a href=(TRACKS_CSV) { (TRACKS_CSV) } "."
+                "Figures: " a href=(REPORT_JSON) { (REPORT_JSON) }
+                ". Positions: " a href=(TRACKS_CSV) { (TRACKS_CSV) } "."
             }
         }
     }
 }
 
-/// What one swarm did.
-fn of_swarm(report: &Report, flight: &Flight) -> Markup {
+/// Sections of one swarm.
+fn swarm_sections(report: &Report, flight: &Flight) -> Markup {
     let paired = report.drones.len() <= bars::NARROW_MAX;
     html! {
         div.pair[paired] {
@@ -165,31 +163,30 @@ fn of_swarm(report: &Report, flight: &Flight) -> Markup {
             }
             section {
                 h2 { "Messages" }
-                p.about { "Received in full colour, sent in pale; the mean is of those received." }
+                p.about { "Full colour: received. Pale: sent. The line is the mean received." }
                 ul.legend { (map::kinds()) }
                 (bars::messages(report))
             }
         }
         section {
-            h2 { "What each drone was doing" }
-            p.about { "A number above is where the whole swarm had begun to move on from that waypoint." }
+            h2 { "Mission states" }
+            p.about { "A number above is a waypoint, at the time when the last drone left it." }
             (timeline::timeline(report, flight))
         }
         (relays::relays(report))
         section {
-            h2 { "Waits for the swarm" }
+            h2 { "Barriers" }
             p.about {
-                "From the arrival of the last drone to the departure of the last drone, "
-                "with the frames that anyone sent since the first one arrived, keep-alives apart. Waypoint 0 is where the take-off ended."
+                "Barrier wait: from the last arrival to the last departure. Transmissions: frames of all drones from the first "
+                "arrival to the last departure, without keep-alives. Waypoint 0 is the end of the take-off."
             }
             (tables::barriers(report))
         }
         @if report.following.is_some() {
             section {
-                h2 { "Formation kept" }
+                h2 { "Formation error" }
                 p.about {
-                    "How far each drone was from its slot around the master that it followed, ten times a second, in "
-                    "metres."
+                    "Distance of each following drone from its slot around the master, sampled ten times a second."
                 }
                 (tables::following(report))
             }
@@ -198,8 +195,8 @@ fn of_swarm(report: &Report, flight: &Flight) -> Markup {
             section {
                 h2 { "Changes of formation" }
                 p.about {
-                    "All climb into their altitude sectors, all cross, all descend into their new slots; each step "
-                    "begins when all have done the one before."
+                    "All drones climb to their altitude layers, cross, and descend into their new slots. Each step starts "
+                    "when all drones have completed the one before."
                 }
                 (tables::changes(report))
             }

@@ -1,18 +1,18 @@
-//! The pure relays of a run, as a table.
+//! The table of pure relays.
 
 use maud::{Markup, html};
 
 use crate::report::figures::count;
 use crate::report::{RelayReport, Report};
-use muster_runtime::text::{NOTHING, figure};
+use muster_runtime::text::{NO_VALUE, figure};
 
-/// Where relays were and what they passed on; nothing without any.
+/// Position, route and traffic of the relays; empty without relays.
 pub(super) fn relays(report: &Report) -> Markup {
     html! {
         @if !report.relays.is_empty() {
             section {
                 h2 { "Relays" }
-                p.about { "They fly no mission and only pass on what others say; the swarm does not wait for them." }
+                p.about { "Relays forward frames and fly no mission. The swarm does not wait for them." }
                 div.scroll {
                     table {
                         thead {
@@ -36,15 +36,15 @@ pub(super) fn relays(report: &Report) -> Markup {
 }
 
 fn row(relay: &RelayReport) -> Markup {
-    let or_nothing = |value: Option<u32>| value.map_or(NOTHING.to_owned(), |it| it.to_string());
+    let or_dash = |value: Option<u32>| value.map_or(NO_VALUE.to_owned(), |it| it.to_string());
     html! {
         tr {
             td.n { (relay.id) }
             td.n { (figure(relay.north_m, 0)) }
             td.n { (figure(relay.east_m, 0)) }
             td.n { (figure(relay.altitude_m, 0)) }
-            td.n { (or_nothing(relay.hops.map(u32::from))) }
-            td.n { (or_nothing(relay.parent)) }
+            td.n { (or_dash(relay.hops.map(u32::from))) }
+            td.n { (or_dash(relay.parent)) }
             td.n { (figure(count(relay.messages_sent), 0)) }
             td.n { (figure(count(relay.messages_received), 0)) }
         }

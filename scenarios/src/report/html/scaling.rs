@@ -1,4 +1,4 @@
-//! How what a drone costs to simulate grows with its swarm: the page of `cargo bench`.
+//! Page of `cargo bench`: simulation cost per drone by swarm size.
 
 use maud::{Markup, html};
 
@@ -15,36 +15,36 @@ const RIGHT_PX: f64 = 30.0;
 const TOP_PX: f64 = 12.0;
 const BOTTOM_PX: f64 = 46.0;
 
-/// What a swarm of one size cost.
+/// Simulation cost of one swarm size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scaling {
-    /// How many drones it had.
+    /// Number of drones.
     pub drones: u32,
-    /// Processor time for each simulated second of a drone, in microseconds.
+    /// Processor time per simulated drone-second, in microseconds.
     pub cpu_us: f64,
-    /// The most memory that was held, for each drone, in KiB.
+    /// Peak memory per drone, in KiB.
     pub memory_kib: f64,
 }
 
-/// Pictures and a table of what swarms of different sizes cost, as HTML.
+/// Plots and a table of the simulation cost by swarm size, as HTML.
 #[must_use]
 pub fn scaling(points: &[Scaling]) -> String {
     let content = html! {
         header {
             p.kind { "muster · cargo bench" }
-            h1 { "What a drone costs" }
+            h1 { "Simulation cost per drone" }
         }
         section {
-            p.about { "One core, the engine " code { "events" } ", no rules checked." }
+            p.about { "One core, engine " code { "events" } ", rule checks off." }
             div.plots {
-                (plot("Time", "µs of processor time a simulated second of a drone", points, |it| it.cpu_us))
-                (plot("Memory", "KiB a drone at the most", points, |it| it.memory_kib))
+                (plot("Time", "Processor time per simulated drone-second, in µs", points, |it| it.cpu_us))
+                (plot("Memory", "Peak memory per drone, in KiB", points, |it| it.memory_kib))
             }
         }
         section {
             div.scroll {
                 table {
-                    thead { tr { th.n { "Drones" } th.n { "µs a drone-second" } th.n { "KiB a drone" } } }
+                    thead { tr { th.n { "Drones" } th.n { "µs per drone-second" } th.n { "KiB per drone" } } }
                     tbody {
                         @for point in points {
                             tr {
@@ -58,10 +58,10 @@ pub fn scaling(points: &[Scaling]) -> String {
             }
         }
     };
-    document("What a drone costs", STYLE, &content)
+    document("Simulation cost per drone", STYLE, &content)
 }
 
-/// One quantity over the size of the swarm, which has a logarithmic axis.
+/// Plot of one quantity over the swarm size, on a logarithmic axis.
 fn plot(name: &str, about: &str, points: &[Scaling], of: impl Fn(&Scaling) -> f64) -> Markup {
     let sizes = || points.iter().map(|point| f64::from(point.drones).log10());
     let (low, high) = sizes().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), size| {
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_size_has_a_mark_in_both_plots_and_a_row() {
+    fn page_has_two_marks_for_each_size() {
         let points = [10, 1_000, 10_000].map(|drones| Scaling {
             drones,
             cpu_us: 7.5,

@@ -1,21 +1,21 @@
-//! The figures of a run as tables for a browser.
+//! The HTML tables of a run.
 
 use maud::{Markup, html};
 
 use super::map::swatch;
 use crate::report::figures::count;
 use crate::report::{DroneReport, FormationError, Kind, Report};
-use muster_runtime::text::{NOTHING, drones, figure, figure_or_nothing, plural, ranges};
+use muster_runtime::text::{NO_VALUE, drones, figure, figure_or_dash, plural, ranges};
 
-/// Above this many drones, their table is folded.
+/// Tables with more rows than this are folded.
 const OPEN_MAX: usize = 40;
 
-/// Every rule that was broken.
+/// Table of the violations.
 pub(super) fn violations(report: &Report) -> Markup {
     html! {
         div.scroll {
             table {
-                thead { tr { th.n { "Rule" } th.n { "At,\u{a0}s" } th { "Who" } th { "What happened" } } }
+                thead { tr { th.n { "Rule" } th.n { "Time,\u{a0}s" } th { "Drones" } th { "Violation" } } }
                 tbody {
                     @for violation in &report.violations {
                         tr {
@@ -31,10 +31,10 @@ pub(super) fn violations(report: &Report) -> Markup {
     }
 }
 
-/// Every wait for the swarm.
+/// Table of the barriers.
 pub(super) fn barriers(report: &Report) -> Markup {
     if report.barriers.is_empty() {
-        return html! { p.none { "The swarm waited at no waypoint." } };
+        return html! { p.none { "No barriers." } };
     }
     html! {
         div.scroll {
@@ -42,9 +42,9 @@ pub(super) fn barriers(report: &Report) -> Markup {
                 thead {
                     tr {
                         th.n { "Waypoint" }
-                        th.n { "All arrived,\u{a0}s" }
-                        th.n { "All moving,\u{a0}s" }
-                        th.n { "Wait,\u{a0}s" }
+                        th.n { "Last arrival,\u{a0}s" }
+                        th.n { "Last departure,\u{a0}s" }
+                        th.n { "Barrier wait,\u{a0}s" }
                         th.n { "Transmissions" }
                     }
                 }
@@ -62,8 +62,8 @@ pub(super) fn barriers(report: &Report) -> Markup {
                 tfoot {
                     tr {
                         th { "Mean" } td {} td {}
-                        td.n { (figure_or_nothing(report.mean_wait_s(), 2)) }
-                        td.n { (figure_or_nothing(report.mean_of_barriers(|it| it.transmissions), 0)) }
+                        td.n { (figure_or_dash(report.mean_wait_s(), 2)) }
+                        td.n { (figure_or_dash(report.mean_of_barriers(|it| it.transmissions), 0)) }
                     }
                 }
             }
@@ -71,7 +71,7 @@ pub(super) fn barriers(report: &Report) -> Markup {
     }
 }
 
-/// How well each drone kept formation on the master.
+/// Table of the formation errors.
 pub(super) fn following(report: &Report) -> Markup {
     let row = |error: &FormationError| {
         html! {
@@ -90,9 +90,9 @@ pub(super) fn following(report: &Report) -> Markup {
                         tr {
                             th.n { "Drone" }
                             th.n { "Mean,\u{a0}m" }
-                            th.n { "95\u{a0}of\u{a0}100 within,\u{a0}m" }
-                            th.n { "Most,\u{a0}m" }
-                            th.n { "Followed,\u{a0}s" }
+                            th.n { "95th percentile,\u{a0}m" }
+                            th.n { "Maximum,\u{a0}m" }
+                            th.n { "Following time,\u{a0}s" }
                         }
                     }
                     tbody {
@@ -111,7 +111,7 @@ pub(super) fn following(report: &Report) -> Markup {
     }
 }
 
-/// Every change of formation.
+/// Table of the formation changes.
 pub(super) fn changes(report: &Report) -> Markup {
     html! {
         details open[report.changes.len() <= OPEN_MAX] {
@@ -120,12 +120,12 @@ pub(super) fn changes(report: &Report) -> Markup {
                 table {
                     thead {
                         tr {
-                            th { "To" }
-                            th.n { "At waypoint" }
-                            th.n { "Begun,\u{a0}s" }
-                            th.n { "Took,\u{a0}s" }
-                            th.n { "Drones there" }
-                            th.n { "Highest sector,\u{a0}m" }
+                            th { "New formation" }
+                            th.n { "Waypoint" }
+                            th.n { "Start,\u{a0}s" }
+                            th.n { "Duration,\u{a0}s" }
+                            th.n { "Drones completed" }
+                            th.n { "Highest layer,\u{a0}m" }
                         }
                     }
                     tbody {
@@ -134,7 +134,7 @@ pub(super) fn changes(report: &Report) -> Markup {
                                 td { (change.to) }
                                 td.n { (change.waypoint) }
                                 td.n { (figure(change.begun_s, 1)) }
-                                td.n { (figure_or_nothing(change.took_s(), 1)) }
+                                td.n { (figure_or_dash(change.took_s(), 1)) }
                                 td.n { (change.drones) }
                                 td.n { (figure(change.sector_max_m, 1)) }
                             }
@@ -146,11 +146,11 @@ pub(super) fn changes(report: &Report) -> Markup {
     }
 }
 
-/// Every drone's figures.
+/// Table of the drones.
 pub(super) fn swarm(report: &Report) -> Markup {
     html! {
         details open[report.drones.len() <= OPEN_MAX] {
-            summary { "All figures of each drone" }
+            summary { "All drones" }
             div.scroll {
                 table {
                     thead {
@@ -158,25 +158,25 @@ pub(super) fn swarm(report: &Report) -> Markup {
                             th.n { "Drone" }
                             th { "Role" }
                             th.n { "Hops" }
-                            th.n { "Through" }
-                            th { "Hears master" }
-                            th { "Routes for" }
+                            th.n { "Parent" }
+                            th { "In master's range" }
+                            th { "Routing list" }
                             th.n { "Flight time,\u{a0}s" }
                             th.n { "Sent" }
                             th.n { "Received" }
                             th.n { "Waypoint delay,\u{a0}s" }
                             th.n { "Restarts" }
-                            th { "At the end" }
+                            th { "Final state" }
                         }
                     }
                     tbody { @for drone in &report.drones { (row(drone)) } }
                     tfoot {
                         tr {
                             th { "Mean" } td {} td {} td {} td {} td {}
-                            td.n { (figure_or_nothing(report.means.flight_time_s, 1)) }
-                            td.n { (figure_or_nothing(report.mean_messages_sent(), 0)) }
+                            td.n { (figure_or_dash(report.means.flight_time_s, 1)) }
+                            td.n { (figure_or_dash(report.mean_messages_sent(), 0)) }
                             td.n { (figure(report.means.messages_received, 0)) }
-                            td.n { (figure_or_nothing(report.mean_waypoint_delay_s(), 2)) }
+                            td.n { (figure_or_dash(report.mean_waypoint_delay_s(), 2)) }
                             td {} td {}
                         }
                     }
@@ -188,7 +188,7 @@ pub(super) fn swarm(report: &Report) -> Markup {
 
 fn row(drone: &DroneReport) -> Markup {
     let kind = drone.kind();
-    let number = |value: Option<u32>| value.map_or_else(|| NOTHING.to_owned(), |v| v.to_string());
+    let number = |value: Option<u32>| value.map_or_else(|| NO_VALUE.to_owned(), |v| v.to_string());
     html! {
         tr.leads[kind == Kind::Master] {
             td.n { (drone.id) }
@@ -197,14 +197,14 @@ fn row(drone: &DroneReport) -> Markup {
             td.n { (number(drone.parent)) }
             td { @if drone.out_of_range { "no" } @else { "yes" } }
             td { (ranges(&drone.routing_list)) }
-            td.n { (figure_or_nothing(drone.flight_time_s, 1)) }
+            td.n { (figure_or_dash(drone.flight_time_s, 1)) }
             td.n { (figure(count(drone.messages_sent), 0)) }
             td.n { (figure(count(drone.messages_received), 0)) }
-            td.n { (figure_or_nothing(drone.waypoint_delay_s, 2)) }
+            td.n { (figure_or_dash(drone.waypoint_delay_s, 2)) }
             td.n { (drone.restarts) }
             td {
                 (drone.state)
-                @if let Some(why) = &drone.landed_because { span.why { "came down early: " (why) } }
+                @if let Some(why) = &drone.landed_because { span.why { "landed early: " (why) } }
             }
         }
     }

@@ -21,7 +21,7 @@ fn text(html: &Html, selector: &str) -> String {
 }
 
 #[test]
-fn the_page_is_well_formed_for_one_drone_and_for_two_hundred() {
+fn page_is_well_formed_for_1_to_200_drones() {
     for drones in [1, 2, 15, 60, 200] {
         let html = parsed(&sample::swarm(drones));
         let drones = drones as usize;
@@ -32,7 +32,7 @@ fn the_page_is_well_formed_for_one_drone_and_for_two_hundred() {
 }
 
 #[test]
-fn the_page_shows_every_drone_and_its_kind() {
+fn page_shows_every_drone_with_its_kind() {
     let html = parsed(&sample::swarm(15));
     let about = text(&html, ".main g.drone > title");
     for id in 0..15 {
@@ -46,14 +46,14 @@ fn the_page_shows_every_drone_and_its_kind() {
 }
 
 #[test]
-fn drones_that_stand_close_together_are_drawn_enlarged() {
+fn map_enlarges_drones_close_together() {
     assert_eq!(number(&parsed(&sample::swarm(15)), ".enlarged"), 2);
     assert_eq!(number(&parsed(&sample::swarm(1)), ".enlarged"), 0);
 }
 
 #[test]
-fn the_page_asks_the_network_for_nothing() {
-    let (report, flight) = sample::troubled();
+fn page_loads_nothing_from_the_network() {
+    let (report, flight) = sample::faulty();
     let page = page(&report, &flight);
     for outside in [
         "http://", "https://", "//cdn", "<script", "@import", "url(", " src=", "<link",
@@ -64,9 +64,9 @@ fn the_page_asks_the_network_for_nothing() {
 }
 
 #[test]
-fn text_of_a_run_is_text_on_the_page() {
+fn page_escapes_text_of_the_run() {
     let hostile = r#"<script>alert(1)</script>&"'.toml"#;
-    let (mut report, flight) = sample::troubled();
+    let (mut report, flight) = sample::faulty();
     report.scenario = hostile.to_owned();
     report.trace = Some(hostile.to_owned());
     report.drones[0].state = hostile.to_owned();
@@ -80,21 +80,21 @@ fn text_of_a_run_is_text_on_the_page() {
 }
 
 #[test]
-fn a_drone_without_a_flight_time_has_a_place_and_no_bar() {
-    let html = parsed(&sample::troubled());
+fn drone_without_flight_time_has_a_place_but_no_bar() {
+    let html = parsed(&sample::faulty());
     assert_eq!(number(&html, "g.bars"), 12);
     assert_eq!(number(&html, "g.bars .bar"), 17);
-    assert!(text(&html, "g.bars > title").contains("has no flight time"));
+    assert!(text(&html, "g.bars > title").contains("no flight time"));
     assert_eq!(number(&html, ".scroll g.broken"), 2);
     assert!(text(&html, ".card.bad").contains("2 times"));
 }
 
 #[test]
-fn a_run_without_drones_or_barriers_or_positions_still_makes_a_page() {
+fn page_works_without_drones_barriers_and_positions() {
     let (mut report, mut flight) = sample::swarm(1);
     report.barriers.clear();
     report.min_separation_m = None;
-    assert!(text(&parsed(&(report.clone(), flight.clone())), ".none").contains("no waypoint"));
+    assert!(text(&parsed(&(report.clone(), flight.clone())), ".none").contains("No barriers"));
     report.drones.clear();
     report.simulated_s = 0.0;
     flight.drones.clear();
@@ -104,14 +104,14 @@ fn a_run_without_drones_or_barriers_or_positions_still_makes_a_page() {
 }
 
 #[test]
-fn the_page_names_the_command_that_repeats_the_run() {
+fn page_shows_the_command_that_repeats_the_run() {
     let html = parsed(&sample::swarm(2));
     let command = "muster sim scenarios/thesis-2.toml --seed 7 --engine actors";
     assert_eq!(text(&html, "pre code"), command);
 }
 
 #[test]
-fn a_radio_that_reaches_far_beyond_what_was_flown_does_not_make_a_spot_of_it() {
+fn radio_range_far_beyond_the_tracks_does_not_shrink_the_map() {
     let (report, mut flight) = sample::swarm(15);
     let legend = |flight: &Flight| text(&parsed(&(report.clone(), flight.clone())), ".map .legend");
     assert!(!legend(&flight).contains("beyond the map"));
@@ -122,7 +122,7 @@ fn a_radio_that_reaches_far_beyond_what_was_flown_does_not_make_a_spot_of_it() {
 }
 
 #[test]
-fn the_time_of_processes_is_not_called_simulated() {
+fn time_of_processes_is_not_called_simulated() {
     let (mut report, flight) = sample::swarm(2);
     assert!(page(&report, &flight).contains("simulated time in seconds"));
     report.engine = None;

@@ -1,4 +1,4 @@
-//! What each drone was doing when: a row a drone, a colour a phase.
+//! Timeline of the drones' mission states: one row per drone, one colour per phase.
 
 use maud::{Markup, html};
 use muster_machines::mission::State;
@@ -14,13 +14,13 @@ const LEFT_PX: f64 = 58.0;
 const RIGHT_PX: f64 = 16.0;
 const TOP_PX: f64 = 40.0;
 const BOTTOM_PX: f64 = 44.0;
-/// A phase that is shorter than this is drawn this long.
+/// Minimum drawn length of a phase.
 const SHORTEST_PX: f64 = 0.8;
 
-/// States that share a colour, by the name of their style and the name that a person reads.
+/// CSS class and name of states that share a colour.
 type Phase = (&'static str, &'static str);
 
-/// Every phase, in the order of a mission.
+/// All phases, in the order of a mission.
 const PHASES: [Phase; 13] = [
     ("p-start", "start"),
     ("p-setup", "set-up"),
@@ -66,7 +66,7 @@ pub(super) fn timeline(report: &Report, flight: &Flight) -> Markup {
     html! {
         (legend(report, flight))
         div.scroll {
-            svg.wide role="img" aria-label={ "What each drone was doing, over " (time(report)) }
+            svg.wide role="img" aria-label={ "Mission state of each drone over " (time(report)) }
                 viewBox={ "0 0 " (WIDTH_PX) " " (px(height)) }
             {
                 (seconds(report, &x, base))
@@ -83,7 +83,7 @@ pub(super) fn timeline(report: &Report, flight: &Flight) -> Markup {
     }
 }
 
-/// How high a drone's row is.
+/// Height of a row.
 fn row_px(drones: usize) -> f64 {
     match drones {
         0..=20 => 22.0,
@@ -92,7 +92,7 @@ fn row_px(drones: usize) -> f64 {
     }
 }
 
-/// The phases that occur in the run.
+/// Legend of the phases that occur in the run.
 fn legend(report: &Report, flight: &Flight) -> Markup {
     let states = flight.drones.iter().flat_map(|drone| &drone.states);
     let seen: Vec<_> = states.map(|&(_, state)| phase(state)).collect();
@@ -106,14 +106,14 @@ fn legend(report: &Report, flight: &Flight) -> Markup {
                     svg.swatch viewBox="-9 -9 18 18" aria-hidden="true" {
                         g.broken { path d="M0 -6l-6 11h12z" {} }
                     }
-                    "a rule is broken"
+                    "rule broken"
                 }
             }
         }
     }
 }
 
-/// Which time it is: that of a simulation, or of the clock.
+/// Name of the time axis.
 const fn time(report: &Report) -> &'static str {
     match report.engine {
         Some(_) => "simulated time",
@@ -121,7 +121,7 @@ const fn time(report: &Report) -> &'static str {
     }
 }
 
-/// Lines at round times, named below.
+/// Grid lines at round times, labelled below.
 fn seconds(report: &Report, x: &Axis, base: f64) -> Markup {
     let times = ticks(0.0, report.simulated_s, 10.0);
     let digits = decimals(&times);
@@ -157,7 +157,7 @@ fn ids(drones: &[DroneReport], row: f64) -> Markup {
     }
 }
 
-/// A drone's row, from its top; the latest state first, so that a short one is drawn over its successor.
+/// A drone's row. The latest state is drawn first, so that a short state stays visible over its successor.
 fn states(drone: &DroneReport, flown: &FlightOfDrone, x: &Axis, end_s: f64, height: f64) -> Markup {
     let ends = flown
         .states
@@ -180,14 +180,14 @@ fn states(drone: &DroneReport, flown: &FlightOfDrone, x: &Axis, end_s: f64, heig
     }
 }
 
-/// The number of each waypoint above the instant at which the swarm went on from it.
+/// The number of each waypoint, above the time of the last departure from it.
 fn barriers(report: &Report, x: &Axis) -> Markup {
-    let mut free = f64::NEG_INFINITY;
+    let mut free_from_px = f64::NEG_INFINITY;
     let lines = report.barriers.iter().map(|barrier| {
         let at = x.px(barrier.moving_s);
-        let named = at >= free;
+        let named = at >= free_from_px;
         if named {
-            free = at + 22.0;
+            free_from_px = at + 22.0;
         }
         (barrier, at, named)
     });
@@ -195,8 +195,8 @@ fn barriers(report: &Report, x: &Axis) -> Markup {
         @for (barrier, at, named) in lines {
             g.barrier {
                 title {
-                    "waypoint " (barrier.waypoint) ": all there at " (figure(barrier.arrived_s, 1)) " s, on the move at "
-                    (figure(barrier.moving_s, 1)) " s, " (figure(barrier.wait_s(), 2)) " s later"
+                    "waypoint " (barrier.waypoint) ": last arrival at " (figure(barrier.arrived_s, 1)) " s, last departure at "
+                    (figure(barrier.moving_s, 1)) " s, barrier wait " (figure(barrier.wait_s(), 2)) " s"
                 }
                 line x1=(px(at)) x2=(px(at)) y1=(TOP_PX - 8.0) y2=(TOP_PX) {}
                 @if named {

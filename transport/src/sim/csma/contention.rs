@@ -6,24 +6,23 @@ use rand_chacha::ChaCha8Rng;
 
 use super::timing::{DETECTION, DIFS, SLOT, WINDOW_MAX, WINDOW_MIN};
 
-/// One radio's turn: when it may begin to send, given when its medium is busy and when it is idle.
+/// Channel access of one radio: when it may start to send.
 ///
-/// The distributed coordination function of 802.11. A radio sends once the medium has been idle for DIFS and for the
-/// slots of its back-off; slots count while the medium is idle and stand still while it is busy. After each frame a
-/// back-off is drawn, whether another frame waits or not; when that has passed, the next frame has to wait for DIFS
-/// only, and if somebody else begins meanwhile, for DIFS after them: as in ns-3, where the standard has a back-off
-/// drawn. (Of 50 radios in earshot of each other with 100 frames a second each, that delivers 63 % and not 62 %.)
-/// **Invariant:** an instant to start is set only while a frame is wanted, and moves only while it is far
-/// enough ahead to be called off.
+/// This is the distributed coordination function (DCF) of 802.11. A radio sends once the medium has been idle for DIFS and
+/// the slots of its back-off. Slots count down while the medium is idle and freeze while it is busy. A back-off is drawn
+/// after each frame, even with an empty queue. Once it has elapsed, the next frame waits for DIFS only, also if another
+/// radio starts meanwhile. That is the behaviour of ns-3; the standard draws another back-off. (With 50 radios in range of
+/// each other and 100 frames a second each, it delivers 63 % instead of 62 %.)
+/// **Invariant:** a start is set only while a frame is requested, and moves only while it can still be cancelled.
 #[derive(Debug)]
 pub(super) struct Contention {
-    wants: bool,
+    is_requested: bool,
     /// The back-off is drawn from 0 to this.
     window: u32,
-    /// The slots that are left of the back-off since `idle_from`; nothing once it has passed.
+    /// Remaining slots of the back-off after `idle_from`; `None` once it has elapsed.
     slots: Option<u32>,
-    /// Since when the medium has been idle, or has been after the slots already taken off; nothing while it is busy.
-    /// Later than now if somebody has reserved it.
+    /// When the medium became idle, moved forward by the slots already counted; `None` while it is busy. In the future
+    /// during a reservation.
     idle_from: Option<Timestamp>,
     reserved_until: Timestamp,
     start: Option<Timestamp>,
@@ -32,7 +31,7 @@ pub(super) struct Contention {
 impl Contention {
     pub(super) const fn new() -> Self {
         Self {
-            wants: false,
+            is_requested: false,
             window: WINDOW_MIN,
             slots: None,
             idle_from: Some(Timestamp::ZERO),
@@ -41,20 +40,20 @@ impl Contention {
         }
     }
 
-    /// When to send, as far as is known.
+    /// The planned start, if any.
     pub(super) const fn start(&self) -> Option<Timestamp> {
         self.start
     }
 
-    /// Whether a turn has been asked for that did not come yet.
-    pub(super) const fn is_wanted(&self) -> bool {
-        self.wants
+    /// Whether access is requested and not granted yet.
+    pub(super) const fn is_requested(&self) -> bool {
+        self.is_requested
     }
 
-    /// A frame is there to be sent.
+    /// Requests access for a frame.
     pub(super) fn request(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
-        self.wants = true;
-        self.settle(now);
+        self.is_requested = true;
+        self.count_slots(now);
         match (self.idle_from, self.slots) {
             (Some(idle_from), None) => self.start = Some(idle_from.max(now) + DIFS),
             (Some(idle_from), Some(slots)) => self.start = Some(idle_from + DIFS + SLOT * slots),
@@ -63,28 +62,28 @@ impl Contention {
         }
     }
 
-    /// Somebody began to send, perhaps this radio. A start within the time that it takes to notice stands.
+    /// The medium becomes busy, perhaps by this radio. A start within the detection time is not cancelled.
     pub(super) fn busy(&mut self, now: Timestamp) {
         if self.idle_from.is_none() {
             return;
         }
         if self.start.is_none_or(|start| start >= now + DETECTION) {
-            self.settle(now);
+            self.count_slots(now);
             self.start = None;
         }
         self.idle_from = None;
     }
 
-    /// Nobody sends any more.
+    /// The medium becomes idle.
     pub(super) fn idle(&mut self, now: Timestamp) {
         let idle_from = now.max(self.reserved_until);
         self.idle_from = Some(idle_from);
-        if self.wants {
+        if self.is_requested {
             self.start = Some(idle_from + DIFS + SLOT * self.slots.unwrap_or(0));
         }
     }
 
-    /// The medium is kept for somebody else until `until`, even if nothing is heard.
+    /// Reserves the medium for another radio until `until` (virtual carrier sense).
     pub(super) fn reserve(&mut self, now: Timestamp, until: Timestamp) {
         self.reserved_until = self.reserved_until.max(until);
         if self.idle_from.is_some() {
@@ -92,23 +91,23 @@ impl Contention {
         }
     }
 
-    /// Whether now is the time to send; if so the turn is spent.
-    pub(super) fn take_turn(&mut self, now: Timestamp) -> bool {
+    /// Grants access if now is the planned start; the request is then fulfilled.
+    pub(super) fn try_start(&mut self, now: Timestamp) -> bool {
         let is_due = self.start == Some(now);
         if is_due {
             self.start = None;
-            self.wants = false;
+            self.is_requested = false;
         }
         is_due
     }
 
-    /// A frame is done with, delivered or not: the next back-off is drawn from the first window.
+    /// A frame is finished, delivered or not: resets the window and draws a back-off.
     pub(super) fn done(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
         self.window = WINDOW_MIN;
         self.back_off(now, rng);
     }
 
-    /// A frame has to be sent again: the next back-off is drawn from a window twice as wide.
+    /// A frame must be retried: doubles the window and draws a back-off.
     pub(super) fn failed(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
         self.window = (2 * self.window + 1).min(WINDOW_MAX);
         self.back_off(now, rng);
@@ -120,21 +119,21 @@ impl Contention {
     }
 
     fn draw(&mut self, rng: &mut ChaCha8Rng) {
-        // A window is a power of two, less one.
+        // The window is a power of two minus one.
         self.slots = Some(rng.next_u32() & self.window);
     }
 
-    /// Takes off the slots that have passed.
-    fn settle(&mut self, now: Timestamp) {
+    /// Counts down the slots that have elapsed by now.
+    fn count_slots(&mut self, now: Timestamp) {
         let (Some(idle_from), Some(slots)) = (self.idle_from, self.slots) else {
             return;
         };
         if now >= idle_from + DIFS + SLOT * slots {
             self.slots = None;
         } else {
-            let passed = whole_slots(now.since(idle_from + DIFS));
-            self.slots = Some(slots - passed);
-            self.idle_from = Some(idle_from + SLOT * passed);
+            let elapsed = whole_slots(now.since(idle_from + DIFS));
+            self.slots = Some(slots - elapsed);
+            self.idle_from = Some(idle_from + SLOT * elapsed);
         }
     }
 }
@@ -166,21 +165,21 @@ mod tests {
     }
 
     #[test]
-    fn on_an_idle_medium_a_frame_waits_for_difs() {
+    fn frame_on_an_idle_medium_waits_for_difs() {
         let mut contention = Contention::new();
         contention.request(at(1_000), &mut rng());
         assert_eq!(contention.start(), Some(at(1_034)));
-        assert!(!contention.take_turn(at(1_033)));
-        assert!(contention.take_turn(at(1_034)));
+        assert!(!contention.try_start(at(1_033)));
+        assert!(contention.try_start(at(1_034)));
         assert_eq!(contention.start(), None);
     }
 
     #[test]
-    fn the_slots_of_a_back_off_stand_still_while_the_medium_is_busy() {
+    fn back_off_freezes_while_the_medium_is_busy() {
         let mut contention = with_slots(5);
         contention.request(at(0), &mut rng());
         assert_eq!(contention.start(), Some(at(34 + 45)));
-        // Two slots and a part of the third have passed.
+        // Two slots and a part of the third have elapsed.
         contention.busy(at(34 + 20));
         assert_eq!(contention.start(), None);
         contention.idle(at(500));
@@ -188,15 +187,15 @@ mod tests {
     }
 
     #[test]
-    fn a_start_too_near_to_be_called_off_stands() {
+    fn start_within_the_detection_time_is_not_cancelled() {
         let mut contention = with_slots(1);
         contention.request(at(0), &mut rng());
         contention.busy(at(40));
-        assert!(contention.take_turn(at(43)));
+        assert!(contention.try_start(at(43)));
     }
 
     #[test]
-    fn a_back_off_passes_without_a_frame() {
+    fn back_off_elapses_without_a_frame() {
         let mut contention = with_slots(5);
         contention.request(at(34 + 18), &mut rng());
         assert_eq!(
@@ -210,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reserved_medium_is_not_idle() {
+    fn reserved_medium_is_not_idle() {
         let mut contention = with_slots(2);
         contention.busy(at(10));
         contention.request(at(20), &mut rng());
@@ -221,30 +220,30 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nobody_starts_before_the_medium_was_idle_for_difs(
-            spells in prop::collection::vec((50_u64..400, 1_u64..300), 1..20), asked in 0_u64..3_000, seed: u64,
+        fn no_start_before_the_medium_was_idle_for_difs(
+            periods in prop::collection::vec((50_u64..400, 1_u64..300), 1..20), request_at in 0_u64..3_000, seed: u64,
         ) {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut contention = Contention::new();
-            let (mut now, mut asked_yet) = (0, false);
-            for (busy, idle) in spells {
+            let (mut now, mut is_requested) = (0, false);
+            for (busy, idle) in periods {
                 contention.busy(at(now));
-                // What was too near to be called off goes out now.
+                // A start that could not be cancelled happens now.
                 if let Some(start) = contention.start() {
                     prop_assert!(start < at(now) + DETECTION);
-                    contention.take_turn(start);
+                    contention.try_start(start);
                 }
                 now += busy;
                 contention.idle(at(now));
-                if !asked_yet && asked <= now {
-                    asked_yet = true;
+                if !is_requested && request_at <= now {
+                    is_requested = true;
                     contention.request(at(now), &mut rng);
                 }
                 if let Some(start) = contention.start() {
                     prop_assert!(start >= at(now) + DIFS);
                     prop_assert!(start <= at(now) + DIFS + SLOT * WINDOW_MIN);
                     if start <= at(now + idle) {
-                        contention.take_turn(start);
+                        contention.try_start(start);
                     }
                 }
                 now += idle;
@@ -252,7 +251,7 @@ mod tests {
         }
 
         #[test]
-        fn the_window_doubles_with_each_failure_up_to_its_end(failures in 0_u32..12, seed: u64) {
+        fn window_doubles_with_each_failure_up_to_its_maximum(failures in 0_u32..12, seed: u64) {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut contention = Contention::new();
             for _ in 0..failures {

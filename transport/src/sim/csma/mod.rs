@@ -1,4 +1,4 @@
-//! Medium access as in 802.11a: radios that listen before they talk, and take turns.
+//! Medium access of 802.11a: carrier sense multiple access with collision avoidance.
 
 mod contention;
 mod reception;
@@ -18,48 +18,49 @@ use rand::Rng;
 use self::station::{Queued, Station, Unacknowledged};
 use self::timers::{Timer, Timers};
 use super::Counters;
-use super::air::Air;
+use super::channel::Channel;
 use crate::{Arrival, Destination, Event, Fate, Outcome, SendError};
 
-/// The place of a frame in the table of those that are in the air.
+/// Index of a frame in the table of frames on the air.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct FrameId(usize);
 
-/// A frame in the air.
+/// A frame on the air.
 #[derive(Debug)]
 struct Frame {
     from: NodeId,
     kind: Kind,
-    hearers: Vec<Hearer>,
+    receivers: Vec<Receiver>,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     /// The first datagram of the sender's queue.
     Datagram(Destination),
-    /// The answer to a datagram for one drone.
+    /// The acknowledgement of a unicast.
     Acknowledgement { to: NodeId },
 }
 
+/// A radio that senses a frame.
 #[derive(Debug, Clone, Copy)]
-struct Hearer {
+struct Receiver {
     id: NodeId,
-    /// Whether the frame is lost on it though it hears it.
+    /// Whether the frame is lost there, though it is sensed.
     is_damaged: bool,
 }
 
-/// A medium that radios share: carrier sense, back-off, collisions, acknowledgements.
+/// A shared medium with carrier sense, back-off, collisions and acknowledgements.
 ///
-/// A radio that a frame does not get to at all (too far, a fade, a burst) does not sense it either; one on which it is lost
-/// (`loss`) does. Left out: propagation delay (1 µs at 300 m), the longer pause after a spoilt frame (EIFS), RTS/CTS,
-/// rates other than 6 Mb/s. A frame costs the radios that hear it, and the logarithm of what is planned for each.
+/// A radio that a frame does not reach (distance, fade, burst) does not sense it; one that loses it (`loss`) does. Not
+/// modelled: propagation delay (1 µs at 300 m), the longer pause after a collision (EIFS), RTS/CTS, other rates than 6 Mb/s.
+/// A frame costs as much as its receivers, times the logarithm of the number of timers.
 #[derive(Debug)]
 pub(super) struct Csma {
     jitter: Duration,
     queue_max: NonZeroUsize,
     stations: Vec<Station>,
     frames: Vec<Frame>,
-    /// Places of the table that are free, the last to be filled first.
+    /// Free indices of the table; used last in, first out.
     free: Vec<FrameId>,
     timers: Timers,
     counters: Counters,
@@ -88,14 +89,14 @@ impl Csma {
         self.timers.next()
     }
 
-    /// Puts a datagram in the sender's queue. A datagram that finds it full is dropped: what waits longer goes first.
+    /// Adds a datagram to the sender's queue. If the queue is full, the datagram is dropped.
     pub(super) fn send(
         &mut self,
         now: Timestamp,
         from: NodeId,
         to: Destination,
         datagram: &Bytes,
-        air: &mut Air,
+        channel: &mut Channel,
         events: &mut VecDeque<Event>,
     ) -> Result<(), SendError> {
         let Some(station) = self.stations.get_mut(from.0 as usize) else {
@@ -106,18 +107,18 @@ impl Csma {
             datagram: datagram.clone(),
             arrived_at: Vec::new(),
         };
-        if station.waiting() >= self.queue_max.get() {
+        if station.queue_len() >= self.queue_max.get() {
             self.counters.dropped += 1;
-            tell(now, from, queued, Fate::GivenUp, events);
+            report_outcome(now, from, queued, Fate::GivenUp, events);
             return Ok(());
         }
         let jitter = u64::try_from(self.jitter.as_nanos()).unwrap_or(u64::MAX);
         if jitter == 0 {
             station.push(queued, now);
-            self.ready(now, from, air);
+            self.ready(now, from, channel);
         } else {
-            let late = Duration::from_nanos(air.rng.next_u64() % jitter);
-            let ready_at = station.push(queued, now + late);
+            let delay = Duration::from_nanos(channel.rng.next_u64() % jitter);
+            let ready_at = station.push(queued, now + delay);
             self.timers.plan(ready_at, Timer::Ready(from));
         }
         Ok(())
@@ -126,132 +127,141 @@ impl Csma {
     pub(super) fn handle_timeout(
         &mut self,
         now: Timestamp,
-        air: &mut Air,
+        channel: &mut Channel,
         events: &mut VecDeque<Event>,
     ) {
         while let Some((at, timer)) = self.timers.pop_due(now) {
             match timer {
-                Timer::Ready(id) => self.ready(at, id, air),
-                Timer::Start(id) => self.start(at, id, air),
-                Timer::End(frame) => self.end(at, frame, air, events),
-                Timer::Acknowledge { by, to } => self.acknowledge(at, by, to, air),
-                Timer::Expire(id) => self.expire(at, id, air, events),
+                Timer::Ready(id) => self.ready(at, id, channel),
+                Timer::Start(id) => self.start_datagram(at, id, channel),
+                Timer::End(frame) => self.end_frame(at, frame, channel, events),
+                Timer::Acknowledge { by, to } => self.acknowledge(at, by, to, channel),
+                Timer::Expire(id) => self.expire(at, id, channel, events),
             }
         }
     }
 
-    fn ready(&mut self, now: Timestamp, id: NodeId, air: &mut Air) {
-        self.station(id).ready(now, &mut air.rng);
+    fn ready(&mut self, now: Timestamp, id: NodeId, channel: &mut Channel) {
+        self.station(id).ready(now, &mut channel.rng);
         self.plan_start(id);
     }
 
-    fn start(&mut self, now: Timestamp, id: NodeId, air: &mut Air) {
+    fn start_datagram(&mut self, now: Timestamp, id: NodeId, channel: &mut Channel) {
         let station = self.station(id);
-        if !station.take_turn(now) {
+        if !station.try_start(now) {
             return;
         }
         let first = station
             .first()
-            .expect("a turn is asked for while a datagram waits");
+            .expect("access is requested only while a datagram is queued");
         let (to, len) = (first.to, first.datagram.len());
         self.counters.datagrams += 1;
-        self.begin(now, id, Kind::Datagram(to), timing::airtime(len), air);
+        self.start_frame(now, id, Kind::Datagram(to), timing::airtime(len), channel);
     }
 
-    fn acknowledge(&mut self, now: Timestamp, by: NodeId, to: NodeId, air: &mut Air) {
+    fn acknowledge(&mut self, now: Timestamp, by: NodeId, to: NodeId, channel: &mut Channel) {
         if !self.station(by).is_sending {
             self.counters.acknowledgements += 1;
             let kind = Kind::Acknowledgement { to };
-            self.begin(now, by, kind, timing::acknowledgement_airtime(), air);
+            self.start_frame(now, by, kind, timing::acknowledgement_airtime(), channel);
         }
     }
 
-    /// A frame begins: whoever it gets to senses it, and makes it out if it can.
-    fn begin(
+    /// Starts a frame: the radios that it reaches sense it, and start to decode it if they can.
+    fn start_frame(
         &mut self,
         now: Timestamp,
         from: NodeId,
         kind: Kind,
         airtime: Duration,
-        air: &mut Air,
+        channel: &mut Channel,
     ) {
         let frame = self.free.pop().unwrap_or_else(|| {
             self.frames.push(Frame {
                 from,
                 kind,
-                hearers: Vec::new(),
+                receivers: Vec::new(),
             });
             FrameId(self.frames.len() - 1)
         });
         let sender = self.station(from);
         sender.is_sending = true;
-        sender.reception.give_up();
+        sender.reception.abort();
         sender.contention.busy(now);
 
         let mut in_reach = std::mem::take(&mut self.in_reach);
-        air.in_reach(from, &mut in_reach)
-            .expect("every station has a place");
-        let mut hearers = std::mem::take(&mut self.frames[frame.0].hearers);
+        channel
+            .in_reach(from, &mut in_reach)
+            .expect("every station has a position");
+        let mut receivers = std::mem::take(&mut self.frames[frame.0].receivers);
         for id in in_reach.drain(..) {
-            if air.carries(now, from, id) {
-                let is_damaged = air.is_lost(from, id);
-                hearers.push(Hearer { id, is_damaged });
-                let hearer = self.station(id);
-                hearer.reception.begins(now, frame, hearer.is_sending);
-                hearer.contention.busy(now);
+            if channel.draw_reception(now, from, id) {
+                let is_damaged = channel.draw_loss(from, id);
+                receivers.push(Receiver { id, is_damaged });
+                let receiver = self.station(id);
+                receiver
+                    .reception
+                    .frame_starts(now, frame, receiver.is_sending);
+                receiver.contention.busy(now);
             }
         }
         self.in_reach = in_reach;
         self.frames[frame.0] = Frame {
             from,
             kind,
-            hearers,
+            receivers,
         };
         self.timers.plan(now + airtime, Timer::End(frame));
     }
 
-    /// A frame is over: whoever made it out has it, and the medium is idle for whoever hears no other.
-    fn end(&mut self, now: Timestamp, frame: FrameId, air: &mut Air, events: &mut VecDeque<Event>) {
+    /// Ends a frame: it is received where it was decoded, and the medium is idle where no other frame is sensed.
+    fn end_frame(
+        &mut self,
+        now: Timestamp,
+        frame: FrameId,
+        channel: &mut Channel,
+        events: &mut VecDeque<Event>,
+    ) {
         let Frame { from, kind, .. } = self.frames[frame.0];
-        let mut hearers = std::mem::take(&mut self.frames[frame.0].hearers);
+        let mut receivers = std::mem::take(&mut self.frames[frame.0].receivers);
         self.station(from).is_sending = false;
         self.medium_changed(now, from);
-        for Hearer { id, is_damaged } in hearers.drain(..) {
-            let is_made_out = self.station(id).reception.ends(frame);
+        for Receiver { id, is_damaged } in receivers.drain(..) {
+            let is_decoded = self.station(id).reception.frame_ends(frame);
             self.medium_changed(now, id);
-            if is_made_out && !is_damaged {
-                self.received(now, id, from, kind, air, events);
-            } else if is_made_out {
+            if is_decoded && !is_damaged {
+                self.received(now, id, from, kind, channel, events);
+            } else if is_decoded {
                 self.counters.lost += 1;
             } else {
                 self.counters.collided += 1;
             }
         }
-        self.frames[frame.0].hearers = hearers;
+        self.frames[frame.0].receivers = receivers;
         self.free.push(frame);
         match kind {
             Kind::Datagram(Destination::Broadcast) => {
-                self.station(from).done(now, &mut air.rng);
+                self.station(from).done(now, &mut channel.rng);
                 self.plan_start(from);
             }
             Kind::Datagram(Destination::To(_)) => {
-                // The answer takes SIFS and its airtime; a slot more is for the way there and back.
-                let until = now + answer_time() + timing::SLOT;
-                self.station(from).awaits(until);
+                // SIFS and the acknowledgement's airtime, plus a slot for propagation.
+                let until = now + acknowledgement_time() + timing::SLOT;
+                self.station(from).await_acknowledgement(until);
                 self.timers.plan(until, Timer::Expire(from));
             }
             Kind::Acknowledgement { .. } => {}
         }
     }
 
-    /// `id` made out a frame of `from` to its end.
+    /// Radio `id` has received a frame of `from`.
     fn received(
         &mut self,
         now: Timestamp,
         id: NodeId,
         from: NodeId,
         kind: Kind,
-        air: &mut Air,
+        channel: &mut Channel,
         events: &mut VecDeque<Event>,
     ) {
         let (at, to) = (now, id);
@@ -260,9 +270,9 @@ impl Csma {
                 let first = self
                     .station(from)
                     .first()
-                    .expect("what is in the air is in the queue");
+                    .expect("a datagram on the air is still in its queue");
                 if !first.arrived_at.contains(&id) {
-                    // A broadcast is never sent again.
+                    // A broadcast is never retried.
                     if destination != Destination::Broadcast {
                         first.arrived_at.push(id);
                     }
@@ -279,11 +289,11 @@ impl Csma {
                 match destination {
                     Destination::Broadcast => {}
                     Destination::To(other) if other == id => {
-                        let answer = Timer::Acknowledge { by: id, to: from };
-                        self.timers.plan(now + timing::SIFS, answer);
+                        let timer = Timer::Acknowledge { by: id, to: from };
+                        self.timers.plan(now + timing::SIFS, timer);
                     }
                     Destination::To(_) => {
-                        let until = now + answer_time();
+                        let until = now + acknowledgement_time();
                         self.station(id).contention.reserve(now, until);
                         self.plan_start(id);
                     }
@@ -292,9 +302,9 @@ impl Csma {
             Kind::Acknowledgement { to } if to == id => {
                 let station = self.station(id);
                 if station.is_awaiting()
-                    && let Some(queued) = station.done(now, &mut air.rng)
+                    && let Some(queued) = station.done(now, &mut channel.rng)
                 {
-                    tell(now, id, queued, Fate::Delivered, events);
+                    report_outcome(now, id, queued, Fate::Delivered, events);
                     self.plan_start(id);
                 }
             }
@@ -302,19 +312,25 @@ impl Csma {
         }
     }
 
-    fn expire(&mut self, now: Timestamp, id: NodeId, air: &mut Air, events: &mut VecDeque<Event>) {
-        match self.station(id).unacknowledged(now, &mut air.rng) {
+    fn expire(
+        &mut self,
+        now: Timestamp,
+        id: NodeId,
+        channel: &mut Channel,
+        events: &mut VecDeque<Event>,
+    ) {
+        match self.station(id).unacknowledged(now, &mut channel.rng) {
             Some(Unacknowledged::Retried) => self.counters.retries += 1,
             Some(Unacknowledged::GivenUp(queued)) => {
                 self.counters.given_up += 1;
-                tell(now, id, queued, Fate::GivenUp, events);
+                report_outcome(now, id, queued, Fate::GivenUp, events);
             }
             None => return,
         }
         self.plan_start(id);
     }
 
-    /// A frame is over that `id` sent or heard.
+    /// A frame that `id` sent or sensed has ended.
     fn medium_changed(&mut self, now: Timestamp, id: NodeId) {
         let station = self.station(id);
         if station.is_idle() {
@@ -334,13 +350,19 @@ impl Csma {
     }
 }
 
-/// How long an acknowledgement takes from the end of what it answers.
-fn answer_time() -> Duration {
+/// Time from the end of a unicast to the end of its acknowledgement.
+fn acknowledgement_time() -> Duration {
     timing::SIFS + timing::acknowledgement_airtime()
 }
 
-/// Tells the sender of a datagram for one drone what became of it.
-fn tell(now: Timestamp, from: NodeId, queued: Queued, fate: Fate, events: &mut VecDeque<Event>) {
+/// Reports the outcome of a unicast to its sender; does nothing for a broadcast.
+fn report_outcome(
+    now: Timestamp,
+    from: NodeId,
+    queued: Queued,
+    fate: Fate,
+    events: &mut VecDeque<Event>,
+) {
     if let Destination::To(to) = queued.to {
         events.push_back(Event::Outcome(Outcome {
             at: now,

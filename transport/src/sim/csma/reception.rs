@@ -3,53 +3,56 @@ use muster_machines::time::Timestamp;
 use super::FrameId;
 use super::timing::DETECTION;
 
-/// What one radio hears of the frames that are in the air around it.
+/// Reception of one radio.
 ///
-/// It makes out a frame that begins while it hears no other and does not send itself. Another one that begins while
-/// it still looks for the preamble spoils both; later ones are missed and leave the first unharmed. So a hidden
-/// terminal spoils frames through one airtime and not through two, as in ns-3 at equal powers, where a delivery of
-/// exp(−h·R·196 µs) was measured. **Invariant:** at most one frame is being made out, and it is in the air.
+/// It decodes a frame that starts while it senses no other and does not send. A second frame that starts during the
+/// detection of the preamble destroys both. A later one is missed and does not harm the first. A hidden terminal therefore
+/// destroys frames during one airtime, not two. That matches ns-3 at equal powers, with a measured delivery of
+/// exp(−h·R·196 µs). **Invariant:** at most one frame is being decoded, and it is on the air.
 #[derive(Debug)]
 pub(super) struct Reception {
-    audible: u32,
-    made_out: Option<(FrameId, Timestamp)>,
+    /// Number of frames that are sensed.
+    sensed: u32,
+    /// The frame being decoded, and its start.
+    decoding: Option<(FrameId, Timestamp)>,
 }
 
 impl Reception {
     pub(super) const fn new() -> Self {
         Self {
-            audible: 0,
-            made_out: None,
+            sensed: 0,
+            decoding: None,
         }
     }
 
-    /// Whether any frame is in the air here.
+    /// Whether no frame is sensed.
     pub(super) const fn is_quiet(&self) -> bool {
-        self.audible == 0
+        self.sensed == 0
     }
 
-    pub(super) fn begins(&mut self, now: Timestamp, frame: FrameId, is_sending: bool) {
-        match self.made_out {
-            Some((_, since)) if now.since(since) < DETECTION => self.made_out = None,
-            None if self.audible == 0 && !is_sending => self.made_out = Some((frame, now)),
+    /// A frame starts.
+    pub(super) fn frame_starts(&mut self, now: Timestamp, frame: FrameId, is_sending: bool) {
+        match self.decoding {
+            Some((_, since)) if now.since(since) < DETECTION => self.decoding = None,
+            None if self.sensed == 0 && !is_sending => self.decoding = Some((frame, now)),
             _ => {}
         }
-        self.audible += 1;
+        self.sensed += 1;
     }
 
-    /// Whether the frame that ends was made out to its end.
-    pub(super) fn ends(&mut self, frame: FrameId) -> bool {
-        self.audible -= 1;
-        let is_it = self.made_out.is_some_and(|(made_out, _)| made_out == frame);
-        if is_it {
-            self.made_out = None;
+    /// A frame ends. Returns whether it was decoded.
+    pub(super) fn frame_ends(&mut self, frame: FrameId) -> bool {
+        self.sensed -= 1;
+        let is_decoded = self.decoding.is_some_and(|(decoding, _)| decoding == frame);
+        if is_decoded {
+            self.decoding = None;
         }
-        is_it
+        is_decoded
     }
 
-    /// The radio begins to send: whatever it was hearing is lost on it.
-    pub(super) const fn give_up(&mut self) {
-        self.made_out = None;
+    /// The radio starts to send, which ends decoding.
+    pub(super) const fn abort(&mut self) {
+        self.decoding = None;
     }
 }
 
@@ -65,31 +68,31 @@ mod tests {
     }
 
     #[test]
-    fn the_first_of_two_that_overlap_is_made_out() {
+    fn first_of_two_overlapping_frames_is_decoded() {
         let mut reception = Reception::new();
-        reception.begins(at(0), FIRST, false);
-        reception.begins(at(4), SECOND, false);
-        assert!(reception.ends(FIRST));
-        assert!(!reception.ends(SECOND));
+        reception.frame_starts(at(0), FIRST, false);
+        reception.frame_starts(at(4), SECOND, false);
+        assert!(reception.frame_ends(FIRST));
+        assert!(!reception.frame_ends(SECOND));
         assert!(reception.is_quiet());
     }
 
     #[test]
-    fn two_that_begin_together_spoil_each_other() {
+    fn simultaneous_frames_collide() {
         let mut reception = Reception::new();
-        reception.begins(at(0), FIRST, false);
-        reception.begins(at(3), SECOND, false);
-        assert!(!reception.ends(FIRST));
-        assert!(!reception.ends(SECOND));
+        reception.frame_starts(at(0), FIRST, false);
+        reception.frame_starts(at(3), SECOND, false);
+        assert!(!reception.frame_ends(FIRST));
+        assert!(!reception.frame_ends(SECOND));
     }
 
     #[test]
-    fn a_radio_that_sends_does_not_hear() {
+    fn sending_radio_does_not_receive() {
         let mut reception = Reception::new();
-        reception.begins(at(0), FIRST, true);
-        assert!(!reception.ends(FIRST));
-        reception.begins(at(200), SECOND, false);
-        reception.give_up();
-        assert!(!reception.ends(SECOND));
+        reception.frame_starts(at(0), FIRST, true);
+        assert!(!reception.frame_ends(FIRST));
+        reception.frame_starts(at(200), SECOND, false);
+        reception.abort();
+        assert!(!reception.frame_ends(SECOND));
     }
 }

@@ -10,41 +10,41 @@ use super::reception::Reception;
 use super::timing::RETRIES_MAX;
 use crate::Destination;
 
-/// One radio: what waits to be sent, and how far it is with the first of it.
+/// One radio: its queue and the state of the first datagram.
 ///
-/// **Invariant:** while a datagram is ready, either a turn is asked for or the first datagram is under way: being
-/// sent, or waiting for its acknowledgement.
+/// **Invariant:** while a datagram is ready, either access is requested or the first datagram is in progress: being sent, or
+/// waiting for its acknowledgement.
 #[derive(Debug)]
 pub(super) struct Station {
     pub(super) contention: Contention,
     pub(super) reception: Reception,
-    /// Whether it sends anything, acknowledgements included.
+    /// Whether it sends a datagram or an acknowledgement.
     pub(super) is_sending: bool,
     queue: VecDeque<Queued>,
-    /// How many of the queue, from its front, the sender's program has handed over.
+    /// Number of queued datagrams, from the front, that the sender's program has passed on.
     ready: usize,
-    ready_last: Timestamp,
-    is_under_way: bool,
-    /// Until when an acknowledgement may begin to come in.
-    awaits_until: Option<Timestamp>,
+    last_ready_at: Timestamp,
+    is_in_progress: bool,
+    /// Deadline of the awaited acknowledgement.
+    acknowledgement_until: Option<Timestamp>,
     retries: u32,
 }
 
-/// A datagram that waits for its turn, or for its acknowledgement.
+/// A queued datagram.
 #[derive(Debug)]
 pub(super) struct Queued {
     pub(super) to: Destination,
     pub(super) datagram: Bytes,
-    /// At whom it has arrived; what is sent again is not handed out to them again.
+    /// The receivers so far; they don't get the datagram of a retry again.
     pub(super) arrived_at: Vec<NodeId>,
 }
 
-/// What is to be done with a frame that was not acknowledged.
+/// The result of a missing acknowledgement.
 #[derive(Debug)]
 pub(super) enum Unacknowledged {
-    /// It is in the queue and goes out again.
+    /// The datagram stays in the queue and is retried.
     Retried,
-    /// It has been sent often enough.
+    /// The retries are used up.
     GivenUp(Queued),
 }
 
@@ -56,90 +56,90 @@ impl Station {
             is_sending: false,
             queue: VecDeque::new(),
             ready: 0,
-            ready_last: Timestamp::ZERO,
-            is_under_way: false,
-            awaits_until: None,
+            last_ready_at: Timestamp::ZERO,
+            is_in_progress: false,
+            acknowledgement_until: None,
             retries: 0,
         }
     }
 
-    pub(super) fn waiting(&self) -> usize {
+    pub(super) fn queue_len(&self) -> usize {
         self.queue.len()
     }
 
-    /// Takes a datagram that is ready at `ready_at` or, since none overtakes another, when the one before it is.
+    /// Queues a datagram. Returns when it is ready: at `ready_at`, but not before the one ahead of it.
     pub(super) fn push(&mut self, queued: Queued, ready_at: Timestamp) -> Timestamp {
         self.queue.push_back(queued);
-        self.ready_last = self.ready_last.max(ready_at);
-        self.ready_last
+        self.last_ready_at = self.last_ready_at.max(ready_at);
+        self.last_ready_at
     }
 
     /// One more datagram is ready.
     pub(super) fn ready(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
         self.ready += 1;
-        self.go_on(now, rng);
+        self.request_access(now, rng);
     }
 
-    /// Whether now is the time to send the first datagram; if so it is under way.
-    pub(super) fn take_turn(&mut self, now: Timestamp) -> bool {
-        let is_due = self.contention.take_turn(now);
-        self.is_under_way |= is_due;
+    /// Starts the first datagram if now is the planned time; returns whether it is.
+    pub(super) fn try_start(&mut self, now: Timestamp) -> bool {
+        let is_due = self.contention.try_start(now);
+        self.is_in_progress |= is_due;
         is_due
     }
 
-    /// The datagram that is being sent.
+    /// The first datagram of the queue.
     pub(super) fn first(&mut self) -> Option<&mut Queued> {
         self.queue.front_mut()
     }
 
-    /// The first datagram has been sent to all, or has been acknowledged.
+    /// Finishes the first datagram: a broadcast was sent, or a unicast was acknowledged.
     pub(super) fn done(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) -> Option<Queued> {
-        self.is_under_way = false;
-        self.awaits_until = None;
+        self.is_in_progress = false;
+        self.acknowledgement_until = None;
         self.retries = 0;
         self.ready -= 1;
         let done = self.queue.pop_front();
         self.contention.done(now, rng);
-        self.go_on(now, rng);
+        self.request_access(now, rng);
         done
     }
 
-    /// The first datagram has been sent to one drone, whose answer is due.
-    pub(super) const fn awaits(&mut self, until: Timestamp) {
-        self.awaits_until = Some(until);
+    /// Waits for the acknowledgement of the first datagram.
+    pub(super) const fn await_acknowledgement(&mut self, until: Timestamp) {
+        self.acknowledgement_until = Some(until);
     }
 
     pub(super) const fn is_awaiting(&self) -> bool {
-        self.awaits_until.is_some()
+        self.acknowledgement_until.is_some()
     }
 
-    /// Nothing came by now, if now is when it should have.
+    /// Handles a missing acknowledgement if now is its deadline; otherwise returns `None`.
     pub(super) fn unacknowledged(
         &mut self,
         now: Timestamp,
         rng: &mut ChaCha8Rng,
     ) -> Option<Unacknowledged> {
-        if self.awaits_until != Some(now) {
+        if self.acknowledgement_until != Some(now) {
             return None;
         }
         if self.retries == RETRIES_MAX {
             return self.done(now, rng).map(Unacknowledged::GivenUp);
         }
-        self.is_under_way = false;
-        self.awaits_until = None;
+        self.is_in_progress = false;
+        self.acknowledgement_until = None;
         self.retries += 1;
         self.contention.failed(now, rng);
-        self.go_on(now, rng);
+        self.request_access(now, rng);
         Some(Unacknowledged::Retried)
     }
 
-    /// Nobody sends any more, as far as this radio can tell.
+    /// Whether the medium is idle for this radio.
     pub(super) fn is_idle(&self) -> bool {
         !self.is_sending && self.reception.is_quiet()
     }
 
-    fn go_on(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
-        if self.ready > 0 && !self.is_under_way && !self.contention.is_wanted() {
+    fn request_access(&mut self, now: Timestamp, rng: &mut ChaCha8Rng) {
+        if self.ready > 0 && !self.is_in_progress && !self.contention.is_requested() {
             self.contention.request(now, rng);
         }
     }

@@ -24,22 +24,22 @@ fn to(id: u32) -> Destination {
     Destination::To(NodeId(id))
 }
 
-/// Radios in line.
+/// Radios in a line.
 struct Line {
     medium: Medium,
 }
 
 impl Line {
     fn new(config: Config, radios: u32, spacing_m: f64, seed: u64) -> Self {
-        let places: Vec<Ned> = (0..radios)
+        let positions: Vec<Ned> = (0..radios)
             .map(|index| Ned::new(0.0, f64::from(index) * spacing_m, -25.0))
             .collect();
         let rng = ChaCha8Rng::seed_from_u64(seed);
-        let medium = Medium::new(config, rng, &places);
+        let medium = Medium::new(config, rng, &positions);
         Self { medium }
     }
 
-    /// A datagram of 64 bytes that begin with `mark`.
+    /// Sends a datagram of 64 bytes that starts with `mark`.
     fn send(&mut self, at_us: u64, from: u32, destination: Destination, mark: u8) {
         let now = at(at_us);
         self.medium.handle_timeout(now);
@@ -50,7 +50,7 @@ impl Line {
             .unwrap();
     }
 
-    /// All that comes of what was sent, until nothing is due any more.
+    /// Runs until no timer is left and returns all events.
     fn run(&mut self) -> Vec<Event> {
         while let Some(next) = self.medium.next_timeout() {
             self.medium.handle_timeout(next);
@@ -63,36 +63,36 @@ fn at(micros: u64) -> Timestamp {
     Timestamp::from_nanos(micros * 1_000)
 }
 
-/// When, at whom and which, of the datagrams that arrived.
+/// Time in microseconds, receiver and mark of each arrival.
 fn arrivals(events: &[Event]) -> Vec<(u64, u32, u8)> {
-    let of = |event: &Event| match event {
+    let arrival = |event: &Event| match event {
         Event::Arrival(it) => Some((it.at.as_nanos() / 1_000, it.to.0, it.datagram[0])),
         Event::Outcome(_) => None,
     };
-    events.iter().filter_map(of).collect()
+    events.iter().filter_map(arrival).collect()
 }
 
-/// When, who sent it, which, and its fate, of the datagrams for one drone.
+/// Time in microseconds, sender, mark and fate of each unicast.
 fn outcomes(events: &[Event]) -> Vec<(u64, u32, u8, Fate)> {
-    let of = |event: &Event| match event {
+    let outcome = |event: &Event| match event {
         Event::Outcome(it) => {
             let micros = it.at.as_nanos() / 1_000;
             Some((micros, it.from.0, it.datagram[0], it.fate))
         }
         Event::Arrival(_) => None,
     };
-    events.iter().filter_map(of).collect()
+    events.iter().filter_map(outcome).collect()
 }
 
 #[test]
-fn a_frame_on_an_idle_medium_takes_difs_and_its_airtime() {
+fn frame_on_an_idle_medium_takes_difs_and_its_airtime() {
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(1_000, 1, ALL, 1);
     assert_eq!(arrivals(&line.run()), [(1_230, 0, 1), (1_230, 2, 1)]);
 }
 
 #[test]
-fn a_radio_that_hears_a_frame_waits_until_it_is_over() {
+fn radio_that_senses_a_frame_waits_for_its_end() {
     let mut line = Line::new(CONFIG, 2, 200.0, 1);
     line.send(0, 0, ALL, 1);
     line.send(50, 1, ALL, 2);
@@ -104,7 +104,7 @@ fn a_radio_that_hears_a_frame_waits_until_it_is_over() {
 }
 
 #[test]
-fn of_two_that_do_not_hear_each_other_the_first_is_heard_between_them() {
+fn first_frame_of_two_hidden_terminals_is_received() {
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(0, 0, ALL, 1);
     line.send(50, 2, ALL, 2);
@@ -113,7 +113,7 @@ fn of_two_that_do_not_hear_each_other_the_first_is_heard_between_them() {
 }
 
 #[test]
-fn of_two_that_begin_together_neither_is_heard() {
+fn simultaneous_frames_of_hidden_terminals_collide() {
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(0, 0, ALL, 1);
     line.send(3, 2, ALL, 2);
@@ -122,8 +122,8 @@ fn of_two_that_begin_together_neither_is_heard() {
 }
 
 #[test]
-fn a_radio_that_sends_does_not_hear() {
-    // They begin too near to each other to notice; a third, which hears only one of them, does.
+fn sending_radio_does_not_receive() {
+    // Radios 0 and 1 start within the detection time. Radio 2 hears only radio 1.
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(0, 0, ALL, 1);
     line.send(3, 1, ALL, 2);
@@ -131,7 +131,7 @@ fn a_radio_that_sends_does_not_hear() {
 }
 
 #[test]
-fn whoever_has_sent_backs_off_before_the_next() {
+fn radio_backs_off_between_two_frames() {
     let last = |seed| {
         let mut line = Line::new(CONFIG, 2, 200.0, seed);
         line.send(0, 0, ALL, 1);
@@ -147,7 +147,7 @@ fn whoever_has_sent_backs_off_before_the_next() {
 }
 
 #[test]
-fn what_is_for_one_drone_is_acknowledged_by_it_and_overheard_by_others() {
+fn unicast_is_acknowledged_by_its_receiver_and_overheard_by_others() {
     let mut line = Line::new(CONFIG, 3, 200.0, 1);
     line.send(0, 1, to(2), 1);
     let events = line.run();
@@ -158,8 +158,8 @@ fn what_is_for_one_drone_is_acknowledged_by_it_and_overheard_by_others() {
 }
 
 #[test]
-fn whoever_overhears_it_leaves_room_for_the_acknowledgement() {
-    // Radio 0 hears the frame of 1 and not the acknowledgement of 2.
+fn overhearing_radio_reserves_time_for_the_acknowledgement() {
+    // Radio 0 hears the frame of radio 1, but not the acknowledgement of radio 2.
     for seed in 0..20 {
         let mut line = Line::new(CONFIG, 3, 200.0, seed);
         line.send(0, 1, to(2), 1);
@@ -172,7 +172,7 @@ fn whoever_overhears_it_leaves_room_for_the_acknowledgement() {
 }
 
 #[test]
-fn what_nobody_acknowledges_is_tried_eight_times_and_given_up() {
+fn unacknowledged_unicast_is_sent_eight_times_and_given_up() {
     let mut line = Line::new(CONFIG, 2, 400.0, 1);
     line.send(0, 0, to(1), 1);
     line.send(0, 0, to(1), 2);
@@ -189,7 +189,7 @@ fn what_nobody_acknowledges_is_tried_eight_times_and_given_up() {
 }
 
 #[test]
-fn seven_retries_get_almost_everything_through_a_loss_of_a_third_and_nothing_twice() {
+fn seven_retries_overcome_a_loss_of_a_third_without_duplicates() {
     let config = Config {
         loss: 0.33,
         ..CONFIG
@@ -204,14 +204,14 @@ fn seven_retries_get_almost_everything_through_a_loss_of_a_third_and_nothing_twi
         .iter()
         .filter(|(.., fate)| *fate == Fate::Delivered)
         .count();
-    // A try succeeds both ways with 0.45: all eight fail in 0.8 % of the cases.
+    // An attempt succeeds in both directions with probability 0.45; all eight fail in 0.8 % of the cases.
     assert!((485..=500).contains(&delivered), "{delivered}");
     let arrived = arrivals(&events).len();
     assert!((delivered..=500).contains(&arrived), "{arrived}");
 }
 
 #[test]
-fn a_datagram_that_finds_the_queue_full_is_dropped_and_its_sender_told() {
+fn datagram_for_a_full_queue_is_dropped_and_reported() {
     let mut line = Line::new(CONFIG, 2, 200.0, 1);
     for mark in 0..10 {
         line.send(0, 0, ALL, mark);
@@ -226,7 +226,7 @@ fn a_datagram_that_finds_the_queue_full_is_dropped_and_its_sender_told() {
 }
 
 #[test]
-fn a_program_may_be_slow_and_its_datagrams_keep_their_order() {
+fn jitter_keeps_the_order_of_datagrams() {
     let config = Config {
         access: Access::Csma {
             jitter: Duration::from_millis(1),
@@ -260,7 +260,7 @@ fn early_and_repeated_calls_do_nothing() {
 }
 
 #[test]
-fn what_is_for_a_drone_that_is_not_there_is_refused() {
+fn unknown_senders_and_receivers_are_refused() {
     let mut line = Line::new(CONFIG, 2, 200.0, 1);
     let refused = line.medium.send(at(0), NodeId(0), to(2), &Bytes::new());
     assert_eq!(refused, Err(SendError::UnknownReceiver(NodeId(2))));
@@ -268,7 +268,7 @@ fn what_is_for_a_drone_that_is_not_there_is_refused() {
     assert_eq!(refused, Err(SendError::UnknownSender(NodeId(2))));
 }
 
-/// Who sends when to whom; the last number stands for all.
+/// Time, sender and destination of frames; destination 6 is a broadcast.
 fn traffic() -> impl Strategy<Value = Vec<(u64, u32, u32)>> {
     prop::collection::vec((0_u64..20_000, 0_u32..6, 0_u32..7), 0..100).prop_map(|mut sends| {
         sends.sort_unstable();
@@ -276,7 +276,12 @@ fn traffic() -> impl Strategy<Value = Vec<(u64, u32, u32)>> {
     })
 }
 
-fn fly(sends: &[(u64, u32, u32)], spacing_m: f64, loss: f64, seed: u64) -> (Vec<Event>, Counters) {
+fn simulate(
+    sends: &[(u64, u32, u32)],
+    spacing_m: f64,
+    loss: f64,
+    seed: u64,
+) -> (Vec<Event>, Counters) {
     let config = Config { loss, ..CONFIG };
     let mut line = Line::new(config, 6, spacing_m, seed);
     for (mark, (at_us, from, destination)) in (0..).zip(sends) {
@@ -292,35 +297,34 @@ fn fly(sends: &[(u64, u32, u32)], spacing_m: f64, loss: f64, seed: u64) -> (Vec<
 
 proptest! {
     #[test]
-    fn the_seed_decides_everything(sends in traffic(), seed: u64) {
-        prop_assert_eq!(fly(&sends, 140.0, 0.1, seed), fly(&sends, 140.0, 0.1, seed));
+    fn seed_determines_everything(sends in traffic(), seed: u64) {
+        prop_assert_eq!(simulate(&sends, 140.0, 0.1, seed), simulate(&sends, 140.0, 0.1, seed));
     }
 
     #[test]
-    fn nobody_hears_two_at_once_or_the_same_twice(sends in traffic(), spacing_m in 10.0..320.0_f64, seed: u64) {
-        let arrivals = arrivals(&fly(&sends, spacing_m, 0.1, seed).0);
+    fn receptions_never_overlap_or_repeat(sends in traffic(), spacing_m in 10.0..320.0_f64, seed: u64) {
+        let arrivals = arrivals(&simulate(&sends, spacing_m, 0.1, seed).0);
         for radio in 0..6 {
-            let here: Vec<_> = arrivals.iter().filter(|it| it.1 == radio).collect();
-            prop_assert!(here.windows(2).all(|pair| pair[1].0 >= pair[0].0 + 196));
-            let mut marks: Vec<u8> = here.iter().map(|it| it.2).collect();
+            let received: Vec<_> = arrivals.iter().filter(|it| it.1 == radio).collect();
+            prop_assert!(received.windows(2).all(|pair| pair[1].0 >= pair[0].0 + 196));
+            let mut marks: Vec<u8> = received.iter().map(|it| it.2).collect();
             marks.sort_unstable();
-            let heard = marks.len();
             marks.dedup();
-            prop_assert_eq!(marks.len(), heard);
+            prop_assert_eq!(marks.len(), received.len());
         }
     }
 
     #[test]
-    fn what_is_for_one_drone_has_one_outcome_that_does_not_lie(
+    fn each_unicast_has_one_correct_outcome(
         sends in traffic(), spacing_m in 10.0..320.0_f64, seed: u64,
     ) {
-        let (events, counters) = fly(&sends, spacing_m, 0.1, seed);
+        let (events, counters) = simulate(&sends, spacing_m, 0.1, seed);
         let arrivals = arrivals(&events);
         let outcomes = outcomes(&events);
         for (mark, (_, _, destination)) in (0_u8..).zip(&sends) {
-            let of_it: Vec<_> = outcomes.iter().filter(|it| it.2 == mark).collect();
-            prop_assert_eq!(of_it.len(), usize::from(*destination != 6));
-            if of_it.iter().any(|it| it.3 == Fate::Delivered) {
+            let own: Vec<_> = outcomes.iter().filter(|it| it.2 == mark).collect();
+            prop_assert_eq!(own.len(), usize::from(*destination != 6));
+            if own.iter().any(|it| it.3 == Fate::Delivered) {
                 prop_assert!(arrivals.iter().any(|it| it.2 == mark && it.1 == *destination));
             }
         }

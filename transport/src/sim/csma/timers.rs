@@ -6,27 +6,27 @@ use muster_machines::time::Timestamp;
 
 use super::FrameId;
 
-/// Something that the medium has to do at an instant.
+/// A planned action of the medium.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Timer {
     /// A radio's next datagram is ready.
     Ready(NodeId),
-    /// A radio may have its turn, unless it has been called off.
+    /// A radio starts to send, unless the start was cancelled.
     Start(NodeId),
-    /// A frame is over.
+    /// A frame ends.
     End(FrameId),
-    /// A radio acknowledges what it has just heard.
+    /// A radio acknowledges a unicast.
     Acknowledge {
-        /// Who acknowledges.
+        /// The receiver of the unicast.
         by: NodeId,
-        /// Whose frame.
+        /// Its sender.
         to: NodeId,
     },
-    /// A radio stops waiting for an acknowledgement, unless it has come.
+    /// The deadline of an acknowledgement, unless it has arrived.
     Expire(NodeId),
 }
 
-/// What the medium has to do, in the order of time; at one instant, in the order in which it was planned.
+/// Planned actions in the order of time; at the same time, in the order of planning.
 #[derive(Debug, Default)]
 pub(super) struct Timers {
     heap: BinaryHeap<Reverse<(Timestamp, u64, Timer)>>,

@@ -1,4 +1,4 @@
-//! A fleet on paper: keys, and who believes whom.
+//! A fleet for tests: keys, and who trusts whom.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
@@ -8,7 +8,7 @@ use muster_machines::identity::NodeId;
 use muster_machines::radio::Authenticator;
 use muster_transport::quic::{Distrust, Identities, Peer, PublicKey};
 
-/// Drones 0 to 7, their keys, and the list of the expelled, which all of them read.
+/// Drones 0 to 7, their keys, and the revocation list that all of them share.
 pub(crate) struct Fleet {
     own: SigningKey,
     keys: BTreeMap<NodeId, SigningKey>,
@@ -20,7 +20,7 @@ impl Fleet {
         Self::of(1)
     }
 
-    /// Another number is another fleet, with the same drones' numbers.
+    /// A numbered fleet. All fleets have drones with the same numbers, but other keys.
     pub(crate) fn of(number: u8) -> Self {
         let key = |id: u8| SigningKey::from_bytes(&[number, id].repeat(16).try_into().unwrap());
         Self {
@@ -30,22 +30,22 @@ impl Fleet {
         }
     }
 
-    /// What a drone has.
+    /// The identities of a drone.
     pub(crate) fn identities(&self, id: u32) -> Arc<dyn Identities> {
         self.with_key(self.keys[&NodeId(id)].clone())
     }
 
-    /// What the fleet's operator has.
+    /// The identities of the fleet's operator.
     pub(crate) fn operator(&self) -> Arc<dyn Identities> {
         self.with_key(self.own.clone())
     }
 
-    /// What somebody has who believes this fleet, and has a key of another.
+    /// Identities that trust this fleet, but have a key of another fleet.
     pub(crate) fn with_key_of(&self, other: &Self, id: u32) -> Arc<dyn Identities> {
         self.with_key(other.keys[&NodeId(id)].clone())
     }
 
-    /// What somebody has who shows a drone's public key and does not have its secret one.
+    /// Identities that present a drone's public key without its secret key.
     pub(crate) fn with_public_key_only(&self, id: u32) -> Arc<dyn Identities> {
         let mut keys = self.keys(SigningKey::from_bytes(&[99; 32]));
         keys.shown = self.keys[&NodeId(id)].verifying_key();
@@ -104,7 +104,7 @@ impl Identities for Keys {
         let found = self.roster.iter().find(|(_, it)| it.as_bytes() == key);
         match found {
             None => Err(Distrust::Stranger),
-            Some((id, _)) if !self.is_trusted(*id) => Err(Distrust::RevocationList),
+            Some((id, _)) if !self.is_trusted(*id) => Err(Distrust::Revoked),
             Some((id, _)) => Ok(Peer::Drone(*id)),
         }
     }

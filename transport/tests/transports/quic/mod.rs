@@ -1,5 +1,5 @@
-//! QUIC, over the sockets of this machine. What every transport promises is tried with lists of peers and with beacons to a
-//! multicast group on the loopback interface.
+//! QUIC over the loopback interface. The contract of transports is tested with lists of peers and with beacons to a multicast
+//! group.
 
 mod fleet;
 mod operator;
@@ -13,17 +13,17 @@ use std::time::{Duration, Instant, SystemTime};
 use bytes::Bytes;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::time::Timestamp;
-use muster_transport::quic::{Config, Connections, QuicTransport, Waiting};
+use muster_transport::quic::{Config, Connections, QuicTransport, Readiness};
 use muster_transport::sockets::{self, Clock, Reach};
 use muster_transport::{Arrival, Destination, Event, Outcome, SendError, Transport};
 use tokio::runtime::{Builder, Runtime};
 
 use self::fleet::Fleet;
-use crate::suite::{DATAGRAM_MAX, Network, promises};
+use crate::suite::{DATAGRAM_MAX, Network, contract_tests};
 use crate::udp::{free_addresses, free_group};
 
-/// How long a test waits for what must come: only a failing one does.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Time limit for a condition that must come true.
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 const SWARM: SwarmId = SwarmId(1);
 
@@ -37,12 +37,12 @@ fn clock() -> Clock {
     Arc::new(move || then + began.elapsed())
 }
 
-/// One drone's end, with a runtime of its own, as on an aircraft.
+/// One drone's end, with its own runtime as on an aircraft.
 struct End {
     id: NodeId,
     runtime: Runtime,
     transport: QuicTransport,
-    waiting: Waiting,
+    readiness: Readiness,
 }
 
 impl End {
@@ -50,17 +50,17 @@ impl End {
         let (id, runtime) = (config.network.id, runtime());
         let entered = runtime.enter();
         let mut transport = QuicTransport::open(config, clock()).unwrap();
-        let waiting = transport.begin(incarnation).unwrap();
+        let readiness = transport.start(incarnation).unwrap();
         drop(entered);
         Self {
             id,
             runtime,
             transport,
-            waiting,
+            readiness,
         }
     }
 
-    /// Lets the end do what it has to, for a moment.
+    /// Runs the end's tasks for a moment.
     fn run(&self) {
         let moment = async { tokio::time::sleep(Duration::from_micros(500)).await };
         self.runtime.block_on(moment);
@@ -77,17 +77,17 @@ impl End {
     fn next(&mut self) -> Option<Arrival> {
         match self.transport.poll_event()? {
             Event::Arrival(arrival) => Some(arrival),
-            Event::Outcome(outcome) => panic!("QUIC tells nothing of {outcome:?}"),
+            Event::Outcome(outcome) => panic!("QUIC reported {outcome:?}"),
         }
     }
 }
 
-/// Lets ends do what they have to until something holds of them.
-fn until(what: &str, ends: &mut [&mut End], mut holds: impl FnMut(&mut [&mut End]) -> bool) {
+/// Runs ends until a condition holds.
+fn until(condition: &str, ends: &mut [&mut End], mut holds: impl FnMut(&mut [&mut End]) -> bool) {
     let began = Instant::now();
     while !holds(ends) {
         let all: Vec<_> = ends.iter().map(|it| it.connections()).collect();
-        assert!(began.elapsed() < PATIENCE, "never: {what}: {all:?}");
+        assert!(began.elapsed() < TIMEOUT, "never: {condition}: {all:?}");
         ends.iter().for_each(|end| end.run());
     }
 }
@@ -107,23 +107,23 @@ fn config(fleet: &Fleet, id: u32, bind: SocketAddr, reach: Reach) -> Config {
     }
 }
 
-/// Where drones are that have each other's addresses; nobody else uses them while this lives.
-struct Places {
-    addresses: [SocketAddr; 4],
+/// Reserved addresses of four drones.
+struct Addresses {
+    by_id: [SocketAddr; 4],
     _held: UdpSocket,
 }
 
-impl Places {
+impl Addresses {
     fn free() -> Self {
-        let (addresses, _held) = free_addresses();
-        Self { addresses, _held }
+        let (by_id, _held) = free_addresses();
+        Self { by_id, _held }
     }
 
     fn of(&self, id: u32) -> SocketAddr {
-        self.addresses[id as usize]
+        self.by_id[id as usize]
     }
 
-    /// The end of a drone that has the addresses of these.
+    /// The configuration of a drone with these peers.
     fn config(&self, fleet: &Fleet, id: u32, peers: &[u32]) -> Config {
         let peers = peers.iter().map(|peer| self.of(*peer)).collect();
         config(fleet, id, self.of(id), Reach::Peers(peers))
@@ -136,42 +136,42 @@ impl Places {
 
 const ANY: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::UNSPECIFIED), 0);
 
-/// Four drones, each connected with each.
+/// Four drones, all connected with each other.
 struct Quic {
     ends: Vec<End>,
-    _held: Places,
+    _held: Addresses,
 }
 
 impl Quic {
-    fn of(mut ends: Vec<End>, held: Places) -> Self {
+    fn of(mut ends: Vec<End>, held: Addresses) -> Self {
         let mut all: Vec<_> = ends.iter_mut().collect();
-        until("each is connected with each", &mut all, |ends| {
+        until("all are connected", &mut all, |ends| {
             ends.iter().all(|end| end.connections().open == 3)
         });
         Self { ends, _held: held }
     }
 
     fn with_peers() -> Self {
-        let (fleet, places) = (Fleet::new(), Places::free());
+        let (fleet, addresses) = (Fleet::new(), Addresses::free());
         let end = |id: u32| {
             let others: Vec<_> = (0..4).filter(|peer| *peer != id).collect();
-            places.open(&fleet, id, &others)
+            addresses.open(&fleet, id, &others)
         };
         let ends = (0..4).map(end).collect();
-        Self::of(ends, places)
+        Self::of(ends, addresses)
     }
 
     fn with_beacons() -> Self {
-        let (fleet, places) = (Fleet::new(), Places::free());
+        let (fleet, addresses) = (Fleet::new(), Addresses::free());
         let (group, _group_held) = free_group();
         let end = |id| End::open(config(&fleet, id, ANY, Reach::Group(group)), 1);
         let ends = (0..4).map(end).collect();
-        Self::of(ends, places)
+        Self::of(ends, addresses)
     }
 }
 
-/// What is sent behind all else: as a datagram, and on a stream.
-const MARKERS: [&[u8]; 2] = [b"all before this has arrived", &[0xee; DATAGRAM_MAX]];
+/// End markers: one that fits into a datagram, and one that needs a stream.
+const MARKERS: [&[u8]; 2] = [b"end marker", &[0xee; DATAGRAM_MAX]];
 
 impl Network for Quic {
     fn send(&mut self, from: NodeId, to: Destination, datagram: &Bytes) -> Result<(), SendError> {
@@ -179,8 +179,7 @@ impl Network for Quic {
         (self.ends[end].transport).send(Timestamp::ZERO, from, to, datagram)
     }
 
-    /// Each drone sends markers to all, the ways that frames go: of those that go the same way on one machine, none
-    /// overtakes another.
+    /// Each drone broadcasts both markers. Datagrams keep their order on one machine, and so do streams.
     fn arrivals(&mut self) -> Vec<Arrival> {
         for end in &mut self.ends {
             for marker in MARKERS {
@@ -211,7 +210,7 @@ impl Network for Quic {
     }
 
     fn learn(&mut self, drone: NodeId, arrival: &Arrival, sender: NodeId) {
-        assert_eq!(arrival.peer, Some(sender), "the connection says who it is");
+        assert_eq!(arrival.peer, Some(sender), "the connection names the peer");
         let source = arrival.source.unwrap();
         self.ends[drone.0 as usize].transport.learn(sender, source);
     }
@@ -220,19 +219,19 @@ impl Network for Quic {
 mod peers {
     use super::*;
 
-    promises!(Quic::with_peers());
+    contract_tests!(Quic::with_peers());
 }
 
 mod beacons {
     use super::*;
 
-    promises!(Quic::with_beacons());
+    contract_tests!(Quic::with_beacons());
 }
 
 #[test]
-fn what_is_for_one_drone_goes_over_the_connection_with_it_alone() {
+fn unicast_uses_only_the_connection_with_its_drone() {
     let mut network = Quic::with_peers();
-    let frame = Bytes::from_static(b"for you alone");
+    let frame = Bytes::from_static(b"unicast");
     let to = Destination::To(NodeId(2));
     assert_eq!(network.send(NodeId(0), to, &frame), Ok(()));
     let receivers: Vec<_> = network.arrivals().iter().map(|it| it.to).collect();
@@ -240,9 +239,10 @@ fn what_is_for_one_drone_goes_over_the_connection_with_it_alone() {
 }
 
 #[test]
-fn what_comes_while_too_much_waits_is_counted_and_dropped() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let (mut one, mut other) = (places.open(&fleet, 0, &[1]), places.open(&fleet, 1, &[]));
+fn frames_for_a_full_inbox_are_counted_and_dropped() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let mut one = addresses.open(&fleet, 0, &[1]);
+    let mut other = addresses.open(&fleet, 1, &[]);
     until("connected", &mut [&mut one, &mut other], |ends| {
         ends.iter().all(|end| end.connections().open == 1)
     });
@@ -251,36 +251,36 @@ fn what_comes_while_too_much_waits_is_counted_and_dropped() {
         one.send(Destination::Broadcast, &Bytes::from_static(&[7; 100]))
             .unwrap();
     }
-    let mut taken = 0;
+    let mut received = 0;
     let mut both = [&mut one, &mut other];
-    until("all was taken or dropped", &mut both, |ends| {
+    until("all frames are received or dropped", &mut both, |ends| {
         let end = &mut ends[1];
         let overflowed = end.transport.overflowed().unwrap();
         if overflowed > 0 {
-            taken += std::iter::from_fn(|| end.next()).count();
+            received += std::iter::from_fn(|| end.next()).count();
         }
-        taken as u64 + overflowed == sent
+        received as u64 + overflowed == sent
     });
     let (sender, receiver) = (one.transport.counters(), other.transport.counters());
     assert_eq!((sender.sent, sender.unsent), (sent, 0));
-    assert_eq!(receiver.received, taken as u64);
+    assert_eq!(receiver.received, received as u64);
 }
 
 #[test]
-fn a_drone_that_was_started_anew_is_connected_with_again() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let mut one = places.open(&fleet, 0, &[1]);
-    let mut other = places.open(&fleet, 1, &[0]);
+fn restarted_drone_is_reconnected() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let mut one = addresses.open(&fleet, 0, &[1]);
+    let mut other = addresses.open(&fleet, 1, &[0]);
     for incarnation in 2..5 {
         until("connected", &mut [&mut one, &mut other], |ends| {
             ends.iter().all(|end| end.connections().open == 1)
         });
-        // Its process is gone at once, and says nothing.
+        // Its process dies without closing its connections.
         other.runtime.shutdown_background();
-        drop((other.transport, other.waiting));
-        other = End::open(places.config(&fleet, 1, &[0]), incarnation);
-        let hello = Bytes::from_static(b"here I am again");
-        until("it is heard again", &mut [&mut one, &mut other], |ends| {
+        drop((other.transport, other.readiness));
+        other = End::open(addresses.config(&fleet, 1, &[0]), incarnation);
+        let hello = Bytes::from_static(b"restarted");
+        until("its frames arrive", &mut [&mut one, &mut other], |ends| {
             let [one, other] = ends else { unreachable!() };
             other.send(Destination::Broadcast, &hello).unwrap();
             one.next().is_some_and(|it| it.datagram == hello)

@@ -1,4 +1,4 @@
-//! Who is not connected with, and what that costs those who are.
+//! Refused peers, and attacks on discovery and handshakes.
 
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::sync::Arc;
@@ -13,93 +13,93 @@ use muster_transport::sockets::Reach;
 use socket2::{Domain, SockRef, Socket, Type};
 
 use super::fleet::Fleet;
-use super::{ANY, End, Places, config, free_group, until};
+use super::{ANY, Addresses, End, config, free_group, until};
 
 const TICK: Duration = Duration::from_millis(2);
 
-/// Drone 0, and somebody else at the place of drone 1, each of whom tries to connect with the other.
-fn meet(fleet: &Fleet, places: &Places, other: impl FnOnce(&mut Config)) -> [End; 2] {
-    let mut config = places.config(fleet, 1, &[0]);
-    other(&mut config);
-    [places.open(fleet, 0, &[1]), End::open(config, 1)]
+/// Drone 0, and a changed drone at the address of drone 1. Each tries to connect to the other.
+fn pair(fleet: &Fleet, addresses: &Addresses, change: impl FnOnce(&mut Config)) -> [End; 2] {
+    let mut config = addresses.config(fleet, 1, &[0]);
+    change(&mut config);
+    [addresses.open(fleet, 0, &[1]), End::open(config, 1)]
 }
 
-/// Tries for as long as it takes until both have been refused so and so, and none was ever connected.
-fn is_refused([one, other]: [End; 2], by_one: Refusal, by_other: Refusal) {
+/// Runs both ends until they have counted these refusals. No frame may pass.
+fn assert_refused([one, other]: [End; 2], by_one: Refusal, by_other: Refusal) {
     let [mut one, mut other] = [one, other];
-    let frame = Bytes::from_static(b"let me in");
+    let frame = Bytes::from_static(b"refused");
     until("refused", &mut [&mut one, &mut other], |ends| {
         for end in &mut *ends {
             end.send(Destination::Broadcast, &frame).unwrap();
-            assert_eq!(end.next(), None, "nothing is taken from who is refused");
+            assert_eq!(end.next(), None, "no frame of a refused peer");
         }
         let refused = [ends[0].connections(), ends[1].connections()].map(|it| it.refused);
         refused[0].contains_key(&by_one) && refused[1].contains_key(&by_other)
     });
     assert_eq!(one.transport.counters().received, 0);
-    assert_eq!(one.transport.counters().sent, 0, "nothing is told to them");
+    assert_eq!(one.transport.counters().sent, 0, "no frame is sent to it");
 }
 
 #[test]
-fn a_stranger_is_not_connected_with() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let strange = fleet.with_key_of(&Fleet::of(2), 1);
-    let both = meet(&fleet, &places, |it| it.identities = strange);
-    is_refused(both, Refusal::Stranger, Refusal::Denied);
+fn stranger_is_refused() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let stranger = fleet.with_key_of(&Fleet::of(2), 1);
+    let both = pair(&fleet, &addresses, |it| it.identities = stranger);
+    assert_refused(both, Refusal::Stranger, Refusal::Denied);
 }
 
 #[test]
-fn drones_of_two_fleets_do_not_believe_each_other() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let theirs = Fleet::of(2).identities(1);
-    let both = meet(&fleet, &places, |it| it.identities = theirs);
-    is_refused(both, Refusal::Stranger, Refusal::Stranger);
+fn drones_of_two_fleets_refuse_each_other() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let other_fleet = Fleet::of(2).identities(1);
+    let both = pair(&fleet, &addresses, |it| it.identities = other_fleet);
+    assert_refused(both, Refusal::Stranger, Refusal::Stranger);
 }
 
 #[test]
-fn who_shows_a_drones_public_key_and_has_not_its_secret_one_is_not_connected_with() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let claimed = fleet.with_public_key_only(1);
-    let both = meet(&fleet, &places, |it| it.identities = claimed);
-    is_refused(both, Refusal::Unproven, Refusal::Denied);
+fn public_key_without_the_secret_key_is_refused() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let unproven = fleet.with_public_key_only(1);
+    let both = pair(&fleet, &addresses, |it| it.identities = unproven);
+    assert_refused(both, Refusal::Unproven, Refusal::Denied);
 }
 
 #[test]
-fn a_drone_of_another_swarm_is_not_connected_with() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let both = meet(&fleet, &places, |it| it.swarm = SwarmId(2));
-    is_refused(both, Refusal::Unfinished, Refusal::Unfinished);
+fn drone_of_another_swarm_is_refused() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let both = pair(&fleet, &addresses, |it| it.swarm = SwarmId(2));
+    assert_refused(both, Refusal::Unfinished, Refusal::Unfinished);
 }
 
 #[test]
-fn an_expelled_drone_loses_its_connections_and_gets_none_again() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let [mut one, mut other] = meet(&fleet, &places, |_| {});
+fn revoked_drone_is_disconnected_and_refused() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let [mut one, mut other] = pair(&fleet, &addresses, |_| {});
     let connected =
         |ends: &mut [&mut End], open| ends.iter().all(|end| end.connections().open == open);
     let mut both = [&mut one, &mut other];
     until("connected", &mut both, |ends| connected(ends, 1));
     fleet.revoked.lock().unwrap().insert(NodeId(1));
     until("disconnected", &mut both, |ends| connected(ends, 0));
-    until("refused since", &mut both, |ends| {
+    until("refused", &mut both, |ends| {
         assert!(connected(ends, 0));
         ends[0]
             .connections()
             .refused
-            .contains_key(&Refusal::RevocationList)
+            .contains_key(&Refusal::Revoked)
     });
 }
 
 #[test]
-fn a_drone_is_who_its_key_says_whatever_it_claims() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    // A captured drone 3 calls itself 1, at the place of 1, while drone 1 is elsewhere.
+fn drone_is_identified_by_its_key() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    // A captured drone 3 claims to be drone 1, at the address of drone 1. Drone 1 has another address.
     let captured = fleet.identities(3);
-    let [mut one, mut captured] = meet(&fleet, &places, |it| it.identities = captured);
+    let [mut one, mut captured] = pair(&fleet, &addresses, |it| it.identities = captured);
     let mut honest = End::open(
         Config {
             identities: fleet.identities(1),
-            ..places.config(&fleet, 2, &[0])
+            ..addresses.config(&fleet, 2, &[0])
         },
         1,
     );
@@ -109,19 +109,19 @@ fn a_drone_is_who_its_key_says_whatever_it_claims() {
     });
     let frame = Bytes::from_static(b"for drone 1");
     (all[0].send(Destination::To(NodeId(1)), &frame)).unwrap();
-    until("it arrives", &mut all, |ends| {
-        assert_eq!(ends[1].next(), None, "it is not for who claims to be 1");
+    until("the frame arrives", &mut all, |ends| {
+        assert_eq!(ends[1].next(), None, "the impostor gets no frame");
         ends[2].next().is_some()
     });
 }
 
-/// Somebody without a key, who hears what a group hears, says it again, and passes on whatever it is told to and by another.
-struct Relay {
+/// An attacker without a key: records and replays beacons of a group, and relays connections.
+struct Attacker {
     socket: UdpSocket,
     group: SocketAddrV4,
 }
 
-impl Relay {
+impl Attacker {
     fn open(group: SocketAddrV4) -> Self {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         socket.set_read_timeout(Some(TICK)).unwrap();
@@ -129,14 +129,14 @@ impl Relay {
         Self { socket, group }
     }
 
-    /// The first that a drone says in the group, in the first of its lives.
+    /// Records the first beacon of a drone in its first incarnation.
     fn record(&self, fleet: &Fleet, id: u32) -> Vec<u8> {
         let config = config(fleet, id, ANY, Reach::Group(self.group));
-        self.record_of(config, 1, 1).remove(0)
+        self.record_many(config, 1, 1).remove(0)
     }
 
-    /// So much of what a drone says in the group in one of its lives.
-    fn record_of(&self, config: Config, incarnation: u32, beacons: usize) -> Vec<Vec<u8>> {
+    /// Records the first beacons of a drone in an incarnation.
+    fn record_many(&self, config: Config, incarnation: u32, count: usize) -> Vec<Vec<u8>> {
         let tap = Socket::new(Domain::IPV4, Type::DGRAM, None).unwrap();
         tap.set_reuse_address(true).unwrap();
         tap.bind(&SocketAddr::from(self.group).into()).unwrap();
@@ -144,37 +144,37 @@ impl Relay {
         (tap.join_multicast_v4(self.group.ip(), &Ipv4Addr::LOCALHOST)).unwrap();
         tap.set_read_timeout(Some(TICK)).unwrap();
         let end = End::open(config, incarnation);
-        let (mut buffer, mut heard) = ([0; 2_000], Vec::new());
-        while heard.len() < beacons {
+        let (mut buffer, mut recorded) = ([0; 2_000], Vec::new());
+        while recorded.len() < count {
             end.run();
             if let Ok(len) = tap.recv(&mut buffer) {
-                heard.push(buffer[..len].to_vec());
+                recorded.push(buffer[..len].to_vec());
             }
         }
-        heard
+        recorded
     }
 
-    /// Says something to the group until an end has refused so many beacons; whether anybody has tried to connect.
-    fn is_connected_with(&self, said: &[u8], end: &mut End, refused: u64) -> bool {
+    /// Sends a beacon to the group until an end has refused this many. Returns whether the end tried to connect.
+    fn attracts_connection(&self, beacon: &[u8], end: &mut End, refused: u64) -> bool {
         until("refused", &mut [end], |ends| {
-            self.socket.send_to(said, self.group).unwrap();
+            self.socket.send_to(beacon, self.group).unwrap();
             ends[0].connections().beacons_refused >= refused
         });
-        let tried = self.socket.recv(&mut [0; 2_000]);
-        tried.is_ok()
+        let attempt = self.socket.recv(&mut [0; 2_000]);
+        attempt.is_ok()
     }
 
-    /// Passes on to `other` what comes here, and back what that answers, until it is told to stop.
-    fn pass_on(&self, other: SocketAddr, is_over: &AtomicBool) {
-        let onward = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        onward.set_read_timeout(Some(TICK)).unwrap();
+    /// Relays datagrams between a victim and `other` until `stop` is set.
+    fn relay(&self, other: SocketAddr, stop: &AtomicBool) {
+        let forward = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        forward.set_read_timeout(Some(TICK)).unwrap();
         let (mut buffer, mut victim) = ([0; 2_000], None);
-        while !is_over.load(Relaxed) {
+        while !stop.load(Relaxed) {
             while let Ok((len, from)) = self.socket.recv_from(&mut buffer) {
                 victim = Some(from);
-                onward.send_to(&buffer[..len], other).unwrap();
+                forward.send_to(&buffer[..len], other).unwrap();
             }
-            while let (Some(victim), Ok(len)) = (victim, onward.recv(&mut buffer)) {
+            while let (Some(victim), Ok(len)) = (victim, forward.recv(&mut buffer)) {
                 self.socket.send_to(&buffer[..len], victim).unwrap();
             }
         }
@@ -182,111 +182,115 @@ impl Relay {
 }
 
 #[test]
-fn a_beacon_in_anothers_name_leads_nowhere() {
+fn beacon_with_a_false_number_is_refused() {
     let fleet = Fleet::new();
     let (group, _held) = free_group();
-    let relay = Relay::open(group);
-    // A captured drone 3 calls itself 1.
+    let attacker = Attacker::open(group);
+    // A captured drone 3 claims to be drone 1.
     let captured = Config {
         identities: fleet.identities(3),
         ..config(&fleet, 1, ANY, Reach::Group(group))
     };
-    let false_beacon = relay.record_of(captured, 1, 1).remove(0);
-    let beacon = relay.record(&fleet, 1);
+    let false_beacon = attacker.record_many(captured, 1, 1).remove(0);
+    let beacon = attacker.record(&fleet, 1);
     let mut one = End::open(config(&fleet, 0, ANY, Reach::Group(group)), 1);
-    assert!(!relay.is_connected_with(&false_beacon, &mut one, 20));
-    assert!(relay.is_connected_with(&beacon, &mut one, 40));
+    assert!(!attacker.attracts_connection(&false_beacon, &mut one, 20));
+    assert!(attacker.attracts_connection(&beacon, &mut one, 40));
 }
 
 #[test]
-fn beacons_that_were_recorded_on_other_flights_keep_no_drones_from_finding_each_other() {
+fn replayed_beacons_of_other_flights_do_not_prevent_discovery() {
     let fleet = Fleet::new();
     let (group, _held) = free_group();
-    let relay = Relay::open(group);
-    // Of two lives of each, one numbered higher and one lower than those that come.
+    let attacker = Attacker::open(group);
+    // Two incarnations of each drone: one above and one below the current incarnation.
     let mut recorded = Vec::new();
     for (id, incarnation) in [(0, 9), (1, 9), (0, 1), (1, 1)] {
         let config = config(&fleet, id, ANY, Reach::Group(group));
-        recorded.extend(relay.record_of(config, incarnation, 5));
+        recorded.extend(attacker.record_many(config, incarnation, 5));
     }
     let open = |id| End::open(config(&fleet, id, ANY, Reach::Group(group)), 5);
-    let mut again = recorded.iter().cycle();
+    let mut replayed = recorded.iter().cycle();
+    let mut replay = || {
+        let beacon = replayed.next().unwrap();
+        attacker.socket.send_to(beacon, group).unwrap();
+    };
     let mut one = open(0);
-    until("it has heard all of that", &mut [&mut one], |ends| {
-        relay.socket.send_to(again.next().unwrap(), group).unwrap();
+    until("all replays are received", &mut [&mut one], |ends| {
+        replay();
         ends[0].connections().beacons_refused > 20
     });
     let mut other = open(1);
     let mut both = [&mut one, &mut other];
-    until("they find each other", &mut both, |ends| {
-        relay.socket.send_to(again.next().unwrap(), group).unwrap();
+    until("they are connected", &mut both, |ends| {
+        replay();
         ends.iter().all(|end| end.connections().open == 1)
     });
 }
 
-/// Says that it is over when it goes, even by a failure.
-struct Over<'a>(&'a AtomicBool);
+/// Sets a flag when dropped, even after a panic.
+struct SetOnDrop<'a>(&'a AtomicBool);
 
-impl Drop for Over<'_> {
+impl Drop for SetOnDrop<'_> {
     fn drop(&mut self) {
         self.0.store(true, Relaxed);
     }
 }
 
 #[test]
-fn a_recorded_beacon_leads_once_to_whoever_said_it_again_and_not_to_a_connection() {
-    let (fleet, places) = (Fleet::new(), Places::free());
+fn replayed_beacon_causes_one_attempt_and_no_connection() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
     let (group, _held) = free_group();
-    let relay = Relay::open(group);
-    let recorded = relay.record(&fleet, 1);
+    let attacker = Attacker::open(group);
+    let recorded = attacker.record(&fleet, 1);
     let mut one = End::open(config(&fleet, 0, ANY, Reach::Group(group)), 1);
-    // A captured drone of the very fleet answers where drone 1 seems to be.
-    let captured = places.open(&fleet, 3, &[]);
-    let is_over = AtomicBool::new(false);
+    // A captured drone of the same fleet answers at the address of the replayed beacon.
+    let captured = addresses.open(&fleet, 3, &[]);
+    let stop = AtomicBool::new(false);
     std::thread::scope(|threads| {
         threads.spawn(|| {
-            while !is_over.load(Relaxed) {
+            while !stop.load(Relaxed) {
                 captured.run();
             }
         });
-        threads.spawn(|| relay.pass_on(places.of(3), &is_over));
-        let over = Over(&is_over);
-        let mut said = 0;
+        threads.spawn(|| attacker.relay(addresses.of(3), &stop));
+        let stop_at_end = SetOnDrop(&stop);
+        let mut sent = 0;
         until("refused", &mut [&mut one], |ends| {
-            relay.socket.send_to(&recorded, group).unwrap();
-            said += 1;
+            attacker.socket.send_to(&recorded, group).unwrap();
+            sent += 1;
             let it = ends[0].connections();
             assert_eq!(it.open, 0);
             it.refused.contains_key(&Refusal::OtherDrone) && it.beacons_refused > 10
         });
-        drop(over);
-        assert!(said > 10);
+        drop(stop_at_end);
+        assert!(sent > 10);
     });
     let refused = one.connections().refused;
     assert_eq!(refused.values().sum::<u64>(), 1, "one attempt: {refused:?}");
 }
 
 #[test]
-fn strangers_who_knock_without_end_keep_nobody_out() {
-    let (fleet, places) = (Fleet::new(), Places::free());
-    let mut one = places.open(&fleet, 0, &[]);
-    let at = places.of(0);
-    // Each begins a handshake after the other, and proves nothing.
-    let stranger = super::runtime();
-    let strange = Fleet::of(2).operator();
+fn handshake_flood_of_strangers_blocks_no_member() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let mut one = addresses.open(&fleet, 0, &[]);
+    let at = addresses.of(0);
+    // 64 strangers that start one handshake after the other.
+    let runtime = super::runtime();
+    let stranger = Fleet::of(2).operator();
     for _ in 0..64 {
-        let strange = Arc::clone(&strange);
-        stranger.spawn(async move {
+        let stranger = Arc::clone(&stranger);
+        runtime.spawn(async move {
             loop {
-                let knocked = Operator::connect(at, Arc::clone(&strange)).await;
-                assert!(knocked.is_err());
+                let attempt = Operator::connect(at, Arc::clone(&stranger)).await;
+                assert!(attempt.is_err());
             }
         });
     }
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-    let knocking = std::thread::spawn(move || {
+    let flood = std::thread::spawn(move || {
         let noise = UdpSocket::bind(("127.0.0.1", 0)).unwrap();
-        stranger.block_on(async {
+        runtime.block_on(async {
             let mut ticks = tokio::time::interval(std::time::Duration::from_micros(200));
             tokio::select! {
                 _ = stopped => {}
@@ -299,20 +303,17 @@ fn strangers_who_knock_without_end_keep_nobody_out() {
             }
         });
     });
-    until("they are refused", &mut [&mut one], |ends| {
+    until("strangers are refused", &mut [&mut one], |ends| {
         let refused = ends[0].connections().refused;
         refused.contains_key(&Refusal::Stranger) || refused.contains_key(&Refusal::TooMany)
     });
-    let mut other = places.open(&fleet, 1, &[0]);
-    let frame = Bytes::from_static(b"I belong here");
-    until(
-        "who belongs here is heard",
-        &mut [&mut one, &mut other],
-        |ends| {
-            ends[1].send(Destination::Broadcast, &frame).unwrap();
-            ends[0].next().is_some_and(|it| it.datagram == frame)
-        },
-    );
+    let mut other = addresses.open(&fleet, 1, &[0]);
+    let frame = Bytes::from_static(b"member");
+    let mut both = [&mut one, &mut other];
+    until("a frame of the member arrives", &mut both, |ends| {
+        ends[1].send(Destination::Broadcast, &frame).unwrap();
+        ends[0].next().is_some_and(|it| it.datagram == frame)
+    });
     stop.send(()).unwrap();
-    knocking.join().unwrap();
+    flood.join().unwrap();
 }

@@ -25,12 +25,12 @@ fn at(north_m: f64, altitude_m: f64) -> Ned {
     Ned::new(north_m, 0.0, -altitude_m)
 }
 
-/// What a line of five along its legs is exposed to, phase by phase.
-fn exposures_of_a_line(waypoints: &[Ned]) -> Vec<Vec<(Exposure, Nearness)>> {
+/// Exposures of a line of five drones along its legs, by phase.
+fn exposures_of_a_line(waypoints: &[Ned]) -> Vec<Vec<(Exposure, Proximity)>> {
     let along = std::f64::consts::FRAC_PI_2;
     let layout = Layout::new(formation(Kind::Linear, 5, 20.0, along), 10.0, SEPARATION)
-        .with_layers(Layering::Each);
-    let flown = Flown {
+        .with_layers(Layering::PerDrone);
+    let flown = FlightPlan {
         layout: &layout,
         changes: &[],
         waypoints,
@@ -38,23 +38,27 @@ fn exposures_of_a_line(waypoints: &[Ned]) -> Vec<Vec<(Exposure, Nearness)>> {
     flown.exposures().collect()
 }
 
-fn pairs(of: &[(Exposure, Nearness)], exposure: Exposure) -> usize {
+fn pairs(of: &[(Exposure, Proximity)], exposure: Exposure) -> usize {
     let (_, nearness) = of.iter().find(|(it, _)| *it == exposure).unwrap();
-    nearness.too_near.len()
+    nearness.conflicts.len()
 }
 
 #[test]
-fn in_file_one_that_is_late_is_in_the_way_of_those_behind_it() {
-    // A leg of 30 m leads past one slot, one of 50 m past two.
-    for (length_m, too_near) in [(30.0, 4), (50.0, 7), (14.0, 0)] {
+fn late_drone_in_a_column_conflicts_with_those_behind_it() {
+    // A leg of 30 m leads past one slot, one of 50 m past two slots.
+    for (length_m, pairs_passed) in [(30.0, 4), (50.0, 7), (14.0, 0)] {
         let of = exposures_of_a_line(&[at(0.0, 20.0), at(length_m, 20.0)]);
-        // Each of the two may be the one that is late.
-        assert_eq!(pairs(&of[1], Exposure::Late), 2 * too_near, "{length_m} m");
+        // Either drone of a pair may be late.
+        assert_eq!(
+            pairs(&of[1], Exposure::Late),
+            2 * pairs_passed,
+            "{length_m} m"
+        );
     }
 }
 
 #[test]
-fn one_that_flies_in_its_own_layer_is_above_a_slope() {
+fn drone_in_its_own_layer_is_above_a_slope() {
     let of = exposures_of_a_line(&[at(0.0, 20.0), at(14.0, 40.0)]);
     assert_eq!(pairs(&of[1], Exposure::Apart), 0);
 }
@@ -62,7 +66,7 @@ fn one_that_flies_in_its_own_layer_is_above_a_slope() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
     #[test]
-    fn in_lockstep_no_two_come_too_near(
+    fn drones_in_lockstep_keep_the_separation(
         kinds in (kinds(), kinds()),
         grid in any::<bool>(),
         drones in 2_u32..16,
@@ -72,9 +76,9 @@ proptest! {
         legs in prop::collection::vec((0.0..6.3_f64, 5.0..200.0_f64, 12.0..60.0_f64), 0..4),
     ) {
         let ground = if grid { Ground::Grid(Assignment::Optimal) } else { Ground::Gathered };
-        let layering = if each { Layering::Each } else { Layering::Shared };
+        let layering = if each { Layering::PerDrone } else { Layering::Shared };
         let layout = Layout::new(formation(kinds.0, drones, spacing_m, heading_rad), 10.0, SEPARATION)
-            .standing(ground)
+            .with_ground(ground)
             .with_layers(layering);
         let mut waypoints = vec![at(0.0, 20.0)];
         for (course_rad, length_m, altitude_m) in legs {
@@ -89,16 +93,16 @@ proptest! {
         } else {
             Vec::new()
         };
-        let flown = Flown { layout: &layout, changes: &changes, waypoints: &waypoints };
-        for Exposed { phase, lockstep, .. } in flown.in_lockstep() {
-            prop_assert!(lockstep.too_near.is_empty(), "{:?}: {:?}", phase.act, lockstep.closest);
-            let room = lockstep.closest.unwrap().clearance.room;
-            prop_assert!(room >= 1.0, "{:?}: {}", phase.act, room);
+        let flown = FlightPlan { layout: &layout, changes: &changes, waypoints: &waypoints };
+        for PhaseSeparation { phase, lockstep, .. } in flown.in_lockstep() {
+            prop_assert!(lockstep.conflicts.is_empty(), "{:?}: {:?}", phase.kind, lockstep.closest);
+            let ratio = lockstep.closest.unwrap().clearance.ratio;
+            prop_assert!(ratio >= 1.0, "{:?}: {}", phase.kind, ratio);
         }
     }
 
     #[test]
-    fn the_nearest_two_are_found_among_all(
+    fn search_finds_the_closest_approach_and_all_conflicts(
         kind in kinds(),
         drones in 2_u32..12,
         spacing_m in 12.0..60.0_f64,
@@ -106,22 +110,22 @@ proptest! {
     ) {
         let layout = Layout::new(formation(kind, drones, spacing_m, 0.3), 10.0, SEPARATION);
         let waypoints = [at(0.0, 20.0), at(length_m, 30.0)];
-        let flown = Flown { layout: &layout, changes: &[], waypoints: &waypoints };
+        let flown = FlightPlan { layout: &layout, changes: &[], waypoints: &waypoints };
         let leg = flown.phases().nth(1).unwrap();
         let of = flown.exposures().nth(1).unwrap();
         let late = &of[0].1;
         let mut closest = f64::INFINITY;
-        let mut too_near = BTreeSet::new();
+        let mut conflicts = BTreeSet::new();
         for (a, one) in tubes(&leg) {
             for (b, other) in tubes(&leg).filter(|(b, _)| a != *b) {
                 let (one, other) = (Tube::from(one), Tube::from(other));
-                closest = closest.min(one.clearance(other, SEPARATION).room);
-                if one.comes_near(other, SEPARATION) {
-                    too_near.insert([a, b]);
+                closest = closest.min(one.clearance(other, SEPARATION).ratio);
+                if one.violates(other, SEPARATION) {
+                    conflicts.insert([a, b]);
                 }
             }
         }
-        prop_assert_eq!(&late.too_near, &too_near);
-        prop_assert!((late.closest.unwrap().clearance.room - closest).abs() < 1e-9);
+        prop_assert_eq!(&late.conflicts, &conflicts);
+        prop_assert!((late.closest.unwrap().clearance.ratio - closest).abs() < 1e-9);
     }
 }

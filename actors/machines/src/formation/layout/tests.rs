@@ -37,7 +37,7 @@ fn grounds() -> impl Strategy<Value = Ground> {
 }
 
 #[test]
-fn a_line_across_the_legs_needs_no_layers() {
+fn line_across_the_legs_needs_no_layers() {
     let layout = Layout::new(line(15, 160.0, 0.0), 10.0, SEPARATION);
     let north = [Ned::new(0.0, 0.0, -25.0), Ned::new(400.0, 100.0, -25.0)];
     assert_eq!(*layout.layers_m(&north), [0.0; 15]);
@@ -45,7 +45,7 @@ fn a_line_across_the_legs_needs_no_layers() {
 }
 
 #[test]
-fn a_line_along_the_legs_has_a_layer_for_each_drone() {
+fn line_along_the_legs_has_a_layer_for_each_drone() {
     let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION);
     let east = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 1_000.0, -25.0)];
     let mut layers = layout.layers_m(&east).to_vec();
@@ -54,26 +54,26 @@ fn a_line_along_the_legs_has_a_layer_for_each_drone() {
     assert_eq!(
         layout.landing_layers_m(),
         [0.0; 4],
-        "in lockstep nobody passes anybody"
+        "in lockstep no drone passes another"
     );
 }
 
 #[test]
-fn only_neighbours_on_a_short_leg_share_no_layer() {
+fn drones_farther_apart_than_a_leg_share_a_layer() {
     let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION);
     let east = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 170.0, -25.0)];
     assert_eq!(*layout.layers_m(&east), [5.5, 11.0, 5.5, 11.0]);
 }
 
 #[test]
-fn the_masters_own_layer_is_the_lowest() {
-    let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION).with_layers(Layering::Each);
+fn master_has_the_lowest_layer() {
+    let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION).with_layers(Layering::PerDrone);
     assert_eq!(layout.formation().centre(), NodeId(2));
     assert_eq!(*layout.layers_m(&[]), [11.0, 16.5, 5.5, 22.0]);
 }
 
 #[test]
-fn gathered_swarms_of_forty_need_four_layers_at_most_and_expose_nobody() {
+fn gathered_swarms_of_forty_need_at_most_four_layers_and_expose_no_ends() {
     for kind in [
         Kind::Linear,
         Kind::Circular,
@@ -86,13 +86,13 @@ fn gathered_swarms_of_forty_need_four_layers_at_most_and_expose_nobody() {
             let layout = Layout::new(formation(kind, drones, 100.0, 0.0), 10.0, SEPARATION);
             let highest_m = layout.highest_layer_m(&[]);
             assert!(highest_m <= 4.0 * 5.5, "{kind:?}, {drones}: {highest_m} m");
-            assert_eq!(layout.exposed(), 0, "{kind:?}, {drones}");
+            assert_eq!(layout.exposed_ends(), 0, "{kind:?}, {drones}");
         }
     }
 }
 
 #[test]
-fn a_line_and_a_circle_need_no_layers_to_take_off() {
+fn line_and_circle_need_no_layers_to_take_off() {
     for kind in [Kind::Linear, Kind::Circular] {
         for drones in [2, 7, 40, 200] {
             let layout = Layout::new(formation(kind, drones, 100.0, 0.3), 10.0, SEPARATION);
@@ -102,23 +102,23 @@ fn a_line_and_a_circle_need_no_layers_to_take_off() {
 }
 
 #[test]
-fn a_thousand_drones_are_laid_out() {
+fn layout_of_a_thousand_drones_has_a_layer_for_each() {
     let waypoints: Vec<Ned> = (0..9)
         .map(|leg| Ned::new(f64::from(leg) * 300.0, f64::from(leg % 2) * 90.0, -25.0))
         .collect();
     let formation = formation(Kind::CompactMesh, 1_000, 40.0, 0.0);
     let layout = Layout::new(formation, 10.0, SEPARATION)
-        .standing(Ground::Grid(Assignment::for_drones(1_000)));
+        .with_ground(Ground::Grid(Assignment::for_drones(1_000)));
     assert_eq!(layout.layers_m(&waypoints).len(), 1_000);
 }
 
 #[test]
-fn large_swarms_are_assigned_greedily() {
+fn swarms_above_the_optimal_limit_are_assigned_greedily() {
     assert_eq!(Assignment::for_drones(OPTIMAL_MAX), Assignment::Optimal);
     assert_eq!(Assignment::for_drones(OPTIMAL_MAX + 1), Assignment::Greedy);
 }
 
-/// The least sum of squared distances over all assignments, in m².
+/// Smallest sum of squared distances over all assignments, in m².
 fn least_m2(places: &mut Vec<Ned>, slots: &[Ned]) -> f64 {
     let Some((slot, rest)) = slots.split_first() else {
         return 0.0;
@@ -140,8 +140,7 @@ fn sum_m2(places: &[Ned], slots: &[Ned]) -> f64 {
         .sum()
 }
 
-/// Where a drone is over ground and in height on its way, from its place on the ground to its slot, in steps of a
-/// part of it.
+/// Positions on the path of a drone from its place on the ground to its slot, in small steps.
 fn along(ground: Ned, slot: Ned, layer_m: f64) -> impl Iterator<Item = Ned> {
     let level = (0..=100).map(move |part| {
         let path = Ned((slot.0 - ground.0) * (f64::from(part) / 100.0));
@@ -156,24 +155,24 @@ fn along(ground: Ned, slot: Ned, layer_m: f64) -> impl Iterator<Item = Ned> {
 
 proptest! {
     #[test]
-    fn places_on_the_ground_are_the_gap_apart(
+    fn places_on_the_ground_keep_the_gap(
         kind in kinds(),
         ground in grounds(),
         drones in 1_u32..40,
         gap_m in 6.0..100.0_f64,
     ) {
-        let layout = Layout::new(formation(kind, drones, 160.0, 0.5), gap_m, SEPARATION).standing(ground);
+        let layout = Layout::new(formation(kind, drones, 160.0, 0.5), gap_m, SEPARATION).with_ground(ground);
         let all = |place: &dyn Fn(NodeId) -> Ned| (0..drones).map(NodeId).map(place).collect::<Vec<_>>();
         for places in [
-            all(&|id| layout.stand(id, Ned::HOME)),
-            all(&|id| layout.place(id, Ned::HOME)),
+            all(&|id| layout.take_off_place(id, Ned::HOME)),
+            all(&|id| layout.landing_place(id, Ned::HOME)),
         ] {
             prop_assert!(nearest_m(&places) >= gap_m * (1.0 - 1e-9));
         }
     }
 
     #[test]
-    fn no_assignment_is_better_than_the_optimal_one(
+    fn optimal_assignment_has_the_least_squared_distance(
         kind in kinds(),
         drones in 1_u32..7,
         turn_rad in 0.0..6.3_f64,
@@ -185,21 +184,21 @@ proptest! {
         prop_assert!(sum_m2(&assigned, slots.slots()) <= least + 1.0, "square metres");
         let greedy = Assignment::Greedy.assign(&places, slots.slots());
         prop_assert!(sum_m2(&greedy, slots.slots()) >= least - 1e-6);
-        prop_assert!(nearest_m(&greedy) >= 9.999 || drones == 1, "each place is taken once");
+        prop_assert!(nearest_m(&greedy) >= 9.999 || drones == 1, "each place is assigned once");
     }
 
     #[test]
-    fn where_nobody_is_exposed_every_drone_may_be_anywhere_on_its_way(
+    fn without_exposed_ends_drones_are_separated_anywhere_on_their_paths(
         kind in kinds(),
         drones in 2_u32..16,
         spacing_m in 20.0..200.0_f64,
     ) {
         let layout = Layout::new(formation(kind, drones, spacing_m, 0.2), 10.0, SEPARATION);
-        prop_assume!(layout.exposed() == 0);
+        prop_assume!(layout.exposed_ends() == 0);
         let paths: Vec<Vec<Ned>> = (0..drones).map(|id| {
             let slot = layout.slot(NodeId(id), Ned::HOME);
             let layer_m = layout.landing_layers_m()[id as usize];
-            along(layout.place(NodeId(id), Ned::HOME), slot, layer_m).collect()
+            along(layout.landing_place(NodeId(id), Ned::HOME), slot, layer_m).collect()
         }).collect();
         for (a, path) in paths.iter().enumerate() {
             for (b, other) in paths[..a].iter().enumerate() {
@@ -215,7 +214,7 @@ proptest! {
     }
 
     #[test]
-    fn drones_whose_ways_cross_differ_by_the_vertical_minimum(
+    fn drones_passing_slots_on_a_leg_have_vertically_separated_layers(
         heading_rad in 0.0..3.2_f64,
         legs in prop::collection::vec((0.0..6.3_f64, 20.0..600.0_f64), 1..5),
     ) {
@@ -231,7 +230,7 @@ proptest! {
             let path = leg[1] - leg[0];
             for a in 0..6 {
                 for b in 0..a {
-                    // One stands at its slot, the other flies its whole leg past it.
+                    // One waits at its slot; the other flies its whole leg past it.
                     let nearest = (0..=200).map(|part| {
                         let flown = Ned(path.0 * (f64::from(part) / 200.0));
                         (slots[b] + flown).horizontal_distance_m(slots[a])

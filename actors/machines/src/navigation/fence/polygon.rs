@@ -1,31 +1,31 @@
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use crate::formation::crossings::to_point_m;
+use crate::formation::crossings::segment_to_point_m;
 use crate::geometry::Ned;
 
-/// An area whose sides don't meet but at the corners that they share; to the whole millimetre.
+/// A simple polygon, exact to the millimetre: sides meet only at shared corners.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polygon {
-    /// North and east of home, in metres; at least three.
+    /// Metres north and east of home; at least three corners.
     corners: Vec<Vector2<f64>>,
 }
 
-/// Corners that enclose no area, or not one. They are counted from 0; side `n` begins at corner `n`.
+/// Corners that enclose no area or several. Corners count from 0; side `n` starts at corner `n`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum PolygonError {
-    /// There are fewer than three different ones.
-    #[error("{corners} different corners enclose nothing")]
+    /// Fewer than three different corners.
+    #[error("a polygon needs at least 3 different corners, found {corners}")]
     TooFewCorners {
-        /// How many.
+        /// Number of different corners.
         corners: usize,
     },
-    /// Two sides cross, touch, or lie on each other.
+    /// Two sides cross, touch or overlap.
     #[error("the side from corner {first} meets the side from corner {second}")]
     SidesMeet {
-        /// Where the one begins.
+        /// First side.
         first: usize,
-        /// Where the other one begins.
+        /// Second side.
         second: usize,
     },
 }
@@ -33,11 +33,11 @@ pub enum PolygonError {
 type Millimetres = Vector2<i64>;
 
 impl Polygon {
-    /// The polygon of these corners, in order either way round; their heights don't matter. A corner that is where the one
-    /// before it is, to the millimetre, counts as one with it; so does a last one that is where the first is.
+    /// Polygon of these corners, in either order; altitudes are ignored. Equal consecutive corners, to the millimetre,
+    /// count once, and so does a last corner equal to the first.
     ///
     /// # Errors
-    /// When they enclose nothing, or their sides meet. It takes time with the square of their number.
+    /// If the corners enclose no area, or sides meet. Takes time quadratic in the number of corners.
     pub fn new(corners: impl IntoIterator<Item = Ned>) -> Result<Self, PolygonError> {
         let corners = corners.into_iter().map(to_millimetres).enumerate();
         let mut corners: Vec<(usize, Millimetres)> = corners.collect();
@@ -60,7 +60,7 @@ impl Polygon {
         })
     }
 
-    /// Its corners, in metres north and east of home.
+    /// Corners, in metres north and east of home.
     pub fn corners(&self) -> impl ExactSizeIterator<Item = Ned> {
         let corners = self.corners.iter();
         corners.map(|corner| Ned::new(corner.x, corner.y, 0.0))
@@ -71,47 +71,47 @@ impl Polygon {
         self.corners.iter().copied().zip(next.copied())
     }
 
-    /// How far a place is within it, in metres; negative outside.
+    /// Distance of a place from the nearest side, in metres; negative outside.
     pub(super) fn depth_m(&self, place: Vector2<f64>) -> f64 {
         let mut is_within = false;
         let mut nearest_m = f64::INFINITY;
         for (from, to) in self.sides() {
-            // A line north from the place crosses an odd number of sides if it is inside.
+            // A ray north crosses an odd number of sides from inside.
             if (from.y > place.y) != (to.y > place.y) {
                 let share = (place.y - from.y) / (to.y - from.y);
                 is_within ^= from.x + share * (to.x - from.x) > place.x;
             }
-            nearest_m = nearest_m.min(to_point_m((from, to), place));
+            nearest_m = nearest_m.min(segment_to_point_m((from, to), place));
         }
         if is_within { nearest_m } else { -nearest_m }
     }
 
-    /// How far a straight way is from the sides at the closest, in metres; 0 if it crosses one.
+    /// Smallest distance of a straight path from the sides, in metres; 0 if it crosses one.
     pub(super) fn to_path_m(&self, path: (Vector2<f64>, Vector2<f64>)) -> f64 {
         let apart_m = self.sides().map(|side| apart_m(side, path));
         apart_m.fold(f64::INFINITY, f64::min)
     }
 }
 
-/// How far two straight ways are apart at the closest, in metres.
+/// Smallest distance of two segments, in metres.
 fn apart_m(one: (Vector2<f64>, Vector2<f64>), other: (Vector2<f64>, Vector2<f64>)) -> f64 {
-    let are_parted = |(from, to): (Vector2<f64>, Vector2<f64>), (a, b)| {
+    let are_on_one_side = |(from, to): (Vector2<f64>, Vector2<f64>), (a, b)| {
         let along = to - from;
         along.perp(&(a - from)) * along.perp(&(b - from)) >= 0.0
     };
-    if !are_parted(one, other) && !are_parted(other, one) {
+    if !are_on_one_side(one, other) && !are_on_one_side(other, one) {
         return 0.0;
     }
     let from_ends = [
-        to_point_m(one, other.0),
-        to_point_m(one, other.1),
-        to_point_m(other, one.0),
-        to_point_m(other, one.1),
+        segment_to_point_m(one, other.0),
+        segment_to_point_m(one, other.1),
+        segment_to_point_m(other, one.0),
+        segment_to_point_m(other, one.1),
     ];
     from_ends.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// Whether no two sides meet but where they follow each other. The corners are different from their neighbours.
+/// Checks that sides meet only at shared corners. Neighbouring corners must differ.
 fn check_sides(corners: &[(usize, Millimetres)]) -> Result<(), PolygonError> {
     let corner = |at: usize| corners[at % corners.len()].1;
     for first in 0..corners.len() {
@@ -136,10 +136,10 @@ fn check_sides(corners: &[(usize, Millimetres)]) -> Result<(), PolygonError> {
     Ok(())
 }
 
-/// Whether who comes from `a` to `b` goes back the same way to `c`.
+/// Whether the path from `a` over `b` to `c` turns back on itself.
 fn turns_back(a: Millimetres, b: Millimetres, c: Millimetres) -> bool {
-    let (to, on) = (b - a, c - b);
-    to.perp(&on) == 0 && to.dot(&on) < 0
+    let (first, second) = (b - a, c - b);
+    first.perp(&second) == 0 && first.dot(&second) < 0
 }
 
 /// Whether two sides have a point in common.
@@ -158,7 +158,7 @@ fn sides_meet(one: (Millimetres, Millimetres), other: (Millimetres, Millimetres)
         || is_on(other, one.1)
 }
 
-/// Exact where products of differences fit 64 bits: 1,000 km from home.
+/// Exact up to 1,000 km from home, where products of differences fit 64 bits.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "saturates, far beyond where missions are"

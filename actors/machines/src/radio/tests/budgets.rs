@@ -1,12 +1,12 @@
 use super::*;
 
-/// A host by its number, and one of its ports.
+/// A port of host number `host`.
 fn from(host: u16) -> Option<Source> {
     Some(source(host, 4_700))
 }
 
-/// How many of so many forgeries in the name of drone 0 have their signature looked at, all within a millisecond.
-fn looked_at(
+/// Number of forgeries in the name of drone 0 that are verified, all within a millisecond.
+fn verified_count(
     receiver: &mut Radio<IdealAuthenticator>,
     forged: &Bytes,
     hosts: impl Iterator<Item = u16>,
@@ -16,13 +16,13 @@ fn looked_at(
 }
 
 #[test]
-fn forgeries_from_elsewhere_use_up_nothing_of_what_a_drone_may_say() {
+fn forgeries_from_other_sources_cost_a_drone_no_tokens() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     let frame = sent_by(&mut sender, b"");
     assert_eq!(dropped_from(&mut receiver, 0, &frame, from(1)), None);
     let forged = unsigned(&sent_by(&mut sender, b""));
     let attackers = (0..10_000).map(|nth| 2 + nth % 2_000);
-    looked_at(&mut receiver, &forged, attackers);
+    verified_count(&mut receiver, &forged, attackers);
     for _ in 0..2 {
         let frame = sent_by(&mut sender, b"");
         assert_eq!(dropped_from(&mut receiver, 0, &frame, from(1)), None);
@@ -30,27 +30,27 @@ fn forgeries_from_elsewhere_use_up_nothing_of_what_a_drone_may_say() {
 }
 
 #[test]
-fn of_one_host_few_forgeries_are_looked_at_and_others_are_heard_meanwhile() {
+fn verified_forgeries_of_one_host_are_limited_and_others_are_admitted() {
     let mut receiver = radio(1);
     let forged = unsigned(&sent_by(&mut radio(0), b""));
     // From each of its ports.
     let reasons =
         (1..=u16::MAX).map(|port| dropped_from(&mut receiver, 0, &forged, Some(source(2, port))));
-    let looked_at = reasons.filter(|it| *it == Some(DropReason::Forged)).count();
-    assert_eq!(looked_at, 128);
+    let verified_count = reasons.filter(|it| *it == Some(DropReason::Forged)).count();
+    assert_eq!(verified_count, 128);
     let unverified = dropped_from(&mut receiver, 0, &forged, from(2));
     assert_eq!(unverified, Some(DropReason::Unverified));
-    // Who was never heard before is taken in.
+    // A new sender is admitted.
     let frame = sent_by(&mut radio(2), b"");
     assert_eq!(dropped_from(&mut receiver, 0, &frame, from(3)), None);
 }
 
 #[test]
-fn of_all_hosts_together_no_more_forgeries_are_looked_at_than_a_processor_has_time_for() {
+fn verified_forgeries_of_all_hosts_are_limited() {
     let mut receiver = radio(1);
     let forged = unsigned(&sent_by(&mut radio(0), b""));
-    assert_eq!(looked_at(&mut receiver, &forged, 2..10_000), 256);
-    // A millisecond later one more.
+    assert_eq!(verified_count(&mut receiver, &forged, 2..10_000), 256);
+    // One more a millisecond later.
     let two = [1, 1].map(|now| dropped_from(&mut receiver, now, &forged, from(60_000)));
     assert_eq!(
         two,
@@ -60,17 +60,17 @@ fn of_all_hosts_together_no_more_forgeries_are_looked_at_than_a_processor_has_ti
 }
 
 #[test]
-fn forgeries_from_where_a_drone_is_keep_it_from_being_heard_there_and_nobody_else() {
+fn forgeries_from_a_drone_s_source_block_that_drone_there_and_no_other() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     let frame = sent_by(&mut sender, b"");
     assert_eq!(dropped_from(&mut receiver, 0, &frame, from(1)), None);
     let forged = unsigned(&sent_by(&mut sender, b""));
-    // As many as it may say itself.
+    // As many as its own budget.
     let junk = std::iter::repeat_n(1, 100);
-    assert_eq!(looked_at(&mut receiver, &forged, junk), 3);
+    assert_eq!(verified_count(&mut receiver, &forged, junk), 3);
     let frame = sent_by(&mut sender, b"");
-    let unheard = dropped_from(&mut receiver, 0, &frame, from(1));
-    assert_eq!(unheard, Some(DropReason::Unverified));
+    let blocked = dropped_from(&mut receiver, 0, &frame, from(1));
+    assert_eq!(blocked, Some(DropReason::Unverified));
     assert_eq!(dropped_from(&mut receiver, 0, &frame, from(5)), None);
     let frame = sent_by(&mut radio(2), b"");
     assert_eq!(
@@ -80,10 +80,10 @@ fn forgeries_from_where_a_drone_is_keep_it_from_being_heard_there_and_nobody_els
 }
 
 #[test]
-fn whoever_passes_on_a_drones_frame_and_then_forges_its_others_does_not_silence_it() {
+fn forwarding_a_frame_and_forging_others_does_not_silence_a_drone() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     for now in (0..10_000).step_by(400) {
-        // One of its frames is there first by way of another, which so has its home.
+        // Another host forwards one of its frames first and so counts as its source.
         let frame = sent_by(&mut sender, b"");
         assert_eq!(dropped_from(&mut receiver, now, &frame, from(2)), None);
         let forged = unsigned(&sent_by(&mut sender, b""));
@@ -95,16 +95,16 @@ fn whoever_passes_on_a_drones_frame_and_then_forges_its_others_does_not_silence_
 }
 
 #[test]
-fn a_drone_that_has_moved_is_at_home_where_it_is_heard() {
+fn drone_is_known_at_the_source_of_its_last_frame() {
     let (mut sender, mut receiver) = (radio(0), radio(1));
     for host in [1, 2] {
         let frame = sent_by(&mut sender, b"");
         assert_eq!(dropped_from(&mut receiver, 0, &frame, from(host)), None);
     }
-    // From where it was, as from anywhere.
+    // Its earlier source is like any other.
     let forged = unsigned(&sent_by(&mut sender, b""));
     assert_eq!(
-        looked_at(&mut receiver, &forged, std::iter::repeat_n(1, 200)),
+        verified_count(&mut receiver, &forged, std::iter::repeat_n(1, 200)),
         128
     );
     let frame = sent_by(&mut sender, b"");

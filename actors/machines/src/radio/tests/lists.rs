@@ -2,12 +2,12 @@ use std::cell::Cell;
 
 use super::*;
 
-/// Whoever has a list has its number for the list; the fleet signs no odd ones.
+/// The content of a list is its number; the fleet signs no odd ones.
 struct Listed(Cell<u8>);
 
 impl Authenticator for Listed {
     fn is_trusted(&self, sender: NodeId) -> bool {
-        // List 6 has drone 2 on it.
+        // Drone 2 is revoked by list 6.
         self.0.get() < 6 || sender != NodeId(2)
     }
 
@@ -46,69 +46,71 @@ fn with_list(id: u32, list: u8) -> Radio<Listed> {
     Radio::new(config(id), listed, 1, Checkpoint::default(), 0)
 }
 
-fn list(number: u8) -> Packet {
-    Packet::List(Bytes::copy_from_slice(&[number]))
+fn list(number: u8) -> RadioPacket {
+    RadioPacket::List(Bytes::copy_from_slice(&[number]))
 }
 
-fn packets(frames: &[Bytes]) -> Vec<Packet> {
+fn packets(frames: &[Bytes]) -> Vec<RadioPacket> {
     frames.iter().map(packet).collect()
 }
 
-/// Tells a radio all of these; what it answers.
-fn tell(radio: &mut Radio<Listed>, now_ms: u64, frames: &[Bytes]) -> Vec<Bytes> {
-    let answered = frames.iter().map(|frame| answers(radio, now_ms, frame));
+/// Gives a radio these frames and returns its response.
+fn give(radio: &mut Radio<Listed>, now_ms: u64, frames: &[Bytes]) -> Vec<Bytes> {
+    let answered = frames
+        .iter()
+        .map(|frame| response_frames(radio, now_ms, frame));
     answered.collect::<Vec<_>>().concat()
 }
 
 #[test]
-fn without_lists_nothing_is_said_of_them_and_nothing_is_waited_for() {
+fn without_lists_there_are_no_list_packets_and_no_timers() {
     let mut radio = radio(0);
-    assert_eq!(says(&mut radio, 0), Vec::<Bytes>::new());
+    assert_eq!(timeout_frames(&mut radio, 0), Vec::<Bytes>::new());
     assert_eq!(radio.deadline(), None);
 }
 
 #[test]
-fn whoever_starts_with_an_older_list_is_given_the_newer_one() {
+fn radio_that_starts_with_an_older_list_receives_the_newer_one() {
     let (mut newer, mut older) = (with_list(0, 4), with_list(1, 2));
-    let number = says(&mut older, 0);
-    assert_eq!(packets(&number), [Packet::ListNumber(2)]);
-    let given = tell(&mut newer, 0, &number);
+    let number = timeout_frames(&mut older, 0);
+    assert_eq!(packets(&number), [RadioPacket::ListNumber(2)]);
+    let given = give(&mut newer, 0, &number);
     assert!(packets(&given).contains(&list(4)));
-    let (_, events) = told(&mut older, 0, received(&given[0], None));
+    let (_, events) = handle(&mut older, 0, received(&given[0], None));
     assert_eq!(events, [Event::RevocationList { list: 4 }]);
 }
 
 #[test]
-fn whoever_hears_of_a_newer_list_gets_it() {
+fn radio_that_hears_of_a_newer_list_receives_it() {
     let (mut newer, mut older) = (with_list(0, 4), with_list(1, 2));
-    // What the older one says at its start, nobody hears.
-    says(&mut older, 0);
-    let number = says(&mut newer, 2_000);
-    assert_eq!(packets(&number), [Packet::ListNumber(4)]);
-    let wants = tell(&mut older, 2_000, &number);
-    assert_eq!(packets(&wants), [Packet::ListNumber(2)]);
-    let given = tell(&mut newer, 2_000, &wants);
+    // The first number of the older one is lost.
+    timeout_frames(&mut older, 0);
+    let number = timeout_frames(&mut newer, 2_000);
+    assert_eq!(packets(&number), [RadioPacket::ListNumber(4)]);
+    let wants = give(&mut older, 2_000, &number);
+    assert_eq!(packets(&wants), [RadioPacket::ListNumber(2)]);
+    let given = give(&mut newer, 2_000, &wants);
     assert_eq!(packets(&given), [list(4)]);
-    tell(&mut older, 2_000, &given);
+    give(&mut older, 2_000, &given);
     assert_eq!(older.authenticator.list_number(), 4);
 }
 
 #[test]
-fn a_list_that_is_new_to_a_radio_is_passed_on_at_once_and_once() {
+fn new_list_is_passed_on_immediately_and_once() {
     let mut radio = with_list(0, 2);
-    says(&mut radio, 0);
-    let news = says(&mut with_list(1, 4), 0);
-    assert_eq!(packets(&news), [Packet::ListNumber(4)]);
+    timeout_frames(&mut radio, 0);
+    let number = timeout_frames(&mut with_list(1, 4), 0);
+    assert_eq!(packets(&number), [RadioPacket::ListNumber(4)]);
     let frame = sent_by(&mut with_list(1, 4), &wire::encode_radio_packet(&list(4)));
-    assert_eq!(packets(&tell(&mut radio, 5_000, &[frame])), [list(4)]);
-    assert_eq!(says(&mut radio, 9_000), Vec::<Bytes>::new());
-    // Likewise one that its operator has given it.
+    assert_eq!(packets(&give(&mut radio, 5_000, &[frame])), [list(4)]);
+    assert_eq!(timeout_frames(&mut radio, 9_000), Vec::<Bytes>::new());
+    // The same holds for a list from the operator.
     radio.authenticator.0.set(8);
-    assert_eq!(packets(&says(&mut radio, 9_000)), [list(8)]);
+    assert_eq!(packets(&timeout_frames(&mut radio, 9_000)), [list(8)]);
 }
 
 #[test]
-fn a_list_that_the_fleet_has_not_signed_is_counted_and_not_taken() {
+fn unsigned_list_is_counted_and_not_taken() {
     let mut radio = with_list(0, 2);
     let frame = sent_by(&mut with_list(1, 9), &wire::encode_radio_packet(&list(9)));
     assert_eq!(
@@ -119,35 +121,35 @@ fn a_list_that_the_fleet_has_not_signed_is_counted_and_not_taken() {
 }
 
 #[test]
-fn whoever_is_expelled_and_speaks_is_told_so_now_and_then() {
+fn revoked_sender_receives_the_list_at_intervals() {
     let mut radio = with_list(0, 6);
-    says(&mut radio, 0);
+    timeout_frames(&mut radio, 0);
     let mut revoked = with_list(2, 2);
-    let mut told = Vec::new();
+    let mut received_packets = Vec::new();
     for now in (0..20_000).step_by(100) {
         let frame = sent_by(&mut revoked, b"I am here");
-        told.extend(packets(&answers(&mut radio, now, &frame)));
+        received_packets.extend(packets(&response_frames(&mut radio, now, &frame)));
     }
-    let lists = told.iter().filter(|it| **it == list(6)).count();
-    assert_eq!(lists, 2, "{told:?}");
-    // It believes the others still, and so hears of it.
+    let lists = received_packets.iter().filter(|it| **it == list(6)).count();
+    assert_eq!(lists, 2, "{received_packets:?}");
+    // It still accepts frames of the others, so it receives the list.
     let frame = sent_by(&mut with_list(0, 6), &wire::encode_radio_packet(&list(6)));
     assert_eq!(dropped(&mut revoked, 0, &frame), None);
     assert_eq!(revoked.authenticator.list_number(), 6);
 }
 
 #[test]
-fn numbers_are_said_rarely_whatever_others_say() {
+fn list_numbers_are_rate_limited() {
     let mut radio = with_list(0, 2);
-    let mut liar = with_list(1, 200);
-    let mut said = 0;
+    let mut peer = with_list(1, 200);
+    let mut sent = 0;
     for now in (0..10_000).step_by(100) {
         let frame = sent_by(
-            &mut liar,
-            &wire::encode_radio_packet(&Packet::ListNumber(200)),
+            &mut peer,
+            &wire::encode_radio_packet(&RadioPacket::ListNumber(200)),
         );
-        said += answers(&mut radio, now, &frame).len();
-        said += says(&mut radio, now).len();
+        sent += response_frames(&mut radio, now, &frame).len();
+        sent += timeout_frames(&mut radio, now).len();
     }
-    assert_eq!(said, 10);
+    assert_eq!(sent, 10);
 }

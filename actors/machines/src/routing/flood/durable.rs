@@ -4,35 +4,35 @@ use crate::identity::NodeId;
 use crate::routing::Routes;
 use crate::time::Timestamp;
 
-/// What outlives a routing of policy `flood`.
+/// Durable state of policy `flood`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// What it is doing.
+    /// The current phase.
     pub phase: Phase,
-    /// The way to the master.
+    /// The route to the master.
     pub routes: Routes,
-    /// The stable neighbours, lowest first.
+    /// Stable neighbours, lowest id first.
     pub stable: Vec<NodeId>,
 }
 
-/// What a routing is doing.
+/// Phase of policy `flood`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Phase {
-    /// There are no routes yet: everyone repeats all it knows.
+    /// There are no routes yet; each drone repeats all it knows.
     #[default]
     Gossip,
-    /// Everyone says hello.
+    /// Each drone sends hellos.
     Discovery {
-        /// When it ends.
+        /// End of discovery.
         until: Timestamp,
     },
     /// Hops and routing lists spread from the master.
     HopUpdate {
-        /// When it began.
+        /// Start of hop update.
         since: Timestamp,
     },
     /// Routes are up.
     Following,
-    /// Routes were up and don't hold any more: everyone repeats all it knows.
-    Scattered,
+    /// Routes have become invalid; each drone repeats all it knows.
+    RoutesLost,
 }

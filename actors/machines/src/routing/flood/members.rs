@@ -2,19 +2,19 @@ use std::time::Duration;
 
 use super::Member;
 use crate::identity::{NodeId, NodeSet};
-use crate::roster::Roster;
+use crate::node_map::NodeMap;
 use crate::time::Timestamp;
 
-/// What is known of the members below this drone, gathered from the acknowledgements that it passes on.
+/// Reports of members, collected from the acknowledgements that this drone forwards.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Members(Roster<Known>);
+pub(super) struct Members(NodeMap<MemberRecord>);
 
 #[derive(Debug, Clone, Copy)]
-struct Known {
+struct MemberRecord {
     member: Member,
-    /// The neighbour that spoke for it last.
+    /// The neighbour that forwarded its last report.
     via: NodeId,
-    /// When its own number last rose.
+    /// When its number last rose.
     rose_at: Timestamp,
     silent: bool,
 }
@@ -22,45 +22,45 @@ struct Known {
 /// What a member's report changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Change {
-    /// It acknowledged more than before, or began to land.
+    /// It acknowledged a newer order, or its landing changed.
     pub(super) progress: bool,
-    /// It had been taken for silent.
+    /// It was silent before.
     pub(super) returned: bool,
-    /// Another neighbour speaks for it than before, it came into the master's range or left it, or it was not known.
-    pub(super) moved: bool,
+    /// It is new, another neighbour forwards it, or it entered or left the master's range.
+    pub(super) path_changed: bool,
 }
 
 impl Members {
-    /// Takes a report in; one whose number has not risen proves nothing and changes nothing.
-    pub(super) fn hear(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
-        let known = match self.0.find(member.id) {
+    /// Records a report. A report without a higher number is ignored.
+    pub(super) fn record(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
+        let record = match self.0.find(member.id) {
             Ok(at) => self.0.at(at),
             Err(at) => {
-                let known = Known {
+                let record = MemberRecord {
                     member,
                     via,
                     rose_at: now,
                     silent: false,
                 };
-                self.0.insert(at, member.id, known);
+                self.0.insert(at, member.id, record);
                 return Change {
                     progress: true,
                     returned: false,
-                    moved: true,
+                    path_changed: true,
                 };
             }
         };
-        if member.number <= known.member.number {
+        if member.number <= record.member.number {
             return Change::default();
         }
         let change = Change {
-            progress: member.acknowledged > known.member.acknowledged
-                || member.landing != known.member.landing,
-            returned: known.silent,
-            moved: via != known.via || member.out_of_range != known.member.out_of_range,
+            progress: member.acknowledged > record.member.acknowledged
+                || member.landing != record.member.landing,
+            returned: record.silent,
+            path_changed: via != record.via || member.out_of_range != record.member.out_of_range,
         };
-        let acknowledged = member.acknowledged.max(known.member.acknowledged);
-        *known = Known {
+        let acknowledged = member.acknowledged.max(record.member.acknowledged);
+        *record = MemberRecord {
             member: Member {
                 acknowledged,
                 ..member
@@ -72,7 +72,8 @@ impl Members {
         change
     }
 
-    /// Starts the time to live of each of `members` anew, heard of or not; nobody is silent any more. Who was?
+    /// Restarts the time to live of `members`, including unknown ones; none is silent any more. Returns those that
+    /// were.
     pub(super) fn expect(
         &mut self,
         members: impl Iterator<Item = NodeId>,
@@ -80,7 +81,7 @@ impl Members {
     ) -> NodeSet {
         let silent = self.silent().collect();
         for id in members {
-            let unheard = Known {
+            let unknown = MemberRecord {
                 member: Member {
                     id,
                     number: 0,
@@ -94,20 +95,20 @@ impl Members {
             };
             match self.0.find(id) {
                 Ok(at) => {
-                    let known = self.0.at(at);
-                    known.rose_at = now;
-                    known.silent = false;
+                    let record = self.0.at(at);
+                    record.rose_at = now;
+                    record.silent = false;
                 }
-                Err(at) => self.0.insert(at, id, unheard),
+                Err(at) => self.0.insert(at, id, unknown),
             }
         }
         silent
     }
 
-    /// That this drone heard nobody is no fault of theirs: everybody's silence begins anew.
-    pub(super) fn forgive(&mut self, now: Timestamp) {
-        for known in self.0.iter_mut() {
-            known.rose_at = now;
+    /// Restarts the silence timeout of all members.
+    pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
+        for record in self.0.iter_mut() {
+            record.rose_at = now;
         }
     }
 
@@ -115,31 +116,31 @@ impl Members {
         *self = Self::default();
     }
 
-    /// Forgets members whose number has not risen for `time_to_live`.
+    /// Removes members whose number has not risen for `time_to_live`.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
         self.0
-            .retain(|known| now.since(known.rose_at) <= time_to_live);
+            .retain(|record| now.since(record.rose_at) <= time_to_live);
     }
 
-    /// Marks and returns the members whose number has not risen for `time_to_live`, each once.
-    pub(super) fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
+    /// Marks members whose number has not risen for `time_to_live`; returns those that were not marked before.
+    pub(super) fn mark_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let mut silent = NodeSet::default();
-        for known in self.0.iter_mut() {
-            if !known.silent && now.since(known.rose_at) > time_to_live {
-                known.silent = true;
-                silent.insert(known.member.id);
+        for record in self.0.iter_mut() {
+            if !record.silent && now.since(record.rose_at) > time_to_live {
+                record.silent = true;
+                silent.insert(record.member.id);
             }
         }
         silent
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = Member> + '_ {
-        self.0.iter().map(|known| known.member)
+        self.0.iter().map(|record| record.member)
     }
 
     pub(super) fn silent(&self) -> impl Iterator<Item = NodeId> + '_ {
-        let silent = self.0.iter().filter(|known| known.silent);
-        silent.map(|known| known.member.id)
+        let silent = self.0.iter().filter(|record| record.silent);
+        silent.map(|record| record.member.id)
     }
 
     pub(super) fn len(&self) -> usize {

@@ -1,11 +1,12 @@
-//! Policy `flood`, after the thesis (sections 4.2 and 4.4): before there are routes every drone repeats all it knows;
-//! neighbour discovery and hop update then give each drone a parent, and from there on acknowledgements go up through
-//! the parents only and orders are repeated by the master and those who must relay.
+//! Policy `flood`, after the thesis (sections 4.2 and 4.4).
+//!
+//! Without routes each drone repeats all it knows. Neighbour discovery and hop update then give each drone a parent.
+//! From then on only parents forward acknowledgements, and only the master and relays repeat orders.
 
 mod durable;
+mod exchange;
 mod members;
 mod neighbours;
-mod speak;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -16,37 +17,36 @@ pub use durable::{Checkpoint, Phase};
 
 use self::members::Members;
 use self::neighbours::Neighbours;
-use super::packet::{Flood, Member, Packet};
-use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint, Routes};
+use super::{Durable, Event, Notice, Policy, PolicyCheckpoint, Routes, SharedState};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::time::Timestamp;
-use crate::wire;
+use crate::wire::{self, Flood, Member, Packet};
 
-/// What it is built with.
+/// Configuration of policy `flood`.
 #[derive(Debug, Clone)]
 pub struct Config {
-    /// Whose routing this is.
+    /// This drone.
     pub id: NodeId,
-    /// How many drones the swarm has; ids run from 0 to one below.
+    /// Number of drones in the swarm; their ids are 0 to `drones - 1`.
     pub drones: u32,
-    /// How often a drone repeats what it knows.
+    /// Send period.
     pub period: Duration,
-    /// How often it does so once it has been going to land for its time to live: nobody waits for it any more, and
-    /// whoever it relays to has been told.
+    /// Send period of a drone that has been going to land for its time to live: others no longer await it, and its
+    /// neighbours know all it has to relay.
     pub keep_alive: Duration,
-    /// How often a drone says hello during discovery.
+    /// Period of hellos during discovery.
     pub hello_period: Duration,
-    /// How long discovery lasts.
+    /// Duration of discovery.
     pub discovery: Duration,
-    /// How many hellos in a row make a neighbour stable.
+    /// Number of consecutive hellos that make a neighbour stable.
     pub stable_after: u32,
-    /// The longest pause between two hellos in a row.
+    /// Longest pause between two consecutive hellos.
     pub hello_gap: Duration,
-    /// How long a drone may be silent before it is taken for lost, and the longest a hop update waits.
+    /// A drone that is silent for longer counts as lost; also the longest duration of hop update.
     pub time_to_live: Duration,
-    /// Whether a master misses members before there are routes, too.
-    pub misses_early: bool,
+    /// Whether a master reports silent members before there are routes, too.
+    pub monitors_before_routes: bool,
 }
 
 /// Dissemination by periodic repetition.
@@ -56,29 +56,29 @@ pub(super) struct FloodPolicy {
     durable: Checkpoint,
     neighbours: Neighbours,
     members: Members,
-    /// Stable neighbours heard again since hop update began.
-    heard_again: BTreeSet<NodeId>,
-    /// When each neighbour was heard last.
+    /// Stable neighbours heard since hop update started.
+    reheard: BTreeSet<NodeId>,
+    /// When each neighbour was last heard.
     heard_at: BTreeMap<NodeId, Timestamp>,
-    /// When the parent was last heard to hear this drone.
+    /// When the parent last reported that it hears this drone.
     parent_heard_at: Timestamp,
     heartbeat_rose_at: Timestamp,
-    /// When this drone speaks next; `None` until it has something to say.
+    /// When this drone sends next; `None` before there is a leader.
     next_send: Option<Timestamp>,
 }
 
 impl FloodPolicy {
-    /// Goes on from what was `kept`; knows nothing without.
+    /// Resumes from `checkpoint`; starts empty if it is `None`.
     pub(super) fn new(
         config: Config,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        kept: Option<(Durable, Checkpoint)>,
+        checkpoint: Option<(Durable, Checkpoint)>,
     ) -> Self {
         let mut policy = Self {
             neighbours: Neighbours::new(config.stable_after, config.hello_gap),
             members: Members::default(),
-            heard_again: BTreeSet::new(),
+            reheard: BTreeSet::new(),
             heard_at: BTreeMap::new(),
             parent_heard_at: now,
             heartbeat_rose_at: now,
@@ -86,180 +86,179 @@ impl FloodPolicy {
             durable: Checkpoint::default(),
             config,
         };
-        if let Some((common, own)) = kept {
-            policy.neighbours.remember(own.stable.iter().copied(), now);
+        if let Some((common, own)) = checkpoint {
+            policy.neighbours.restore(own.stable.iter().copied(), now);
             policy.durable = own;
-            core.resume(common);
-            if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
-                policy.next_send = Some(now + core.jitter(policy.config.period));
+            shared.resume(common);
+            if shared.durable.epoch.ballot().is_some() && !shared.durable.stopped {
+                policy.next_send = Some(now + shared.jitter(policy.config.period));
             }
-            if core.is_master() {
-                policy.expect_members(core, now);
+            if shared.is_master() {
+                policy.expect_members(shared, now);
             }
         }
         policy
     }
 
-    /// As master: gives every member its time to live, heard of or not. Who was silent is not any more: while ways were
-    /// looked for it could not have been heard.
-    fn expect_members(&mut self, core: &mut Core, now: Timestamp) {
-        let own = core.id;
-        let members = (0..core.drones).map(NodeId).filter(|id| *id != own);
+    /// On a master: restarts every member's time to live, including unknown ones. Members that were silent are
+    /// returned: during discovery their reports could not arrive.
+    fn expect_members(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let own = shared.id;
+        let members = (0..shared.drones).map(NodeId).filter(|id| *id != own);
         let returned = self.members.expect(members, now);
         if !returned.is_empty() {
-            core.inform(Notice::Returned(returned));
+            shared.notify(Notice::Returned(returned));
         }
     }
 
-    fn start_speaking(&mut self, core: &mut Core, now: Timestamp) {
+    fn start_sending(&mut self, shared: &mut SharedState, now: Timestamp) {
         if self.next_send.is_none() {
-            self.next_send = Some(now + core.jitter(self.config.period));
+            self.next_send = Some(now + shared.jitter(self.config.period));
         }
     }
 
-    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far, unless the
-    /// sender does not say that it hears this drone.
-    fn follow(
+    /// Whether a frame under `ballot` is processed. Adopts a better ballot, unless the link to its sender is one-way.
+    fn accepts_ballot(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         ballot: Ballot,
         symmetry: LinkSymmetry,
     ) -> bool {
-        match core.hear_ballot(ballot, symmetry) {
+        match shared.observe_ballot(ballot, symmetry) {
             BallotDecision::Ignored => return false,
             BallotDecision::Same => {}
-            BallotDecision::Turned => {
-                self.begin_epoch(core, now);
-                core.inform(Notice::Leader(ballot));
+            BallotDecision::Adopted => {
+                self.start_epoch(shared, now);
+                shared.notify(Notice::Leader(ballot));
             }
         }
         true
     }
 
-    fn leave_routes(&mut self, core: &mut Core, now: Timestamp) {
+    fn drop_routes(&mut self, shared: &mut SharedState, now: Timestamp) {
         if self.durable.phase == Phase::Following {
-            self.durable.phase = Phase::Scattered;
+            self.durable.phase = Phase::RoutesLost;
             self.durable.routes = Routes::default();
-            if core.is_master() {
-                self.members.forgive(now);
+            if shared.is_master() {
+                self.members.reset_timeouts(now);
             }
-            core.keep();
+            shared.mark_changed();
         }
     }
 }
 
 impl Policy for FloodPolicy {
-    fn heard(
+    fn receive(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         (sender, ballot): (NodeId, Ballot),
         payload: &Bytes,
     ) {
         let packet = wire::decode_packet(payload).ok();
-        let Some(packet) = packet.filter(|_| sender.0 < core.drones) else {
-            core.show(Event::Ignored(sender));
+        let Some(packet) = packet.filter(|_| sender.0 < shared.drones) else {
+            shared.emit(Event::Ignored(sender));
             return;
         };
         self.heard_at.insert(sender, now);
         let symmetry = match &packet {
-            Packet::Flood(flood) if flood.hears.contains(core.id) => LinkSymmetry::Mutual,
+            Packet::Flood(flood) if flood.hears.contains(shared.id) => LinkSymmetry::Symmetric,
             _ => LinkSymmetry::OneWay,
         };
-        if symmetry == LinkSymmetry::Mutual && self.durable.routes.parent == Some(sender) {
+        if symmetry == LinkSymmetry::Symmetric && self.durable.routes.parent == Some(sender) {
             self.parent_heard_at = now;
         }
-        if !self.follow(core, now, ballot, symmetry) {
-            core.show(Event::Ignored(sender));
+        if !self.accepts_ballot(shared, now, ballot, symmetry) {
+            shared.emit(Event::Ignored(sender));
             return;
         }
-        if core.durable.stopped {
+        if shared.durable.stopped {
             return;
         }
         match packet {
-            Packet::Hello { remaining } => self.heard_hello(core, now, sender, remaining),
+            Packet::Hello { remaining } => self.receive_hello(shared, now, sender, remaining),
             Packet::HopUpdate { hops, routing_list } => {
-                self.heard_hop_update(core, now, sender, hops, &routing_list);
+                self.receive_hop_update(shared, now, sender, hops, &routing_list);
             }
-            Packet::Flood(flood) => self.heard_flood(core, now, sender, &flood),
-            Packet::Tree(_) => core.show(Event::Ignored(sender)),
+            Packet::Flood(flood) => self.receive_flood(shared, now, sender, &flood),
+            Packet::Tree(_) => shared.emit(Event::Ignored(sender)),
         }
     }
 
-    /// Acknowledgements and routes were those of the epoch before; until there are routes again, everyone repeats
-    /// everything.
-    fn begin_epoch(&mut self, core: &mut Core, now: Timestamp) {
+    /// Forgets acknowledgements and routes of the epoch before. Until there are routes again, each drone repeats all it
+    /// knows.
+    fn start_epoch(&mut self, shared: &mut SharedState, now: Timestamp) {
         self.durable.phase = match self.durable.phase {
-            Phase::Following | Phase::Scattered => Phase::Scattered,
+            Phase::Following | Phase::RoutesLost => Phase::RoutesLost,
             _ => Phase::Gossip,
         };
         self.durable.routes = Routes::default();
         self.members.forget_all();
-        self.heard_again.clear();
+        self.reheard.clear();
         self.heartbeat_rose_at = now;
-        self.start_speaking(core, now);
+        self.start_sending(shared, now);
     }
 
-    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot) {
+    fn lead(&mut self, shared: &mut SharedState, now: Timestamp, ballot: Ballot) {
         if ballot.is_elected() {
-            self.expect_members(core, now);
+            self.expect_members(shared, now);
         }
     }
 
-    // What is new is said at the next turn, as everything is.
-    fn published(&mut self, _core: &mut Core, _now: Timestamp) {}
+    // Changes are sent with the next periodic frame.
+    fn order_published(&mut self, _shared: &mut SharedState, _now: Timestamp) {}
 
-    fn carried_out(&mut self, _core: &mut Core, _now: Timestamp) {}
+    fn order_carried_out(&mut self, _shared: &mut SharedState, _now: Timestamp) {}
 
-    fn land(&mut self, _core: &mut Core, _now: Timestamp) {}
+    fn land(&mut self, _shared: &mut SharedState, _now: Timestamp) {}
 
-    /// Starts discovery. Of those that obey an elected master some may have routes already, and some may be past the first
-    /// waypoint; there everyone goes on repeating everything.
-    fn discover(&mut self, core: &mut Core, now: Timestamp) {
-        let ballot = core.durable.epoch.ballot();
+    /// Starts discovery. Under an elected master some drones may have routes or be past the first waypoint, so the
+    /// swarm goes on without routes.
+    fn discover(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let ballot = shared.durable.epoch.ballot();
         if !ballot.is_some_and(|ballot| ballot.is_elected()) {
-            return self.start_discovery(core, now, self.config.discovery);
+            return self.start_discovery(shared, now, self.config.discovery);
         }
-        self.durable.phase = Phase::Scattered;
-        self.expect_members(core, now);
-        self.inform_of_routes(core);
-        core.keep();
+        self.durable.phase = Phase::RoutesLost;
+        self.expect_members(shared, now);
+        self.notify_routes_ready(shared);
+        shared.mark_changed();
     }
 
-    fn scatter(&mut self, core: &mut Core, now: Timestamp) {
-        self.leave_routes(core, now);
+    fn topology_changes(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.drop_routes(shared, now);
     }
 
-    fn stop(&mut self, core: &mut Core, now: Timestamp) {
-        self.send_flood(core, now);
+    fn stop(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.send_flood(shared, now);
         self.next_send = None;
     }
 
-    fn resync(&mut self, core: &mut Core, _now: Timestamp) {
+    fn resync(&mut self, shared: &mut SharedState, _now: Timestamp) {
         match self.durable.phase {
-            Phase::Gossip | Phase::Scattered => {}
-            Phase::Discovery { .. } => core.inform(Notice::DiscoveryStarted),
-            Phase::HopUpdate { .. } => core.inform(Notice::HopUpdateStarted),
-            Phase::Following => self.inform_of_routes(core),
+            Phase::Gossip | Phase::RoutesLost => {}
+            Phase::Discovery { .. } => shared.notify(Notice::DiscoveryStarted),
+            Phase::HopUpdate { .. } => shared.notify(Notice::HopUpdateStarted),
+            Phase::Following => self.notify_routes_ready(shared),
         }
-        let sequence = core.sequence();
+        let sequence = shared.sequence();
         let has_acknowledged = |it: &Member| it.acknowledged >= sequence;
         let silent: NodeSet = self.members.silent().collect();
-        core.inform(Notice::Progress {
+        shared.notify(Notice::Progress {
             sequence,
             acknowledged: ids(self.members.iter().filter(has_acknowledged)),
             landing: ids(self.members.iter().filter(|it| it.landing)),
         });
         if !silent.is_empty() {
-            core.inform(Notice::Silent(silent));
+            shared.notify(Notice::Silent(silent));
         }
     }
 
-    /// What would have been said meanwhile is out of date.
-    fn forgive(&mut self, _core: &mut Core, now: Timestamp) {
+    /// Also drops the sends that are overdue.
+    fn reset_timeouts(&mut self, _shared: &mut SharedState, now: Timestamp) {
         self.heartbeat_rose_at = now;
-        self.members.forgive(now);
+        self.members.reset_timeouts(now);
         self.heard_at
             .values_mut()
             .for_each(|heard_at| *heard_at = now);
@@ -270,13 +269,13 @@ impl Policy for FloodPolicy {
         }
     }
 
-    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp) {
+    fn handle_timeout(&mut self, shared: &mut SharedState, now: Timestamp) {
         while let Some(due) = self.next_send.filter(|due| *due <= now) {
-            self.next_send = self.speak(core, now, due);
+            self.next_send = self.send_due(shared, now, due);
         }
     }
 
-    fn deadline(&self, _core: &Core) -> Option<Timestamp> {
+    fn deadline(&self, _shared: &SharedState) -> Option<Timestamp> {
         self.next_send
     }
 

@@ -4,21 +4,21 @@ use std::time::Duration;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 
-/// Who is near: a neighbour is stable after some messages in a row without a gap (thesis, section 4.4, table 1).
+/// Neighbours. One is stable after a number of hellos without a gap (thesis, section 4.4, table 1).
 ///
-/// The thesis restarts its count after 500 ms, which is the period itself, and its code never does, because it
-/// stores the time before it compares; here the gap is one and a half periods and the count does restart.
+/// The thesis restarts its count after 500 ms, which is the period itself. Its code never does, because it stores the
+/// time before it compares. Here the gap is one and a half periods, and the count does restart.
 #[derive(Debug, Clone)]
 pub(super) struct Neighbours {
     stable_after: u32,
     gap: Duration,
-    heard: BTreeMap<NodeId, Heard>,
+    hellos: BTreeMap<NodeId, HelloRecord>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Heard {
+struct HelloRecord {
     last: Timestamp,
-    in_a_row: u32,
+    consecutive: u32,
     stable: bool,
 }
 
@@ -27,48 +27,48 @@ impl Neighbours {
         Self {
             stable_after,
             gap,
-            heard: BTreeMap::new(),
+            hellos: BTreeMap::new(),
         }
     }
 
-    /// What a restarted routing remembers of its neighbours.
-    pub(super) fn remember(&mut self, stable: impl IntoIterator<Item = NodeId>, now: Timestamp) {
-        self.heard.extend(stable.into_iter().map(|id| {
-            let heard = Heard {
+    /// After a restart: restores the stable neighbours.
+    pub(super) fn restore(&mut self, stable: impl IntoIterator<Item = NodeId>, now: Timestamp) {
+        self.hellos.extend(stable.into_iter().map(|id| {
+            let record = HelloRecord {
                 last: now,
-                in_a_row: self.stable_after,
+                consecutive: self.stable_after,
                 stable: true,
             };
-            (id, heard)
+            (id, record)
         }));
     }
 
-    /// Counts a hello; whether it made the neighbour stable.
-    pub(super) fn hear(&mut self, id: NodeId, now: Timestamp) -> bool {
-        let heard = self.heard.entry(id).or_insert(Heard {
+    /// Counts a hello; returns whether it made the neighbour stable.
+    pub(super) fn record_hello(&mut self, id: NodeId, now: Timestamp) -> bool {
+        let record = self.hellos.entry(id).or_insert(HelloRecord {
             last: now,
-            in_a_row: 0,
+            consecutive: 0,
             stable: false,
         });
-        if now.since(heard.last) > self.gap {
-            heard.in_a_row = 0;
+        if now.since(record.last) > self.gap {
+            record.consecutive = 0;
         }
-        heard.last = now;
-        heard.in_a_row += 1;
-        let becomes_stable = !heard.stable && heard.in_a_row >= self.stable_after;
-        heard.stable |= becomes_stable;
+        record.last = now;
+        record.consecutive += 1;
+        let becomes_stable = !record.stable && record.consecutive >= self.stable_after;
+        record.stable |= becomes_stable;
         becomes_stable
     }
 
     pub(super) fn is_stable(&self, id: NodeId) -> bool {
-        self.heard.get(&id).is_some_and(|heard| heard.stable)
+        self.hellos.get(&id).is_some_and(|record| record.stable)
     }
 
-    /// The stable neighbours, lowest first.
+    /// Stable neighbours, lowest id first.
     pub(super) fn stable(&self) -> impl Iterator<Item = NodeId> + '_ {
-        self.heard
+        self.hellos
             .iter()
-            .filter(|(_, heard)| heard.stable)
+            .filter(|(_, record)| record.stable)
             .map(|(id, _)| *id)
     }
 }

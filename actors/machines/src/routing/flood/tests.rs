@@ -1,10 +1,12 @@
+mod discovery;
+
 use bytes::Bytes;
 
 use super::*;
 use crate::machine::{Emitted, Stimulus, step};
 use crate::routing::{Dissemination, Input, LeaderEpoch, Transmit};
 
-type Flooding = Dissemination<FloodPolicy>;
+type FloodRouting = Dissemination<FloodPolicy>;
 
 const MASTER: Ballot = Ballot {
     term: 1,
@@ -23,16 +25,18 @@ fn config(id: u32) -> Config {
         stable_after: 3,
         hello_gap: Duration::from_millis(750),
         time_to_live: Duration::from_secs(5),
-        misses_early: false,
+        monitors_before_routes: false,
     }
 }
 
-fn with(config: Config, now: Timestamp, kept: Option<(Durable, Checkpoint)>) -> Flooding {
-    let core = Core::new(config.id, config.drones, 1);
-    Dissemination::new(core, |core| FloodPolicy::new(config, core, now, kept))
+fn with(config: Config, now: Timestamp, checkpoint: Option<(Durable, Checkpoint)>) -> FloodRouting {
+    let shared = SharedState::new(config.id, config.drones, 1);
+    Dissemination::new(shared, |shared| {
+        FloodPolicy::new(config, shared, now, checkpoint)
+    })
 }
 
-fn routing(id: u32) -> Flooding {
+fn routing(id: u32) -> FloodRouting {
     with(config(id), Timestamp::ZERO, None)
 }
 
@@ -40,40 +44,40 @@ fn at(seconds: f64) -> Timestamp {
     Timestamp::from_secs_f64(seconds)
 }
 
-struct Outcome {
+struct Outputs {
     sent: Vec<Packet>,
     notices: Vec<Notice>,
     events: Vec<Event>,
 }
 
-fn stimulate(routing: &mut Flooding, now: Timestamp, stimulus: Stimulus<Input>) -> Outcome {
-    let mut outcome = Outcome {
+fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Input>) -> Outputs {
+    let mut outputs = Outputs {
         sent: Vec::new(),
         notices: Vec::new(),
         events: Vec::new(),
     };
-    let Ok(_) = step(routing, now, stimulus, |said| match said {
+    let Ok(_) = step(routing, now, stimulus, |emitted| match emitted {
         Emitted::Transmit(Transmit::Send { payload, .. }) => {
-            outcome.sent.push(wire::decode_packet(&payload).unwrap());
+            outputs.sent.push(wire::decode_packet(&payload).unwrap());
         }
-        Emitted::Transmit(Transmit::Inform(notice)) => outcome.notices.push(notice),
-        Emitted::Event(event) => outcome.events.push(event),
+        Emitted::Transmit(Transmit::Inform(notice)) => outputs.notices.push(notice),
+        Emitted::Event(event) => outputs.events.push(event),
     });
-    outcome
+    outputs
 }
 
-fn hears(routing: &mut Flooding, now: Timestamp, from: u32, packet: &Packet) -> Outcome {
-    hears_under(routing, now, from, MASTER, packet)
+fn receive(routing: &mut FloodRouting, now: Timestamp, from: u32, packet: &Packet) -> Outputs {
+    receive_under(routing, now, from, MASTER, packet)
 }
 
-fn hears_under(
-    routing: &mut Flooding,
+fn receive_under(
+    routing: &mut FloodRouting,
     now: Timestamp,
     from: u32,
     ballot: Ballot,
     packet: &Packet,
-) -> Outcome {
-    let input = Input::Heard {
+) -> Outputs {
+    let input = Input::Received {
         sender: NodeId(from),
         ballot,
         payload: wire::encode_packet(packet).into(),
@@ -93,147 +97,51 @@ fn flood(heartbeat: u32, sequence: u32) -> Flood {
     }
 }
 
-/// Lets time pass up to `until`, timer by timer.
-fn wait(routing: &mut Flooding, until: Timestamp) -> Outcome {
-    let mut all = Outcome {
+/// Runs all timers up to `until`.
+fn wait(routing: &mut FloodRouting, until: Timestamp) -> Outputs {
+    let mut all = Outputs {
         sent: Vec::new(),
         notices: Vec::new(),
         events: Vec::new(),
     };
     while let Some(due) = routing.policy.next_send.filter(|due| *due <= until) {
-        let outcome = stimulate(routing, due, Stimulus::Timeout);
-        all.sent.extend(outcome.sent);
-        all.notices.extend(outcome.notices);
-        all.events.extend(outcome.events);
+        let outputs = stimulate(routing, due, Stimulus::Timeout);
+        all.sent.extend(outputs.sent);
+        all.notices.extend(outputs.notices);
+        all.events.extend(outputs.events);
     }
     all
 }
 
-/// Slave 1, whose neighbours 0 (the master) and 2 are stable, at the start of its hop update.
-fn in_hop_update() -> (Flooding, Timestamp) {
-    let mut slave = routing(1);
+/// Drone 1 at the start of its hop update. Its stable neighbours are 0, the master, and 2.
+fn in_hop_update() -> (FloodRouting, Timestamp) {
+    let mut drone = routing(1);
     for hello in 0..16_u32 {
         let now = at(0.5 * f64::from(hello));
         let remaining = Duration::from_secs(8) - Duration::from_millis(500) * hello;
         for neighbour in [0, 2] {
-            hears(&mut slave, now, neighbour, &Packet::Hello { remaining });
+            receive(&mut drone, now, neighbour, &Packet::Hello { remaining });
         }
     }
-    let ended = wait(&mut slave, at(8.0));
+    let ended = wait(&mut drone, at(8.0));
     assert!(ended.notices.contains(&Notice::HopUpdateStarted));
-    (slave, at(8.0))
+    (drone, at(8.0))
 }
 
 #[test]
-fn a_drone_that_was_told_nothing_says_nothing() {
-    let mut slave = routing(1);
-    assert_eq!(slave.policy.next_send, None);
+fn drone_without_leader_sends_nothing() {
+    let mut drone = routing(1);
+    assert_eq!(drone.policy.next_send, None);
     assert!(
-        stimulate(&mut slave, at(9.0), Stimulus::Timeout)
+        stimulate(&mut drone, at(9.0), Stimulus::Timeout)
             .sent
             .is_empty()
     );
 }
 
 #[test]
-fn three_hellos_in_a_row_make_a_neighbour_stable_and_a_gap_starts_anew() {
-    let mut slave = routing(1);
-    let remaining = Duration::from_secs(8);
-    let mut stable_at = None;
-    for now in [0.0, 0.5, 1.3, 1.8, 2.3] {
-        let outcome = hears(&mut slave, at(now), 2, &Packet::Hello { remaining });
-        if outcome.events.contains(&Event::NeighbourStable(NodeId(2))) {
-            stable_at = Some(now);
-        }
-    }
-    assert_eq!(
-        stable_at,
-        Some(2.3),
-        "the gap of 0.8 s at 1.3 s starts the count anew"
-    );
-}
-
-#[test]
-fn whoever_hears_of_discovery_late_ends_with_the_others() {
-    let mut slave = routing(1);
-    let remaining = Duration::from_secs(3);
-    let outcome = hears(&mut slave, at(5.0), 2, &Packet::Hello { remaining });
-    assert!(outcome.notices.contains(&Notice::DiscoveryStarted));
-    let phase = slave.policy.durable.phase;
-    assert_eq!(phase, Phase::Discovery { until: at(8.0) });
-}
-
-#[test]
-fn the_first_stable_neighbour_heard_becomes_the_parent() {
-    let (mut slave, now) = in_hop_update();
-    let hop_update = |hops| Packet::HopUpdate {
-        hops,
-        routing_list: vec![NodeId(1)],
-    };
-    hears(&mut slave, now, 3, &hop_update(0));
-    assert_eq!(slave.policy.durable.routes.parent, None, "3 is not stable");
-    hears(&mut slave, now, 0, &hop_update(0));
-    hears(&mut slave, now, 2, &hop_update(4));
-    let routes = &slave.policy.durable.routes;
-    assert_eq!((routes.hops, routes.parent), (Some(1), Some(NodeId(0))));
-    assert_eq!(routes.routing_list, [NodeId(1), NodeId(2)]);
-    assert!(routes.relay, "it is listed, and reaches 2, which is not");
-    assert!(!routes.out_of_range);
-}
-
-#[test]
-fn a_hop_update_ends_once_all_stable_neighbours_are_heard_again_or_the_time_is_up() {
-    let (mut slave, now) = in_hop_update();
-    let hop_update = Packet::HopUpdate {
-        hops: 0,
-        routing_list: vec![NodeId(1)],
-    };
-    let outcome = hears(&mut slave, now, 0, &hop_update);
-    assert!(
-        !outcome.notices.contains(&Notice::RoutesReady),
-        "2 is missing"
-    );
-    let mut patient = slave.policy.durable.clone();
-    let follows = Packet::Flood(flood(1, 0));
-    let outcome = hears(&mut slave, now, 2, &follows);
-    assert!(
-        outcome.notices.contains(&Notice::RoutesReady),
-        "a follower counts as heard"
-    );
-    patient.phase = Phase::HopUpdate { since: now };
-    let mut waiting = with(config(1), now, Some((slave.core.durable.clone(), patient)));
-    let outcome = wait(&mut waiting, now + Duration::from_millis(5_400));
-    assert!(outcome.notices.contains(&Notice::RoutesReady));
-}
-
-#[test]
-fn only_a_master_is_told_whom_it_hears_itself_and_once_more_when_it_asks() {
-    for (id, is_told) in [(0, true), (1, false)] {
-        let checkpoint = Checkpoint {
-            phase: Phase::Following,
-            stable: vec![NodeId(2), NodeId(3)],
-            ..Checkpoint::default()
-        };
-        let common = Durable {
-            epoch: LeaderEpoch::of(MASTER),
-            ..Durable::default()
-        };
-        let mut routing = with(config(id), Timestamp::ZERO, Some((common, checkpoint)));
-        let outcome = stimulate(&mut routing, at(1.0), Stimulus::Input(Input::Resync));
-        let heard = Notice::Hears([NodeId(2), NodeId(3)].into_iter().collect());
-        let ready = |notice: &Notice| *notice == Notice::RoutesReady;
-        let before = outcome.notices.iter().take_while(|notice| !ready(notice));
-        assert_eq!(
-            before.filter(|notice| **notice == heard).count() == 1,
-            is_told
-        );
-        assert!(outcome.notices.iter().any(ready));
-    }
-}
-
-#[test]
-fn before_there_are_routes_everyone_repeats_everything() {
-    let mut slave = routing(2);
+fn without_routes_every_drone_repeats_everything() {
+    let mut drone = routing(2);
     let member = Member {
         id: NodeId(3),
         number: 1,
@@ -241,74 +149,78 @@ fn before_there_are_routes_everyone_repeats_everything() {
         out_of_range: false,
         landing: false,
     };
-    let mut heard = flood(1, 1);
-    heard.members.push(member);
-    let outcome = hears(&mut slave, at(0.0), 1, &Packet::Flood(heard));
+    let mut received = flood(1, 1);
+    received.members.push(member);
+    let outputs = receive(&mut drone, at(0.0), 1, &Packet::Flood(received));
     assert!(matches!(
-        outcome.notices[..],
+        outputs.notices[..],
         [Notice::Leader(_), Notice::Order { sequence: 1, .. }]
     ));
-    let said = wait(&mut slave, at(0.2)).sent;
-    let [Packet::Flood(said)] = said.as_slice() else {
-        panic!("one packet a period, not {said:?}");
+    let sent = wait(&mut drone, at(0.2)).sent;
+    let [Packet::Flood(sent)] = sent.as_slice() else {
+        panic!("expected one packet per period, found {sent:?}");
     };
-    assert_eq!((said.heartbeat, said.sequence), (1, 1));
-    assert!(said.order.is_some());
+    assert_eq!((sent.heartbeat, sent.sequence), (1, 1));
+    assert!(sent.order.is_some());
     assert_eq!(
-        said.members.iter().map(|it| it.id.0).collect::<Vec<_>>(),
+        sent.members.iter().map(|it| it.id.0).collect::<Vec<_>>(),
         [2, 3]
     );
 }
 
 #[test]
-fn with_routes_only_children_are_spoken_for_and_only_a_relay_repeats_orders() {
-    let (mut slave, now) = in_hop_update();
+fn with_routes_parents_report_children_and_relay_orders() {
+    let (mut drone, now) = in_hop_update();
     let hop_update = Packet::HopUpdate {
         hops: 0,
         routing_list: vec![NodeId(1), NodeId(2)],
     };
-    hears(&mut slave, now, 0, &hop_update);
+    receive(&mut drone, now, 0, &hop_update);
     let member = |id, parent| {
-        let mut heard = flood(0, 0);
-        heard.parent = parent;
-        heard.members.push(Member {
+        let mut received = flood(0, 0);
+        received.parent = parent;
+        received.members.push(Member {
             id: NodeId(id),
             number: 9,
             acknowledged: 1,
             out_of_range: false,
             landing: false,
         });
-        Packet::Flood(heard)
+        Packet::Flood(received)
     };
-    hears(&mut slave, now, 2, &member(2, Some(NodeId(0))));
-    hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
-    assert_eq!(slave.policy.durable.phase, Phase::Following);
-    let says = |slave: &mut Flooding, until| {
-        let sent = wait(slave, until).sent;
+    receive(&mut drone, now, 2, &member(2, Some(NodeId(0))));
+    receive(&mut drone, now, 0, &Packet::Flood(flood(1, 1)));
+    assert_eq!(drone.policy.durable.phase, Phase::Following);
+    let next_flood = |drone: &mut FloodRouting, until| {
+        let sent = wait(drone, until).sent;
         match sent.into_iter().next_back() {
             Some(Packet::Flood(flood)) => (flood.members.len(), flood.order.is_some()),
-            other => panic!("a flood should have been sent, not {other:?}"),
+            other => panic!("expected a flood, found {other:?}"),
         }
     };
     assert_eq!(
-        says(&mut slave, at(8.3)),
+        next_flood(&mut drone, at(8.3)),
         (1, false),
-        "a leaf speaks for itself"
+        "a leaf reports only itself"
     );
-    hears(&mut slave, at(8.3), 3, &member(3, Some(NodeId(1))));
-    assert_eq!(says(&mut slave, at(8.6)), (2, true), "a parent relays");
+    receive(&mut drone, at(8.3), 3, &member(3, Some(NodeId(1))));
+    assert_eq!(
+        next_flood(&mut drone, at(8.6)),
+        (2, true),
+        "a parent relays orders"
+    );
 }
 
 #[test]
-fn a_master_is_alive_only_if_its_own_number_rises() {
-    let mut slave = routing(1);
-    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(7, 1)));
+fn master_is_alive_only_if_its_heartbeat_rises() {
+    let mut drone = routing(1);
+    receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(7, 1)));
     let mut silent_at = None;
     for tenth in 1..80_u32 {
         let now = at(f64::from(tenth) / 10.0);
-        // Another drone goes on repeating the last number that it heard.
-        hears(&mut slave, now, 2, &Packet::Flood(flood(7, 1)));
-        if wait(&mut slave, now)
+        // Another drone repeats the last heartbeat sequence that it knows.
+        receive(&mut drone, now, 2, &Packet::Flood(flood(7, 1)));
+        if wait(&mut drone, now)
             .notices
             .contains(&Notice::MasterSilent)
         {
@@ -316,118 +228,118 @@ fn a_master_is_alive_only_if_its_own_number_rises() {
         }
     }
     assert!((50..=53).contains(&silent_at.unwrap()), "{silent_at:?}");
-    let outcome = hears(&mut slave, at(8.0), 2, &Packet::Flood(flood(8, 1)));
-    assert!(outcome.notices.contains(&Notice::MasterReturned));
+    let outputs = receive(&mut drone, at(8.0), 2, &Packet::Flood(flood(8, 1)));
+    assert!(outputs.notices.contains(&Notice::MasterReturned));
 }
 
 #[test]
-fn an_older_ballot_and_a_stranger_are_ignored_and_a_better_ballot_is_obeyed() {
-    let mut slave = routing(1);
+fn older_ballots_and_unknown_senders_are_ignored() {
+    let mut drone = routing(1);
     let newer = Ballot { term: 2, ..MASTER };
     let order = Packet::Flood(flood(1, 1));
     assert!(
-        !hears_under(&mut slave, at(0.0), 0, newer, &order)
+        !receive_under(&mut drone, at(0.0), 0, newer, &order)
             .notices
             .is_empty()
     );
-    let older = hears_under(&mut slave, at(0.1), 0, MASTER, &Packet::Flood(flood(2, 2)));
+    let older = receive_under(&mut drone, at(0.1), 0, MASTER, &Packet::Flood(flood(2, 2)));
     assert_eq!(older.events, [Event::Ignored(NodeId(0))]);
-    let stranger = hears_under(&mut slave, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
+    let stranger = receive_under(&mut drone, at(0.1), 4, newer, &Packet::Flood(flood(2, 2)));
     assert_eq!(stranger.events, [Event::Ignored(NodeId(4))]);
-    assert_eq!(slave.core.durable.epoch.sequence(), 1);
+    assert_eq!(drone.shared.durable.epoch.sequence(), 1);
 }
 
 #[test]
-fn a_restarted_routing_never_falls_back_to_a_beat_it_used() {
-    let mut slave = routing(1);
-    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(1, 1)));
-    let mut kept = None;
-    for outcome in [wait(&mut slave, at(2.0)), wait(&mut slave, at(60.0))] {
-        for event in outcome.events {
-            if let Event::Checkpoint(checkpoint) = event
-                && let PolicyCheckpoint::Flood(own) = checkpoint.policy
+fn restarted_routing_never_reuses_a_sequence() {
+    let mut drone = routing(1);
+    receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(1, 1)));
+    let mut checkpoint = None;
+    for outputs in [wait(&mut drone, at(2.0)), wait(&mut drone, at(60.0))] {
+        for event in outputs.events {
+            if let Event::Checkpoint(it) = event
+                && let PolicyCheckpoint::Flood(own) = it.policy
             {
-                kept = Some((checkpoint.common, own));
+                checkpoint = Some((it.common, own));
             }
         }
     }
-    let number = slave.core.durable.heartbeats.own;
-    let restarted = with(config(1), at(60.0), kept);
+    let number = drone.shared.durable.heartbeats.own;
+    let restarted = with(config(1), at(60.0), checkpoint);
     assert!(
-        restarted.core.durable.heartbeats.own >= number,
-        "{number} was used already"
+        restarted.shared.durable.heartbeats.own >= number,
+        "{number} was used before the restart"
     );
 }
 
 #[test]
-fn a_drone_that_is_done_says_so_once_and_falls_silent() {
-    let mut slave = routing(1);
-    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(1, 4)));
+fn stopped_drone_sends_one_last_frame() {
+    let mut drone = routing(1);
+    receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(1, 4)));
     stimulate(
-        &mut slave,
+        &mut drone,
         at(0.1),
         Stimulus::Input(Input::Acknowledge {
             ballot: MASTER,
             sequence: 4,
         }),
     );
-    let last = stimulate(&mut slave, at(0.1), Stimulus::Input(Input::Stop)).sent;
+    let last = stimulate(&mut drone, at(0.1), Stimulus::Input(Input::Stop)).sent;
     let [Packet::Flood(last)] = last.as_slice() else {
-        panic!("one last packet, not {last:?}");
+        panic!("expected one last packet, found {last:?}");
     };
     assert_eq!(last.members[0].acknowledged, 4);
-    assert_eq!(slave.policy.next_send, None);
+    assert_eq!(drone.policy.next_send, None);
 }
 
 #[test]
-fn a_drone_whose_host_stalled_waits_a_time_to_live_more_for_its_master() {
-    let mut slave = routing(1);
-    hears(&mut slave, at(0.0), 0, &Packet::Flood(flood(7, 1)));
-    wait(&mut slave, at(1.0));
-    let woken = stimulate(&mut slave, at(30.0), Stimulus::Timeout);
+fn stalled_host_restarts_the_master_timeout() {
+    let mut drone = routing(1);
+    receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(7, 1)));
+    wait(&mut drone, at(1.0));
+    let woken = stimulate(&mut drone, at(30.0), Stimulus::Timeout);
     assert_eq!(woken.notices, []);
-    assert_eq!(woken.sent.len(), 1, "it does not catch up");
-    assert_eq!(wait(&mut slave, at(34.9)).notices, []);
-    assert_eq!(wait(&mut slave, at(36.0)).notices, [Notice::MasterSilent]);
+    assert_eq!(woken.sent.len(), 1, "overdue frames are dropped");
+    assert_eq!(wait(&mut drone, at(34.9)).notices, []);
+    assert_eq!(wait(&mut drone, at(36.0)).notices, [Notice::MasterSilent]);
 }
 
 #[test]
-fn a_master_says_that_it_lands_and_whoever_knows_its_last_order_takes_it_in() {
+fn master_announces_its_landing() {
     let mut master = routing(0);
     stimulate(&mut master, at(0.0), Stimulus::Input(Input::Lead(MASTER)));
     stimulate(&mut master, at(0.0), Stimulus::Input(Input::Land));
-    let said = wait(&mut master, at(1.0)).sent.pop().unwrap();
-    let mut slave = routing(1);
-    hears(&mut slave, at(1.0), 0, &Packet::Flood(flood(1, 1)));
-    let told = hears(&mut slave, at(1.1), 0, &said);
-    assert_eq!(told.notices, [Notice::MasterLands]);
-    assert_eq!(hears(&mut slave, at(1.2), 0, &said).notices, []);
+    let sent = wait(&mut master, at(1.0)).sent.pop().unwrap();
+    let mut drone = routing(1);
+    receive(&mut drone, at(1.0), 0, &Packet::Flood(flood(1, 1)));
+    let outputs = receive(&mut drone, at(1.1), 0, &sent);
+    assert_eq!(outputs.notices, [Notice::MasterLands]);
+    assert_eq!(receive(&mut drone, at(1.2), 0, &sent).notices, []);
 }
 
 #[test]
-fn whoever_hears_a_neighbour_without_a_way_repeats_orders_to_it() {
-    let (mut slave, now) = in_hop_update();
+fn drone_relays_orders_to_a_neighbour_without_route() {
+    let (mut drone, now) = in_hop_update();
     let hop_update = Packet::HopUpdate {
         hops: 0,
         routing_list: Vec::new(),
     };
-    hears(&mut slave, now, 0, &hop_update);
-    hears(&mut slave, now, 2, &Packet::Flood(flood(0, 0)));
-    hears(&mut slave, now, 0, &Packet::Flood(flood(1, 1)));
-    assert_eq!(slave.policy.durable.phase, Phase::Following);
-    assert!(!slave.policy.durable.routes.relay);
+    receive(&mut drone, now, 0, &hop_update);
+    receive(&mut drone, now, 2, &Packet::Flood(flood(0, 0)));
+    receive(&mut drone, now, 0, &Packet::Flood(flood(1, 1)));
+    assert_eq!(drone.policy.durable.phase, Phase::Following);
+    assert!(!drone.policy.durable.routes.relay);
     let lost = Flood {
         hops: None,
         ..flood(0, 0)
     };
-    hears(&mut slave, at(8.1), 3, &Packet::Flood(lost));
-    let sent = wait(&mut slave, at(8.4)).sent;
+    receive(&mut drone, at(8.1), 3, &Packet::Flood(lost));
+    let sent = wait(&mut drone, at(8.4)).sent;
     let repeats = |packet: &Packet| matches!(packet, Packet::Flood(it) if it.order.is_some());
     assert!(sent.last().is_some_and(repeats), "{sent:?}");
 }
 
 #[test]
-fn members_may_take_a_time_to_live_longer_than_the_master_until_their_routes_are_up() {
+fn members_get_one_more_time_to_live_after_hop_update() {
     let mut master = routing(0);
     let input = Input::Lead(MASTER);
     stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
@@ -435,8 +347,8 @@ fn members_may_take_a_time_to_live_longer_than_the_master_until_their_routes_are
     let mut silent_at = None;
     for second in 9..40_u32 {
         let now = at(f64::from(second));
-        let said = wait(&mut master, now).notices;
-        if said
+        let sent = wait(&mut master, now).notices;
+        if sent
             .iter()
             .any(|notice| matches!(notice, Notice::Silent(_)))
         {
@@ -444,14 +356,14 @@ fn members_may_take_a_time_to_live_longer_than_the_master_until_their_routes_are
             break;
         }
     }
-    // Its own are up at once, as it has heard nobody.
+    // The master's routes are up at once, because it has heard no neighbour.
     assert_eq!(silent_at, Some(9 + 5 + 5 + 1));
 }
 
 #[test]
-fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_up() {
+fn members_silent_before_discovery_are_expected_after_it() {
     let config = Config {
-        misses_early: true,
+        monitors_before_routes: true,
         ..config(0)
     };
     let mut master = with(config, Timestamp::ZERO, None);
@@ -464,25 +376,25 @@ fn who_fell_silent_before_the_ways_were_looked_for_is_waited_for_once_they_are_u
         out_of_range: false,
         landing: false,
     };
-    let said = Flood {
+    let sent = Flood {
         members: vec![member],
         ..flood(0, 0)
     };
-    hears(&mut master, at(0.5), 2, &Packet::Flood(said));
-    let is_silent = |said: &[Notice]| said.iter().any(|it| matches!(it, Notice::Silent(_)));
+    receive(&mut master, at(0.5), 2, &Packet::Flood(sent));
+    let is_silent = |sent: &[Notice]| sent.iter().any(|it| matches!(it, Notice::Silent(_)));
     assert!(is_silent(&wait(&mut master, at(6.0)).notices));
     stimulate(&mut master, at(6.5), Stimulus::Input(Input::Discover));
-    // The hop update ends at once, as it has heard nobody meanwhile.
-    let said = wait(&mut master, at(14.5)).notices;
-    assert!(said.contains(&Notice::RoutesReady), "{said:?}");
+    // Hop update ends at once, because the master has heard no neighbour meanwhile.
+    let sent = wait(&mut master, at(14.5)).notices;
+    assert!(sent.contains(&Notice::RoutesReady), "{sent:?}");
     let returned = |it: &Notice| matches!(it, Notice::Returned(who) if who.contains(NodeId(2)));
-    assert!(said.iter().any(returned), "{said:?}");
+    assert!(sent.iter().any(returned), "{sent:?}");
     assert!(!is_silent(&wait(&mut master, at(24.0)).notices));
     assert!(is_silent(&wait(&mut master, at(25.0)).notices));
 }
 
 #[test]
-fn that_the_master_lands_is_passed_on_by_whoever_knows_it() {
+fn master_landing_is_forwarded() {
     let landing = Member {
         id: NodeId(0),
         number: 3,
@@ -490,18 +402,18 @@ fn that_the_master_lands_is_passed_on_by_whoever_knows_it() {
         out_of_range: false,
         landing: true,
     };
-    let mut slave = routing(2);
-    hears(&mut slave, at(0.0), 1, &Packet::Flood(flood(1, 1)));
-    let mut heard = flood(2, 1);
-    heard.members = vec![landing];
-    let told = hears(&mut slave, at(0.1), 0, &Packet::Flood(heard));
-    assert!(told.notices.contains(&Notice::MasterLands));
-    let said = wait(&mut slave, at(0.4)).sent;
-    let Some(said @ Packet::Flood(_)) = said.last() else {
-        panic!("a flood should have been sent, not {said:?}");
+    let mut drone = routing(2);
+    receive(&mut drone, at(0.0), 1, &Packet::Flood(flood(1, 1)));
+    let mut received = flood(2, 1);
+    received.members = vec![landing];
+    let outputs = receive(&mut drone, at(0.1), 0, &Packet::Flood(received));
+    assert!(outputs.notices.contains(&Notice::MasterLands));
+    let sent = wait(&mut drone, at(0.4)).sent;
+    let Some(sent @ Packet::Flood(_)) = sent.last() else {
+        panic!("expected a flood, found {sent:?}");
     };
     let mut other = routing(3);
-    hears(&mut other, at(0.0), 1, &Packet::Flood(flood(1, 1)));
-    let told = hears(&mut other, at(0.5), 2, said);
-    assert!(told.notices.contains(&Notice::MasterLands));
+    receive(&mut other, at(0.0), 1, &Packet::Flood(flood(1, 1)));
+    let outputs = receive(&mut other, at(0.5), 2, sent);
+    assert!(outputs.notices.contains(&Notice::MasterLands));
 }

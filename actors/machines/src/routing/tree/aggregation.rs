@@ -1,32 +1,33 @@
-//! Acknowledgements on their way inwards: merged with those from below, held back for those that are missing there.
+//! Acknowledgements on their way to the master: merged with those of the subtree, and held until the subtree is
+//! complete.
 
 use std::time::Duration;
 
 use super::link::Link;
 use super::link_table::LinkTable;
 use crate::identity::NodeSet;
-use crate::routing::core::Core;
+use crate::routing::shared::SharedState;
 use crate::time::Timestamp;
 
-/// How long acknowledgements wait for those still missing below, in repairs: a drone that has gone to another parent
-/// out of hearing is missed here until its link is given up.
+/// Longest hold, in repair intervals. A drone that has moved to another parent out of range stays in this subtree until
+/// its link times out.
 const HOLD_REPAIRS: u32 = 8;
 
-/// How long, in repairs, acknowledgements that come in after one was said wait to be said in one frame: a drone with many
-/// below it would otherwise speak more often than others listen to it.
-const MERGED_REPAIRS: u32 = 2;
+/// Shortest pause between two acknowledgements, in repair intervals; those that arrive meanwhile are merged. Otherwise
+/// a drone with a large subtree would exceed its receivers' rate limit.
+const MERGE_REPAIRS: u32 = 2;
 
-/// What has come in and waits to be passed on.
+/// Acknowledgements that wait to be forwarded.
 ///
-/// Invariant: once a hold is over nothing below its order is waited for again.
+/// Invariant: after a hold has ended, no acknowledgement of its order is held again.
 #[derive(Debug, Default)]
 pub(super) struct Aggregation {
     hold: Option<Hold>,
-    /// When this drone last acknowledged anything by itself.
-    passed_on_at: Option<Timestamp>,
+    /// When this drone last forwarded acknowledgements.
+    forwarded_at: Option<Timestamp>,
 }
 
-/// Acknowledgements of an order that wait to be merged with those still missing.
+/// Acknowledgements of an order, held until the missing ones arrive.
 #[derive(Debug, Clone, Copy)]
 struct Hold {
     sequence: u32,
@@ -34,28 +35,28 @@ struct Hold {
     is_over: bool,
 }
 
-/// What is to be done with acknowledgements.
+/// What to do with acknowledgements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Pass {
-    /// Nothing: the parent knows them, or they are held back.
+pub(super) enum Forward {
+    /// Send nothing: the parent knows them, or they are held.
     No,
-    /// Say them now.
+    /// Send them now.
     Now,
-    /// Say them then, with what comes in meanwhile.
+    /// Send them then, merged with those that arrive meanwhile.
     At(Timestamp),
 }
 
 impl Aggregation {
-    pub(super) fn begin_epoch(&mut self) {
+    pub(super) fn start_epoch(&mut self) {
         self.hold = None;
     }
 
-    /// When a hold ends.
+    /// End of the hold.
     pub(super) fn deadline(&self) -> Option<Timestamp> {
         self.hold.filter(|it| !it.is_over).map(|it| it.until)
     }
 
-    /// Whether a hold has just ended.
+    /// Whether a hold ends at `now`; true once.
     pub(super) fn ends_hold(&mut self, now: Timestamp) -> bool {
         match &mut self.hold {
             Some(hold) if !hold.is_over && hold.until <= now => {
@@ -66,30 +67,30 @@ impl Aggregation {
         }
     }
 
-    /// Whether what has come in so far may be passed on: all of it has, or what is missing was waited for long enough.
-    pub(super) fn may_pass(&self, core: &Core, links: &LinkTable) -> bool {
-        let sequence = core.sequence();
-        let waited = self
+    /// Whether acknowledgements may be forwarded: the subtree is complete, or the hold has ended.
+    pub(super) fn may_forward(&self, shared: &SharedState, links: &LinkTable) -> bool {
+        let sequence = shared.sequence();
+        let hold_is_over = self
             .hold
             .is_some_and(|hold| hold.is_over && hold.sequence == sequence);
-        waited || is_complete(core, links)
+        hold_is_over || is_complete(shared, links)
     }
 
-    /// What is to be done with what has come in by now, beginning to wait for what is missing.
-    pub(super) fn pass(
+    /// What to do now. Starts a hold if acknowledgements are missing in the subtree.
+    pub(super) fn forward(
         &mut self,
-        core: &Core,
+        shared: &SharedState,
         links: &LinkTable,
         parent: Option<&Link>,
         (now, repair): (Timestamp, Duration),
-    ) -> Pass {
-        let sequence = core.sequence();
-        let has_any =
-            core.durable.epoch.is_carried_out() || !links.below(sequence).acknowledged.is_empty();
-        if core.is_master() || !has_any {
-            return Pass::No;
+    ) -> Forward {
+        let sequence = shared.sequence();
+        let has_any = shared.durable.epoch.is_carried_out()
+            || !links.subtree(sequence).acknowledged.is_empty();
+        if shared.is_master() || !has_any {
+            return Forward::No;
         }
-        if !self.may_pass(core, links) {
+        if !self.may_forward(shared, links) {
             if self.hold.is_none_or(|hold| hold.sequence != sequence) {
                 self.hold = Some(Hold {
                     sequence,
@@ -97,68 +98,74 @@ impl Aggregation {
                     is_over: false,
                 });
             }
-            return Pass::No;
+            return Forward::No;
         }
-        if !self.parent_lacks(core, links, parent) {
-            return Pass::No;
+        if !self.parent_lacks(shared, links, parent) {
+            return Forward::No;
         }
-        let next = self.passed_on_at.map(|at| at + repair * MERGED_REPAIRS);
+        let next = self.forwarded_at.map(|at| at + repair * MERGE_REPAIRS);
         match next.filter(|next| now < *next) {
-            Some(next) => Pass::At(next),
+            Some(next) => Forward::At(next),
             None => {
-                self.passed_on_at = Some(now);
-                Pass::Now
+                self.forwarded_at = Some(now);
+                Forward::Now
             }
         }
     }
 
-    /// Whether the parent is not known to know what this drone has for it.
+    /// Whether the parent lacks something that this drone could tell it.
     pub(super) fn parent_lacks(
         &self,
-        core: &Core,
+        shared: &SharedState,
         links: &LinkTable,
         parent: Option<&Link>,
     ) -> bool {
-        let sequence = core.sequence();
+        let sequence = shared.sequence();
         let Some(parent) = parent else {
             return false;
         };
-        if parent.said.sequence > sequence || !self.may_pass(core, links) {
+        if parent.report.sequence > sequence || !self.may_forward(shared, links) {
             return false;
         }
-        if !parent.knows(sequence) {
+        if !parent.has_order(sequence) {
             return true;
         }
-        // Once the master has named who is pending, only they answer.
+        // Once the master has named pending members, only their acknowledgements count.
         let pending = pending(parent, sequence);
         let is_pending = |id| pending.is_none_or(|pending| pending.contains(id));
-        let [said, told] = parent.known(sequence);
-        let is_own_missed = core.durable.epoch.is_carried_out()
-            && ![said, told].iter().any(|known| known.contains(core.id))
-            && is_pending(core.id);
-        let below = &links.below(sequence).acknowledged;
-        let is_known = said.is_superset(below) || told.is_superset(below);
-        is_own_missed
+        let [reported, delivered] = parent.known_acknowledged(sequence);
+        let lacks_own = shared.durable.epoch.is_carried_out()
+            && ![reported, delivered]
+                .iter()
+                .any(|known| known.contains(shared.id))
+            && is_pending(shared.id);
+        let subtree = &links.subtree(sequence).acknowledged;
+        let is_known = reported.is_superset(subtree) || delivered.is_superset(subtree);
+        lacks_own
             || !is_known
                 && NodeSet::any_where(
-                    [below, said, told, pending.unwrap_or(below)],
-                    |[below, said, told, pending]| below && !said && !told && pending,
+                    [subtree, reported, delivered, pending.unwrap_or(subtree)],
+                    |[subtree, reported, delivered, pending]| {
+                        subtree && !reported && !delivered && pending
+                    },
                 )
     }
 }
 
-/// Who the master misses, as the parent says it of order `sequence`; `None` if it has not said.
+/// Members whose acknowledgement of order `sequence` the master lacks, as the parent reports; `None` if it has not
+/// reported that.
 pub(super) fn pending(parent: &Link, sequence: u32) -> Option<&NodeSet> {
-    let has_said = parent.said.by_parent && parent.said.sequence == sequence;
-    has_said.then(|| &parent.sets().pending)
+    let has_reported = parent.report.by_parent && parent.report.sequence == sequence;
+    has_reported.then(|| &parent.sets().pending)
 }
 
-/// Whether this drone and all below it have carried the newest order out, those apart that are landing.
-fn is_complete(core: &Core, links: &LinkTable) -> bool {
-    let sequence = core.sequence();
-    let is_awaited =
-        !core.is_relay() && core.durable.landing.is_none() && !core.durable.epoch.is_carried_out();
-    sequence > 0 && !is_awaited && !links.below(sequence).is_awaited
+/// Whether this drone and its subtree have carried out the newest order, without those that land.
+fn is_complete(shared: &SharedState, links: &LinkTable) -> bool {
+    let sequence = shared.sequence();
+    let is_own_missing = !shared.is_relay()
+        && shared.durable.landing.is_none()
+        && !shared.durable.epoch.is_carried_out();
+    sequence > 0 && !is_own_missing && !links.subtree(sequence).is_incomplete
 }
 
 #[cfg(test)]

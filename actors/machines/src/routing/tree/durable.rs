@@ -1,8 +1,8 @@
 use serde::{Deserialize, Serialize};
 
-/// What a routing of policy `tree` adds to a checkpoint; who is near is learnt anew.
+/// Durable state of policy `tree`. Neighbours are discovered again after a restart.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Whether the protocol asked for routes.
+    /// Whether the protocol has requested routes.
     pub discovered: bool,
 }

@@ -1,4 +1,4 @@
-//! What is known of one neighbour: how well the link carries, what it said last, and what it is known to know.
+//! One neighbour: link quality, its last report, and what it is known to have received.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -8,51 +8,51 @@ use bytes::Bytes;
 use super::quality::Quality;
 use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
-use crate::wire::{TreeFrame, TreeFront};
+use crate::wire::{TreeFrame, TreeHeader};
 
-/// How often a neighbour is told of a new leader epoch beyond what is said anyway.
-const TOLD_OF_EPOCH_MAX: u32 = 8;
+/// Most announcements of a new leader epoch to a neighbour, in frames that are sent anyway.
+const EPOCH_ANNOUNCEMENTS_MAX: u32 = 8;
 
-/// How unlikely it must be that a neighbour within reach misses as many frames in a row as make it count as out of reach.
-const OUT_OF_REACH: f64 = 1e-3;
-/// And how many these are at least, and at most.
-const GIVEN_UP: std::ops::RangeInclusive<u32> = 2..=12;
+/// Odds at which a neighbour in range misses as many consecutive frames as make it unreachable.
+const UNREACHABLE_ODDS: f64 = 1e-3;
+/// Bounds of that number of frames.
+const FAILED_DELIVERIES: std::ops::RangeInclusive<u32> = 2..=12;
 
-/// How long a medium takes at most to tell what became of a frame: eight tries over 802.11a with the longest back-off take
-/// some 30 ms.
-const ON_ITS_WAY_MAX: Duration = Duration::from_millis(60);
+/// Longest time until the medium reports a delivery: eight tries over 802.11a with the longest back-off take about 30
+/// ms.
+const DELIVERY_REPORT_MAX: Duration = Duration::from_millis(60);
 
-/// One neighbour.
+/// A neighbour.
 #[derive(Debug, Clone)]
 pub(super) struct Link {
     pub(super) id: NodeId,
-    /// When it was heard first, and last.
+    /// When it was first heard, and last.
     pub(super) known_since: Timestamp,
     pub(super) heard_at: Timestamp,
-    /// Whether the neighbour has heard this drone too: only then the link counts.
+    /// Whether the neighbour hears this drone, too. Only symmetric links are used.
     pub(super) symmetric: bool,
-    /// Since when it has left this drone out of those that it says to hear.
-    left_out: Option<Timestamp>,
+    /// Since when its reports omit this drone from the neighbours that it hears; `None` if they do not.
+    omitted_since: Option<Timestamp>,
     pub(super) quality: Quality,
-    /// How often in a row the medium has given up to reach it, or it has left a probe unanswered, since it was heard.
-    given_up: u32,
-    /// Since when a frame for it has been on its way, of which the medium has not told yet what became.
+    /// Number of consecutive failed deliveries since it was last heard.
+    failed_deliveries: u32,
+    /// When the frame was sent whose delivery the medium has not reported yet.
     sent_at: Option<Timestamp>,
-    /// Whether it asks what this drone knows and has not been answered.
-    pub(super) asks: bool,
-    /// How often it has been told of the epoch that it was not heard under yet; `None` once it was.
-    pub(super) told_of_epoch: Option<u32>,
-    /// What it said last.
-    pub(super) said: Said,
-    /// The sets that are kept of it, as long as there are any.
-    sets: Option<Box<Sets>>,
-    /// The frame that `said` and `sets` come from, behind its front; empty if it was sent under another epoch.
-    pub(super) words: Bytes,
+    /// Whether it requested this drone's state and has not been answered.
+    pub(super) awaits_answer: bool,
+    /// Number of announcements of the current epoch; `None` once it was heard under it.
+    pub(super) epoch_announcements: Option<u32>,
+    /// Its last report.
+    pub(super) report: Report,
+    /// Its sets; `None` if all are empty.
+    sets: Option<Box<MemberSets>>,
+    /// Body of the frame that `report` and `sets` come from; empty if that was sent under another epoch.
+    pub(super) body: Bytes,
 }
 
-/// What a neighbour is to this drone.
+/// The sender of a frame, in its role for this drone.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Speaker {
+pub(super) struct Sender {
     pub(super) id: NodeId,
     /// Whether it is the parent.
     pub(super) is_parent: bool,
@@ -60,9 +60,9 @@ pub(super) struct Speaker {
     pub(super) master: Option<NodeId>,
 }
 
-/// What is kept of a neighbour's last frame.
+/// The scalar fields of a neighbour's last frame.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Said {
+pub(super) struct Report {
     pub(super) number: u32,
     pub(super) unicasts: u32,
     pub(super) hops: Option<u16>,
@@ -71,382 +71,392 @@ pub(super) struct Said {
     pub(super) heartbeat: u32,
     pub(super) lag: u32,
     pub(super) sequence: u32,
-    /// Whether its sender wants to hear what this drone knows.
-    pub(super) asks_own: bool,
-    /// How many others it asks with it.
-    pub(super) asked: u16,
-    /// Whether its sender hears this drone, as far as that tells.
+    /// Whether it requested this drone's state.
+    pub(super) requests_own: bool,
+    /// Number of neighbours whose state it requested.
+    pub(super) request_count: u16,
+    /// Whether it hears this drone; `None` if the frame does not tell.
     pub(super) hears_own: Option<bool>,
-    /// Whether the master is on its way to the ground.
+    /// Whether the master is going to land.
     pub(super) master_lands: bool,
-    /// Whether it was said by the parent, or by what was that then.
+    /// Whether the sender was the parent at that time.
     pub(super) by_parent: bool,
 }
 
-/// The sets of drones that are kept of a neighbour; of most there are none.
+/// The sets of a neighbour; most have none.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Sets {
-    /// What the medium says has arrived there: of which order, and who has carried it out.
-    pub(super) told: (u32, NodeSet),
-    /// As it said last, if it is a child or the parent.
+pub(super) struct MemberSets {
+    /// Delivered to it as the medium reports: number of the order, and the members known to have carried it out.
+    pub(super) delivered: (u32, NodeSet),
+    /// As last reported, of children and the parent.
     pub(super) acknowledged: NodeSet,
-    /// Likewise, of children only.
+    /// As last reported, of children.
     pub(super) alive: NodeSet,
-    /// Likewise.
+    /// As last reported, of children.
     pub(super) landing: NodeSet,
-    /// Who the master misses, of the parent only.
+    /// As last reported, of the parent: members whose acknowledgement the master lacks.
     pub(super) pending: NodeSet,
 }
 
-/// Of a neighbour without sets.
-static NO_SETS: Sets = Sets {
-    told: (0, NodeSet::new()),
+/// The sets of a neighbour without any.
+static NO_SETS: MemberSets = MemberSets {
+    delivered: (0, NodeSet::new()),
     acknowledged: NodeSet::new(),
     alive: NodeSet::new(),
     landing: NodeSet::new(),
     pending: NodeSet::new(),
 };
 
-/// Who is known to have carried an order out, of a neighbour that has said nothing of that one.
-static NOBODY: NodeSet = NodeSet::new();
+/// Acknowledgements of an order that a neighbour has not reported.
+static NO_MEMBERS: NodeSet = NodeSet::new();
 
-/// How a link has changed by a frame that was heard over it.
+/// What a received frame changed about the link.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LinkChanged {
-    /// It could not be reached before.
-    pub(super) is_back: bool,
-    /// It carries both ways, which it did not, or one way only.
-    pub(super) turns: bool,
-    /// It costs more or less than before.
+pub(super) struct LinkChange {
+    /// It was unreachable before.
+    pub(super) is_reachable_again: bool,
+    /// It has become symmetric or one-way.
+    pub(super) symmetry: bool,
+    /// Its cost has changed.
     pub(super) cost: bool,
 }
 
-/// How a neighbour's words differ from those before.
+/// What a report changed.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Changed {
-    /// It knows of another order, or of others who have carried it out.
+pub(super) struct ReportChange {
+    /// It knows another order, or more acknowledgements.
     pub(super) progress: bool,
-    /// That, or others are below it or going to land.
+    /// That, or its subtree or the landing drones changed.
     pub(super) any: bool,
-    /// It is farther from the master or nearer, or has another parent.
+    /// Its distance to the master, its parent, or the peer's reception changed.
     pub(super) route: bool,
 }
 
 impl Link {
-    /// To a neighbour that is heard for the first time, before that is taken in.
+    /// The link to a neighbour that is heard for the first time.
     pub(super) fn new(id: NodeId, now: Timestamp) -> Self {
         Self {
             id,
             known_since: now,
             heard_at: now,
             symmetric: false,
-            left_out: None,
+            omitted_since: None,
             quality: Quality::new(),
-            given_up: 0,
+            failed_deliveries: 0,
             sent_at: None,
-            asks: false,
-            told_of_epoch: None,
-            said: Said::default(),
+            awaits_answer: false,
+            epoch_announcements: None,
+            report: Report::default(),
             sets: None,
-            words: Bytes::new(),
+            body: Bytes::new(),
         }
     }
 
-    /// How many broadcasts were missed before one of these numbers; `None` for one that is not newer than the last.
+    /// Number of broadcasts missed before a frame with these numbers; `None` if the frame is not newer than the last.
     #[inline]
     pub(super) fn missed_before(&self, number: u32, unicasts: u32) -> Option<u32> {
-        let said = &self.said;
-        let is_newer = (number, unicasts) > (said.number, said.unicasts);
+        let report = &self.report;
+        let is_newer = (number, unicasts) > (report.number, report.unicasts);
         let is_for_all = unicasts == 0;
-        is_newer.then(|| number - said.number - u32::from(is_for_all))
+        is_newer.then(|| number - report.number - u32::from(is_for_all))
     }
 
-    /// Takes in that the neighbour was heard say what is kept by now, after so many broadcasts that were missed.
+    /// Records a received frame, whose report is stored already, after `missed` broadcasts.
     #[inline]
-    pub(super) fn is_heard(&mut self, now: Timestamp, missed: u32, pace: Duration) -> LinkChanged {
+    pub(super) fn record_reception(
+        &mut self,
+        now: Timestamp,
+        missed: u32,
+        leaf_period: Duration,
+    ) -> LinkChange {
         let before = self.quality;
-        self.quality.learn_missed(missed);
-        if self.said.unicasts == 0 {
-            self.quality.learn_heard();
+        self.quality.record_missed(missed);
+        if self.report.unicasts == 0 {
+            self.quality.record_received();
         }
         self.heard_at = now;
         let was_reachable = self.is_reachable();
-        self.given_up = 0;
-        self.told_of_epoch = None;
-        let symmetric = self.said.hears_own.unwrap_or(self.symmetric);
-        match self.said.hears_own {
-            Some(true) => self.left_out = None,
-            Some(false) => self.left_out = self.left_out.or(Some(now)),
-            // It has not said which drones it hears.
+        self.failed_deliveries = 0;
+        self.epoch_announcements = None;
+        let symmetric = self.report.hears_own.unwrap_or(self.symmetric);
+        match self.report.hears_own {
+            Some(true) => self.omitted_since = None,
+            Some(false) => self.omitted_since = self.omitted_since.or(Some(now)),
+            // The frame does not tell.
             None => {}
         }
-        // At first it may have restarted, or have missed what this drone said: it hears it again when that gets through.
-        let patience = || pace * self.quality.stale_beacons.into();
-        let is_new = self
-            .left_out
-            .is_none_or(|since| now.since(since) < patience());
+        // One omission may come from a restart or a lost frame. The link becomes one-way only after the stale time.
+        let stale_time = || leaf_period * self.quality.stale_heartbeats.into();
+        let is_recent = self
+            .omitted_since
+            .is_none_or(|since| now.since(since) < stale_time());
         let was_symmetric = self.symmetric;
-        self.symmetric = symmetric || (self.symmetric && is_new);
-        if !self.shows_what_it_was_told() {
-            // It restarted, or spoke before it knew.
-            self.change_sets(|sets| sets.told = (0, NodeSet::new()));
+        self.symmetric = symmetric || (self.symmetric && is_recent);
+        if !self.confirms_delivered() {
+            // It restarted, or sent the report before it received the frame.
+            self.change_sets(|sets| sets.delivered = (0, NodeSet::new()));
         }
-        LinkChanged {
-            is_back: !was_reachable,
-            turns: self.symmetric != was_symmetric,
-            cost: self.quality.costs_otherwise_than(&before),
+        LinkChange {
+            is_reachable_again: !was_reachable,
+            symmetry: self.symmetric != was_symmetric,
+            cost: self.quality.cost_differs_from(&before),
         }
     }
 
-    /// Whether it can be reached, as far as is known.
+    /// Whether it can be reached, as far as this drone knows.
     pub(super) fn is_reachable(&self) -> bool {
-        self.given_up < *GIVEN_UP.start() || self.given_up < self.given_up_max()
+        self.failed_deliveries < *FAILED_DELIVERIES.start()
+            || self.failed_deliveries < self.failed_deliveries_max()
     }
 
-    /// How many frames in a row a neighbour within reach hardly ever misses.
+    /// Number of consecutive failures at which the neighbour counts as unreachable.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "within `GIVEN_UP`"
+        reason = "within `FAILED_DELIVERIES`"
     )]
-    fn given_up_max(&self) -> u32 {
+    fn failed_deliveries_max(&self) -> u32 {
         let lost = (1.0 - self.quality.round_trip()).max(f64::EPSILON);
-        let frames = (libm::log(OUT_OF_REACH) / libm::log(lost)).ceil() as u32;
-        frames.clamp(*GIVEN_UP.start(), *GIVEN_UP.end())
+        let frames = (libm::log(UNREACHABLE_ODDS) / libm::log(lost)).ceil() as u32;
+        frames.clamp(*FAILED_DELIVERIES.start(), *FAILED_DELIVERIES.end())
     }
 
-    /// Whether it is taken to have heard what it was told: it loses next to nothing, has missed nothing that it was told
-    /// since it was heard, and does not ask.
+    /// Whether frames to it are taken as received: a lossless link without failures since it was heard, and no open
+    /// request.
     pub(super) fn is_trusted(&self) -> bool {
-        self.quality.is_good() && self.given_up == 0 && !self.asks
+        self.quality.is_good() && self.failed_deliveries == 0 && !self.awaits_answer
     }
 
-    /// Takes in that a frame for it is on its way.
-    pub(super) const fn is_sent(&mut self, now: Timestamp) {
+    /// Records that a unicast to it was sent.
+    pub(super) const fn record_send(&mut self, now: Timestamp) {
         self.sent_at = Some(now);
     }
 
-    /// Whether the medium is still at a frame for it: another one would wait behind, and so would all else.
-    pub(super) fn is_on_its_way(&self, now: Timestamp) -> bool {
+    /// Whether the medium is still sending a unicast to it. Another one would queue behind it and delay all others.
+    pub(super) fn has_frame_in_flight(&self, now: Timestamp) -> bool {
         self.sent_at
-            .is_some_and(|at| now.since(at) < ON_ITS_WAY_MAX)
+            .is_some_and(|at| now.since(at) < DELIVERY_REPORT_MAX)
     }
 
-    /// Takes in that a frame for it did not arrive.
-    pub(super) const fn give_up_once(&mut self) {
+    /// Records that a unicast to it was not delivered.
+    pub(super) const fn record_failure(&mut self) {
         self.sent_at = None;
-        self.given_up = self.given_up.saturating_add(1);
+        self.failed_deliveries = self.failed_deliveries.saturating_add(1);
     }
 
-    /// Takes in that a frame for it arrived.
-    pub(super) const fn is_reached(&mut self) {
+    /// Records that a unicast to it was delivered.
+    pub(super) const fn record_delivery(&mut self) {
         self.sent_at = None;
-        self.given_up = 0;
+        self.failed_deliveries = 0;
     }
 
-    /// Takes in that it does not answer at all: it is out of reach until it is heard again.
-    pub(super) const fn suspect(&mut self) {
-        self.given_up = *GIVEN_UP.end();
+    /// Marks it unreachable until it is heard again.
+    pub(super) const fn mark_unreachable(&mut self) {
+        self.failed_deliveries = *FAILED_DELIVERIES.end();
     }
 
-    /// Whether it is perhaps not aware of the leader epoch, though it hears this drone.
-    pub(super) fn obeys_another(&self) -> bool {
-        let told = self.told_of_epoch;
-        self.symmetric && told.is_some_and(|times| times < TOLD_OF_EPOCH_MAX)
+    /// Whether it hears this drone but may not know the leader epoch.
+    pub(super) fn needs_epoch_announcement(&self) -> bool {
+        let delivered = self.epoch_announcements;
+        self.symmetric && delivered.is_some_and(|times| times < EPOCH_ANNOUNCEMENTS_MAX)
     }
 
-    /// Whether it leaves this drone out of those that it says to hear.
-    pub(super) const fn leaves_out(&self) -> bool {
-        self.left_out.is_some()
+    /// Whether its reports omit this drone from the neighbours that it hears.
+    pub(super) const fn omits_this_drone(&self) -> bool {
+        self.omitted_since.is_some()
     }
 
-    /// Whether it has just said that it does not hear this drone, which it did before.
-    pub(super) const fn needs_to_hear(&self) -> bool {
-        self.symmetric && self.leaves_out()
+    /// Whether it reports that it no longer hears this drone.
+    pub(super) const fn lost_this_drone(&self) -> bool {
+        self.symmetric && self.omits_this_drone()
     }
 
-    /// Whether it knows of an order, as it said or the medium did.
-    pub(super) fn knows(&self, sequence: u32) -> bool {
-        self.said.sequence.max(self.sets().told.0) >= sequence
+    /// Whether it has an order, as it or the medium reported.
+    pub(super) fn has_order(&self, sequence: u32) -> bool {
+        self.report.sequence.max(self.sets().delivered.0) >= sequence
     }
 
-    /// Who is known there to have carried an order out, as it said and as the medium did.
-    pub(super) fn known(&self, sequence: u32) -> [&NodeSet; 2] {
+    /// Members that it knows to have carried out an order: as it reported, and as the medium reported.
+    pub(super) fn known_acknowledged(&self, sequence: u32) -> [&NodeSet; 2] {
         let sets = self.sets();
-        let said = (self.said.sequence, &sets.acknowledged);
-        let told = (sets.told.0, &sets.told.1);
-        [said, told].map(|(of, known)| if of == sequence { known } else { &NOBODY })
+        let reported = (self.report.sequence, &sets.acknowledged);
+        let delivered = (sets.delivered.0, &sets.delivered.1);
+        [reported, delivered].map(|(of, known)| if of == sequence { known } else { &NO_MEMBERS })
     }
 
-    /// Whether what it said shows that it knows what it was told.
+    /// Whether its report contains what was delivered to it.
     #[inline]
-    fn shows_what_it_was_told(&self) -> bool {
+    fn confirms_delivered(&self) -> bool {
         let sets = self.sets();
-        let (sequence, acknowledged) = &sets.told;
-        self.said.sequence > *sequence
-            || self.said.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
+        let (sequence, acknowledged) = &sets.delivered;
+        self.report.sequence > *sequence
+            || self.report.sequence == *sequence && sets.acknowledged.is_superset(acknowledged)
     }
 
     #[inline]
-    pub(super) fn sets(&self) -> &Sets {
+    pub(super) fn sets(&self) -> &MemberSets {
         self.sets.as_deref().unwrap_or(&NO_SETS)
     }
 
-    /// Changes the sets that are kept; none are if they are as before anything was said.
-    pub(super) fn change_sets<T>(&mut self, change: impl FnOnce(&mut Sets) -> T) -> T {
+    /// Changes its sets. They are dropped once all are empty.
+    pub(super) fn change_sets<T>(&mut self, change: impl FnOnce(&mut MemberSets) -> T) -> T {
         let mut sets = self.sets.take().unwrap_or_default();
         let changed = change(&mut sets);
         self.sets = Some(sets).filter(|sets| **sets != NO_SETS);
         changed
     }
 
-    /// Forgets what it said under another leader epoch. Who is near, and how well each is heard, is still known.
+    /// Forgets its report of another leader epoch. Its link quality stays known.
     pub(super) fn forget_epoch(&mut self) {
-        self.said = Said {
-            number: self.said.number,
-            unicasts: self.said.unicasts,
-            ..Said::default()
+        self.report = Report {
+            number: self.report.number,
+            unicasts: self.report.unicasts,
+            ..Report::default()
         };
-        self.words = Bytes::new();
+        self.body = Bytes::new();
         self.sets = None;
-        self.given_up = 0;
-        self.asks = false;
-        self.told_of_epoch = Some(0);
+        self.failed_deliveries = 0;
+        self.awaits_answer = false;
+        self.epoch_announcements = Some(0);
     }
 
     pub(super) const fn is_child_of(&self, id: NodeId) -> bool {
-        matches!(self.said.parent, Some(parent) if parent.0 == id.0)
+        matches!(self.report.parent, Some(parent) if parent.0 == id.0)
     }
 
-    /// Whether it has a route to the master, and not through `id` as its parent.
+    /// Whether it has a route to the master on which `id` is not the next hop.
     pub(super) const fn has_route_past(&self, id: NodeId) -> bool {
-        self.said.hops.is_some() && !self.is_child_of(id)
+        self.report.hops.is_some() && !self.is_child_of(id)
     }
 
-    /// Whether it is a child of `id` with nobody below it, so that it passes nothing on.
+    /// Whether it is a child of `id` with no drones in its subtree, so that it forwards nothing.
     pub(super) fn is_leaf_of(&self, id: NodeId) -> bool {
         self.is_child_of(id) && NodeSet::from(self.id).is_superset(&self.sets().alive)
     }
 
-    /// The heartbeat sequence that its route rests on.
+    /// Heartbeat sequence of its route.
     pub(super) const fn route_heartbeat(&self) -> u32 {
-        self.said.heartbeat.saturating_sub(self.said.lag)
+        self.report.heartbeat.saturating_sub(self.report.lag)
     }
 
-    /// What the route to the master costs through it; `None` if it has none.
+    /// Cost of the route through it; `None` if it has no route.
     pub(super) fn cost_through(&self) -> Option<u16> {
-        self.said.hops?;
-        Some(self.said.cost.saturating_add(self.quality.cost()))
+        self.report.hops?;
+        Some(self.report.cost.saturating_add(self.quality.cost()))
     }
 
-    /// Reads some of each part of it.
+    /// Touches each cache line of it.
     pub(super) fn read_ahead(&self) {
-        black_box((self.left_out, self.said.number, self.said.by_parent));
-        black_box((self.words.len(), self.heard_at, self.quality.is_proven()));
-        black_box((self.sets().told.0, self.symmetric));
+        black_box((
+            self.omitted_since,
+            self.report.number,
+            self.report.by_parent,
+        ));
+        black_box((self.body.len(), self.heard_at, self.quality.is_proven()));
+        black_box((self.sets().delivered.0, self.symmetric));
     }
 
-    /// Whether it has been silent for so long that another route would be better.
-    pub(super) fn is_stale(&self, now: Timestamp, beacon: Duration) -> bool {
-        now > self.stale_at(beacon)
+    /// Whether it has been silent for so long that another parent would be better.
+    pub(super) fn is_stale(&self, now: Timestamp, heartbeat_period: Duration) -> bool {
+        now > self.stale_at(heartbeat_period)
     }
 
-    /// From when on that is so, unless it is heard.
-    pub(super) fn stale_at(&self, beacon: Duration) -> Timestamp {
-        self.heard_at + beacon * self.quality.stale_beacons.into()
+    /// When it becomes stale, unless it is heard before.
+    pub(super) fn stale_at(&self, heartbeat_period: Duration) -> Timestamp {
+        self.heard_at + heartbeat_period * self.quality.stale_heartbeats.into()
     }
 
-    /// Keeps what matters to `own` of its words; how they differ from those before.
-    pub(super) fn keep(
+    /// Stores the report of a frame, as far as `own` needs it; returns what changed.
+    pub(super) fn update_report(
         &mut self,
-        said: &TreeFrame<'_>,
+        frame: &TreeFrame<'_>,
         own: NodeId,
-        speaker: Speaker,
+        sender: Sender,
         drones: u32,
-    ) -> Changed {
-        let is_another_order = said.sequence != self.said.sequence;
-        let is_child = said.front.parent == Some(own);
-        let is_kin = is_child || speaker.is_parent;
+    ) -> ReportChange {
+        let is_another_order = frame.sequence != self.report.sequence;
+        let is_child = frame.header.parent == Some(own);
+        let is_relative = is_child || sender.is_parent;
         let (mut progress, mut any) = (is_another_order, false);
-        if is_kin || self.sets.is_some() {
+        if is_relative || self.sets.is_some() {
             self.change_sets(|sets| {
-                let keep = |kept: &mut NodeSet, set: NodeSet| {
-                    let mut set = said.and_before(set, kept);
+                let keep = |stored: &mut NodeSet, set: NodeSet| {
+                    let mut set = frame.merged_with_previous(set, stored);
                     set.truncate(drones);
-                    let differs = set != *kept;
-                    *kept = set;
+                    let differs = set != *stored;
+                    *stored = set;
                     differs
                 };
-                if is_another_order || !is_kin {
+                if is_another_order || !is_relative {
                     sets.acknowledged = NodeSet::new();
                     sets.pending = NodeSet::new();
-                    if said.span.is_some() && speaker.is_parent {
+                    if frame.span.is_some() && sender.is_parent {
                         sets.pending = NodeSet::from(0..drones);
                     }
                 }
-                if is_kin {
-                    progress |= keep(&mut sets.acknowledged, said.acknowledged());
+                if is_relative {
+                    progress |= keep(&mut sets.acknowledged, frame.acknowledged());
                 }
-                if speaker.is_parent {
-                    keep(&mut sets.pending, said.pending.to_set());
+                if sender.is_parent {
+                    keep(&mut sets.pending, frame.pending.to_set());
                 } else {
                     sets.pending = NodeSet::new();
                 }
                 if is_child {
-                    any |= keep(&mut sets.alive, said.alive.to_set());
-                    any |= keep(&mut sets.landing, said.landing());
+                    any |= keep(&mut sets.alive, frame.alive.to_set());
+                    any |= keep(&mut sets.landing, frame.landing());
                 } else {
                     (sets.alive, sets.landing) = (NodeSet::new(), NodeSet::new());
                 }
             });
         }
-        let before = std::mem::replace(&mut self.said, Said::of(said, own, speaker));
-        let reception = said.reception_of(own);
-        let hears_otherwise = reception.is_some_and(|it| self.quality.learn_reception(it));
-        let route = |said: &Said| (said.hops, said.cost, said.parent);
-        Changed {
+        let before = std::mem::replace(&mut self.report, Report::of(frame, own, sender));
+        let reception = frame.reception_of(own);
+        let peer_share_changed = reception.is_some_and(|it| self.quality.record_peer_share(it));
+        let route = |report: &Report| (report.hops, report.cost, report.parent);
+        ReportChange {
             progress,
             any: any || progress,
-            route: hears_otherwise || route(&before) != route(&self.said),
+            route: peer_share_changed || route(&before) != route(&self.report),
         }
     }
 }
 
-impl Said {
-    /// What is kept of a speaker's words by `own`.
-    fn of(said: &TreeFrame<'_>, own: NodeId, speaker: Speaker) -> Self {
-        let TreeFront {
+impl Report {
+    /// The report of a frame, as far as `own` needs it.
+    fn of(frame: &TreeFrame<'_>, own: NodeId, sender: Sender) -> Self {
+        let TreeHeader {
             number,
             hops,
             cost,
             parent,
             heartbeat,
             lag,
-        } = said.front;
+        } = frame.header;
         Self {
             number,
-            unicasts: said.unicasts,
+            unicasts: frame.unicasts,
             hops,
             cost,
             parent,
             heartbeat,
             lag,
-            sequence: said.sequence,
-            asks_own: said.asks.contains(own),
-            asked: said.asks.members(),
-            hears_own: says_to_hear(own, said),
-            master_lands: (speaker.master).is_some_and(|master| said.is_landing(master)),
-            by_parent: speaker.is_parent,
+            sequence: frame.sequence,
+            requests_own: frame.requests.contains(own),
+            request_count: frame.requests.member_count(),
+            hears_own: reports_hearing(own, frame),
+            master_lands: (sender.master).is_some_and(|master| frame.is_landing(master)),
+            by_parent: sender.is_parent,
         }
     }
 }
 
-/// Whether a neighbour says that it hears `own`, or shows it, if it says anything of that.
-pub(super) fn says_to_hear(own: NodeId, said: &TreeFrame<'_>) -> Option<bool> {
-    if said.front.parent == Some(own) || said.to == Some(own) || said.asks.contains(own) {
+/// Whether a neighbour reports or shows that it hears `own`; `None` if the frame does not tell.
+pub(super) fn reports_hearing(own: NodeId, frame: &TreeFrame<'_>) -> Option<bool> {
+    if frame.header.parent == Some(own) || frame.to == Some(own) || frame.requests.contains(own) {
         Some(true)
     } else {
-        said.hears(own)
+        frame.hears(own)
     }
 }
 

@@ -1,199 +1,204 @@
-//! Who is near: every neighbour with its link, and what all children say together.
+//! The link table: all neighbours, and the merged reports of the children.
 
 use std::cell::OnceCell;
 use std::time::Duration;
 
 use bytes::Bytes;
 
-use super::link::{Link, Speaker, says_to_hear};
+use super::link::{Link, Sender, reports_hearing};
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
-use crate::roster::Roster;
-use crate::routing::packet::Reception;
-use crate::routing::tree::quality::WELL;
+use crate::node_map::NodeMap;
+use crate::routing::tree::quality::LOSSLESS;
 use crate::time::Timestamp;
-use crate::wire::{TreeFrame, TreeFront};
+use crate::wire::{Reception, TreeFrame, TreeHeader};
 
-/// What is known of each neighbour, from the frames of its own that were heard.
+/// All neighbours, from the frames that were received of them.
 ///
-/// Invariant: `below`, if it is there, is what the present children say.
+/// Invariant: `subtree`, if cached, is merged from the current children.
 #[derive(Debug, Clone)]
 pub(super) struct LinkTable {
     own: NodeId,
-    /// How many drones there are; nothing that is said of others is kept.
+    /// Number of drones; reports of other ids are dropped.
     drones: u32,
-    /// How often a parent speaks at least.
-    beacon: Duration,
-    /// How often each neighbour does.
-    pace: Duration,
-    links: Roster<Link>,
-    /// What all children say together, until one of them says something else.
-    below: OnceCell<Below>,
+    /// Longest pause between two frames of a parent.
+    heartbeat_period: Duration,
+    /// Longest pause between two frames of any neighbour.
+    leaf_period: Duration,
+    links: NodeMap<Link>,
+    /// Cache of the children's merged reports.
+    subtree: OnceCell<Subtree>,
 }
 
-/// What all children say together.
+/// Merged reports of all children.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Below {
-    /// The order that `acknowledged` is about.
+pub(super) struct Subtree {
+    /// The order that `acknowledged` belongs to.
     sequence: u32,
-    /// Who below has carried it out: what is done stays done, even of a child that is out of reach by now.
+    /// Drones that have carried it out. Reports of unreachable children count, because what is done stays done.
     pub(super) acknowledged: NodeSet,
     pub(super) alive: NodeSet,
     pub(super) landing: NodeSet,
-    /// Whether somebody below has neither carried it out nor is going to land.
-    pub(super) is_awaited: bool,
+    /// Whether a drone has neither carried it out nor is going to land.
+    pub(super) is_incomplete: bool,
 }
 
-/// What a frame brought.
+/// What a received frame changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Heard {
-    /// Whether its sender knows of another order, or of others who have carried it out.
+pub(super) struct ReceivedReport {
+    /// The sender knows another order, or more acknowledgements.
     pub(super) has_progressed: bool,
-    /// Whether its sender's route, or its link, is another one.
-    pub(super) has_moved: bool,
-    /// Whether it was not known.
+    /// The sender's route or link changed.
+    pub(super) route_changed: bool,
+    /// The sender was unknown.
     pub(super) is_new: bool,
 }
 
 impl LinkTable {
-    /// Of `own`, which has heard nobody yet.
-    pub(super) fn new(own: NodeId, drones: u32, beacon: Duration, pace: Duration) -> Self {
+    /// An empty table of drone `own`.
+    pub(super) fn new(
+        own: NodeId,
+        drones: u32,
+        heartbeat_period: Duration,
+        leaf_period: Duration,
+    ) -> Self {
         Self {
             own,
             drones,
-            beacon,
-            pace,
-            links: Roster::new(),
-            below: OnceCell::new(),
+            heartbeat_period,
+            leaf_period,
+            links: NodeMap::new(),
+            subtree: OnceCell::new(),
         }
     }
 
-    /// Whether a neighbour says the same as before, the front of its frame apart, and is what it was to this drone. Most of
-    /// what is said was, and nothing of that is read again.
+    /// Whether a frame equals the sender's last one, apart from header fields that always change, and the sender's role
+    /// is the same. Most frames do, and their bodies are not decoded again.
     #[inline]
-    pub(super) fn has_said(&self, speaker: Speaker, front: &TreeFront, words: &[u8]) -> bool {
-        self.get(speaker.id).is_some_and(|link| {
-            let said = &link.said;
-            (said.hops, said.cost, said.parent, said.by_parent)
-                == (front.hops, front.cost, front.parent, speaker.is_parent)
-                && link.words == words
+    pub(super) fn is_unchanged(&self, sender: Sender, header: &TreeHeader, body: &[u8]) -> bool {
+        self.get(sender.id).is_some_and(|link| {
+            let report = &link.report;
+            (report.hops, report.cost, report.parent, report.by_parent)
+                == (header.hops, header.cost, header.parent, sender.is_parent)
+                && link.body == body
         })
     }
 
-    /// Takes in what a neighbour says that has said the same before; `None` for a number that is not newer than the last.
+    /// Records a frame for which [`Self::is_unchanged`] is true; `None` if its number is not newer than the last.
     #[inline]
-    pub(super) fn hear_again(
+    pub(super) fn receive_unchanged(
         &mut self,
         id: NodeId,
-        front: &TreeFront,
+        header: &TreeHeader,
         now: Timestamp,
-    ) -> Option<Heard> {
+    ) -> Option<ReceivedReport> {
         let link = self.links.get_mut(id)?;
-        let missed = link.missed_before(front.number, link.said.unicasts)?;
-        (link.said.number, link.said.heartbeat, link.said.lag) =
-            (front.number, front.heartbeat, front.lag);
+        let missed = link.missed_before(header.number, link.report.unicasts)?;
+        (link.report.number, link.report.heartbeat, link.report.lag) =
+            (header.number, header.heartbeat, header.lag);
         let is_child = link.is_child_of(self.own);
-        let link_changed = link.is_heard(now, missed, self.pace);
-        if is_child && link_changed.is_back {
-            self.below.take();
+        let link_change = link.record_reception(now, missed, self.leaf_period);
+        if is_child && link_change.is_reachable_again {
+            self.subtree.take();
         }
-        Some(Heard {
+        Some(ReceivedReport {
             has_progressed: false,
-            has_moved: link_changed.is_back || link_changed.turns || link_changed.cost,
+            route_changed: link_change.is_reachable_again
+                || link_change.symmetry
+                || link_change.cost,
             is_new: false,
         })
     }
 
-    /// Takes in what a neighbour says, in the words behind its front; `None` for a number that is not newer than the
-    /// last. One that has left this drone out for longer than by chance does not hear it.
-    pub(super) fn hear(
+    /// Records a frame; `None` if its number is not newer than the last.
+    pub(super) fn receive(
         &mut self,
-        speaker: Speaker,
-        said: &TreeFrame<'_>,
-        words: Bytes,
+        sender: Sender,
+        frame: &TreeFrame<'_>,
+        body: Bytes,
         now: Timestamp,
-    ) -> Option<Heard> {
-        let link = match self.links.find(speaker.id) {
+    ) -> Option<ReceivedReport> {
+        let link = match self.links.find(sender.id) {
             Ok(at) => self.links.at(at),
-            Err(at) => return Some(self.begin(at, speaker, said, words, now)),
+            Err(at) => return Some(self.insert_new(at, sender, frame, body, now)),
         };
-        let missed = link.missed_before(said.front.number, said.unicasts)?;
+        let missed = link.missed_before(frame.header.number, frame.unicasts)?;
         let was_child = link.is_child_of(self.own);
-        let changed = link.keep(said, self.own, speaker, self.drones);
-        link.words = words;
+        let change = link.update_report(frame, self.own, sender, self.drones);
+        link.body = body;
         let is_child = link.is_child_of(self.own);
-        let link_changed = link.is_heard(now, missed, self.pace);
-        if was_child != is_child || is_child && (changed.any || link_changed.is_back) {
-            self.below.take();
+        let link_change = link.record_reception(now, missed, self.leaf_period);
+        if was_child != is_child || is_child && (change.any || link_change.is_reachable_again) {
+            self.subtree.take();
         }
-        Some(Heard {
-            has_progressed: changed.progress,
-            has_moved: changed.route
-                || link_changed.is_back
-                || link_changed.turns
-                || link_changed.cost,
+        Some(ReceivedReport {
+            has_progressed: change.progress,
+            route_changed: change.route
+                || link_change.is_reachable_again
+                || link_change.symmetry
+                || link_change.cost,
             is_new: false,
         })
     }
 
-    /// Takes in what a neighbour says that was not known.
-    fn begin(
+    /// Records the first frame of a neighbour.
+    fn insert_new(
         &mut self,
         at: usize,
-        speaker: Speaker,
-        said: &TreeFrame<'_>,
-        words: Bytes,
+        sender: Sender,
+        frame: &TreeFrame<'_>,
+        body: Bytes,
         now: Timestamp,
-    ) -> Heard {
-        let mut link = Link::new(speaker.id, now);
-        link.keep(said, self.own, speaker, self.drones);
-        link.symmetric = link.said.hears_own.unwrap_or(false);
-        link.words = words;
+    ) -> ReceivedReport {
+        let mut link = Link::new(sender.id, now);
+        link.update_report(frame, self.own, sender, self.drones);
+        link.symmetric = link.report.hears_own.unwrap_or(false);
+        link.body = body;
         if link.is_child_of(self.own) {
-            self.below.take();
+            self.subtree.take();
         }
-        self.links.insert(at, speaker.id, link);
-        Heard {
+        self.links.insert(at, sender.id, link);
+        ReceivedReport {
             has_progressed: true,
-            has_moved: true,
+            route_changed: true,
             is_new: true,
         }
     }
 
-    /// Takes in that a neighbour is there that obeys another master: this drone lets it know that it is heard, and learns
-    /// whether it hears this one.
-    pub(super) fn hear_of_another_epoch(
+    /// Records a frame under another leader. Both drones learn that they hear each other, and this one announces its
+    /// epoch.
+    pub(super) fn receive_of_another_epoch(
         &mut self,
         id: NodeId,
-        said: &TreeFrame<'_>,
+        frame: &TreeFrame<'_>,
         now: Timestamp,
     ) {
-        let speaker = Speaker {
+        let sender = Sender {
             id,
             is_parent: false,
             master: None,
         };
-        self.hear(speaker, &said.only_of_its_link(), Bytes::new(), now);
+        self.receive(sender, &frame.link_part(), Bytes::new(), now);
         if let Some(link) = self.links.get_mut(id) {
-            link.told_of_epoch = Some(0);
+            link.epoch_announcements = Some(0);
         }
     }
 
-    /// Whether a neighbour that says this hears this drone, as far as is known.
-    pub(super) fn is_symmetric(&self, id: NodeId, said: &TreeFrame<'_>) -> bool {
-        says_to_hear(self.own, said)
+    /// Whether the link to the sender of a frame is symmetric, as far as this drone knows.
+    pub(super) fn is_symmetric(&self, id: NodeId, frame: &TreeFrame<'_>) -> bool {
+        reports_hearing(self.own, frame)
             .unwrap_or_else(|| self.get(id).is_some_and(|link| link.symmetric))
-            || flaw::has(Flaw::ObeysOneWayNeighbours)
+            || flaw::has(Flaw::AcceptsOneWayLinks)
     }
 
-    /// Forgets what neighbours said under a master that is not obeyed any more.
+    /// Forgets reports under the leader before.
     pub(super) fn forget_epoch(&mut self) {
-        self.below.take();
+        self.subtree.take();
         self.links.iter_mut().for_each(Link::forget_epoch);
     }
 
-    /// This drone heard nobody, through no fault of theirs: everybody's silence begins anew.
-    pub(super) fn forgive(&mut self, now: Timestamp) {
+    /// Restarts the silence timeout of all neighbours.
+    pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
         for link in self.links.iter_mut() {
             link.heard_at = now;
         }
@@ -201,75 +206,76 @@ impl LinkTable {
 
     pub(super) fn forget(&mut self, id: NodeId) {
         if self.links.remove(id) {
-            self.below.take();
+            self.subtree.take();
         }
     }
 
-    /// A neighbour has been told something, as the medium says.
-    pub(super) fn told(&mut self, id: NodeId, told: &TreeFrame<'_>) {
+    /// Records that the medium delivered a unicast.
+    pub(super) fn record_delivery(&mut self, id: NodeId, frame: &TreeFrame<'_>) {
         if let Some(link) = self.links.get_mut(id) {
             link.change_sets(|sets| {
-                if told.sequence > sets.told.0 {
-                    sets.told = (told.sequence, NodeSet::new());
+                if frame.sequence > sets.delivered.0 {
+                    sets.delivered = (frame.sequence, NodeSet::new());
                 }
-                if told.sequence == sets.told.0 {
-                    sets.told.1.extend_from(&told.acknowledged());
+                if frame.sequence == sets.delivered.0 {
+                    sets.delivered.1.extend_from(&frame.acknowledged());
                 }
             });
-            link.is_reached();
+            link.record_delivery();
         }
-        self.below.take();
+        self.subtree.take();
     }
 
-    /// A frame for one neighbour is on its way.
-    pub(super) fn sent(&mut self, id: NodeId, now: Timestamp) {
+    /// Records that a unicast was sent.
+    pub(super) fn record_send(&mut self, id: NodeId, now: Timestamp) {
         if let Some(link) = self.links.get_mut(id) {
-            link.is_sent(now);
+            link.record_send(now);
         }
     }
 
-    /// Changes what is known of whether a neighbour can be reached.
-    pub(super) fn change_reach(&mut self, id: NodeId, change: impl FnOnce(&mut Link)) {
+    /// Changes whether a neighbour is reachable.
+    pub(super) fn update_link(&mut self, id: NodeId, change: impl FnOnce(&mut Link)) {
         if let Some(link) = self.links.get_mut(id) {
             change(link);
         }
-        self.below.take();
+        self.subtree.take();
     }
 
-    /// A neighbour wants to hear what this drone knows.
-    pub(super) fn asks(&mut self, id: NodeId) {
+    /// Records that a neighbour requests this drone's state.
+    pub(super) fn record_request(&mut self, id: NodeId) {
         if let Some(link) = self.links.get_mut(id) {
-            link.asks = true;
+            link.awaits_answer = true;
         }
     }
 
-    /// A neighbour, or all, are answered.
-    pub(super) fn answered(&mut self, to: Option<NodeId>) {
+    /// Records that a neighbour is answered; all are if `to` is `None`.
+    pub(super) fn record_answer(&mut self, to: Option<NodeId>) {
         for link in self.links.iter_mut() {
-            link.asks &= to.is_some_and(|to| to != link.id);
-            if let Some(times) = &mut link.told_of_epoch {
+            link.awaits_answer &= to.is_some_and(|to| to != link.id);
+            if let Some(times) = &mut link.epoch_announcements {
                 *times += 1;
             }
         }
     }
 
-    /// Forgets neighbours that have been silent for too long, which a lossy link makes longer than `time_to_live`;
-    /// whether there were any.
+    /// Removes neighbours that have been silent for `time_to_live`, or for the timeout of their lossy link if that is
+    /// longer; returns whether there were any.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
-        let pace = self.pace;
-        let is_there = |link: &Link| {
+        let leaf_period = self.leaf_period;
+        let is_alive = |link: &Link| {
             let silent_for = now.since(link.heard_at);
-            silent_for <= time_to_live || silent_for <= pace * link.quality.lost_beacons.into()
+            silent_for <= time_to_live
+                || silent_for <= leaf_period * link.quality.lost_heartbeats.into()
         };
-        let has_lost_any = !self.links.iter().all(is_there);
-        if has_lost_any {
-            self.links.retain(is_there);
-            self.below.take();
+        let any_silent = !self.links.iter().all(is_alive);
+        if any_silent {
+            self.links.retain(is_alive);
+            self.subtree.take();
         }
-        has_lost_any
+        any_silent
     }
 
-    /// As [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead) says.
+    /// See [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead).
     pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
         match sender {
             None => self.iter().for_each(Link::read_ahead),
@@ -286,7 +292,7 @@ impl LinkTable {
         self.links.iter()
     }
 
-    /// Neighbours that take this drone for their parent, those apart that are out of reach.
+    /// Reachable neighbours whose parent is this drone.
     pub(super) fn children(&self) -> impl Iterator<Item = &Link> {
         let is_child = |link: &&Link| link.is_child_of(self.own) && link.is_reachable();
         self.iter().filter(is_child)
@@ -296,47 +302,47 @@ impl LinkTable {
         self.children().next().is_some()
     }
 
-    /// What all children say together of order `sequence`, the newest that this drone knows of.
-    pub(super) fn below(&self, sequence: u32) -> &Below {
-        let below = self.below.get_or_init(|| self.sum_up(sequence));
-        debug_assert_eq!(below.sequence, sequence, "a new order is told of");
-        below
+    /// The children's merged reports about order `sequence`, the newest known one.
+    pub(super) fn subtree(&self, sequence: u32) -> &Subtree {
+        let subtree = self.subtree.get_or_init(|| self.merge_children(sequence));
+        debug_assert_eq!(subtree.sequence, sequence, "a new order is delivered of");
+        subtree
     }
 
-    /// There is a newer order than before.
-    pub(super) fn begin_order(&mut self) {
-        self.below.take();
+    /// A newer order is known.
+    pub(super) fn start_order(&mut self) {
+        self.subtree.take();
     }
 
-    fn sum_up(&self, sequence: u32) -> Below {
-        let mut below = Below {
+    fn merge_children(&self, sequence: u32) -> Subtree {
+        let mut subtree = Subtree {
             sequence,
-            ..Below::default()
+            ..Subtree::default()
         };
         for link in self.iter().filter(|link| link.is_child_of(self.own)) {
             let sets = link.sets();
-            if link.said.sequence == sequence {
-                below.acknowledged.extend_from(&sets.acknowledged);
+            if link.report.sequence == sequence {
+                subtree.acknowledged.extend_from(&sets.acknowledged);
             }
             if link.is_reachable() {
-                below.alive.extend_from(&sets.alive);
-                below.landing.extend_from(&sets.landing);
+                subtree.alive.extend_from(&sets.alive);
+                subtree.landing.extend_from(&sets.landing);
             }
         }
-        below.is_awaited = NodeSet::any_where(
+        subtree.is_incomplete = NodeSet::any_where(
             [
-                &below.alive,
-                &below.landing,
-                &below.acknowledged,
+                &subtree.alive,
+                &subtree.landing,
+                &subtree.acknowledged,
                 &self.own.into(),
             ],
             |[alive, landing, acknowledged, own]| alive && !landing && !acknowledged && !own,
         );
-        below
+        subtree
     }
 
-    /// Whom this drone hears, and whom of them not well.
-    pub(super) fn heard_lately(
+    /// The neighbours that this drone hears, and the receptions of those over lossy links.
+    pub(super) fn heard_neighbours(
         &self,
         now: Timestamp,
         time_to_live: Duration,
@@ -344,12 +350,12 @@ impl LinkTable {
         let mut all = NodeSet::new();
         let mut weak = Vec::new();
         for link in self.iter() {
-            if !self.hears(link, now, time_to_live) {
+            if !self.is_heard(link, now, time_to_live) {
                 continue;
             }
             all.insert(link.id);
-            let sixteenths = link.quality.heard();
-            if sixteenths < WELL {
+            let sixteenths = link.quality.own_share();
+            if sixteenths < LOSSLESS {
                 let id = link.id;
                 weak.push(Reception { id, sixteenths });
             }
@@ -357,34 +363,35 @@ impl LinkTable {
         (all, weak)
     }
 
-    /// Whether this drone hears a neighbour. One that has been silent for as long as no living neighbour is, and for half
-    /// its `time_to_live`, is not heard any more; nor, until it has been heard under the present epoch, one that has been
-    /// silent for so long that it would be probed: a drone that has gone deaf, and claims to lead, shall be believed by
-    /// nobody. Likewise one that has been silent for longer than it was known before: that little was heard of it is no
-    /// reason to believe for longer that it is.
-    pub(super) fn hears(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
+    /// Whether this drone hears a neighbour, for its heartbeats. A neighbour is no longer heard once it has been silent
+    ///
+    /// - for its link timeout and for half of `time_to_live`;
+    /// - for its stale time, if it was not heard under the current epoch: a drone that has gone deaf and claims to lead
+    ///   must not find followers;
+    /// - for longer than it was known before, because a few frames prove little.
+    pub(super) fn is_heard(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
         let silent_for = now.since(link.heard_at);
-        if silent_for <= self.beacon {
+        if silent_for <= self.heartbeat_period {
             return true;
         }
-        let stale = self.beacon * link.quality.stale_beacons.into();
-        if silent_for <= stale || link.told_of_epoch.is_some() {
+        let stale = self.heartbeat_period * link.quality.stale_heartbeats.into();
+        if silent_for <= stale || link.epoch_announcements.is_some() {
             return silent_for <= stale;
         }
         let known_for = link.heard_at.since(link.known_since);
-        let lost = self.pace * link.quality.lost_beacons.into();
+        let lost = self.leaf_period * link.quality.lost_heartbeats.into();
         silent_for <= lost.min(known_for.max(stale)).max(time_to_live / 2)
     }
 
-    /// As if nobody had said anything before in the same words.
+    /// Forces the next frame of each neighbour to be decoded.
     #[cfg(test)]
-    pub(super) fn forget_words(&mut self) {
+    pub(super) fn forget_bodies(&mut self) {
         for link in self.links.iter_mut() {
-            link.words = Bytes::new();
+            link.body = Bytes::new();
         }
     }
 
-    /// The neighbours that have a route, and not through this drone.
+    /// Neighbours that have a route without this drone as next hop.
     pub(super) fn with_routes(&self) -> impl Iterator<Item = &Link> {
         self.iter().filter(|link| link.has_route_past(self.own))
     }

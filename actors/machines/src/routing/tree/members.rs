@@ -1,48 +1,48 @@
-//! What a master knows of its members: how far they have got, and who is missed.
+//! A master's members: their progress, and which are missed.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::link_table::LinkTable;
 use crate::identity::{NodeId, NodeSet};
-use crate::routing::core::Core;
+use crate::routing::shared::SharedState;
 use crate::routing::{Event, Notice};
 use crate::time::Timestamp;
 
-/// Who is alive, who is missed, and what the protocol was told of them.
+/// Members that are alive or missed, and what the protocol was notified of.
 ///
-/// Invariant: nobody is both alive and missed; what the protocol was told of acknowledgements is of one order.
+/// Invariant: no member is both alive and missed. The reported acknowledgements belong to one order.
 #[derive(Debug, Default)]
 pub(super) struct Members {
-    /// Who was alive when last looked.
+    /// Members that were alive at the last update.
     alive: NodeSet,
-    /// The others that are known of or expected.
+    /// Other members that are known or expected.
     missed: BTreeMap<NodeId, Missed>,
-    /// Whose acknowledgements the protocol has been told of, and of which order.
-    told: (u32, NodeSet),
-    told_landing: NodeSet,
+    /// Acknowledgements that the protocol was notified of, with the number of their order.
+    reported: (u32, NodeSet),
+    reported_landing: NodeSet,
 }
 
-/// Since when a member has been missed.
+/// A member without a route to the master.
 #[derive(Debug, Clone, Copy)]
 struct Missed {
     since: Timestamp,
-    told: bool,
+    reported: bool,
 }
 
 impl Missed {
     const fn from(now: Timestamp) -> Self {
         Self {
             since: now,
-            told: false,
+            reported: false,
         }
     }
 }
 
 impl Members {
-    /// Gives every other drone its time to live, heard of or not.
-    pub(super) fn expect_all(&mut self, core: &Core, now: Timestamp) {
-        let others = (0..core.drones).map(NodeId).filter(|id| *id != core.id);
+    /// Starts the time to live of all other drones, including unknown ones.
+    pub(super) fn expect_all(&mut self, shared: &SharedState, now: Timestamp) {
+        let others = (0..shared.drones).map(NodeId).filter(|id| *id != shared.id);
         self.expect(others, now);
     }
 
@@ -52,13 +52,13 @@ impl Members {
         }
     }
 
-    /// Takes in who is alive now: who had been silent and is back, and who was neither known of nor expected.
-    fn look(&mut self, alive: &NodeSet, now: Timestamp) -> (NodeSet, NodeSet) {
-        let (mut back, mut new) = (NodeSet::default(), NodeSet::default());
+    /// Updates which members are alive; returns those that were reported silent, and those that were unknown.
+    fn update_alive(&mut self, alive: &NodeSet, now: Timestamp) -> (NodeSet, NodeSet) {
+        let (mut returned, mut new) = (NodeSet::default(), NodeSet::default());
         if *alive != self.alive {
             for id in alive.difference(&self.alive).iter() {
                 match self.missed.remove(&id) {
-                    Some(missed) if missed.told => back.insert(id),
+                    Some(missed) if missed.reported => returned.insert(id),
                     Some(_) => {}
                     None => new.insert(id),
                 }
@@ -68,80 +68,80 @@ impl Members {
             }
             self.alive.clone_from(alive);
         }
-        (back, new)
+        (returned, new)
     }
 
-    /// Marks and returns those that have been missed for `time_to_live`, each once.
-    fn fall_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
+    /// Marks members that have been missed for `time_to_live`; returns those that were not marked before.
+    fn take_newly_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let silent = self.missed.iter_mut().filter_map(|(id, missed)| {
-            let falls_silent = !missed.told && now.since(missed.since) > time_to_live;
-            missed.told |= falls_silent;
+            let falls_silent = !missed.reported && now.since(missed.since) > time_to_live;
+            missed.reported |= falls_silent;
             falls_silent.then_some(*id)
         });
         silent.collect()
     }
 
     pub(super) fn silent(&self) -> NodeSet {
-        let silent = self.missed.iter().filter(|(_, missed)| missed.told);
+        let silent = self.missed.iter().filter(|(_, missed)| missed.reported);
         silent.map(|(id, _)| *id).collect()
     }
 
-    /// Nobody was heard, through no fault of theirs.
-    pub(super) fn forgive(&mut self, now: Timestamp) {
+    /// Restarts the silence timeout of all missed members.
+    pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
         for missed in self.missed.values_mut() {
             missed.since = now;
         }
     }
 
-    /// Tells the protocol what the members' reports have changed.
+    /// Notifies the protocol of what the members' reports changed.
     pub(super) fn report(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         links: &LinkTable,
         (now, time_to_live): (Timestamp, Duration),
     ) {
-        let sequence = core.sequence();
-        if self.told.0 != sequence {
-            self.told = (sequence, NodeSet::default());
+        let sequence = shared.sequence();
+        if self.reported.0 != sequence {
+            self.reported = (sequence, NodeSet::default());
         }
-        let below = links.below(sequence);
-        let acknowledged = below.acknowledged.difference(&self.told.1);
-        let landing = below.landing.difference(&self.told_landing);
+        let subtree = links.subtree(sequence);
+        let acknowledged = subtree.acknowledged.difference(&self.reported.1);
+        let landing = subtree.landing.difference(&self.reported_landing);
         if !acknowledged.is_empty() || !landing.is_empty() {
-            self.told.1.extend_from(&acknowledged);
-            self.told_landing.extend_from(&landing);
-            core.inform(Notice::Progress {
+            self.reported.1.extend_from(&acknowledged);
+            self.reported_landing.extend_from(&landing);
+            shared.notify(Notice::Progress {
                 sequence,
                 acknowledged,
                 landing,
             });
         }
-        let (back, new) = self.look(&below.alive, now);
-        if !back.is_empty() {
-            core.inform(Notice::Returned(back));
+        let (returned, new) = self.update_alive(&subtree.alive, now);
+        if !returned.is_empty() {
+            shared.notify(Notice::Returned(returned));
         }
         for member in new.iter() {
-            show_reached(core, links, member);
+            emit_reached(shared, links, member);
         }
-        let silent = self.fall_silent(now, time_to_live);
+        let silent = self.take_newly_silent(now, time_to_live);
         if !silent.is_empty() {
-            core.inform(Notice::Silent(silent));
+            shared.notify(Notice::Silent(silent));
         }
     }
 
-    /// The protocol restarted: it has been told nothing.
-    pub(super) fn forget_told(&mut self) {
-        self.told = (0, NodeSet::default());
-        self.told_landing = NodeSet::default();
+    /// Forgets what the protocol was notified of, after its restart.
+    pub(super) fn forget_reported(&mut self) {
+        self.reported = (0, NodeSet::default());
+        self.reported_landing = NodeSet::default();
     }
 }
 
-/// Lets it be seen through whom the master hears of a member.
-fn show_reached(core: &mut Core, links: &LinkTable, member: NodeId) {
+/// Emits the path over which the master hears of a member.
+fn emit_reached(shared: &mut SharedState, links: &LinkTable, member: NodeId) {
     let mut children = links.children();
     let via = children.find(|link| link.sets().alive.contains(member));
     if let Some(via) = via.map(|link| link.id) {
-        core.show(Event::Reached {
+        shared.emit(Event::Reached {
             member,
             via,
             out_of_range: links.get(member).is_none(),

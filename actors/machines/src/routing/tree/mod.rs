@@ -1,822 +1,488 @@
-//! Policy `tree`: what has changed is said at once, to whoever must know it, and said again until it is seen to have
-//! arrived.
+//! Policy `tree`: a drone sends a change at once to the drones that need it, and repeats it until it is seen to arrive.
 //!
-//! Each drone keeps what its neighbours last said (`link_table`) and takes the one with the cheapest route to the master
-//! for its parent (`parent`). An order goes outwards from parent to child; acknowledgements come inwards, merged
-//! (`aggregation`): a drone speaks once all below it have carried the order out. What one neighbour alone has yet to
-//! learn is said to that one, and the medium may tell what became of it; besides, hearing a neighbour say what it was to
-//! learn is the acknowledgement of a hop. Whatever is not known to have arrived in time is said again, at that hop only
-//! (`retransmission`). With each `beacon`, once a second say, the master's heartbeat goes outwards, each drone passing
-//! it on as it comes in; that one frame serves discovery, liveness and routing. A parent that falls silent is probed
-//! (`probe`) before it is left.
+//! Each drone keeps the last report of each neighbour (`link_table`). The neighbour with the cheapest route to the
+//! master is its parent (`parent`). Orders go from parent to child. Acknowledgements go towards the master and are
+//! merged on the way (`aggregation`): a drone sends once its whole subtree has carried the order out.
+//!
+//! What only one neighbour lacks goes out as a unicast, and the medium may report its delivery. A neighbour's report
+//! that contains the information acknowledges that hop, too. What is not acknowledged in time is repeated, at that hop
+//! only (`retransmission`).
+//!
+//! The master's heartbeat goes outwards once a period (`heartbeat_timer`), for example each second. Each drone forwards
+//! it. That one frame serves discovery, liveness and routing. A drone probes a silent parent (`probe`) before it drops
+//! it.
 
 mod aggregation;
-mod beacon;
 mod compose;
+mod config;
 mod durable;
+mod heartbeat_timer;
 mod link;
 mod link_table;
 mod members;
 mod parent;
 mod probe;
 mod quality;
+mod recipients;
 mod retransmission;
+mod topology;
+mod transmitter;
 
 use std::hint::black_box;
-use std::time::Duration;
 
 use bytes::Bytes;
 
-pub use durable::Checkpoint;
+pub use self::config::Config;
+pub use self::durable::Checkpoint;
 
-use self::aggregation::{Aggregation, Pass};
-use self::beacon::{Audience, Beacon};
-use self::compose::Composer;
-use self::link::{Link, Speaker};
-use self::link_table::{Heard, LinkTable};
+use self::aggregation::{Aggregation, Forward};
+use self::link::Link;
+use self::link_table::ReceivedReport;
 use self::members::Members;
-use self::parent::{ParentSelection, Place};
-use self::probe::{ParentProbe, Route, Step};
-use self::retransmission::{Due, Owed, Retransmission};
-use super::{Core, Durable, Event, Notice, Policy, PolicyCheckpoint};
-use crate::flaw::{self, Flaw};
-use crate::identity::{Ballot, NodeId, NodeSet};
-use crate::leader::{BallotDecision, LinkSymmetry};
+use self::probe::ProbeStep;
+use self::retransmission::Due;
+use self::topology::Topology;
+use self::transmitter::{Reason, Transmitter, View};
+use super::{Durable, Event, Notice, Policy, PolicyCheckpoint, SharedState};
+use crate::identity::{Ballot, NodeId};
+use crate::leader::BallotDecision;
 use crate::time::{Timestamp, first_of};
 use crate::wire::{self, TreeFrame};
-
-/// What it is built with.
-#[derive(Debug, Clone)]
-pub struct Config {
-    /// Whose routing this is.
-    pub id: NodeId,
-    /// How many drones the swarm has; ids run from 0 to one below.
-    pub drones: u32,
-    /// How many pure relays there are besides, whose ids follow: they pass on and are not awaited, and their protocol
-    /// is told nothing.
-    pub relays: u32,
-    /// How often the master's heartbeat goes out.
-    pub beacon: Duration,
-    /// How long a drone waits to hear what it said come back before it says it again.
-    pub repair: Duration,
-    /// The longest such wait.
-    pub repair_max: Duration,
-    /// How long a neighbour may be silent before its link is taken for lost.
-    pub link_time_to_live: Duration,
-    /// How long a member may be without a route to this drone before it is taken for lost.
-    pub time_to_live: Duration,
-    /// How long a drone may be without a route to the master before that is taken for lost.
-    pub patience: Duration,
-}
-
-/// Up to so many neighbours are told one by one, where the medium tells what became of it and one of their links loses
-/// much: each by itself is tried again by the medium, or at once.
-const ONE_BY_ONE_MAX: usize = 3;
-
-/// Why a drone speaks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reason {
-    /// Its time has come.
-    KeepAlive,
-    /// Something has changed that others must know.
-    News,
-    /// Something was not seen to arrive.
-    Repair,
-    /// The newest order is said to all once more.
-    Copy,
-    /// Others ask.
-    Answer,
-    /// The parent has not been heard for a while.
-    Probe,
-    /// There is no route, and nobody near is known to have heard of the master.
-    Inquiry,
-}
 
 /// Dissemination along a tree.
 #[derive(Debug)]
 pub(super) struct TreePolicy {
-    config: Config,
     durable: Checkpoint,
-    links: LinkTable,
-    route: ParentSelection,
-    probe: ParentProbe,
-    /// As master: who is alive, and who is missed.
+    topology: Topology,
+    /// On the master: which members are alive, and which are missed.
     members: Members,
     aggregation: Aggregation,
-    retransmission: Retransmission,
-    beacon: Beacon,
-    composer: Composer,
-    /// Whether the medium tells what becomes of a frame for one drone.
-    medium_tells: bool,
+    transmitter: Transmitter,
 }
 
 impl TreePolicy {
-    /// Goes on from what was `kept`; knows nothing without.
+    /// Resumes from `checkpoint`; starts empty if it is `None`.
     pub(super) fn new(
         config: Config,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        kept: Option<(Durable, Checkpoint)>,
+        checkpoint: Option<(Durable, Checkpoint)>,
     ) -> Self {
         let mut policy = Self {
             durable: Checkpoint::default(),
-            links: LinkTable::new(config.id, config.drones, config.beacon, config.pace()),
-            route: ParentSelection::new(config.id, config.beacon),
-            probe: ParentProbe::default(),
             members: Members::default(),
             aggregation: Aggregation::default(),
-            retransmission: Retransmission::default(),
-            beacon: Beacon::new(&config),
-            composer: Composer::default(),
-            medium_tells: false,
-            config,
+            transmitter: Transmitter::new(&config),
+            topology: Topology::new(config),
         };
-        if let Some((common, own)) = kept {
+        if let Some((common, own)) = checkpoint {
             policy.durable = own;
-            core.resume(common);
-            policy.route.resume(core.durable.heartbeats.master);
-            policy.probe.resume();
-            if core.durable.epoch.ballot().is_some() && !core.durable.stopped {
-                policy.beacon.set(now);
-            }
-            policy.update_route(core, now);
+            shared.resume(common);
+            policy.topology.resume(shared, now);
             if policy.durable.discovered {
-                policy.members.expect_all(core, now);
+                policy.members.expect_all(shared, now);
             }
         }
         policy
     }
 
-    /// A drone as this one knows it.
-    fn speaker(&self, core: &Core, id: NodeId) -> Speaker {
-        Speaker {
-            id,
-            is_parent: self.route.parent() == Some(id),
-            master: core.master(),
-        }
+    /// The transmitter, and the state that it sends.
+    fn split(&mut self, now: Timestamp) -> (&mut Transmitter, View<'_>) {
+        let view = View {
+            now,
+            topology: &mut self.topology,
+            aggregation: &self.aggregation,
+        };
+        (&mut self.transmitter, view)
     }
 
-    fn parent_link(&self) -> Option<&Link> {
-        self.links.get(self.route.parent()?)
+    fn send_state(&mut self, shared: &mut SharedState, now: Timestamp, reason: Reason) {
+        let (transmitter, mut view) = self.split(now);
+        transmitter.send_state(shared, reason, &mut view);
     }
 
-    fn is_settled_to_land(&self, core: &Core, now: Timestamp) -> bool {
-        core.is_settled_to_land(now, self.config.time_to_live)
+    fn needs_retransmission(&mut self, shared: &SharedState, now: Timestamp) -> bool {
+        let (_, view) = self.split(now);
+        view.recipients(shared).needs_retransmission()
     }
 
-    /// Whether a frame under `ballot` is to be heard; turns to a better ballot than the one obeyed so far.
-    /// What comes over a link that carries one way only makes nobody turn.
-    fn obeys(
+    /// Whether a frame under `ballot` is processed. Adopts a better ballot, unless the link to its sender is one-way.
+    fn accepts_ballot(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         (sender, ballot): (NodeId, Ballot),
-        said: &TreeFrame<'_>,
+        frame: &TreeFrame<'_>,
     ) -> bool {
-        let is_symmetric = self.links.is_symmetric(sender, said);
-        let stays = core.is_master() && flaw::has(Flaw::NeverStepsDown);
-        let symmetry = if is_symmetric && !stays {
-            LinkSymmetry::Mutual
-        } else {
-            LinkSymmetry::OneWay
-        };
-        match core.hear_ballot(ballot, symmetry) {
+        let symmetry = self.topology.link_symmetry(shared, sender, frame);
+        match shared.observe_ballot(ballot, symmetry) {
             BallotDecision::Ignored => return false,
             BallotDecision::Same => {}
-            BallotDecision::Turned => {
-                self.begin_epoch(core, now);
-                core.inform(Notice::Leader(ballot));
+            BallotDecision::Adopted => {
+                self.start_epoch(shared, now);
+                shared.notify(Notice::Leader(ballot));
             }
         }
         true
     }
 
-    /// Acts on what a neighbour said, which its link keeps by now, and on whether that brought a newer order.
-    fn take_in(
+    /// Acts on a neighbour's report, which is in the link table already, and on a newer order that came with it.
+    fn process_report(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        (sender, heard): (NodeId, Heard),
-        is_news: bool,
+        report: (NodeId, ReceivedReport),
+        is_new_order: bool,
     ) {
-        let Some(link) = self.links.get(sender) else {
-            return;
-        };
-        let (sequence, heartbeat) = (link.said.sequence, link.said.heartbeat);
-        let master_lands = link.said.master_lands;
-        if heard.is_new || link.needs_to_hear() {
-            // It learns that it is heard.
-            self.beacon.for_new_neighbour(core, now);
-        }
-        if master_lands {
-            core.hear_of_landing(sequence);
-        }
-        if self.route.parent() == Some(sender) {
-            self.route.look_at_parent_again(&self.links);
-            self.route.follow_parent(&self.links);
-        }
-        if heard.has_moved || !self.route.keeps_route(now, link) {
-            self.update_route(core, now);
-        }
-        self.take_heartbeat(core, now, sender, heartbeat);
-        self.report_members(core, now);
-        self.answer(core, now, (sender, heard), is_news);
+        self.topology.process_report(shared, now, report);
+        self.report_members(shared, now);
+        self.respond(shared, now, report, is_new_order);
     }
 
-    /// A heartbeat sequence that has risen goes on outwards: at once if the parent brings it, and soon in any case, for
-    /// the parent's word may be lost.
-    fn take_heartbeat(&mut self, core: &mut Core, now: Timestamp, sender: NodeId, heartbeat: u32) {
-        if core.is_master() {
-            return;
-        }
-        let known = core.durable.heartbeats.master;
-        let is_settled = self.is_settled_to_land(core, now);
-        if heartbeat <= known {
-            // Not only because the newest one is still on its way: where drones do not speak at each, its route to the
-            // master may be gone.
-            let is_behind = known.saturating_sub(heartbeat) > 1;
-            if self.beacon.are_quick() && is_behind && !is_settled {
-                self.beacon_soon(core, now);
-            }
-            return;
-        }
-        core.durable.heartbeats.master = heartbeat;
-        let is_its_turn = self.beacon.is_its_turn(core, self.links.has_children());
-        if !is_its_turn || is_settled {
-            return;
-        }
-        if self.route.parent() == Some(sender) {
-            self.beacon_soon(core, now);
-        } else if self.route.parent().is_some() {
-            self.beacon.in_a_while(core, now);
+    /// On the master: notifies the protocol of what the members' reports changed.
+    fn report_members(&mut self, shared: &mut SharedState, now: Timestamp) {
+        if shared.is_master() {
+            let times = (now, self.topology.config.time_to_live);
+            self.members.report(shared, &self.topology.links, times);
         }
     }
 
-    fn beacon_soon(&mut self, core: &mut Core, now: Timestamp) {
-        let audience = Audience {
-            has_children: self.links.has_children(),
-            neighbours: self.links.len(),
-        };
-        self.beacon.soon(core, now, audience);
+    /// Notifies the protocol that routes are up; on the master first of its own neighbours.
+    fn notify_routes_ready(&self, shared: &mut SharedState) {
+        if shared.is_master() {
+            let neighbours = self.topology.links.iter().map(|link| link.id).collect();
+            shared.notify(Notice::Neighbours(neighbours));
+        }
+        shared.notify(Notice::RoutesReady);
     }
 
-    fn update_route(&mut self, core: &mut Core, now: Timestamp) {
-        let place = Place {
-            is_master: core.is_master(),
-            master: core.master(),
-            heartbeat: core.durable.heartbeats.master,
-            are_beacons_quick: self.beacon.are_quick(),
-        };
-        let moved = self.route.update(now, place, &self.links);
-        if self.route.parent().is_some() {
-            core.find_master();
-        }
-        if moved.routes {
-            core.show(Event::Routes(self.route.routes().clone()));
-        }
-        if moved.hops_or_parent && !self.is_settled_to_land(core, now) {
-            self.beacon_soon(core, now);
+    /// Forwards acknowledgements, or starts to wait for those that are missing in the subtree.
+    fn acknowledge(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let parent = self.topology.parent_link();
+        let (links, times) = (&self.topology.links, (now, self.topology.config.repair));
+        match self.aggregation.forward(shared, links, parent, times) {
+            Forward::No => {}
+            Forward::Now => self.send_state(shared, now, Reason::Change),
+            Forward::At(at) => self.transmitter.retransmission.bring_forward(now, at),
         }
     }
 
-    /// As master: tells the protocol what the members' reports have changed.
-    fn report_members(&mut self, core: &mut Core, now: Timestamp) {
-        if core.is_master() {
-            let times = (now, self.config.time_to_live);
-            self.members.report(core, &self.links, times);
-        }
-    }
-
-    /// Says that routes are up; to a master also to whom they need not lead over others.
-    fn inform_of_routes(&self, core: &mut Core) {
-        if core.is_master() {
-            let heard = self.links.iter().map(|link| link.id).collect();
-            core.inform(Notice::Hears(heard));
-        }
-        core.inform(Notice::RoutesReady);
-    }
-
-    /// Acknowledges, or begins to wait for what is still missing below.
-    fn acknowledge(&mut self, core: &mut Core, now: Timestamp) {
-        let parent = self
-            .route
-            .parent()
-            .and_then(|parent| self.links.get(parent));
-        let times = (now, self.config.repair);
-        match self.aggregation.pass(core, &self.links, parent, times) {
-            Pass::No => {}
-            Pass::Now => self.say(core, now, Reason::News),
-            Pass::At(at) => self
-                .retransmission
-                .bring_forward(now, at, self.config.repair),
-        }
-    }
-
-    fn owed(&self, core: &Core, now: Timestamp) -> Owed {
-        let parent = self.parent_link();
-        let lacks = self.aggregation.parent_lacks(core, &self.links, parent);
-        let parent = self.route.parent().filter(|_| lacks);
-        Owed::of(core, &self.links, parent, (now, self.config.beacon))
-    }
-
-    /// What a neighbour's words call for.
-    fn answer(
+    /// Sends what a neighbour's report calls for: an order, an answer, an acknowledgement.
+    fn respond(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        (sender, heard): (NodeId, Heard),
-        is_news: bool,
+        (sender, received): (NodeId, ReceivedReport),
+        is_new_order: bool,
     ) {
-        let Some(link) = self.links.get(sender) else {
+        let Some(link) = self.topology.links.get(sender) else {
             return;
         };
-        // Two without a route have nothing to tell each other, unless it is an order.
-        let has_route = self.route.routes().hops.is_some();
-        let is_told =
-            || has_route || link.said.hops.is_some() || link.said.sequence != core.sequence();
-        let asks_anew = link.said.asks_own && is_told();
-        let (mut asks, asked) = (link.asks || asks_anew, usize::from(link.said.asked));
-        let is_child = link.is_child_of(core.id);
-        let (sequence, newest) = (link.said.sequence, core.sequence());
-        let is_parent = self.route.parent() == Some(sender);
-        if asks_anew {
-            self.links.asks(sender);
+        // Two drones without routes have only orders to exchange.
+        let has_route = self.topology.route.routes().hops.is_some();
+        let has_answer =
+            || has_route || link.report.hops.is_some() || link.report.sequence != shared.sequence();
+        let is_new_request = link.report.requests_own && has_answer();
+        let mut awaits_answer = link.awaits_answer || is_new_request;
+        let requested = usize::from(link.report.request_count);
+        let is_child = link.is_child_of(shared.id);
+        let (sequence, newest) = (link.report.sequence, shared.sequence());
+        let is_parent = self.topology.route.parent() == Some(sender);
+        if is_new_request {
+            self.topology.links.record_request(sender);
         }
-        if is_news && self.links.has_children() {
-            self.pass_on(core, now);
-            asks = self.links.get(sender).is_some_and(|link| link.asks);
+        if is_new_order && self.topology.links.has_children() {
+            self.forward_order(shared, now);
+            awaits_answer =
+                (self.topology.links.get(sender)).is_some_and(|link| link.awaits_answer);
         }
-        if asks {
-            let repair = self.config.repair;
-            self.retransmission.answer(core, now, (asked, repair));
+        let retransmission = &mut self.transmitter.retransmission;
+        if awaits_answer {
+            retransmission.schedule_answer(shared, now, requested);
         }
-        if is_news {
+        if is_new_order {
             return;
         }
         if sequence > newest {
-            // There is an order that this drone has missed.
-            return self
-                .retransmission
-                .ask(core, now, sender, self.config.repair);
+            // This drone has missed an order.
+            return retransmission.schedule_request(shared, now, sender);
         }
-        if is_child && sequence < newest && !asks {
-            return self.retransmission.hurry(core, now, self.config.repair);
+        if is_child && sequence < newest && !awaits_answer {
+            return retransmission.expedite(shared, now);
         }
-        if is_child && heard.has_progressed || is_parent && self.is_missed(core) {
-            self.acknowledge(core, now);
+        if is_child && received.has_progressed || is_parent && self.parent_lacks_pending(shared) {
+            self.acknowledge(shared, now);
         }
-        self.end_repair_if_done(core, now);
+        self.stop_retransmission_if_done(shared, now);
     }
 
-    /// Says a new order to those below, in turn with others that do. A leaf is silent unless it is asked: the drone that
-    /// told it knows from the medium, or trusts it.
-    fn pass_on(&mut self, core: &mut Core, now: Timestamp) {
-        let hops = self.route.routes().hops;
-        let competes = |link: &&Link| hops.is_some() && link.said.hops == hops;
-        let others = self.links.iter().filter(competes).count();
+    /// Sends a new order to the children, in a random slot if others at the same distance forward it, too. A leaf sends
+    /// nothing unless it is asked: its parent knows from the medium that the order arrived, or trusts the link.
+    fn forward_order(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let others = self.topology.competing_relays();
         if others == 0 {
-            self.say(core, now, Reason::News);
+            self.send_state(shared, now, Reason::Change);
         } else {
-            self.retransmission.relay(core, now, others);
+            (self.transmitter.retransmission).schedule_relay(shared, now, others);
         }
     }
 
-    /// Whether the master misses, and the parent does not have, what this drone could tell.
-    fn is_missed(&self, core: &Core) -> bool {
-        let parent = self.parent_link();
+    /// Whether the parent lacks acknowledgements that the master has named as pending.
+    fn parent_lacks_pending(&self, shared: &SharedState) -> bool {
+        let parent = self.topology.parent_link();
         let is_named =
-            parent.is_some_and(|link| aggregation::pending(link, core.sequence()).is_some());
-        is_named && self.aggregation.parent_lacks(core, &self.links, parent)
+            parent.is_some_and(|link| aggregation::pending(link, shared.sequence()).is_some());
+        let links = &self.topology.links;
+        is_named && self.aggregation.parent_lacks(shared, links, parent)
     }
 
-    fn end_repair_if_done(&mut self, core: &Core, now: Timestamp) {
-        if self.retransmission.is_under_way() && !self.owed(core, now).is_anyone_behind() {
-            self.retransmission.end();
-        }
-    }
-
-    /// Speaks now, to one, to a few one by one, or to all, and sets the time by which it must have been seen to arrive.
-    fn say(&mut self, core: &mut Core, now: Timestamp, reason: Reason) {
-        if core.durable.epoch.ballot().is_none() || core.durable.stopped {
-            return self.retransmission.end();
-        }
-        let waits = !matches!(reason, Reason::KeepAlive | Reason::Probe | Reason::Inquiry);
-        if waits && !self.retransmission.may_speak(now, self.config.repair) {
-            return;
-        }
-        let owed = if reason == Reason::KeepAlive {
-            // It is for all, and asks nobody.
-            Owed::default()
-        } else {
-            self.owed(core, now)
-        };
-        let receivers = self.receivers(now, reason, &owed);
-        if receivers.is_empty() {
-            self.send(core, now, reason, None, &owed);
-        }
-        for to in receivers.iter() {
-            let is_waited_for = |link: &Link| link.is_on_its_way(now);
-            if reason != Reason::Repair || !self.links.get(to).is_some_and(is_waited_for) {
-                self.send(core, now, reason, Some(to), &owed);
-            }
-        }
-        let is_unsure = receivers.is_empty() || !self.medium_tells;
-        if is_unsure && reason == Reason::News {
-            let (leaves, repair) = (owed.trusted.len(), self.config.repair);
-            self.retransmission.copy_for(core, now, leaves, repair);
-        }
-        self.wait_for_arrival(core, now, reason);
-    }
-
-    /// Whom something is said to one by one; to all, if nobody. What one alone is to hear is said to that one, and the
-    /// medium sees to it that it arrives; but not to one that is not heard itself: to be spoken to shows that one is.
-    fn receivers(&self, now: Timestamp, reason: Reason, owed: &Owed) -> NodeSet {
-        let receivers = match reason {
-            Reason::KeepAlive | Reason::Copy | Reason::Inquiry => return NodeSet::new(),
-            Reason::Probe => return self.route.parent().into_iter().collect(),
-            Reason::News => owed.all(),
-            Reason::Answer => owed.asking.clone(),
-            Reason::Repair => {
-                let mut receivers = owed.unaware.clone();
-                receivers.extend_from(&owed.asking);
-                receivers
-            }
-        };
-        let links = || receivers.iter().filter_map(|id| self.links.get(id));
-        let time_to_live = self.config.link_time_to_live;
-        let are_heard = links().all(|link| self.links.hears(link, now, time_to_live));
-        let is_unsure = |link: &Link| !link.quality.is_good() || link.is_leaf_of(self.config.id);
-        let most = if self.medium_tells && links().any(is_unsure) {
-            ONE_BY_ONE_MAX
-        } else {
-            1
-        };
-        if are_heard && (1..=most).contains(&receivers.len()) {
-            receivers
-        } else {
-            NodeSet::new()
+    fn stop_retransmission_if_done(&mut self, shared: &SharedState, now: Timestamp) {
+        if self.transmitter.retransmission.is_active() && !self.needs_retransmission(shared, now) {
+            self.transmitter.retransmission.stop();
         }
     }
 
-    fn send(
-        &mut self,
-        core: &mut Core,
-        now: Timestamp,
-        reason: Reason,
-        to: Option<NodeId>,
-        owed: &Owed,
-    ) {
-        if self.composer.count(to) {
-            // The master's number rises with its beacons only: each rise makes every drone speak once.
-            let raises_heartbeat = core.is_master() && reason == Reason::KeepAlive;
-            if core.durable.heartbeats.advance(raises_heartbeat) {
-                core.keep();
-            }
-        }
-        let mut state = self.composer.state(core, &self.links, &self.route, to);
-        if reason == Reason::KeepAlive {
-            let time_to_live = self.config.link_time_to_live;
-            let (hears, weak) = self.links.heard_lately(now, time_to_live);
-            (state.hears, state.weak) = (Some(hears), weak);
-            if core.master_lands() {
-                // Whoever does not hear it itself is to know, too.
-                state.landing.extend(core.master());
-            }
-        }
-        state.asks = self.asks(core, reason, to, owed);
-        self.links.answered(to);
-        let nodes = self.config.drones + self.config.relays;
-        let payload = self.composer.encode(&state, nodes);
-        core.send(to, payload, reason == Reason::KeepAlive);
-        if let Some(to) = to.filter(|_| self.medium_tells) {
-            self.links.sent(to, now);
-        }
-        self.retransmission.spoken(now);
-    }
-
-    /// Who is to say what it knows: whoever would show it by nothing else.
-    fn asks(&self, core: &Core, reason: Reason, to: Option<NodeId>, owed: &Owed) -> NodeSet {
-        match (reason, to) {
-            (Reason::KeepAlive | Reason::Copy | Reason::Answer, _) => NodeSet::new(),
-            (Reason::Probe, _) => to.into_iter().collect(),
-            // Those too that do not hear this drone, as far as it knows: to be asked shows that they are heard.
-            (Reason::Inquiry, _) => (self.links.iter().map(|link| link.id))
-                .chain(self.probe.left())
-                .collect(),
-            (Reason::Repair, None) => owed.unaware.clone(),
-            (Reason::Repair, Some(to)) => {
-                let shows = self.medium_tells || !owed.unaware.contains(to);
-                (!shows).then_some(to).into_iter().collect()
-            }
-            // Those with drones below them pass it on, which shows that they know.
-            (Reason::News, None) => {
-                let unaware = owed.unaware.iter().filter_map(|id| self.links.get(id));
-                let leaves = unaware.filter(|link| link.is_leaf_of(core.id));
-                leaves.map(|link| link.id).collect()
-            }
-            (Reason::News, Some(_)) => NodeSet::new(),
-        }
-    }
-
-    fn wait_for_arrival(&mut self, core: &mut Core, now: Timestamp, reason: Reason) {
-        let owed = self.owed(core, now);
-        if !owed.is_anyone_behind() {
-            return self.retransmission.end();
-        }
-        let (repair, repair_max) = (self.config.repair, self.config.repair_max);
-        match reason {
-            Reason::Repair => (self.retransmission).go_on(core, now, (repair, repair_max)),
-            Reason::News => self.retransmission.begin(core, now, repair),
-            _ if self.retransmission.is_under_way() => {}
-            _ => self.retransmission.begin(core, now, repair),
-        }
-    }
-
-    /// What was not seen to arrive is said again. A parent of which nothing was heard meanwhile may be out of reach.
-    fn repair(&mut self, core: &mut Core, now: Timestamp) {
-        if let Some((parent, heard_at)) = self.parent_link().map(|link| (link.id, link.heard_at))
-            && self.retransmission.has_tried_in_vain(heard_at)
+    /// Sends again what is not acknowledged. A parent that stayed silent meanwhile is marked unreachable.
+    fn repair(&mut self, shared: &mut SharedState, now: Timestamp) {
+        if let Some((id, heard_at)) = self.topology.parent_link().map(|it| (it.id, it.heard_at))
+            && (self.transmitter.retransmission).has_exhausted_tries(heard_at)
         {
-            self.links.change_reach(parent, Link::suspect);
-            self.update_route(core, now);
+            self.topology.mark_unreachable(shared, now, id);
         }
-        if self.owed(core, now).is_anyone_behind() {
-            self.say(core, now, Reason::Repair);
+        if self.needs_retransmission(shared, now) {
+            self.send_state(shared, now, Reason::Repair);
         } else {
-            self.retransmission.end();
+            self.transmitter.retransmission.stop();
         }
     }
 
-    /// A neighbour has said more than this drone knows, and may still be the only one.
-    fn ask(&mut self, core: &mut Core, now: Timestamp, neighbour: NodeId) {
-        let sequence = core.sequence();
-        let knows_more = |link: &Link| link.said.sequence > sequence;
-        if self.links.get(neighbour).is_some_and(knows_more) {
-            let owed = Owed::default();
-            self.send(core, now, Reason::Probe, Some(neighbour), &owed);
-        }
-    }
-
-    fn watched_route(&self) -> Route {
-        Route {
-            parent: self.route.parent(),
-            stale_at: self.route.stale_at(&self.links),
-            orphaned_since: self.route.orphaned_since(),
-        }
-    }
-
-    fn next_probe(&self, core: &Core) -> Option<Timestamp> {
-        let route = self.watched_route();
-        self.probe.deadline(core, &self.links, route, &self.config)
-    }
-
-    /// Takes what steps are due. Each is one less that can be: a parent is probed later, or left, or the master is missed.
-    fn probe_while_due(&mut self, core: &mut Core, now: Timestamp) {
-        while self.next_probe(core).is_some_and(|due| due <= now) {
-            let route = self.watched_route();
-            let step = (self.probe).step(core, &self.links, route, (now, &self.config));
-            match step {
-                Some(Step::Probe { is_first }) => {
-                    if is_first && self.beacon.are_quick() {
-                        // All hear that it is there, and whoever has heard more of the master says so.
-                        self.beacon_soon(core, now);
-                    }
-                    self.say(core, now, Reason::Probe);
-                }
-                Some(Step::Leave(parent)) => {
-                    self.links.forget(parent);
-                    self.update_route(core, now);
-                }
-                Some(Step::Inquire) => self.say(core, now, Reason::Inquiry),
-                Some(Step::Miss) => core.miss_master(),
+    /// Takes the probe steps that are due. Each moves the next one into the future, so the loop ends.
+    fn probe_while_due(&mut self, shared: &mut SharedState, now: Timestamp) {
+        while (self.topology.next_probe(shared)).is_some_and(|due| due <= now) {
+            match self.topology.probe_step(shared, now) {
+                Some(ProbeStep::Probe { .. }) => self.send_state(shared, now, Reason::Probe),
+                Some(ProbeStep::DropParent(_)) => {}
+                Some(ProbeStep::Inquire) => self.send_state(shared, now, Reason::Inquiry),
+                Some(ProbeStep::ReportMasterSilent) => shared.report_master_silent(),
                 None => return,
             }
         }
     }
 
-    fn retransmit_while_due(&mut self, core: &mut Core, now: Timestamp) {
-        while let Some(due) = self.retransmission.take_due(now) {
+    fn retransmit_while_due(&mut self, shared: &mut SharedState, now: Timestamp) {
+        while let Some(due) = self.transmitter.retransmission.take_due(now) {
+            let (transmitter, mut view) = self.split(now);
             match due {
-                Due::Relay => self.say(core, now, Reason::News),
-                Due::Repair => self.repair(core, now),
+                Due::Relay => transmitter.send_state(shared, Reason::Change, &mut view),
+                Due::Repair => self.repair(shared, now),
                 Due::Answer => {
-                    if !self.owed(core, now).asking.is_empty() {
-                        self.say(core, now, Reason::Answer);
+                    if !view.recipients(shared).requesting.is_empty() {
+                        transmitter.send_state(shared, Reason::Answer, &mut view);
                     }
                 }
                 Due::Copy(sequence) => {
-                    if sequence == core.sequence() && !self.owed(core, now).trusted.is_empty() {
-                        self.say(core, now, Reason::Copy);
+                    if sequence == shared.sequence() && !view.recipients(shared).trusted.is_empty()
+                    {
+                        transmitter.send_state(shared, Reason::SecondCopy, &mut view);
                     }
                 }
-                Due::Ask(neighbour) => self.ask(core, now, neighbour),
+                Due::Request(neighbour) => transmitter.request_order(shared, neighbour, &mut view),
             }
         }
     }
 
-    fn beacon_if_due(&mut self, core: &mut Core, now: Timestamp) {
-        if self.beacon.deadline().is_none_or(|due| due > now) {
+    fn send_heartbeat_if_due(&mut self, shared: &mut SharedState, now: Timestamp) {
+        if (self.topology.heartbeat_timer.deadline()).is_none_or(|due| due > now) {
             return;
         }
-        let time_to_live = self.config.link_time_to_live;
-        if self.links.forget_silent(now, time_to_live) {
-            self.update_route(core, now);
-        }
-        self.report_members(core, now);
-        self.say(core, now, Reason::KeepAlive);
-        // Only a master's pause depends on it.
-        let has_lossy_links =
-            core.is_master() && self.links.iter().any(|link| !link.quality.is_good());
-        let links = (self.links.has_children(), has_lossy_links);
-        let is_settled = self.is_settled_to_land(core, now);
-        self.beacon.said(core, now, links, is_settled);
+        self.topology.remove_silent_neighbours(shared, now);
+        self.report_members(shared, now);
+        self.send_state(shared, now, Reason::KeepAlive);
+        self.topology.record_heartbeat_sent(shared, now);
     }
 }
 
 impl Policy for TreePolicy {
-    fn heard(
+    fn receive(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        (sender, ballot): (NodeId, Ballot),
+        (id, ballot): (NodeId, Ballot),
         payload: &Bytes,
     ) {
-        let Ok((front, words)) = wire::split_tree(payload) else {
-            return core.show(Event::Ignored(sender));
+        let Ok((header, body)) = wire::split_tree(payload) else {
+            return shared.emit(Event::Ignored(id));
         };
-        let is_followed = core.durable.epoch.ballot() == Some(ballot) && !core.durable.stopped;
-        if is_followed
-            && self
-                .links
-                .has_said(self.speaker(core, sender), &front, words)
-        {
-            // Nothing is news but that the sender lives, and the master.
-            if let Some(heard) = self.links.hear_again(sender, &front, now) {
-                self.take_in(core, now, (sender, heard), false);
+        let is_current = shared.durable.epoch.ballot() == Some(ballot) && !shared.durable.stopped;
+        let sender = self.topology.sender(shared, id);
+        if is_current && self.topology.links.is_unchanged(sender, &header, body) {
+            // Only the packet number and the heartbeat sequence are new.
+            if let Some(received) = self.topology.links.receive_unchanged(id, &header, now) {
+                self.process_report(shared, now, (id, received), false);
             }
             return;
         }
-        let Some(said) = TreeFrame::read(front, words) else {
-            return core.show(Event::Ignored(sender));
+        let Some(frame) = TreeFrame::read(header, body) else {
+            return shared.emit(Event::Ignored(id));
         };
-        let is_member = sender.0 < self.config.drones + self.config.relays;
-        let is_heard =
-            is_member && !core.durable.stopped && self.obeys(core, now, (sender, ballot), &said);
-        if !is_heard {
-            if is_member {
-                self.links.hear_of_another_epoch(sender, &said, now);
-                self.route.look_at_parent_again(&self.links);
+        let is_node = id.0 < self.topology.config.drones + self.topology.config.relays;
+        let is_accepted = is_node
+            && !shared.durable.stopped
+            && self.accepts_ballot(shared, now, (id, ballot), &frame);
+        if !is_accepted {
+            if is_node {
+                self.topology
+                    .links
+                    .receive_of_another_epoch(id, &frame, now);
+                self.topology.route.refresh_parent(&self.topology.links);
             }
-            return core.show(Event::Ignored(sender));
+            return shared.emit(Event::Ignored(id));
         }
-        let speaker = self.speaker(core, sender);
-        let words = payload.slice_ref(words);
-        if let Some(heard) = self.links.hear(speaker, &said, words, now) {
-            let is_news = core.take_order(said.sequence, said.order);
-            if is_news {
-                self.retransmission.begin_order();
-                self.links.begin_order();
+        let sender = self.topology.sender(shared, id);
+        let body = payload.slice_ref(body);
+        if let Some(received) = self.topology.links.receive(sender, &frame, body, now) {
+            let is_new_order = shared.accept_order(frame.sequence, frame.order);
+            if is_new_order {
+                self.transmitter.retransmission.start_order();
+                self.topology.links.start_order();
             }
-            self.take_in(core, now, (sender, heard), is_news);
+            self.process_report(shared, now, (id, received), is_new_order);
         }
     }
 
-    fn outcome(
+    fn record_delivery(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         to: NodeId,
         payload: &[u8],
-        delivered: bool,
+        is_delivered: bool,
     ) {
-        self.medium_tells = true;
-        if core.durable.stopped {
+        self.transmitter.enable_delivery_reports();
+        if shared.durable.stopped {
             return;
         }
-        let Ok(told) = wire::decode_tree(payload) else {
+        let Ok(frame) = wire::decode_tree(payload) else {
             return;
         };
-        if delivered {
-            self.links.told(to, &told);
+        if is_delivered {
+            self.topology.links.record_delivery(to, &frame);
         } else {
-            self.links.change_reach(to, Link::give_up_once);
-            self.update_route(core, now);
-            self.retransmission.retry(core, now, self.config.repair);
-            let is_lost = |link: &Link| !link.is_reachable();
-            if Some(to) != self.route.parent() && self.links.get(to).is_some_and(is_lost) {
-                // Perhaps it was all that was waited for.
-                self.acknowledge(core, now);
+            self.topology.record_failure(shared, now, to);
+            self.transmitter.retransmission.retry(shared, now);
+            let is_unreachable = |link: &Link| !link.is_reachable();
+            if Some(to) != self.topology.route.parent()
+                && self.topology.links.get(to).is_some_and(is_unreachable)
+            {
+                // The aggregation may have waited for this neighbour only.
+                self.acknowledge(shared, now);
             }
         }
-        self.end_repair_if_done(core, now);
+        self.stop_retransmission_if_done(shared, now);
     }
 
-    /// Acknowledgements, routes and heartbeats were those of the epoch before. Who is near, and how well each is heard, is
-    /// still known.
-    fn begin_epoch(&mut self, _core: &mut Core, now: Timestamp) {
-        self.links.forget_epoch();
-        self.route.begin_epoch();
-        self.probe.forget();
+    /// Forgets acknowledgements, routes and heartbeats of the epoch before. Link qualities stay known.
+    fn start_epoch(&mut self, _shared: &mut SharedState, now: Timestamp) {
+        self.topology.start_epoch(now);
         self.members = Members::default();
-        self.aggregation.begin_epoch();
-        self.retransmission.begin_epoch();
-        self.beacon.begin_epoch(now);
+        self.aggregation.start_epoch();
+        self.transmitter.retransmission.start_epoch();
     }
 
-    fn lead(&mut self, core: &mut Core, now: Timestamp, ballot: Ballot) {
+    fn lead(&mut self, shared: &mut SharedState, now: Timestamp, ballot: Ballot) {
         if ballot.is_elected() {
-            self.members.expect_all(core, now);
+            self.members.expect_all(shared, now);
         }
-        self.update_route(core, now);
-        self.beacon.set(now);
+        self.topology.update_route(shared, now);
+        self.topology.heartbeat_timer.schedule_at(now);
     }
 
-    fn published(&mut self, core: &mut Core, now: Timestamp) {
-        self.retransmission.begin_order();
-        self.links.begin_order();
-        self.beacon.quicken(false);
-        self.say(core, now, Reason::News);
+    fn order_published(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.transmitter.retransmission.start_order();
+        self.topology.links.start_order();
+        self.topology.heartbeat_timer.set_fast(false);
+        self.send_state(shared, now, Reason::Change);
     }
 
-    fn carried_out(&mut self, core: &mut Core, now: Timestamp) {
-        self.acknowledge(core, now);
+    fn order_carried_out(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.acknowledge(shared, now);
     }
 
-    fn discover(&mut self, core: &mut Core, now: Timestamp) {
+    fn discover(&mut self, shared: &mut SharedState, now: Timestamp) {
         self.durable.discovered = true;
-        self.members.expect_all(core, now);
-        core.inform(Notice::DiscoveryStarted);
-        core.inform(Notice::HopUpdateStarted);
-        self.inform_of_routes(core);
-        core.keep();
+        self.members.expect_all(shared, now);
+        shared.notify(Notice::DiscoveryStarted);
+        shared.notify(Notice::HopUpdateStarted);
+        self.notify_routes_ready(shared);
+        shared.mark_changed();
     }
 
-    /// Until the next order, by which all will be in their places.
-    fn scatter(&mut self, _core: &mut Core, _now: Timestamp) {
-        self.beacon.quicken(true);
+    /// Heartbeats are faster until the next order, by which all drones have reached their new positions.
+    fn topology_changes(&mut self, _shared: &mut SharedState, _now: Timestamp) {
+        self.topology.heartbeat_timer.set_fast(true);
     }
 
-    fn land(&mut self, core: &mut Core, now: Timestamp) {
-        self.beacon_soon(core, now);
+    fn land(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.topology.schedule_heartbeat_soon(shared, now);
     }
 
-    fn stop(&mut self, core: &mut Core, now: Timestamp) {
-        self.say(core, now, Reason::News);
-        self.beacon.stop();
-        self.retransmission.end();
+    fn stop(&mut self, shared: &mut SharedState, now: Timestamp) {
+        self.send_state(shared, now, Reason::Change);
+        self.topology.heartbeat_timer.stop();
+        self.transmitter.retransmission.stop();
     }
 
-    fn resync(&mut self, core: &mut Core, now: Timestamp) {
+    fn resync(&mut self, shared: &mut SharedState, now: Timestamp) {
         if self.durable.discovered {
-            self.inform_of_routes(core);
+            self.notify_routes_ready(shared);
         }
-        self.members.forget_told();
-        self.report_members(core, now);
+        self.members.forget_reported();
+        self.report_members(shared, now);
         let silent = self.members.silent();
         if !silent.is_empty() {
-            core.inform(Notice::Silent(silent));
+            shared.notify(Notice::Silent(silent));
         }
     }
 
-    fn forgive(&mut self, _core: &mut Core, now: Timestamp) {
-        self.links.forgive(now);
-        self.route.look_at_parent_again(&self.links);
-        self.route.forgive(now);
-        self.probe.forget();
-        self.members.forgive(now);
+    fn reset_timeouts(&mut self, _shared: &mut SharedState, now: Timestamp) {
+        self.topology.reset_timeouts(now);
+        self.members.reset_timeouts(now);
     }
 
-    fn handle_timeout(&mut self, core: &mut Core, now: Timestamp) {
+    fn handle_timeout(&mut self, shared: &mut SharedState, now: Timestamp) {
         if self.aggregation.ends_hold(now) {
-            self.acknowledge(core, now);
+            self.acknowledge(shared, now);
         }
-        self.probe_while_due(core, now);
-        self.retransmit_while_due(core, now);
-        self.beacon_if_due(core, now);
-        // A neighbour that was forgotten by then may have been the parent.
-        self.probe_while_due(core, now);
+        self.probe_while_due(shared, now);
+        self.retransmit_while_due(shared, now);
+        self.send_heartbeat_if_due(shared, now);
+        // The heartbeat step may have removed the parent.
+        self.probe_while_due(shared, now);
     }
 
     fn read_ahead(&self) {
-        black_box((self.config.repair, self.config.id, self.links.len()));
-        black_box((self.route.parent(), self.route.orphaned_since()));
+        self.topology.read_ahead();
         black_box((
-            self.beacon.deadline(),
-            self.retransmission.deadline(),
+            self.transmitter.retransmission.deadline(),
             self.aggregation.deadline(),
+            self.transmitter.has_delivery_reports(),
         ));
-        black_box((self.probe.left(), self.medium_tells));
     }
 
     fn read_further_ahead(&self, sender: Option<NodeId>) {
-        self.links.read_ahead(sender);
+        self.topology.links.read_ahead(sender);
     }
 
-    fn deadline(&self, core: &Core) -> Option<Timestamp> {
+    fn deadline(&self, shared: &SharedState) -> Option<Timestamp> {
         let hold = self.aggregation.deadline();
-        let said_again = self.retransmission.deadline();
-        let probe = self.next_probe(core);
-        first_of([self.beacon.deadline(), said_again, hold, probe])
+        let retransmission = self.transmitter.retransmission.deadline();
+        let probe = self.topology.next_probe(shared);
+        first_of([
+            self.topology.heartbeat_timer.deadline(),
+            retransmission,
+            hold,
+            probe,
+        ])
     }
 
     fn checkpoint(&self) -> PolicyCheckpoint {
@@ -824,8 +490,8 @@ impl Policy for TreePolicy {
     }
 
     fn occupancy(&self) -> (usize, usize) {
-        let nodes = self.config.drones + self.config.relays;
-        (self.links.len(), nodes as usize)
+        let nodes = self.topology.config.drones + self.topology.config.relays;
+        (self.topology.links.len(), nodes as usize)
     }
 }
 

@@ -1,15 +1,15 @@
-//! Which neighbour leads to the master: the route with the fewest expected transmissions, without loops.
+//! Chooses the parent: the next hop of the route with the fewest expected transmissions, without loops.
 //!
-//! Each drone announces its route's label: the master's heartbeat sequence that came with the route, and its cost. A label
-//! is nearer than another if its sequence is newer or, of two equal sequences, its cost is lower. A drone keeps the nearest
-//! label that it ever announced, its distance, and takes a parent only if what that announces is nearer (the feasibility
-//! condition of EIGRP and Babel, RFC 8966, 2.4).
+//! Each drone announces the label of its route: the heartbeat sequence that came with it, and its cost. A label is
+//! nearer than another if its sequence is newer or, of two equal sequences, its cost is lower. A drone's distance is
+//! the nearest label that it ever announced. It takes a neighbour as parent only if the neighbour's label is nearer
+//! than that distance (the feasibility condition of EIGRP and Babel, RFC 8966, 2.4).
 //!
-//! **No loops.** Along a route distances get nearer at each hop. A drone that takes a parent then announces the parent's
-//! sequence at a higher cost, so its distance is farther than the parent's announcement, which is no nearer than the
-//! parent's distance. What changes later keeps that: the parent's distance only gets nearer, and the drone's own follows
-//! nothing but the parent's announcements. A loop would be nearer than itself. A drone that restarted has forgotten its
-//! distance and takes none but newer sequences than it remembers; what it may close in spite of that opens with the next
+//! **No loops.** Distances get nearer at each hop of a route. A drone that takes a parent announces the parent's
+//! sequence at a higher cost. So its distance is farther than the parent's announcement, which is no nearer than the
+//! parent's distance. Later changes keep that: the parent's distance only gets nearer, and the drone's own follows the
+//! parent's announcements. A drone on a loop would be nearer than itself. A restarted drone has forgotten its distance
+//! and accepts only sequences that are newer than its checkpoint's. A loop that this allows opens with the next
 //! heartbeat, which comes from the master only.
 
 use std::time::Duration;
@@ -21,27 +21,27 @@ use crate::identity::NodeId;
 use crate::routing::{ETX_UNIT, Routes};
 use crate::time::Timestamp;
 
-/// By how much another route must be cheaper to be taken, so that routes do not flap: half the threshold of MRHOF
-/// (RFC 6719, section 5: 1.5 expected transmissions), whose links are measured over longer.
+/// A new route must be cheaper by this, so that routes do not flap: half the threshold of MRHOF (RFC 6719, section 5:
+/// 1.5 expected transmissions), which measures links for longer.
 const HYSTERESIS: u16 = ETX_UNIT * 3 / 4;
 
 /// The route to the master.
 ///
-/// Invariant: no label was ever announced, in this leader epoch, that is nearer than `distance`.
+/// Invariant: no label nearer than `distance` was announced in this leader epoch.
 #[derive(Debug)]
 pub(super) struct ParentSelection {
     own: NodeId,
-    beacon: Duration,
+    heartbeat_period: Duration,
     routes: Routes,
     label: Label,
     distance: Label,
-    /// The parent, as long as nothing but its silence speaks against it and it was not stale when it was chosen.
-    good_parent: Option<GoodParent>,
+    /// `Some` if the parent was not stale when chosen, and nothing but silence speaks against it.
+    sound_parent: Option<SoundParent>,
     /// Since when there is no route.
     orphaned_since: Option<Timestamp>,
 }
 
-/// How near to the master a route is.
+/// Distance of a route to the master.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Label {
     heartbeat: u32,
@@ -49,7 +49,7 @@ struct Label {
 }
 
 impl Label {
-    /// Of a drone that has never had a route.
+    /// Label of a drone that never had a route.
     const FARTHEST: Self = Self {
         heartbeat: 0,
         cost: u16::MAX,
@@ -61,55 +61,55 @@ impl Label {
     }
 }
 
-/// A parent that there is no reason to leave, so that its link need not be looked at each time.
+/// A parent that stays until it is stale, so its link need not be checked with each frame.
 #[derive(Debug, Clone, Copy)]
-struct GoodParent {
-    /// From when on it is stale, unless it is heard.
+struct SoundParent {
+    /// When it becomes stale, unless it is heard before.
     stale_at: Timestamp,
 }
 
-/// What an update of the route has changed.
+/// What an update of the route changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Moved {
-    /// Something that can be seen from outside.
+pub(super) struct RouteChange {
+    /// Any field of the routes.
     pub(super) routes: bool,
-    /// The parent, or how far the master is.
+    /// The parent, or the number of hops.
     pub(super) hops_or_parent: bool,
 }
 
-/// Who this drone is in its swarm, as far as its route depends on that.
+/// What a route depends on besides the links.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct RouteContext {
     pub(super) is_master: bool,
     /// The current leader.
     pub(super) master: Option<NodeId>,
-    /// The newest heartbeat sequence that was heard of.
+    /// Highest known heartbeat sequence.
     pub(super) heartbeat: u32,
-    /// Whether beacons are so quick that most neighbours are left out for a moment under a new master, as few have spoken.
-    pub(super) are_beacons_quick: bool,
+    /// Whether leaves do not send each heartbeat. Then most reports omit some neighbours at the start of an epoch.
+    pub(super) throttles_leaves: bool,
 }
 
 impl ParentSelection {
-    pub(super) fn new(own: NodeId, beacon: Duration) -> Self {
+    pub(super) fn new(own: NodeId, heartbeat_period: Duration) -> Self {
         Self {
             own,
-            beacon,
+            heartbeat_period,
             routes: Routes::default(),
             label: Label::FARTHEST,
             distance: Label::FARTHEST,
-            good_parent: None,
+            sound_parent: None,
             orphaned_since: None,
         }
     }
 
-    /// After a restart: nothing as old as `heartbeat` is taken for a route, for it may lead through this drone.
+    /// After a restart: routes no newer than `heartbeat` are rejected, because they may lead through this drone.
     pub(super) const fn resume(&mut self, heartbeat: u32) {
         self.distance = Label { heartbeat, cost: 0 };
     }
 
-    /// Forgets the route to another master.
-    pub(super) fn begin_epoch(&mut self) {
-        *self = Self::new(self.own, self.beacon);
+    /// Forgets the route to the master before.
+    pub(super) fn start_epoch(&mut self) {
+        *self = Self::new(self.own, self.heartbeat_period);
     }
 
     pub(super) const fn routes(&self) -> &Routes {
@@ -120,12 +120,12 @@ impl ParentSelection {
         self.routes.parent
     }
 
-    /// Expected transmissions to the master; 0 without a route.
+    /// Expected transmissions to the master, in [`ETX_UNIT`]s; 0 without a route.
     pub(super) fn cost(&self) -> u16 {
         self.routes.hops.map_or(0, |_| self.label.cost)
     }
 
-    /// By how much the heartbeat sequence of the route is older than `heartbeat`.
+    /// By how many heartbeats the route is older than `heartbeat`.
     pub(super) fn lag(&self, heartbeat: u32) -> u32 {
         match self.routes.hops {
             Some(1..) => heartbeat.saturating_sub(self.label.heartbeat),
@@ -133,51 +133,55 @@ impl ParentSelection {
         }
     }
 
-    /// The heartbeat sequence that came with the route.
+    /// Heartbeat sequence of the route.
     #[cfg(test)]
     pub(super) const fn label_heartbeat(&self) -> u32 {
         self.label.heartbeat
     }
 
-    /// Since when there is no route, unless this drone leads.
+    /// Since when there is no route; `None` on the master.
     pub(super) const fn orphaned_since(&self) -> Option<Timestamp> {
         self.orphaned_since
     }
 
-    /// The time without a route begins anew.
-    pub(super) fn forgive(&mut self, now: Timestamp) {
+    /// Restarts the time without a route.
+    pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
         self.orphaned_since = self.orphaned_since.map(|_| now);
     }
 
-    /// When the parent is silent for so long that it is to be probed.
+    /// When the parent becomes stale, so that it is probed; `None` without a parent.
     pub(super) fn stale_at(&self, links: &LinkTable) -> Option<Timestamp> {
-        match self.good_parent {
+        match self.sound_parent {
             Some(parent) => Some(parent.stale_at),
-            None => Some(links.get(self.routes.parent?)?.stale_at(self.beacon)),
+            None => Some(
+                links
+                    .get(self.routes.parent?)?
+                    .stale_at(self.heartbeat_period),
+            ),
         }
     }
 
-    /// Something about the parent's link has changed, and its route has not.
-    pub(super) fn look_at_parent_again(&mut self, links: &LinkTable) {
-        if self.good_parent.is_some() {
-            self.good_parent = self.look_at_parent(links);
+    /// The parent's link has changed, but not its route.
+    pub(super) fn refresh_parent(&mut self, links: &LinkTable) {
+        if self.sound_parent.is_some() {
+            self.sound_parent = self.check_parent(links);
         }
     }
 
-    /// The parent, unless something speaks against it, or it is out of reach.
-    fn look_at_parent(&self, links: &LinkTable) -> Option<GoodParent> {
+    /// The parent, unless it is unreachable, one-way or without route.
+    fn check_parent(&self, links: &LinkTable) -> Option<SoundParent> {
         let link = links.get(self.routes.parent?)?;
         let is_sound = link.symmetric && link.is_reachable() && link.has_route_past(self.own);
-        is_sound.then(|| GoodParent {
-            stale_at: link.stale_at(self.beacon),
+        is_sound.then(|| SoundParent {
+            stale_at: link.stale_at(self.heartbeat_period),
         })
     }
 
-    /// Whether a neighbour that has just spoken, whose own route is what it was, leaves this drone's as it is: it is the
-    /// parent or no better than that, and the parent is as good as when it was chosen. A neighbour that is better by now
-    /// without having spoken is taken when it speaks next.
+    /// Whether the route stays as it is after a frame of `sender` whose own route did not change. It does if the parent
+    /// is sound, and the sender is the parent or no better. A neighbour that becomes better without sending is
+    /// considered at its next frame.
     pub(super) fn keeps_route(&self, now: Timestamp, sender: &Link) -> bool {
-        self.good_parent.is_some_and(|parent| {
+        self.sound_parent.is_some_and(|parent| {
             let is_cheaper = || {
                 let cost = self.cost_through(sender);
                 cost.is_some_and(|cost| cost.saturating_add(HYSTERESIS) <= self.label.cost)
@@ -186,7 +190,7 @@ impl ParentSelection {
         })
     }
 
-    /// The parent has announced a newer heartbeat sequence and nothing else.
+    /// Announces the label that the parent's newest heartbeat sequence gives.
     pub(super) fn follow_parent(&mut self, links: &LinkTable) {
         if let Some(link) = self.routes.parent.and_then(|parent| links.get(parent))
             && let Some(cost) = self.cost_through(link)
@@ -205,29 +209,36 @@ impl ParentSelection {
         }
     }
 
-    /// Chooses the parent anew: of the neighbours whose route can't lead through this drone the one with the cheapest
-    /// route over links that are not poor; the one it has, unless another is cheaper by more than [`HYSTERESIS`]. Nor does
-    /// it take one that leaves it out of those that it hears, though it may only have restarted: the parent that it has it
-    /// keeps for a beacon then. A parent that is silent or out of reach it leaves if there is any other.
-    pub(super) fn update(&mut self, now: Timestamp, place: Place, links: &LinkTable) -> Moved {
+    /// Chooses the parent again: the feasible neighbour with the cheapest route, over links that are not poor if
+    /// possible.
+    ///
+    /// The current parent stays unless another is cheaper by more than [`HYSTERESIS`]. A stale or unreachable parent is
+    /// left if there is any other. A neighbour whose reports omit this drone is not chosen; if it is the current
+    /// parent, it may only have restarted and stays until its link becomes one-way.
+    pub(super) fn update(
+        &mut self,
+        now: Timestamp,
+        context: RouteContext,
+        links: &LinkTable,
+    ) -> RouteChange {
         let mut routes = Routes {
             relay: links.has_children(),
             ..Routes::default()
         };
-        if place.is_master {
+        if context.is_master {
             routes.hops = Some(0);
             self.orphaned_since = None;
             self.label = Label {
-                heartbeat: place.heartbeat,
+                heartbeat: context.heartbeat,
                 cost: 0,
             };
         } else {
-            let best = self.best(now, place, links);
+            let best = self.best(now, context, links);
             routes.parent = best.map(|link| link.id);
             routes.hops = best
-                .and_then(|link| link.said.hops)
+                .and_then(|link| link.report.hops)
                 .map(|hops| hops.saturating_add(1));
-            routes.out_of_range = place
+            routes.out_of_range = context
                 .master
                 .is_none_or(|master| links.get(master).is_none());
             match best {
@@ -245,62 +256,68 @@ impl ParentSelection {
                 }
             }
         }
-        let moved = Moved {
+        let change = RouteChange {
             routes: routes != self.routes,
             hops_or_parent: (routes.hops, routes.parent) != (self.routes.hops, self.routes.parent),
         };
-        if moved.routes {
+        if change.routes {
             self.routes = routes;
         }
-        self.good_parent = (self.look_at_parent(links)).filter(|it| now <= it.stale_at);
-        moved
+        self.sound_parent = (self.check_parent(links)).filter(|it| now <= it.stale_at);
+        change
     }
 
-    /// What the route costs through a neighbour; `None` if that has none.
+    /// Cost of the route through a neighbour; `None` if it has no route.
     fn cost_through(&self, link: &Link) -> Option<u16> {
         if flaw::has(Flaw::RoutesByHops) {
-            return Some(ETX_UNIT.saturating_mul(link.said.hops?.saturating_add(1)));
+            return Some(ETX_UNIT.saturating_mul(link.report.hops?.saturating_add(1)));
         }
         link.cost_through()
     }
 
-    fn best<'a>(&self, now: Timestamp, place: Place, links: &'a LinkTable) -> Option<&'a Link> {
-        let leads_on = |link: &Link| link.symmetric && link.has_route_past(self.own);
+    fn best<'a>(
+        &self,
+        now: Timestamp,
+        context: RouteContext,
+        links: &'a LinkTable,
+    ) -> Option<&'a Link> {
+        let is_usable = |link: &Link| link.symmetric && link.has_route_past(self.own);
         let current = self.routes.parent.and_then(|parent| links.get(parent));
-        let is_at_hand = |link: &Link| link.is_reachable() && !link.is_stale(now, self.beacon);
-        let kept = current.filter(|link| leads_on(link) && is_at_hand(link));
-        let is_left_out_by = |link: &Link| link.leaves_out() && !place.are_beacons_quick;
+        let is_live =
+            |link: &Link| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
+        let live_parent = current.filter(|link| is_usable(link) && is_live(link));
+        let omits_this_drone = |link: &Link| link.omits_this_drone() && !context.throttles_leaves;
         let is_feasible = |link: &Link| {
             let label = Label {
                 heartbeat: link.route_heartbeat(),
-                cost: link.said.cost,
+                cost: link.report.cost,
             };
-            label.is_nearer_than(self.distance) || flaw::has(Flaw::TakesFartherParents)
+            label.is_nearer_than(self.distance) || flaw::has(Flaw::SkipsFeasibilityCondition)
         };
-        // One that may have been heard by chance is no better than a parent that is silent: that is probed first.
-        let has_parent = current.is_some_and(|link| leads_on(link) && link.is_reachable());
+        // A neighbour heard by chance is no better than a stale parent, which is probed first.
+        let has_parent = current.is_some_and(|link| is_usable(link) && link.is_reachable());
         let by_hops = flaw::has(Flaw::RoutesByHops);
         let others = links.iter().filter(|link| {
             Some(link.id) != self.routes.parent
-                && leads_on(link)
-                && is_at_hand(link)
-                && !is_left_out_by(link)
+                && is_usable(link)
+                && is_live(link)
+                && !omits_this_drone(link)
                 && is_feasible(link)
                 && (link.quality.is_proven() || !has_parent || by_hops)
         });
-        // Poor links last, then by cost; what is not taken for the first time has its hysteresis.
-        let rated = |link: &'a Link, hysteresis: u16| {
+        // Poor links last, then by cost. Neighbours other than the current parent pay the hysteresis.
+        let rate = |link: &'a Link, hysteresis: u16| {
             let cost = self.cost_through(link)?;
             let is_poor = link.quality.is_poor() && !by_hops;
             Some(((is_poor, cost.saturating_add(hysteresis), link.id), link))
         };
         let best = others
-            .filter_map(|link| rated(link, if kept.is_some() { HYSTERESIS } else { 0 }))
-            .chain(kept.and_then(|link| rated(link, 0)))
+            .filter_map(|link| rate(link, if live_parent.is_some() { HYSTERESIS } else { 0 }))
+            .chain(live_parent.and_then(|link| rate(link, 0)))
             .min_by_key(|(rate, _)| *rate);
         let best = best.map(|(_, link)| link);
-        // A silent parent is better than none: it is being probed.
-        best.or_else(|| current.filter(|link| leads_on(link)))
+        // A stale parent is a poor link is better than none; it is being probed.
+        best.or_else(|| current.filter(|link| is_usable(link)))
     }
 }
 

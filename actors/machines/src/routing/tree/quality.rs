@@ -1,65 +1,64 @@
-//! How well a link carries, measured from the frames that were heard and missed over it.
+//! Link quality, measured from received and missed frames.
 
 use crate::routing::ETX_UNIT;
 use crate::routing::heartbeat::RESTART_GAP;
 
-/// How many frames the estimate of a link's loss remembers by which a neighbour is missed; it is their mean as long as
-/// there were fewer.
-const MEMORY: u16 = 50;
-/// And the one by which it is probed for longer.
-const LONG: u16 = 250;
-/// And the one by which routes are chosen, which follows drones that fly apart.
-const RECENT: u16 = 12;
-/// How unlikely it must be that a living neighbour is silent for as long as it takes to be given up.
-const LOST: f64 = 1e-6;
-/// How unlikely it must be that it is silent for as long as it takes to prefer another, and to probe it.
-const STALE: f64 = 1e-2;
-/// How unlikely it must be that a living neighbour answers none of the probes.
-const UNANSWERED: f64 = 1e-9;
-/// However lossy a link is, no more probes are sent.
+/// Number of frames in the loss estimate behind the link timeout. With fewer frames it is their mean.
+const WINDOW: u16 = 50;
+/// Number of frames in the estimate behind the duration of probing.
+const LONG_WINDOW: u16 = 250;
+/// Number of frames in the estimate behind route costs; it follows drones that fly apart.
+const SHORT_WINDOW: u16 = 12;
+/// Odds at which silence of a live neighbour exceeds the link timeout.
+const LOST_ODDS: f64 = 1e-6;
+/// Odds at which silence of a live neighbour makes its link stale, so that it is probed and others are preferred.
+const STALE_ODDS: f64 = 1e-2;
+/// Odds at which a live neighbour answers none of the probes.
+const UNANSWERED_ODDS: f64 = 1e-9;
+/// Most probes, however lossy the link.
 pub(super) const PROBES_MAX: u32 = 80;
-/// However lossy a link is, it is given up after this many beacons.
-const LOST_BEACONS_MAX: u16 = 30;
-/// And probed after this many: a probe costs a frame.
-pub(super) const STALE_BEACONS_MAX: u16 = 5;
+/// Longest link timeout in heartbeat periods, however lossy the link.
+const LOST_HEARTBEATS_MAX: u16 = 30;
+/// Longest silence before a link is stale, in heartbeat periods; a probe costs only a frame.
+pub(super) const STALE_HEARTBEATS_MAX: u16 = 5;
 
-/// The share of frames that is reported as heard where next to none is missed, in sixteenths.
-pub(super) const WELL: u8 = 16;
-/// A link that was reported as good is so until it delivers less than this share.
-const WELL_MIN: f64 = 0.92;
-/// A link that was not is so once it delivers this share.
-const WELL_AGAIN: f64 = 0.95;
-/// By how many sixteenths an estimate must differ from what was reported until something else is reported.
-const REPORTED_WITHIN: f64 = 0.8;
-/// A link that delivers a smaller share either way is used for a route only where there is no better one.
-pub(super) const POOR: u8 = 5;
+/// Reported share of a link that loses next to nothing, in sixteenths.
+pub(super) const LOSSLESS: u8 = 16;
+/// A link reported as lossless stays so down to this share.
+const LOSSLESS_MIN: f64 = 0.92;
+/// A lossy link is reported as lossless from this share on.
+const LOSSLESS_REGAINED: f64 = 0.95;
+/// The reported share changes if the estimate differs from it by more than this, in sixteenths.
+const REPORT_HYSTERESIS: f64 = 0.8;
+/// A link with a smaller share in either direction is poor: the last resort for a route.
+pub(super) const POOR_BELOW: u8 = 5;
 
-/// From so many frames on, missed ones included, a link is taken in the place of one that is in use: one frame that was
-/// heard by chance proves nothing.
-const PROVEN: u16 = 4;
+/// Number of frames, missed ones included, from which on a link may replace one in use. A single received frame proves
+/// nothing.
+const PROVEN_FRAMES: u16 = 4;
 
-/// How well a neighbour is heard, and how well it hears this drone.
+/// How well a neighbour is received, and how well it receives this drone.
 ///
-/// Invariant: `stale_beacons` and `lost_beacons` follow from the losses; `heard` is within
-/// [`REPORTED_WITHIN`] of the estimate, so that what is reported changes seldom.
+/// Invariant: `stale_heartbeats` and `lost_heartbeats` follow from the losses. `own_share` is within
+/// [`REPORT_HYSTERESIS`] of the estimate, so the reported share changes seldom.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Quality {
-    /// The share of its broadcasts that was missed, of the last [`MEMORY`], told from the gaps between their numbers.
+    /// Share of its last [`WINDOW`] broadcasts that were missed, derived from gaps between packet numbers.
     loss: f64,
-    /// And of the last [`RECENT`].
+    /// The same over [`SHORT_WINDOW`] broadcasts.
     recent_loss: f64,
-    /// How many frames that was told from, up to [`MEMORY`].
+    /// Number of frames behind these estimates, up to [`WINDOW`].
     frames: u16,
-    /// And of the last [`LONG`]; and of how many it is the mean.
+    /// The same over [`LONG_WINDOW`] broadcasts, and the number of frames behind it.
     long_loss: f64,
     long_frames: u16,
-    /// After how many beacons of silence it is stale, and after how many it is lost.
-    pub(super) stale_beacons: u16,
-    pub(super) lost_beacons: u16,
-    /// The share of its broadcasts that is heard, in sixteenths, as it is reported.
-    heard: u8,
-    /// The share of this drone's broadcasts that it hears, likewise, as it reports; `None` if it has not said.
-    hears: Option<u8>,
+    /// Heartbeat periods of silence after which the link is stale, and after which it times out.
+    pub(super) stale_heartbeats: u16,
+    pub(super) lost_heartbeats: u16,
+    /// Reported share of its broadcasts that this drone receives, in sixteenths.
+    own_share: u8,
+    /// Share of this drone's broadcasts that it receives, in sixteenths, as it reports; `None` before its first report.
+    peer_share: Option<u8>,
 }
 
 impl Quality {
@@ -71,102 +70,103 @@ impl Quality {
             frames: 0,
             long_loss: 0.0,
             long_frames: 0,
-            stale_beacons: 0,
-            lost_beacons: 0,
-            heard: WELL,
-            hears: None,
+            stale_heartbeats: 0,
+            lost_heartbeats: 0,
+            own_share: LOSSLESS,
+            peer_share: None,
         };
-        quality.judge();
+        quality.update_derived();
         quality
     }
 
-    /// Takes in that so many broadcasts were missed before the one that was heard, unless their sender skipped them when
-    /// it restarted.
+    /// Records the broadcasts missed before a received one. A gap of a restart is no loss.
     #[inline]
-    pub(super) fn learn_missed(&mut self, missed: u32) {
+    pub(super) fn record_missed(&mut self, missed: u32) {
         if missed > 0 && missed < RESTART_GAP {
-            for _ in 0..missed.min(MEMORY.into()) {
-                self.learn(1.0);
+            for _ in 0..missed.min(WINDOW.into()) {
+                self.update_losses(1.0);
             }
-            self.judge();
+            self.update_derived();
         }
     }
 
-    /// Takes in that a broadcast was heard.
+    /// Records a received broadcast.
     #[inline]
-    pub(super) fn learn_heard(&mut self) {
+    pub(super) fn record_received(&mut self) {
         if self.is_lossless() {
-            self.learn_heard_again();
+            self.record_received_lossless();
             return;
         }
         let before = (self.loss, self.recent_loss, self.frames);
-        self.learn(0.0);
+        self.update_losses(0.0);
         if before != (self.loss, self.recent_loss, self.frames) {
-            self.judge();
+            self.update_derived();
         }
     }
 
-    /// Whether none of its broadcasts was missed.
+    /// Whether no broadcast was missed.
     fn is_lossless(&self) -> bool {
         self.loss == 0.0 && self.recent_loss == 0.0 && self.long_loss == 0.0
     }
 
-    /// As [`Self::learn_heard`] where nothing was missed before: no loss changes, only how much is known.
-    fn learn_heard_again(&mut self) {
-        self.long_frames = (self.long_frames + 1).min(LONG);
-        if self.frames < MEMORY {
+    /// [`Self::record_received`] for a lossless link: only the number of frames changes.
+    fn record_received_lossless(&mut self) {
+        self.long_frames = (self.long_frames + 1).min(LONG_WINDOW);
+        if self.frames < WINDOW {
             self.frames += 1;
-            self.judge();
+            self.update_derived();
         }
     }
 
-    /// Takes in that a frame was missed (1) or heard (0).
-    fn learn(&mut self, missed: f64) {
-        self.frames = (self.frames + 1).min(MEMORY);
+    /// Records a missed (1) or received (0) frame.
+    fn update_losses(&mut self, missed: f64) {
+        self.frames = (self.frames + 1).min(WINDOW);
         self.loss += (missed - self.loss) / f64::from(self.frames);
-        self.long_frames = (self.long_frames + 1).min(LONG);
+        self.long_frames = (self.long_frames + 1).min(LONG_WINDOW);
         self.long_loss += (missed - self.long_loss) / f64::from(self.long_frames);
-        self.recent_loss += (missed - self.recent_loss) / f64::from(self.frames.min(RECENT));
+        self.recent_loss += (missed - self.recent_loss) / f64::from(self.frames.min(SHORT_WINDOW));
     }
 
-    /// Takes in which share of this drone's broadcasts the neighbour says that it hears; whether that is news.
-    pub(super) fn learn_reception(&mut self, sixteenths: u8) -> bool {
-        self.hears.replace(sixteenths) != Some(sixteenths)
+    /// Records the share of this drone's broadcasts that the neighbour receives; returns whether it changed.
+    pub(super) fn record_peer_share(&mut self, sixteenths: u8) -> bool {
+        self.peer_share.replace(sixteenths) != Some(sixteenths)
     }
 
-    fn judge(&mut self) {
-        self.stale_beacons = self.patience(STALE, STALE_BEACONS_MAX);
-        self.lost_beacons = self.patience(LOST, LOST_BEACONS_MAX);
-        self.heard = self.reported();
+    fn update_derived(&mut self) {
+        self.stale_heartbeats = self.tolerated_silence(STALE_ODDS, STALE_HEARTBEATS_MAX);
+        self.lost_heartbeats = self.tolerated_silence(LOST_ODDS, LOST_HEARTBEATS_MAX);
+        self.own_share = self.quantised_share();
     }
 
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "between 1 and `WELL`"
+        reason = "between 1 and `LOSSLESS`"
     )]
-    fn reported(&self) -> u8 {
-        // One frame that was heard is known besides: who hears each other for the first time takes links to be good.
-        let frames = f64::from(self.frames.min(RECENT));
+    fn quantised_share(&self) -> u8 {
+        // The first received frame counts, too, so a new link starts as lossless.
+        let frames = f64::from(self.frames.min(SHORT_WINDOW));
         let share = 1.0 - self.recent_loss * frames / (frames + 1.0);
-        let well = if self.heard == WELL {
-            WELL_MIN
+        let full = if self.own_share == LOSSLESS {
+            LOSSLESS_MIN
         } else {
-            WELL_AGAIN
+            LOSSLESS_REGAINED
         };
-        if share >= well {
-            return WELL;
+        if share >= full {
+            return LOSSLESS;
         }
-        let exact = share * f64::from(WELL);
-        if self.heard != WELL && (exact - f64::from(self.heard)).abs() <= REPORTED_WITHIN {
-            return self.heard;
+        let exact = share * f64::from(LOSSLESS);
+        if self.own_share != LOSSLESS
+            && (exact - f64::from(self.own_share)).abs() <= REPORT_HYSTERESIS
+        {
+            return self.own_share;
         }
-        exact.round().clamp(1.0, f64::from(WELL - 1)) as u8
+        exact.round().clamp(1.0, f64::from(LOSSLESS - 1)) as u8
     }
 
-    /// The share of its broadcasts that is heard, in sixteenths, for it to know.
-    pub(super) const fn heard(&self) -> u8 {
-        self.heard
+    /// Share of its broadcasts that this drone receives, in sixteenths, to be reported.
+    pub(super) const fn own_share(&self) -> u8 {
+        self.own_share
     }
 
     #[cfg(test)]
@@ -174,67 +174,67 @@ impl Quality {
         self.loss
     }
 
-    /// The shares that are heard here and there, in sixteenths; before it has said, as if both were the same.
-    fn both(&self) -> [u8; 2] {
-        [self.heard, self.hears.unwrap_or(self.heard)]
+    /// Shares of both directions, in sixteenths. Before the neighbour reports, both are taken to be equal.
+    fn shares(&self) -> [u8; 2] {
+        [self.own_share, self.peer_share.unwrap_or(self.own_share)]
     }
 
-    /// The chance that a frame and the answer to it are both heard.
+    /// Probability that a frame and its answer are both received.
     pub(super) fn round_trip(&self) -> f64 {
-        let [here, there] = self.both().map(|it| f64::from(it) / f64::from(WELL));
-        here * there
+        let [own, peer] = self.shares().map(|it| f64::from(it) / f64::from(LOSSLESS));
+        own * peer
     }
 
-    /// Whether the link loses next to nothing either way.
+    /// Whether the link loses next to nothing in both directions.
     pub(super) fn is_good(&self) -> bool {
-        self.both() == [WELL; 2]
+        self.shares() == [LOSSLESS; 2]
     }
 
-    /// Whether the link is to be used only where there is no better one.
+    /// Whether the link is a last resort for routes.
     pub(super) fn is_poor(&self) -> bool {
-        self.both().into_iter().any(|it| it < POOR)
+        self.shares().into_iter().any(|it| it < POOR_BELOW)
     }
 
-    /// The share of what is missed over a long time; a link that loses often may lose in bursts.
+    /// Long-term loss; a link that loses often may lose in bursts.
     pub(super) const fn long_loss(&self) -> f64 {
         self.long_loss
     }
 
-    /// Whether it is known well enough to be preferred to another.
+    /// Whether enough frames were counted to prefer this link to one in use.
     pub(super) const fn is_proven(&self) -> bool {
-        self.frames >= PROVEN
+        self.frames >= PROVEN_FRAMES
     }
 
-    /// Expected transmissions until a frame and its acknowledgement are heard, in [`ETX_UNIT`]s (De Couto et al.,
-    /// MobiCom 2003).
+    /// ETX: expected transmissions until a frame and its acknowledgement are received, in [`ETX_UNIT`]s (De Couto et
+    /// al., MobiCom 2003).
     pub(super) fn cost(&self) -> u16 {
         if self.is_good() {
             return ETX_UNIT;
         }
-        let [here, there] = self.both().map(u32::from);
-        let well = u32::from(WELL) * u32::from(WELL);
-        let cost = u32::from(ETX_UNIT) * well / (here * there).max(1);
+        let [own, peer] = self.shares().map(u32::from);
+        let full = u32::from(LOSSLESS) * u32::from(LOSSLESS);
+        let cost = u32::from(ETX_UNIT) * full / (own * peer).max(1);
         u16::try_from(cost).unwrap_or(u16::MAX)
     }
 
-    /// Whether its cost is another one.
-    pub(super) fn costs_otherwise_than(&self, before: &Self) -> bool {
-        self.both() != before.both() && self.cost() != before.cost()
+    /// Whether the cost differs from `before`'s.
+    pub(super) fn cost_differs_from(&self, before: &Self) -> bool {
+        self.shares() != before.shares() && self.cost() != before.cost()
     }
 
-    /// For how many beacons a neighbour that speaks once in each may be silent by a chance of `odds`.
-    fn patience(&self, odds: f64, beacons_max: u16) -> u16 {
+    /// Heartbeat periods for which a neighbour that sends once per period is silent with probability `odds`.
+    fn tolerated_silence(&self, odds: f64, heartbeats_max: u16) -> u16 {
         let loss = self.cautious_loss();
-        let (mut beacons, mut chance) = (1, loss);
-        while chance > odds && beacons < beacons_max {
+        let (mut heartbeats, mut chance) = (1, loss);
+        while chance > odds && heartbeats < heartbeats_max {
             chance *= loss;
-            beacons += 1;
+            heartbeats += 1;
         }
-        beacons
+        heartbeats
     }
 
-    /// How often it is probed before it is taken to be gone: a probe or its answer may be lost, each like any frame, or like
-    /// the last few where those were lost twice as often, as while drones fly apart.
+    /// Number of probes before the neighbour counts as gone. Probe and answer may be lost like any frame. If the recent
+    /// loss is more than twice the loss, as when drones fly apart, the recent loss counts.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -243,16 +243,16 @@ impl Quality {
     pub(super) fn probes(&self) -> u32 {
         let worsens = self.recent_loss > 2.0 * self.loss;
         let loss = if worsens { self.recent_loss } else { 0.0 };
-        let here = 1.0 - self.cautious_loss().max(loss);
-        let there = match self.hears {
-            Some(hears) if hears < WELL => here.min(f64::from(hears) / f64::from(WELL)),
-            _ => here,
+        let own = 1.0 - self.cautious_loss().max(loss);
+        let peer = match self.peer_share {
+            Some(peer) if peer < LOSSLESS => own.min(f64::from(peer) / f64::from(LOSSLESS)),
+            _ => own,
         };
-        let probes = libm::log(UNANSWERED) / libm::log(1.0 - here * there);
+        let probes = libm::log(UNANSWERED_ODDS) / libm::log(1.0 - own * peer);
         probes.ceil().clamp(1.0, PROBES_MAX.into()) as u32
     }
 
-    /// Its loss, by the rule of succession: so that few frames prove little.
+    /// Loss by the rule of succession, so that few frames prove little.
     fn cautious_loss(&self) -> f64 {
         let frames = f64::from(self.frames);
         (self.loss * frames + 1.0) / (frames + 2.0)

@@ -1,56 +1,56 @@
-//! When something is said again that was not seen to arrive, and how often a drone may speak at all.
+//! When unacknowledged frames are sent again, and the drone's own rate limit.
 
 use std::time::Duration;
 
-use super::link_table::LinkTable;
-use crate::identity::{NodeId, NodeSet};
-use crate::routing::core::Core;
+use crate::identity::NodeId;
+use crate::routing::shared::SharedState;
 use crate::time::{Timestamp, first_of};
 
-/// The share of a repair that passes until what the medium gave up is tried again.
+/// An undelivered frame is tried again after the repair interval divided by this.
 const RETRY_SHARE: u32 = 4;
-/// After so many tries each pause is longer than the one before by half: until then losses are by chance.
+/// Number of tries before back-off starts; then each interval grows by half. Up to there, losses are random.
 const STEADY_TRIES: u32 = 4;
-/// After how many tries in which nothing was heard of a parent it is suspected to be out of reach.
+/// Number of tries after which a parent that stayed silent is marked unreachable.
 const TRIES_MAX: u32 = 6;
-/// Each neighbour that is asked by the same frame answers within this, by chance: an answer of 150 bytes takes a third of
-/// a millisecond over 802.11a at 6 Mb/s, back-off included.
+/// Time slot of an answer; each neighbour that a frame requests adds one, and the slot is random. An answer of 150
+/// bytes takes a third of a millisecond over 802.11a at 6 Mb/s, back-off included.
 const ANSWER_SLOT: Duration = Duration::from_micros(500);
-/// How long a second copy waits: beyond the answers to the first.
+/// Delay of the second copy of an order, in repair intervals: after the answers to the first.
 const COPY_REPAIRS: u32 = 2;
-/// Each neighbour that passes an order on at the same time makes a drone wait so long for its turn, at most: two of them
-/// may not hear each other, and collide at those that hear both.
+/// Time slot of a relayed order; each relay at the same distance adds one, and the slot is random. Relays that do not
+/// hear each other would collide at receivers of both.
 const RELAY_SLOT: Duration = Duration::from_micros(300);
-/// However many these are.
+/// Upper bound of the number of relay slots.
 const RELAY_SLOTS_MAX: u32 = 10;
 
-/// How often a drone may speak: less than a radio lets in of one sender (`radio::Config::budget`), so that nothing that
-/// it says is dropped for being too much.
-const PACE: Duration = Duration::from_millis(6);
-/// How much of that it may save up.
-const BURST: u32 = 20;
+/// Token bucket: one frame per interval. That is less than radios admit from one sender (`radio::Config::budget`), so
+/// none is dropped for its rate.
+const TOKEN_INTERVAL: Duration = Duration::from_millis(6);
+/// Token bucket: capacity in frames.
+const TOKENS_MAX: u32 = 20;
 
-/// What waits to be said again.
+/// What waits to be sent again.
 ///
-/// Invariant: every time in it lies behind the step in which it was set; an attempt goes on until nobody is owed
-/// anything.
-#[derive(Debug, Default)]
+/// Invariant: each time lies after the step in which it was set. An attempt goes on until no recipient lacks anything.
+#[derive(Debug)]
 pub(super) struct Retransmission {
+    repair: Duration,
+    repair_max: Duration,
     attempt: Option<Attempt>,
-    /// When a new order is passed on.
+    /// When a new order is relayed.
     relay_at: Option<Timestamp>,
-    /// When those that ask are answered, and when others were last.
+    /// When requests are answered, and when they were last.
     answer_at: Option<Timestamp>,
     answered_at: Option<Timestamp>,
-    /// When the newest order is said to all once more, and which one that was.
+    /// When the order with this number is broadcast a second time.
     copy: Option<(Timestamp, u32)>,
-    /// When a neighbour is asked for an order that this drone has missed.
-    ask: Option<(Timestamp, NodeId)>,
-    /// When all that this drone may save up of its pace will be saved up again.
+    /// When this neighbour is asked for a missed order.
+    request: Option<(Timestamp, NodeId)>,
+    /// When the token bucket is full again.
     full_at: Timestamp,
 }
 
-/// Something that was said and has not been seen to arrive.
+/// A frame that is not acknowledged yet.
 #[derive(Debug, Clone, Copy)]
 struct Attempt {
     since: Timestamp,
@@ -64,49 +64,67 @@ struct Attempt {
 pub(super) enum Due {
     /// A new order.
     Relay,
-    /// What was not seen to arrive.
+    /// An unacknowledged frame.
     Repair,
-    /// An answer to those that ask.
+    /// An answer to requests.
     Answer,
-    /// The newest order once more, if it is still this one.
+    /// The second copy of the order with this number.
     Copy(u32),
-    /// A question for an order that this drone has missed.
-    Ask(NodeId),
+    /// A request for a missed order.
+    Request(NodeId),
 }
 
 impl Retransmission {
-    pub(super) fn begin_epoch(&mut self) {
+    /// Repair intervals start at `repair` and back off to `repair_max`.
+    pub(super) const fn new(repair: Duration, repair_max: Duration) -> Self {
+        Self {
+            repair,
+            repair_max,
+            attempt: None,
+            relay_at: None,
+            answer_at: None,
+            answered_at: None,
+            copy: None,
+            request: None,
+            full_at: Timestamp::ZERO,
+        }
+    }
+
+    pub(super) fn start_epoch(&mut self) {
         *self = Self {
             full_at: self.full_at,
-            ..Self::default()
+            ..Self::new(self.repair, self.repair_max)
         };
     }
 
-    /// A newer order than before makes attempts to pass on another one pointless.
-    pub(super) const fn begin_order(&mut self) {
+    /// Cancels what belongs to the order before.
+    pub(super) const fn start_order(&mut self) {
         self.attempt = None;
         self.relay_at = None;
         self.copy = None;
-        self.ask = None;
+        self.request = None;
     }
 
-    /// When the next of it is due.
+    /// The next time at which something is due.
     pub(super) fn deadline(&self) -> Option<Timestamp> {
         let attempt = self.attempt.map(|it| it.due);
         let copy = self.copy.map(|it| it.0);
-        let ask = self.ask.map(|it| it.0);
-        let first = first_of([self.relay_at, attempt, self.answer_at, copy, ask]);
-        first.map(|due| due.max(self.speaks_at()))
+        let request = self.request.map(|it| it.0);
+        let first = first_of([self.relay_at, attempt, self.answer_at, copy, request]);
+        first.map(|due| due.max(self.next_send_at()))
     }
 
-    /// The first time at which the pace allows for another frame.
-    fn speaks_at(&self) -> Timestamp {
-        Timestamp::ZERO + self.full_at.since(Timestamp::ZERO + PACE * (BURST - 1))
+    /// The first time at which the token bucket allows a frame.
+    fn next_send_at(&self) -> Timestamp {
+        Timestamp::ZERO
+            + self
+                .full_at
+                .since(Timestamp::ZERO + TOKEN_INTERVAL * (TOKENS_MAX - 1))
     }
 
-    /// Takes what is due by `now`.
+    /// Takes what is due at `now`.
     pub(super) fn take_due(&mut self, now: Timestamp) -> Option<Due> {
-        if self.speaks_at() > now {
+        if self.next_send_at() > now {
             return None;
         }
         if self.relay_at.is_some_and(|at| at <= now) {
@@ -122,204 +140,149 @@ impl Retransmission {
             self.copy = None;
             return Some(Due::Copy(sequence));
         }
-        if let Some((_, neighbour)) = self.ask.filter(|(at, _)| *at <= now) {
-            self.ask = None;
-            return Some(Due::Ask(neighbour));
+        if let Some((_, neighbour)) = self.request.filter(|(at, _)| *at <= now) {
+            self.request = None;
+            return Some(Due::Request(neighbour));
         }
         self.attempt
             .is_some_and(|it| it.due <= now)
             .then_some(Due::Repair)
     }
 
-    /// Whether the pace allows for a frame now; where it does not, the frame is said as a repair as soon as it does.
-    pub(super) fn may_speak(&mut self, now: Timestamp, repair: Duration) -> bool {
-        let may = self.speaks_at() <= now;
+    /// Whether the token bucket allows a frame now. If not, the frame is scheduled as a repair at the first possible
+    /// time.
+    pub(super) fn may_send(&mut self, now: Timestamp) -> bool {
+        let may = self.next_send_at() <= now;
         if !may {
-            let due = self.speaks_at();
-            self.bring_forward(now, due, repair);
+            let due = self.next_send_at();
+            self.bring_forward(now, due);
         }
         may
     }
 
-    /// A frame leaves.
-    pub(super) fn spoken(&mut self, now: Timestamp) {
-        self.full_at = self.full_at.max(now) + PACE;
+    /// Takes a token for a sent frame.
+    pub(super) fn record_sent(&mut self, now: Timestamp) {
+        self.full_at = self.full_at.max(now) + TOKEN_INTERVAL;
     }
 
-    /// Whether anything waits to be repaired.
-    pub(super) const fn is_under_way(&self) -> bool {
+    /// Whether a frame is unacknowledged.
+    pub(super) const fn is_active(&self) -> bool {
         self.attempt.is_some()
     }
 
-    /// Nobody is owed anything any more.
-    pub(super) const fn end(&mut self) {
+    /// All frames are acknowledged.
+    pub(super) const fn stop(&mut self) {
         self.attempt = None;
     }
 
-    /// Something new was said that somebody is not known to know.
-    pub(super) fn begin(&mut self, core: &mut Core, now: Timestamp, repair: Duration) {
+    /// A frame with new content was sent.
+    pub(super) fn start(&mut self, shared: &mut SharedState, now: Timestamp) {
         self.attempt = Some(Attempt {
             since: now,
-            due: now + repair / 2 + core.jitter(repair),
-            pause: repair,
+            due: now + self.repair / 2 + shared.jitter(self.repair),
+            pause: self.repair,
             tries: 0,
         });
     }
 
-    /// What is not known to have arrived was said once more.
-    pub(super) fn go_on(
-        &mut self,
-        core: &mut Core,
-        now: Timestamp,
-        (repair, repair_max): (Duration, Duration),
-    ) {
+    /// The content was sent again.
+    pub(super) fn back_off(&mut self, shared: &mut SharedState, now: Timestamp) {
         let Some(attempt) = &mut self.attempt else {
-            return self.begin(core, now, repair);
+            return self.start(shared, now);
         };
         attempt.tries += 1;
         if attempt.tries > STEADY_TRIES {
-            attempt.pause = (attempt.pause * 3 / 2).min(repair_max);
+            attempt.pause = (attempt.pause * 3 / 2).min(self.repair_max);
         }
-        attempt.due = now + attempt.pause / 2 + core.jitter(attempt.pause);
+        attempt.due = now + attempt.pause / 2 + shared.jitter(attempt.pause);
     }
 
-    /// What is not known to have arrived is said at `due` at the latest.
-    pub(super) fn bring_forward(&mut self, now: Timestamp, due: Timestamp, repair: Duration) {
+    /// Sends the unacknowledged content at `due` at the latest.
+    pub(super) fn bring_forward(&mut self, now: Timestamp, due: Timestamp) {
         match &mut self.attempt {
             Some(attempt) => attempt.due = attempt.due.min(due),
             None => {
                 self.attempt = Some(Attempt {
                     since: now,
                     due,
-                    pause: repair,
+                    pause: self.repair,
                     tries: 0,
                 });
             }
         }
     }
 
-    /// Somebody lacks what this drone knows and has not been told it: it is said soon, once for all that do.
-    pub(super) fn hurry(&mut self, core: &mut Core, now: Timestamp, repair: Duration) {
-        let due = now + repair / 16 + core.jitter(repair / 4);
-        self.bring_forward(now, due, repair);
+    /// A neighbour lacks something that was not sent to it: sends it soon, once for all that lack it.
+    pub(super) fn expedite(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let due = now + self.repair / 16 + shared.jitter(self.repair / 4);
+        self.bring_forward(now, due);
     }
 
-    /// The medium gave a frame up: it is tried again sooner than if nothing were known of it.
-    pub(super) fn retry(&mut self, core: &mut Core, now: Timestamp, repair: Duration) {
-        let pause = self.attempt.map_or(repair, |it| it.pause) / RETRY_SHARE;
-        let due = now + pause / 4 + core.jitter(pause);
-        self.bring_forward(now, due, repair);
+    /// The medium reported a failure: sends again sooner than without a report.
+    pub(super) fn retry(&mut self, shared: &mut SharedState, now: Timestamp) {
+        let pause = self.attempt.map_or(self.repair, |it| it.pause) / RETRY_SHARE;
+        let due = now + pause / 4 + shared.jitter(pause);
+        self.bring_forward(now, due);
     }
 
-    /// A new order is to be passed on, as `others` near do at the same time.
-    pub(super) fn relay(&mut self, core: &mut Core, now: Timestamp, others: usize) {
+    /// Schedules a new order, which `others` relay at the same time.
+    pub(super) fn schedule_relay(
+        &mut self,
+        shared: &mut SharedState,
+        now: Timestamp,
+        others: usize,
+    ) {
         let others = u32::try_from(others).unwrap_or(u32::MAX);
         let within = RELAY_SLOT
             .saturating_mul(others)
             .min(RELAY_SLOT * RELAY_SLOTS_MAX);
-        self.relay_at = Some(now + core.jitter(within));
+        self.relay_at = Some(now + shared.jitter(within));
     }
 
-    /// Somebody asks, beside `asked - 1` others that hear the same frame. Those that ask again and again are answered once
-    /// in a repair.
-    pub(super) fn answer(
+    /// Schedules an answer to a frame that requests `requested` neighbours. Repeated requests get one answer per repair
+    /// interval.
+    pub(super) fn schedule_answer(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
-        (asked, repair): (usize, Duration),
+        requested: usize,
     ) {
-        let asked = u32::try_from(asked).unwrap_or(u32::MAX).max(1);
-        let at = now + ANSWER_SLOT / 4 + core.jitter(ANSWER_SLOT.saturating_mul(asked));
+        let requested = u32::try_from(requested).unwrap_or(u32::MAX).max(1);
+        let at = now + ANSWER_SLOT / 4 + shared.jitter(ANSWER_SLOT.saturating_mul(requested));
         let at = self
             .answered_at
-            .map_or(at, |before| at.max(before + repair));
+            .map_or(at, |before| at.max(before + self.repair));
         self.answer_at = Some(self.answer_at.map_or(at, |known| known.min(at)));
     }
 
-    /// A neighbour has said more than this drone knows: it is asked if nobody says more before.
-    pub(super) fn ask(
+    /// Schedules a request to a neighbour that knows a newer order.
+    pub(super) fn schedule_request(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         neighbour: NodeId,
-        repair: Duration,
     ) {
-        let at = now + repair / 16 + core.jitter(repair / 2);
-        self.ask.get_or_insert((at, neighbour));
+        let at = now + self.repair / 16 + shared.jitter(self.repair / 2);
+        self.request.get_or_insert((at, neighbour));
     }
 
-    /// An order was said to all; `leaves` of those that it is for are trusted to have heard it.
-    pub(super) fn copy_for(
+    /// Schedules the second copy of an order that `leaves` neighbours are trusted to have received.
+    pub(super) fn schedule_copy(
         &mut self,
-        core: &mut Core,
+        shared: &mut SharedState,
         now: Timestamp,
         leaves: usize,
-        repair: Duration,
     ) {
         if leaves > 0 {
-            let at = now + repair * COPY_REPAIRS + core.jitter(repair);
-            self.copy = Some((at, core.sequence()));
+            let at = now + self.repair * COPY_REPAIRS + shared.jitter(self.repair);
+            self.copy = Some((at, shared.sequence()));
         }
     }
 
-    /// Whether a parent that was last heard at `heard_at` has been silent for as long as this drone has tried to reach it.
-    pub(super) fn has_tried_in_vain(&self, heard_at: Timestamp) -> bool {
+    /// Whether this drone has tried in vain to reach a parent that was last heard at `heard_at`.
+    pub(super) fn has_exhausted_tries(&self, heard_at: Timestamp) -> bool {
         self.attempt
             .is_some_and(|it| it.tries >= TRIES_MAX && heard_at < it.since)
-    }
-}
-
-/// The neighbours for whom this drone has something.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Owed {
-    /// Not known to know what this drone has for them, those that are trusted to have heard it left out.
-    pub(super) unaware: NodeSet,
-    /// Trusted: leaves over links that lose next to nothing, which have not shown yet that they know the newest order.
-    pub(super) trusted: NodeSet,
-    /// Asking.
-    pub(super) asking: NodeSet,
-}
-
-impl Owed {
-    /// Looks at all neighbours; `parent` is given if it lacks something. A child that has been silent for longer than by
-    /// chance is owed nothing until it is heard again: it may have taken another parent out of hearing.
-    pub(super) fn of(
-        core: &Core,
-        links: &LinkTable,
-        parent: Option<NodeId>,
-        (now, beacon): (Timestamp, Duration),
-    ) -> Self {
-        let sequence = core.sequence();
-        let mut owed = Self::default();
-        for link in links.iter() {
-            if link.asks {
-                owed.asking.insert(link.id);
-            }
-            let is_child_behind = link.is_child_of(core.id) && !link.knows(sequence);
-            if parent == Some(link.id) || link.obeys_another() {
-                owed.unaware.insert(link.id);
-            } else if is_child_behind && !link.is_stale(now, beacon) {
-                if link.is_leaf_of(core.id) && link.is_trusted() {
-                    owed.trusted.insert(link.id);
-                } else {
-                    owed.unaware.insert(link.id);
-                }
-            }
-        }
-        owed
-    }
-
-    /// Whether something is to be said again, as far as this drone knows.
-    pub(super) fn is_anyone_behind(&self) -> bool {
-        !self.unaware.is_empty() || !self.asking.is_empty()
-    }
-
-    /// All of them.
-    pub(super) fn all(&self) -> NodeSet {
-        let mut all = self.unaware.clone();
-        all.extend_from(&self.trusted);
-        all.extend_from(&self.asking);
-        all
     }
 }
 

@@ -1,4 +1,4 @@
-//! Plans that are drawn, motion that is sampled, and what the model of who may be where says of both.
+//! Random plans with sampled motion, compared with the separation model.
 
 mod motion;
 mod plan;
@@ -6,7 +6,9 @@ mod plan;
 use std::collections::BTreeSet;
 use std::fmt;
 
-use muster_machines::formation::{Act, Exposed, Exposure, Flown, Nearness, Phase, Separation};
+use muster_machines::formation::{
+    Exposure, FlightPlan, Phase, PhaseKind, PhaseSeparation, Proximity, Separation,
+};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use rand::{RngExt, SeedableRng};
@@ -15,42 +17,42 @@ use rand_chacha::ChaCha8Rng;
 use motion::Motion;
 use plan::Plan;
 
-/// How often motion is sampled, in seconds.
+/// Sampling interval, in seconds.
 const STEP_S: f64 = 0.05;
-/// The longest that a phase is looked at, in seconds.
+/// Longest sampled time of a phase, in seconds.
 const LONGEST_S: f64 = 240.0;
-/// What rounding may take off a promise.
+/// Tolerance of a prediction, for rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// What one phase exposes drones to.
-type Exposures = Vec<(Exposure, Nearness)>;
+/// Exposures of one phase.
+type Exposures = Vec<(Exposure, Proximity)>;
 
-/// What came of comparisons.
+/// Results of comparisons.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
-    /// Plans that were drawn.
+    /// Number of plans.
     pub(crate) plans: usize,
-    /// Phases in which motion was sampled.
+    /// Number of sampled phases.
     pub(crate) phases: usize,
-    /// Places of two drones that were compared.
+    /// Number of sampled pairs of positions.
     pub(crate) samples: usize,
-    /// Phases in which two in lockstep came as near as was promised, to a fifth.
+    /// Phases with a closest approach in lockstep within 20 % of the predicted one.
     pub(crate) lockstep_tight: usize,
-    /// Times that two came too near, one of them out of lockstep, as the model says that they may.
-    pub(crate) too_near: usize,
-    /// Where two came nearer than was promised.
-    pub(crate) broken: Vec<String>,
+    /// Predicted conflicts of a drone out of lockstep that occurred.
+    pub(crate) conflicts: usize,
+    /// Approaches closer than predicted.
+    pub(crate) violations: Vec<String>,
 }
 
 impl Tally {
-    /// Adds another.
+    /// Adds another tally.
     pub(crate) fn add(&mut self, other: &Self) {
         self.plans += other.plans;
         self.phases += other.phases;
         self.samples += other.samples;
         self.lockstep_tight += other.lockstep_tight;
-        self.too_near += other.too_near;
-        self.broken.extend(other.broken.iter().cloned());
+        self.conflicts += other.conflicts;
+        self.violations.extend(other.violations.iter().cloned());
     }
 }
 
@@ -58,39 +60,39 @@ impl fmt::Display for Tally {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} plans, {} phases, {} samples of two drones; in {} phases two in lockstep came as near as was promised, to \
-             a fifth; {} times two came too near of which one was out of lockstep, as promised; {} promises broken",
+            "{} plans, {} phases, {} sampled pairs; {} phases with a closest approach in lockstep within 20 % of the \
+             prediction; {} predicted conflicts out of lockstep occurred; {} predictions violated",
             self.plans,
             self.phases,
             self.samples,
             self.lockstep_tight,
-            self.too_near,
-            self.broken.len(),
+            self.conflicts,
+            self.violations.len(),
         )
     }
 }
 
-/// Draws a plan, samples motion in each of its phases, and compares it with what is promised.
+/// Draws a plan, samples motion in each phase, and compares it with the predictions.
 pub(crate) fn compare(seed: u64) -> Tally {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let plan = Plan::draw(&mut rng);
-    let flown = plan.flown();
+    let drawn = Plan::draw(&mut rng);
+    let plan = drawn.flight_plan();
     let mut compared = Comparison {
         seed,
-        separation: plan.separation,
+        separation: drawn.separation,
         tally: Tally {
             plans: 1,
             ..Tally::default()
         },
     };
-    let phases: Vec<Exposed> = flown.in_lockstep().collect();
-    let exposures: Vec<Exposures> = flown.exposures().collect();
+    let phases: Vec<PhaseSeparation> = plan.in_lockstep().collect();
+    let exposures: Vec<Exposures> = plan.exposures().collect();
     for (index, exposed) in phases.iter().enumerate() {
         compared.tally.phases += 1;
         compared.in_lockstep(&mut rng, exposed);
-        let id = NodeId(rng.random_range(0..plan.drones()));
+        let id = NodeId(rng.random_range(0..drawn.drones()));
         for exposure in Exposure::ALL {
-            compared.out_of_lockstep(&mut rng, flown, (&phases, &exposures, index), id, exposure);
+            compared.out_of_lockstep(&mut rng, plan, (&phases, &exposures, index), id, exposure);
         }
     }
     compared.tally
@@ -108,11 +110,11 @@ impl Comparison {
         level.max(a.vertical_distance_m(b) / self.separation.vertical_m)
     }
 
-    fn in_lockstep(&mut self, rng: &mut ChaCha8Rng, exposed: &Exposed) {
-        let Exposed {
+    fn in_lockstep(&mut self, rng: &mut ChaCha8Rng, exposed: &PhaseSeparation) {
+        let PhaseSeparation {
             phase,
             lockstep,
-            together,
+            time_separated,
         } = exposed;
         let motions = others_motions(rng, phase);
         let mut nearest = f64::INFINITY;
@@ -122,34 +124,34 @@ impl Comparison {
                 for (b, other) in places[..a].iter().enumerate() {
                     self.tally.samples += 1;
                     let room = self.room(*one, *other);
-                    if room < nearest && !together.contains(&pair(b, a)) {
+                    if room < nearest && !time_separated.contains(&pair(b, a)) {
                         nearest = room;
                     }
                 }
             }
         }
-        let promised = promised(lockstep);
-        self.tally.lockstep_tight += usize::from(nearest < promised * 1.2);
-        if nearest < promised - ROUNDING {
+        let predicted = predicted(lockstep);
+        self.tally.lockstep_tight += usize::from(nearest < predicted * 1.2);
+        if nearest < predicted - ROUNDING {
             let Self { seed, .. } = self;
-            self.tally.broken.push(format!(
-                "seed {seed}, {:?}, in lockstep: {nearest}, promised {promised}",
-                phase.act
+            self.tally.violations.push(format!(
+                "seed {seed}, {:?}, in lockstep: {nearest}, predicted {predicted}",
+                phase.kind
             ));
         }
     }
 
-    /// One drone falls out of lockstep in a phase, and is compared with the others until it can be told no more where they are.
+    /// Compares one drone out of lockstep with the others, for as many phases as the exposure lasts.
     fn out_of_lockstep(
         &mut self,
         rng: &mut ChaCha8Rng,
-        flown: Flown<'_>,
-        (phases, exposures, index): (&[Exposed], &[Exposures], usize),
+        plan: FlightPlan<'_>,
+        (phases, exposures, index): (&[PhaseSeparation], &[Exposures], usize),
         id: NodeId,
         exposure: Exposure,
     ) {
         let phase = &phases[index].phase;
-        let mut affected = motion::out_of_lockstep(rng, flown, phase, id, exposure);
+        let mut affected = motion::out_of_lockstep(rng, plan, phase, id, exposure);
         let mut others = others_motions(rng, phase);
         let of = |index: usize| {
             let (_, nearness) = &exposures[index][exposure as usize];
@@ -163,35 +165,35 @@ impl Comparison {
             );
             let is_last = now + 1 == phases.len();
             let is_step = matches!(
-                phases[now].phase.act,
-                Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. }
+                phases[now].phase.kind,
+                PhaseKind::Climb { .. } | PhaseKind::Cross { .. } | PhaseKind::Descend { .. }
             );
             let keeps_going = matches!(exposure, Exposure::Descends | Exposure::Killed);
             if is_last || !keeps_going || now > index && !is_step {
                 break;
             }
             let next = &phases[now + 1].phase;
-            others = if exposure == Exposure::Killed && motion::flies_alone(flown, next) {
-                // They have missed it.
-                motion::all_alone(rng, flown, &phases[now].phase, next)
+            others = if exposure == Exposure::Killed && motion::flies_alone(plan, next) {
+                // The others have detected the loss.
+                motion::all_alone(rng, plan, &phases[now].phase, next)
             } else {
                 others_motions(rng, next)
             };
-            affected.go_on_from(until_s);
+            affected.advance(until_s);
         }
     }
 
-    /// When the others have done with it, in seconds after they began.
+    /// Compares one phase; returns when the others finish it, in seconds after its start.
     fn compare(
         &mut self,
         (id, affected): (NodeId, &Motion),
         others: &[Motion],
-        (phase, nearness, exposure): (&Phase, &Nearness, Exposure),
+        (phase, nearness, exposure): (&Phase, &Proximity, Exposure),
     ) -> f64 {
-        let promised = promised(nearness);
+        let predicted = predicted(nearness);
         let mut nearest = f64::INFINITY;
         let mut seen: BTreeSet<[NodeId; 2]> = BTreeSet::new();
-        // The others wait for one that is late, and not for one that comes down.
+        // The others wait for a late drone, but not for one that descends.
         let awaited = matches!(exposure, Exposure::Late | Exposure::Apart).then_some(affected);
         let all = others.iter().chain(awaited);
         let until_s = all.map(Motion::ends_s).fold(0.0, f64::max);
@@ -210,24 +212,24 @@ impl Comparison {
                 }
             }
         }
-        self.tally.too_near += seen.len();
+        self.tally.conflicts += seen.len();
         let Self { seed, .. } = self;
-        let what = format!("seed {seed}, {:?}, {id} {}", phase.act, exposure.name());
-        if nearest < promised - ROUNDING {
-            let broken = format!("{what}: {nearest}, promised {promised}");
-            self.tally.broken.push(broken);
+        let what = format!("seed {seed}, {:?}, {id} {}", phase.kind, exposure.name());
+        if nearest < predicted - ROUNDING {
+            let violations = format!("{what}: {nearest}, predicted {predicted}");
+            self.tally.violations.push(violations);
         }
-        if let Some([_, other]) = seen.difference(&nearness.too_near).next() {
-            let broken = format!("{what}: near {other}, of which nothing was said");
-            self.tally.broken.push(broken);
+        if let Some([_, other]) = seen.difference(&nearness.conflicts).next() {
+            let violations = format!("{what}: near {other}, which was not predicted");
+            self.tally.violations.push(violations);
         }
         until_s
     }
 }
 
-fn promised(nearness: &Nearness) -> f64 {
+fn predicted(nearness: &Proximity) -> f64 {
     let closest = nearness.closest;
-    closest.map_or(f64::INFINITY, |closest| closest.clearance.room)
+    closest.map_or(f64::INFINITY, |closest| closest.clearance.ratio)
 }
 
 fn node(index: usize) -> NodeId {
@@ -238,10 +240,10 @@ fn pair(a: usize, b: usize) -> [NodeId; 2] {
     [node(a), node(b)]
 }
 
-/// All in lockstep: alike on a leg, or else each with delays of its own.
+/// Motions in lockstep: equal on a leg, otherwise with random delays.
 fn others_motions(rng: &mut ChaCha8Rng, phase: &Phase) -> Vec<Motion> {
     let corners = phase.paths.iter().map(|paths| motion::corners(paths));
-    if matches!(phase.act, Act::Flies { .. }) {
+    if matches!(phase.kind, PhaseKind::Leg { .. }) {
         let alike = motion::Pace::draw(rng);
         return corners
             .map(|corners| Motion::new(&corners, alike))

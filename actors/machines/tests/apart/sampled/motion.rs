@@ -1,17 +1,17 @@
-//! How drones move: straight from corner to corner, with delays and stops that nobody foresees.
+//! Motion of drones: straight from corner to corner, with random delays and stops.
 
-use muster_machines::formation::{Act, Exposure, Flown, Layering, Path, Phase};
+use muster_machines::formation::{Exposure, FlightPlan, Layering, Path, Phase, PhaseKind};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// When a drone begins, how fast it flies, and where it stops for how long.
+/// Start delay, speed and stop of a drone.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     delay_s: f64,
     speed_mps: f64,
-    /// As a share of all its way.
+    /// Position of the stop, as a fraction of the whole path.
     stop_at: f64,
     stop_s: f64,
 }
@@ -27,11 +27,11 @@ impl Pace {
     }
 }
 
-/// Where a drone is when: in between it flies straight and evenly, before and after it stands.
+/// Timed positions of a drone, with straight and even motion in between.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     stations: Vec<(f64, Ned)>,
-    begins_s: f64,
+    offset_s: f64,
 }
 
 impl Motion {
@@ -39,7 +39,7 @@ impl Motion {
         let mut stations = vec![(0.0, corners[0])];
         let mut motion = Self {
             stations: Vec::new(),
-            begins_s: 0.0,
+            offset_s: 0.0,
         };
         let mut time_s = pace.delay_s;
         stations.push((time_s, corners[0]));
@@ -52,8 +52,8 @@ impl Motion {
             if stops {
                 let share = (stop_m - flown_m) / length_m;
                 let at = Ned(leg[0].0.lerp(&leg[1].0, share));
-                let there_s = time_s + length_m * share / pace.speed_mps;
-                stations.extend([(there_s, at), (there_s + pace.stop_s, at)]);
+                let stop_at_s = time_s + length_m * share / pace.speed_mps;
+                stations.extend([(stop_at_s, at), (stop_at_s + pace.stop_s, at)]);
             }
             time_s += length_m / pace.speed_mps + if stops { pace.stop_s } else { 0.0 };
             flown_m += length_m;
@@ -63,17 +63,17 @@ impl Motion {
         motion
     }
 
-    /// What it does from some instant on, in seconds from where it is now, begins now.
-    pub(super) fn go_on_from(&mut self, time_s: f64) {
-        self.begins_s += time_s;
+    /// Shifts the start by `time_s`.
+    pub(super) fn advance(&mut self, time_s: f64) {
+        self.offset_s += time_s;
     }
 
     pub(super) fn ends_s(&self) -> f64 {
-        self.stations[self.stations.len() - 1].0 - self.begins_s
+        self.stations[self.stations.len() - 1].0 - self.offset_s
     }
 
     pub(super) fn at(&self, time_s: f64) -> Ned {
-        let time_s = time_s + self.begins_s;
+        let time_s = time_s + self.offset_s;
         let next = self.stations.partition_point(|(at_s, _)| *at_s <= time_s);
         match (
             next.checked_sub(1).map(|last| self.stations[last]),
@@ -87,7 +87,7 @@ impl Motion {
         }
     }
 
-    /// Breaks it off at some instant and flies these corners instead.
+    /// Replaces the motion from `time_s` on: hovers, then flies these corners.
     fn then(mut self, time_s: f64, hover_s: f64, corners: &[Ned], speed_mps: f64) -> Self {
         let here = self.at(time_s);
         self.stations.retain(|(at_s, _)| *at_s < time_s);
@@ -108,10 +108,10 @@ pub(super) fn corners(paths: &[Path]) -> Vec<Ned> {
     std::iter::once(paths[0].from).chain(ends).collect()
 }
 
-/// One to whom something happens in a phase.
+/// Motion of a drone out of lockstep in a phase.
 pub(super) fn out_of_lockstep(
     rng: &mut ChaCha8Rng,
-    flown: Flown<'_>,
+    plan: FlightPlan<'_>,
     phase: &Phase,
     id: NodeId,
     exposure: Exposure,
@@ -125,58 +125,63 @@ pub(super) fn out_of_lockstep(
         Exposure::Late => own,
         Exposure::Descends => own.then(when_s, 0.0, &[here.at_altitude(0.0)], speed_mps),
         Exposure::Killed => own.then(when_s, 5.0, &[here.at_altitude(0.0)], speed_mps),
-        // On the way up and at the last waypoint it falls out of lockstep in its slot.
-        Exposure::Apart if matches!(phase.act, Act::TakesOff { .. } | Act::Lands { .. }) => {
-            let slot = match phase.act {
-                Act::Lands { .. } => paths[0].from,
+        // During take-off and landing it falls out of lockstep in its slot.
+        Exposure::Apart
+            if matches!(
+                phase.kind,
+                PhaseKind::TakeOff { .. } | PhaseKind::Land { .. }
+            ) =>
+        {
+            let slot = match phase.kind {
+                PhaseKind::Land { .. } => paths[0].from,
                 _ => phase.end(id),
             };
-            Motion::new(&alone(flown, slot, phase, id), Pace::draw(rng))
+            Motion::new(&alone(plan, slot, phase, id), Pace::draw(rng))
         }
         Exposure::Apart => {
-            let corners = alone(flown, here, phase, id);
+            let corners = alone(plan, here, phase, id);
             own.then(when_s, 0.0, &corners[1..], 3.0 * speed_mps)
         }
     }
 }
 
-/// Whether a drone that is not in lockstep flies in its layer in a phase.
-pub(super) fn flies_alone(flown: Flown<'_>, phase: &Phase) -> bool {
+/// Whether a drone out of lockstep flies in its altitude layer in a phase.
+pub(super) fn flies_alone(plan: FlightPlan<'_>, phase: &Phase) -> bool {
     let is_step = matches!(
-        phase.act,
-        Act::Climbs { .. } | Act::Crosses { .. } | Act::Descends { .. }
+        phase.kind,
+        PhaseKind::Climb { .. } | PhaseKind::Cross { .. } | PhaseKind::Descend { .. }
     );
-    !is_step || flown.layout.layering() == Layering::Each
+    !is_step || plan.layout.layering() == Layering::PerDrone
 }
 
-/// All drones, each in its layer, on from where they are after the phase before.
+/// Motions of all drones in their layers, from where they are after the previous phase.
 pub(super) fn all_alone(
     rng: &mut ChaCha8Rng,
-    flown: Flown<'_>,
+    plan: FlightPlan<'_>,
     before: &Phase,
     phase: &Phase,
 ) -> Vec<Motion> {
-    let drones = (0..flown.layout.formation().drones()).map(NodeId);
+    let drones = (0..plan.layout.formation().drones()).map(NodeId);
     let motions = drones.map(|id| {
-        let corners = alone(flown, before.end(id), phase, id);
+        let corners = alone(plan, before.end(id), phase, id);
         Motion::new(&corners, Pace::draw(rng))
     });
     motions.collect()
 }
 
-/// The corners of the way of one that flies in its layer from somewhere on to the end of a phase.
-fn alone(flown: Flown<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
-    let centre = flown.waypoints[phase.waypoint];
-    let altitude_m = flown.altitude_alone_m(id, phase.changes, centre);
+/// Corners of a path in the drone's layer from `from` to the end of a phase.
+fn alone(plan: FlightPlan<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
+    let centre = plan.waypoints[phase.waypoint];
+    let altitude_m = plan.altitude_alone_m(id, phase.changes, centre);
     let up = from.at_altitude(altitude_m);
-    if !matches!(phase.act, Act::Lands { .. }) {
+    if !matches!(phase.kind, PhaseKind::Land { .. }) {
         return vec![from, up, phase.end(id).at_altitude(altitude_m)];
     }
-    let layout = flown.layout_after(phase.changes);
-    let place = if layout.lands_apart() {
-        layout.slot(id, flown.clearing(id, phase.changes, centre))
+    let layout = plan.layout_after(phase.changes);
+    let place = if layout.lands_below_slot() {
+        layout.slot(id, plan.landing_centre(id, phase.changes, centre))
     } else {
-        layout.place(id, centre)
+        layout.landing_place(id, centre)
     };
     vec![
         from,

@@ -1,15 +1,15 @@
-//! What is flown.
+//! Random flight plans.
 
 use std::num::NonZeroU32;
 
 use muster_machines::formation::{
-    Assignment, Change, Flown, Formation, Ground, Kind, Layering, Layout, Separation,
+    Assignment, Change, FlightPlan, Formation, Ground, Kind, Layering, Layout, Separation,
 };
 use muster_machines::geometry::Ned;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// A plan of up to twenty drones.
+/// A random plan of up to twenty drones.
 pub(super) struct Plan {
     pub(super) separation: Separation,
     layout: Layout,
@@ -37,12 +37,12 @@ impl Plan {
             _ => Ground::Gathered,
         };
         let layering = if rng.random_bool(0.7) {
-            Layering::Each
+            Layering::PerDrone
         } else {
             Layering::Shared
         };
         let layout = Layout::new(first, gap_m, separation)
-            .standing(ground)
+            .with_ground(ground)
             .with_layers(layering);
         let mut waypoints = vec![Ned::HOME.at_altitude(rng.random_range(6.0..40.0))];
         for _ in 0..rng.random_range(0..4) {
@@ -70,8 +70,8 @@ impl Plan {
         }
     }
 
-    pub(super) fn flown(&self) -> Flown<'_> {
-        Flown {
+    pub(super) fn flight_plan(&self) -> FlightPlan<'_> {
+        FlightPlan {
             layout: &self.layout,
             changes: &self.changes,
             waypoints: &self.waypoints,

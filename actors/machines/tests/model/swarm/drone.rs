@@ -11,9 +11,9 @@ use muster_machines::time::Timestamp;
 
 use super::Flaw;
 use super::journal::{Journal, Mission as Kept};
-use super::routing::{Broken, Frame, Routing};
+use super::routing::{Frame, Routing, Violation};
 
-/// One drone: its mission, which is the one that flies, and of its routing that which decides whom it obeys.
+/// One drone: the shipped mission, and the part of the routing that determines the leader.
 #[derive(Debug, Clone)]
 pub(crate) struct Drone {
     pub(crate) id: NodeId,
@@ -23,23 +23,23 @@ pub(crate) struct Drone {
     pub(crate) routing: Option<Routing>,
     /// Unless the actor is down.
     pub(crate) mission: Option<Arc<Mission>>,
-    /// What waits for either, in order for each.
-    pub(crate) post: Vec<Post>,
+    /// Messages waiting for either machine, in order for each.
+    pub(crate) mailbox: Vec<Message>,
     pub(crate) journal: Journal,
-    /// Every frame that it ever sent; any of them may be heard at any time, again and again, or never.
-    pub(crate) said: Arc<Vec<Frame>>,
-    /// Whether it obeyed a ballot, restarted, and obeyed an older one; or gave an order in the name of another.
-    pub(crate) broke: Option<Broken>,
+    /// Every frame that it ever sent; each may be received at any time, repeatedly, or never.
+    pub(crate) sent: Arc<Vec<Frame>>,
+    /// The rule of a single drone that it violated, if any.
+    pub(crate) violation: Option<Violation>,
 }
 
 /// A message from one machine to the other.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(crate) enum Post {
+pub(crate) enum Message {
     ToRouting(routing::Input),
     ToMission(Notice),
 }
 
-impl Post {
+impl Message {
     const fn address(&self) -> Address {
         match self {
             Self::ToRouting(_) => Address::Routing,
@@ -49,21 +49,21 @@ impl Post {
 }
 
 impl Drone {
-    /// On the ground, told nothing yet.
+    /// On the ground, before any input.
     pub(crate) fn new(config: &Config) -> Self {
         Self {
             id: config.id,
             is_up: true,
             routing: Some(Routing::default()),
             mission: Some(Arc::new(Mission::new(config.clone(), None))),
-            post: Vec::new(),
+            mailbox: Vec::new(),
             journal: Journal::default(),
-            said: Arc::default(),
-            broke: None,
+            sent: Arc::default(),
+            violation: None,
         }
     }
 
-    /// Whom its routing obeys.
+    /// Ballot of the leader in its routing.
     pub(crate) fn ballot(&self) -> Option<Ballot> {
         self.routing.as_ref()?.epoch.ballot()
     }
@@ -73,13 +73,13 @@ impl Drone {
         self.mission.is_some() && self.journal.mission.newest().0.lead.is_some()
     }
 
-    /// Whom its mission obeys.
+    /// Ballot of the leader in its mission.
     pub(crate) fn mission_ballot(&self) -> Option<Ballot> {
         self.mission.as_ref()?;
         self.journal.mission.newest().0.leader.ballot()
     }
 
-    /// What it would say now.
+    /// The frame that it would send now.
     pub(crate) fn frame(&self) -> Option<Frame> {
         let epoch = &self.routing.as_ref()?.epoch;
         Some(Frame {
@@ -91,16 +91,16 @@ impl Drone {
         })
     }
 
-    /// Sends a frame, once all that was written before is on the disk.
-    pub(crate) fn say(&mut self, frame: Frame, flaw: Flaw) {
-        if flaw != Flaw::SpeaksUnsynced {
+    /// Sends a frame after syncing the journal.
+    pub(crate) fn send_frame(&mut self, frame: Frame, flaw: Flaw) {
+        if flaw != Flaw::SendsUnsynced {
             self.journal.sync();
         }
-        Arc::make_mut(&mut self.said).push(frame);
+        Arc::make_mut(&mut self.sent).push(frame);
     }
 
-    /// Hears a frame; `has_way` is whether the drone has a way to its master.
-    pub(crate) fn hear(
+    /// Receives a frame; `has_route` is whether the drone has a route to its master.
+    pub(crate) fn receive(
         &mut self,
         frame: &Frame,
         symmetry: LinkSymmetry,
@@ -115,63 +115,68 @@ impl Drone {
         if flaw == Flaw::IgnoresBetterBallots && routing.epoch.ballot().is_some_and(is_better) {
             return;
         }
-        let notices = routing.hear(own, frame, symmetry, has_route);
-        self.keep_epoch();
-        self.inform(notices);
+        let notices = routing.receive(own, frame, symmetry, has_route);
+        self.write_epoch();
+        self.notify(notices);
     }
 
-    fn keep_epoch(&mut self) {
+    fn write_epoch(&mut self) {
         if let Some(routing) = &self.routing {
             self.journal.epoch.write(routing.epoch.clone());
         }
     }
 
-    /// The routing misses the master.
+    /// The routing detects a silent master.
     pub(crate) fn miss_master(&mut self) {
         if let Some(routing) = &mut self.routing {
             routing.master_silent = true;
-            self.inform([Notice::MasterSilent]);
+            self.notify([Notice::MasterSilent]);
         }
     }
 
-    fn inform(&mut self, notices: impl IntoIterator<Item = Notice>) {
-        self.send(notices.into_iter().map(Post::ToMission));
+    fn notify(&mut self, notices: impl IntoIterator<Item = Notice>) {
+        self.send(notices.into_iter().map(Message::ToMission));
     }
 
-    /// What is sent to an actor that is down is lost.
-    fn send(&mut self, posts: impl IntoIterator<Item = Post>) {
+    /// Messages to an actor that is down are lost.
+    fn send(&mut self, messages: impl IntoIterator<Item = Message>) {
         let (routing, mission) = (self.routing.is_some(), self.mission.is_some());
-        self.post
-            .extend(posts.into_iter().filter(|post| match post {
-                Post::ToRouting(_) => routing,
-                Post::ToMission(_) => mission,
+        self.mailbox
+            .extend(messages.into_iter().filter(|message| match message {
+                Message::ToRouting(_) => routing,
+                Message::ToMission(_) => mission,
             }));
     }
 
-    /// Whether something waits for an actor.
-    pub(crate) fn has_post_for(&self, address: Address) -> bool {
-        self.post.iter().any(|post| post.address() == address)
+    /// Whether a message waits for an actor.
+    pub(crate) fn has_message_for(&self, address: Address) -> bool {
+        self.mailbox
+            .iter()
+            .any(|message| message.address() == address)
     }
 
-    /// An actor takes the next message that waits for it.
+    /// An actor handles its next message.
     pub(crate) fn handle_next(&mut self, address: Address, flaw: Flaw) {
-        let next = self.post.iter().position(|post| post.address() == address);
+        let next = self
+            .mailbox
+            .iter()
+            .position(|message| message.address() == address);
         if let Some(next) = next {
-            match self.post.remove(next) {
-                Post::ToRouting(input) => self.route(input, flaw),
-                Post::ToMission(notice) => self.stimulate(mission::Input::Routing(notice)),
+            match self.mailbox.remove(next) {
+                Message::ToRouting(input) => self.route(input, flaw),
+                Message::ToMission(notice) => self.handle(mission::Input::Routing(notice)),
             }
         }
-        // Order matters to each actor only.
-        self.post.sort_by_key(Post::address);
+        // Only the order per actor matters.
+        self.mailbox.sort_by_key(Message::address);
     }
 
-    /// Both actors take all that waits for them, in the order in which it was sent.
+    /// Both actors handle all waiting messages, in the order sent.
     pub(crate) fn handle_all(&mut self, flaw: Flaw) {
-        while !self.post.is_empty() {
-            match self.post.remove(0) {
-                Post::ToRouting(input) => self.route(input, flaw),
-                Post::ToMission(notice) => self.stimulate(mission::Input::Routing(notice)),
+        while !self.mailbox.is_empty() {
+            match self.mailbox.remove(0) {
+                Message::ToRouting(input) => self.route(input, flaw),
+                Message::ToMission(notice) => self.handle(mission::Input::Routing(notice)),
             }
         }
     }
@@ -181,20 +186,20 @@ impl Drone {
         let Some(routing) = &mut self.routing else {
             return;
         };
-        let taken = if flaw == Flaw::BelievesItsMission {
-            routing.believe(input)
+        let taken = if flaw == Flaw::SkipsBallotCheck {
+            routing.handle_unchecked(input)
         } else {
-            routing.take(own, input)
+            routing.handle(own, input)
         };
         match taken {
-            Ok(notices) => self.inform(notices),
-            Err(broken) => self.broke = Some(broken),
+            Ok(notices) => self.notify(notices),
+            Err(broken) => self.violation = Some(broken),
         }
-        self.keep_epoch();
+        self.write_epoch();
     }
 
     /// Steps the mission.
-    pub(crate) fn stimulate(&mut self, input: mission::Input) {
+    pub(crate) fn handle(&mut self, input: mission::Input) {
         self.step_mission(Stimulus::Input(input));
     }
 
@@ -202,34 +207,34 @@ impl Drone {
         let Some(mission) = &mut self.mission else {
             return;
         };
-        let (mut posts, mut checkpoint) = (Vec::new(), None);
+        let (mut messages, mut checkpoint) = (Vec::new(), None);
         let mission = Arc::make_mut(mission);
-        let Ok(_) = step(mission, Timestamp::ZERO, stimulus, |said| match said {
-            Emitted::Transmit(transmit) => posts.extend(to_routing(transmit)),
+        let Ok(_) = step(mission, Timestamp::ZERO, stimulus, |output| match output {
+            Emitted::Transmit(transmit) => messages.extend(to_routing(transmit)),
             Emitted::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
             Emitted::Event(_) => {}
         });
         if let Some(checkpoint) = checkpoint {
             self.journal.mission.write(Kept::new(checkpoint));
         }
-        self.send(posts);
+        self.send(messages);
     }
 
-    /// An actor panics: it and all that waits for it are gone.
+    /// An actor panics: it and its waiting messages are lost.
     pub(crate) fn fail(&mut self, address: Address) {
         match address {
             Address::Routing => self.routing = None,
             _ => self.mission = None,
         }
-        self.post.retain(|post| post.address() != address);
+        self.mailbox.retain(|message| message.address() != address);
     }
 
-    /// An actor is started again from its newest checkpoint.
-    pub(crate) fn revive(&mut self, address: Address, config: &Config) {
+    /// An actor is restarted from its newest checkpoint.
+    pub(crate) fn restart_actor(&mut self, address: Address, config: &Config) {
         match address {
             Address::Routing => {
                 self.routing = Some(Routing::under(self.journal.epoch.newest().clone()));
-                self.inform([Notice::Resync]);
+                self.notify([Notice::Resync]);
             }
             _ => {
                 let checkpoint = (*self.journal.mission.newest().0).clone();
@@ -240,48 +245,50 @@ impl Drone {
         }
     }
 
-    /// The process dies; of each machine's checkpoints that were not synced the first so many are found again.
+    /// The process crashes; these numbers of unsynced checkpoints remain.
     pub(crate) fn crash(&mut self, epochs: usize, missions: usize) {
         self.is_up = false;
         self.routing = None;
         self.mission = None;
-        self.post.clear();
-        self.journal.epoch.lose_all_but(epochs);
-        self.journal.mission.lose_all_but(missions);
+        self.mailbox.clear();
+        self.journal.epoch.crash(epochs);
+        self.journal.mission.crash(missions);
     }
 
-    /// The process starts again from its journal.
+    /// The process restarts from its journal.
     pub(crate) fn restart(&mut self, config: &Config) {
         self.is_up = true;
         let mut checkpoint = (*self.journal.mission.newest().0).clone();
         checkpoint.restarted = true;
         self.journal.mission.write(Kept::new(checkpoint));
         self.journal.sync();
-        // The one that starts second is there when the first is answered.
+        // The second actor must run when the first one gets its answer.
         self.mission = Some(Arc::new(Mission::new(config.clone(), None)));
-        self.revive(Address::Routing, config);
-        self.revive(Address::Mission, config);
+        self.restart_actor(Address::Routing, config);
+        self.restart_actor(Address::Mission, config);
     }
 
-    /// Notes if it obeys an older ballot than `before`, or than it ever spoke under.
+    /// Records a violation if its leader's ballot is older than in `before` or in any frame it ever sent.
     pub(crate) fn compare(&mut self, before: &Self) {
-        let fell = |now: Option<Ballot>, was: Ballot| now.is_some_and(|now| was.beats(&now));
-        let mut ever_said = self.said.iter().map(|frame| frame.ballot);
-        let mut has_fallen = ever_said.any(|was| fell(self.ballot(), was));
+        let is_older = |now: Option<Ballot>, was: Ballot| now.is_some_and(|now| was.beats(&now));
+        let mut ballots_sent = self.sent.iter().map(|frame| frame.ballot);
+        let mut ballot_fell = ballots_sent.any(|was| is_older(self.ballot(), was));
         if before.is_up && self.is_up {
             let Journal { epoch, mission } = &before.journal;
             let was = (epoch.newest().ballot(), mission.newest().0.leader.ballot());
-            has_fallen |= was.0.is_some_and(|was| fell(self.ballot(), was))
-                || was.1.is_some_and(|was| fell(self.mission_ballot(), was));
+            ballot_fell |= was.0.is_some_and(|was| is_older(self.ballot(), was))
+                || was
+                    .1
+                    .is_some_and(|was| is_older(self.mission_ballot(), was));
         }
-        if has_fallen {
-            self.broke = Some(Broken::BallotFell);
+        if ballot_fell {
+            self.violation = Some(Violation::BallotFell);
         }
     }
 }
 
-/// What of a mission's words is for that part of the routing which is in the model.
-fn to_routing(transmit: mission::Transmit) -> Option<Post> {
+/// Message to the modelled part of the routing, if any.
+fn to_routing(transmit: mission::Transmit) -> Option<Message> {
     use routing::Input;
     let Effect::Post(Envelope::Routing(input)) = transmit.into() else {
         return None;
@@ -290,37 +297,35 @@ fn to_routing(transmit: mission::Transmit) -> Option<Post> {
         input,
         Input::Lead(_) | Input::Publish { .. } | Input::Acknowledge { .. } | Input::Resync
     )
-    .then_some(Post::ToRouting(input))
+    .then_some(Message::ToRouting(input))
 }
 
 impl PartialEq for Drone {
     fn eq(&self, other: &Self) -> bool {
-        self.told_apart() == other.told_apart()
+        self.identity() == other.identity()
     }
 }
 
 impl Hash for Drone {
     fn hash<H: Hasher>(&self, hasher: &mut H) {
-        self.told_apart().hash(hasher);
+        self.identity().hash(hasher);
     }
 }
 
 impl Drone {
-    /// All that tells two drones apart: of a mission that runs, its checkpoint, which is in the journal, and this.
-    #[expect(
-        clippy::type_complexity,
-        reason = "it is compared and hashed, nothing else"
-    )]
-    fn told_apart(
+    /// Everything that distinguishes two drones. A running mission is represented by its checkpoint in the journal and
+    /// this flag.
+    #[expect(clippy::type_complexity, reason = "only compared and hashed")]
+    fn identity(
         &self,
     ) -> (
         bool,
         &Option<Routing>,
         Option<bool>,
-        &[Post],
+        &[Message],
         &Journal,
         &[Frame],
-        Option<Broken>,
+        Option<Violation>,
     ) {
         let mission = self.mission.as_ref().map(|it| it.misses_master());
         let Self {
@@ -328,11 +333,11 @@ impl Drone {
             is_up,
             routing,
             mission: _,
-            post,
+            mailbox,
             journal,
-            said,
-            broke,
+            sent,
+            violation,
         } = self;
-        (*is_up, routing, mission, post, journal, said, *broke)
+        (*is_up, routing, mission, mailbox, journal, sent, *violation)
     }
 }

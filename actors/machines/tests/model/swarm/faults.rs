@@ -2,23 +2,23 @@ use std::fmt;
 
 use super::rules::{NAMED, NEVER_FALLS, ONE_MASTER};
 
-/// What may befall a swarm, and how often.
+/// Number of faults of each kind that may affect a swarm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Faults {
-    /// Processes that die. Each may start again, from what its journal still has.
+    /// Crashed processes. Each may restart from the rest of its journal.
     pub(crate) crashes: u8,
-    /// Actors that panic and are started again.
+    /// Actors that panic and are restarted.
     pub(crate) failures: u8,
-    /// Partitions: any part of the swarm is cut off from the rest; all links may heal at any time.
+    /// Partitions: any segment of the swarm is cut off; all links may heal at any time.
     pub(crate) splits: u8,
-    /// Links that carry one way.
+    /// One-way links.
     pub(crate) one_way: u8,
-    /// Drones that miss a master which is there.
+    /// False suspicions of a master.
     pub(crate) suspicions: u8,
 }
 
 impl Faults {
-    /// Frames are lost, repeated, late and out of order all the same.
+    /// No faults; frames are still lost, repeated, late and out of order.
     pub(crate) const NONE: Self = Self {
         crashes: 0,
         failures: 0,
@@ -49,32 +49,32 @@ impl fmt::Display for Faults {
     }
 }
 
-/// How a drone's actors are interleaved.
+/// Interleaving of a drone's actors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pace {
-    /// What is sent within a drone has been handled before anything else happens, as in a simulation.
+    /// Messages within a drone are handled before anything else, as in a simulation.
     Prompt,
-    /// Each actor takes its messages when it comes to it.
+    /// Each actor handles its messages at any time.
     Mailboxes,
 }
 
-/// What is broken on purpose, to see that the model finds it.
+/// A deliberate flaw, to check that the model detects it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flaw {
-    /// Nothing.
+    /// No flaw.
     None,
-    /// Nobody turns to a better ballot.
+    /// Drones ignore better ballots.
     IgnoresBetterBallots,
-    /// A process that restarts has lost its journal.
+    /// A restarting process has lost its journal.
     ForgetsItsJournal,
     /// Frames don't wait for the journal.
-    SpeaksUnsynced,
-    /// A routing takes whatever its mission says, under whichever ballot.
-    BelievesItsMission,
+    SendsUnsynced,
+    /// A routing accepts inputs of its mission under any ballot.
+    SkipsBallotCheck,
 }
 
 impl Flaw {
-    /// What else is broken, what must happen for that to matter, and the rule that is then found not to hold.
+    /// Each flaw with the faults that expose it and the rule that it violates.
     pub(crate) const ALL: [(Self, Faults, Pace, &'static str); 4] = [
         (
             Self::IgnoresBetterBallots,
@@ -96,7 +96,7 @@ impl Flaw {
             NEVER_FALLS,
         ),
         (
-            Self::SpeaksUnsynced,
+            Self::SendsUnsynced,
             Faults {
                 crashes: 1,
                 suspicions: 1,
@@ -106,7 +106,7 @@ impl Flaw {
             NEVER_FALLS,
         ),
         (
-            Self::BelievesItsMission,
+            Self::SkipsBallotCheck,
             Faults {
                 suspicions: 1,
                 ..Faults::NONE

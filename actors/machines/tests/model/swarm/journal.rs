@@ -5,22 +5,22 @@ use muster_machines::geometry::Ned;
 use muster_machines::mission::Checkpoint;
 use muster_machines::routing::LeaderEpoch;
 
-/// What a drone remembers: what each of its two machines is rebuilt from.
+/// Persistent state of a drone: the checkpoints of its two machines.
 #[derive(Debug, Clone, PartialEq, Hash, Default)]
 pub(crate) struct Journal {
     pub(crate) epoch: Log<LeaderEpoch>,
     pub(crate) mission: Log<Mission>,
 }
 
-/// The checkpoints of one machine: the one that is on the disk for certain, and those written after it. Of the latter a
-/// process that dies finds some again, from the oldest on.
+/// Checkpoints of one machine: the synced one, and those written since. A crashing process loses some of the latter,
+/// the newest first.
 #[derive(Debug, Clone, PartialEq, Hash, Default)]
 pub(crate) struct Log<T> {
     synced: T,
     written: Vec<T>,
 }
 
-/// A mission's checkpoint, as a part of a state that is told apart from others.
+/// A mission's checkpoint, hashed as part of a state.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Mission(pub Arc<Checkpoint>);
 
@@ -44,22 +44,22 @@ impl<T: Clone + PartialEq> Log<T> {
         }
     }
 
-    /// What an actor is rebuilt from that panicked: only its process's death loses anything.
+    /// The checkpoint for an actor restarted after a panic; only a crash of the process loses checkpoints.
     pub(crate) fn newest(&self) -> &T {
         self.written.last().unwrap_or(&self.synced)
     }
 
-    /// How many writes may be lost.
+    /// Number of writes that may be lost.
     pub(crate) const fn unsynced(&self) -> usize {
         self.written.len()
     }
 
     fn sync(&mut self) {
-        self.lose_all_but(self.written.len());
+        self.crash(self.written.len());
     }
 
-    /// The process dies, and of what was not synced only the first `found` are found again.
-    pub(crate) fn lose_all_but(&mut self, found: usize) {
+    /// Crash: only the first `found` of the unsynced checkpoints remain.
+    pub(crate) fn crash(&mut self, found: usize) {
         self.written.truncate(found);
         if let Some(last) = self.written.pop() {
             self.synced = last;
@@ -75,43 +75,34 @@ impl PartialEq for Mission {
 }
 
 impl Hash for Mission {
-    /// By every field: whoever adds one is asked here whether it tells states apart.
+    /// Destructured completely, so that a new field must be added here or excluded.
     fn hash<H: Hasher>(&self, hasher: &mut H) {
         let Checkpoint {
             leader,
             state,
             plan,
-            plan_complete,
             routes,
-            opened,
-            changes,
-            wave,
-            pending,
-            acknowledged,
-            in_layer,
-            catches_up,
-            leaving,
-            land_at,
-            assembled_at,
-            limit,
-            flies_until,
+            progress,
+            orders,
+            lockstep,
+            landing,
+            deadlines,
             lead,
             restarted,
             holds,
         } = &*self.0;
-        (leader, state, plan.len(), plan_complete).hash(hasher);
-        (opened, changes, wave, pending, acknowledged).hash(hasher);
-        (*routes as u8, in_layer, leaving, restarted).hash(hasher);
-        (limit, flies_until, catches_up, holds).hash(hasher);
-        for place in [Some(*land_at), *assembled_at] {
+        (leader, state, plan.waypoints.len(), plan.is_complete).hash(hasher);
+        (progress, orders, lockstep, deadlines).hash(hasher);
+        (*routes as u8, landing.reason, restarted, holds).hash(hasher);
+        for place in [Some(landing.at), landing.assembled_at] {
             place.map(bits).hash(hasher);
         }
         let Some(lead) = lead else { return };
         (lead.sequence, &lead.order, &lead.neighbours).hash(hasher);
         (&lead.members, &lead.acknowledged).hash(hasher);
         (&lead.silent, &lead.landing, &lead.left_out).hash(hasher);
-        (lead.bears_silence_until, lead.hold).hash(hasher);
-        assert!(lead.followed.is_none(), "nobody is followed in the model");
+        (lead.silence_tolerated_until, lead.hold).hash(hasher);
+        assert!(lead.followed.is_none(), "the model has no following");
     }
 }
 

@@ -1,7 +1,7 @@
-//! A swarm of a few drones and everything that may happen to it, as a model for stateright.
+//! A swarm of a few drones and all its possible events, as a model for stateright.
 //!
-//! Each drone is the shipped mission and the shipped leader epoch. Left out: time (whoever may miss its master may do so at
-//! any moment), places (nobody arrives at the next waypoint), the ways of frames (everybody repeats what it knows).
+//! Each drone runs the shipped mission and leader epoch. Left out: time (a drone may miss its master at any moment),
+//! positions (no drone arrives at the next waypoint), and routes of frames (every drone repeats what it knows).
 
 mod drone;
 mod faults;
@@ -34,20 +34,20 @@ pub(crate) struct Swarm {
     settles: bool,
 }
 
-/// Everything that tells one moment from another.
+/// State of the model.
 #[derive(Debug, Clone, PartialEq, Hash)]
 pub(crate) struct State {
     pub(crate) drones: Vec<Arc<Drone>>,
     links: Links,
-    /// What may still go wrong.
-    left: Faults,
+    /// Faults that may still occur.
+    remaining: Faults,
 }
 
-/// What may happen next.
+/// Next event.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Action {
-    Say(NodeId),
-    Hear {
+    Send(NodeId),
+    Receive {
         from: NodeId,
         frame: usize,
         to: NodeId,
@@ -56,15 +56,15 @@ pub(crate) enum Action {
     MissMaster(NodeId),
     Suspect(NodeId),
     Fail(NodeId, Address),
-    Revive(NodeId, Address),
-    /// A process dies, and so many of the checkpoints that each machine wrote last are found again.
+    RestartActor(NodeId, Address),
+    /// A process crashes; these numbers of each machine's unsynced checkpoints remain.
     Crash {
         drone: NodeId,
         epochs: usize,
         missions: usize,
     },
     Restart(NodeId),
-    /// Those in the first set, a bit each, are cut off from the others.
+    /// The drones in this set, one bit each, are cut off from the others.
     Split(u16),
     OneWay {
         from: NodeId,
@@ -73,11 +73,11 @@ pub(crate) enum Action {
     Heal,
 }
 
-/// The two actors that are in the model.
+/// The two modelled actors.
 const ACTORS: [Address; 2] = [Address::Routing, Address::Mission];
 
 impl Swarm {
-    /// So many drones in a line, all in the air at the first waypoint, where the master waits for them.
+    /// Drones in a line, in the air at the first waypoint, where the master waits for them.
     pub(crate) fn new(drones: u32, faults: Faults, pace: Pace) -> Self {
         Self {
             configs: setting::configs(drones),
@@ -88,12 +88,12 @@ impl Swarm {
         }
     }
 
-    /// The same with something broken.
+    /// Adds a deliberate flaw.
     pub(crate) fn with(self, flaw: Flaw) -> Self {
         Self { flaw, ..self }
     }
 
-    /// Followed from every state until nothing changes any more, too, which takes ten times as long.
+    /// Also follows every state until nothing changes, which takes ten times as long.
     pub(crate) fn that_settles(self) -> Self {
         Self {
             settles: true,
@@ -109,7 +109,7 @@ impl Swarm {
         &self.configs[id.0 as usize]
     }
 
-    /// What happens to one drone, by itself or by what it hears; nothing if it stays as it is.
+    /// Changes one drone; `None` if it stays the same.
     fn change(&self, state: &State, id: NodeId, change: impl FnOnce(&mut Drone)) -> Option<State> {
         let before = state.drone(id);
         let mut drone = before.clone();
@@ -133,11 +133,11 @@ impl Swarm {
             return;
         }
         self.progress_of(state, id, actions);
-        let left = state.left;
-        if left.suspicions > 0 && state.may_miss(id) && !state.has_lost_master(id) {
+        let remaining = state.remaining;
+        if remaining.suspicions > 0 && state.may_miss(id) && !state.has_lost_master(id) {
             actions.push(Action::Suspect(id));
         }
-        if left.failures > 0 {
+        if remaining.failures > 0 {
             let is_up = |address: &Address| match address {
                 Address::Routing => drone.routing.is_some(),
                 _ => drone.mission.is_some(),
@@ -145,7 +145,7 @@ impl Swarm {
             let up = ACTORS.into_iter().filter(is_up);
             actions.extend(up.map(|address| Action::Fail(id, address)));
         }
-        if left.crashes > 0 {
+        if remaining.crashes > 0 {
             for epochs in 0..=drone.journal.epoch.unsynced() {
                 let found = 0..=drone.journal.mission.unsynced();
                 actions.extend(found.map(|missions| Action::Crash {
@@ -157,7 +157,7 @@ impl Swarm {
         }
     }
 
-    /// What a drone does by itself, or hears, without anything going wrong.
+    /// Events of a drone without a fault.
     fn progress_of(&self, state: &State, id: NodeId, actions: &mut Vec<Action>) {
         let drone = state.drone(id);
         if !drone.is_up {
@@ -165,42 +165,42 @@ impl Swarm {
         }
         if drone
             .frame()
-            .is_some_and(|frame| !drone.said.contains(&frame))
+            .is_some_and(|frame| !drone.sent.contains(&frame))
         {
-            actions.push(Action::Say(id));
+            actions.push(Action::Send(id));
         }
         for from in self.ids().filter(|from| state.links.carries(*from, id)) {
-            let frames = 0..state.drone(from).said.len();
-            actions.extend(frames.map(|frame| Action::Hear {
+            let frames = 0..state.drone(from).sent.len();
+            actions.extend(frames.map(|frame| Action::Receive {
                 from,
                 frame,
                 to: id,
             }));
         }
-        let waiting = ACTORS.into_iter().filter(|it| drone.has_post_for(*it));
+        let waiting = ACTORS.into_iter().filter(|it| drone.has_message_for(*it));
         actions.extend(waiting.map(|address| Action::Handle(id, address)));
         if state.may_miss(id) && state.has_lost_master(id) {
             actions.push(Action::MissMaster(id));
         }
         if drone.routing.is_none() {
-            actions.push(Action::Revive(id, Address::Routing));
+            actions.push(Action::RestartActor(id, Address::Routing));
         }
         if drone.mission.is_none() {
-            actions.push(Action::Revive(id, Address::Mission));
+            actions.push(Action::RestartActor(id, Address::Mission));
         }
     }
 
     fn faults_of_links(&self, state: &State, actions: &mut Vec<Action>) {
         if state.links.is_whole() {
-            if state.left.splits > 0 {
-                // Each partition once: the first drone is never among those that are cut off.
+            if state.remaining.splits > 0 {
+                // Each partition once: the first drone is never in the cut-off set.
                 let sets = 1..1_u16 << (self.configs.len() - 1);
                 actions.extend(sets.map(|set| Action::Split(set << 1)));
             }
         } else {
             actions.push(Action::Heal);
         }
-        if state.left.one_way > 0 {
+        if state.remaining.one_way > 0 {
             for from in self.ids() {
                 let others = self.ids().filter(|to| *to != from);
                 actions.extend(others.map(|to| Action::OneWay { from, to }));
@@ -214,22 +214,22 @@ impl State {
         &self.drones[id.0 as usize]
     }
 
-    /// Whether a drone's routing could miss its master, and has not said so yet.
+    /// Whether a drone's routing can miss its master and has not reported it.
     fn may_miss(&self, id: NodeId) -> bool {
         let routing = self.drone(id).routing.as_ref();
         routing.is_some_and(|it| !it.master_silent && !it.epoch.is_led_by(id))
     }
 
-    /// Whether there is no way from a drone to the master that it obeys.
+    /// Whether a drone has no route to its master.
     fn has_lost_master(&self, id: NodeId) -> bool {
         let master = self.drone(id).ballot().map(|ballot| ballot.master);
-        master.is_some_and(|master| !self.part_of(id).contains(&master))
+        master.is_some_and(|master| !self.segment_of(id).contains(&master))
     }
 
-    /// All that live and are connected by links that carry both ways.
-    fn part_of(&self, id: NodeId) -> Vec<NodeId> {
-        let incarnations = |id: NodeId| self.drone(id).is_up;
-        self.links.part_of(id, self.drones.len(), incarnations)
+    /// Running drones connected to `id` by mutual links.
+    fn segment_of(&self, id: NodeId) -> Vec<NodeId> {
+        let is_up = |id: NodeId| self.drone(id).is_up;
+        self.links.segment_of(id, self.drones.len(), is_up)
     }
 }
 
@@ -241,7 +241,7 @@ impl Model for Swarm {
         vec![State {
             drones: setting::in_flight(&self.configs),
             links: Links::whole(),
-            left: self.faults,
+            remaining: self.faults,
         }]
     }
 
@@ -255,20 +255,20 @@ impl Model for Swarm {
     fn next_state(&self, state: &State, action: Action) -> Option<State> {
         let flaw = self.flaw;
         let mut next = match action {
-            Action::Say(id) => {
+            Action::Send(id) => {
                 let frame = state.drone(id).frame()?;
-                self.change(state, id, |drone| drone.say(frame, flaw))
+                self.change(state, id, |drone| drone.send_frame(frame, flaw))
             }
-            Action::Hear { from, frame, to } => {
-                let frame = &state.drone(from).said[frame];
+            Action::Receive { from, frame, to } => {
+                let frame = &state.drone(from).sent[frame];
                 let symmetry = if state.links.carries(to, from) {
-                    LinkSymmetry::Mutual
+                    LinkSymmetry::Symmetric
                 } else {
                     LinkSymmetry::OneWay
                 };
                 let has_route = !state.has_lost_master(to);
                 self.change(state, to, |drone| {
-                    drone.hear(frame, symmetry, has_route, flaw)
+                    drone.receive(frame, symmetry, has_route, flaw);
                 })
             }
             Action::Handle(id, address) => {
@@ -278,9 +278,9 @@ impl Model for Swarm {
                 self.change(state, id, Drone::miss_master)
             }
             Action::Fail(id, address) => self.change(state, id, |drone| drone.fail(address)),
-            Action::Revive(id, address) => {
+            Action::RestartActor(id, address) => {
                 let config = self.config(id);
-                self.change(state, id, |drone| drone.revive(address, config))
+                self.change(state, id, |drone| drone.restart_actor(address, config))
             }
             Action::Crash {
                 drone,
@@ -302,11 +302,11 @@ impl Model for Swarm {
             }
         }?;
         match action {
-            Action::Suspect(_) => next.left.suspicions -= 1,
-            Action::Fail(..) => next.left.failures -= 1,
-            Action::Crash { .. } => next.left.crashes -= 1,
-            Action::Split(_) => next.left.splits -= 1,
-            Action::OneWay { .. } => next.left.one_way -= 1,
+            Action::Suspect(_) => next.remaining.suspicions -= 1,
+            Action::Fail(..) => next.remaining.failures -= 1,
+            Action::Crash { .. } => next.remaining.crashes -= 1,
+            Action::Split(_) => next.remaining.splits -= 1,
+            Action::OneWay { .. } => next.remaining.one_way -= 1,
             _ => {}
         }
         Some(next)

@@ -3,40 +3,40 @@ use muster_machines::identity::{Ballot, NodeId, NodeSet};
 use muster_machines::leader::{BallotDecision, LinkSymmetry};
 use muster_machines::routing::{Input, LeaderEpoch, Notice};
 
-/// What both policies of the routing have in common, around the shipped [`LeaderEpoch`].
+/// The common part of both routing policies, around the shipped [`LeaderEpoch`].
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 pub(crate) struct Routing {
     pub(crate) epoch: LeaderEpoch,
-    /// As master: whose acknowledgements of which order the mission has been told of.
-    told: (u32, NodeSet),
-    /// Whether the mission has been told that the master is silent.
+    /// As master: sequence of an order and the acknowledgements of it that the mission was notified of.
+    reported: (u32, NodeSet),
+    /// Whether the mission was notified that the master is silent.
     pub(crate) master_silent: bool,
 }
 
-/// What a drone says, of that which matters here.
+/// The modelled content of a frame.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Frame {
     pub(crate) sender: NodeId,
     pub(crate) ballot: Ballot,
     pub(crate) sequence: u32,
     pub(crate) order: Option<Bytes>,
-    /// Whether the sender has carried that order out.
+    /// Whether the sender has carried out that order.
     pub(crate) is_carried_out: bool,
 }
 
-/// What a drone did that no drone may do.
+/// Violation of a rule by one drone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) enum Broken {
-    /// It ordered something in the name of another.
+pub(crate) enum Violation {
+    /// It gave an order in the name of another.
     OrderedForAnother,
-    /// It said that it had carried out what another had ordered.
+    /// It acknowledged an order under another leader than the one that gave it.
     AcknowledgedForAnother,
-    /// It obeys an older ballot than before.
+    /// Its leader has an older ballot than before.
     BallotFell,
 }
 
 impl Routing {
-    /// As it starts from a checkpoint, or under another ballot than before.
+    /// Starts from a checkpoint, or under a new ballot.
     pub(crate) fn under(epoch: LeaderEpoch) -> Self {
         Self {
             epoch,
@@ -44,8 +44,8 @@ impl Routing {
         }
     }
 
-    /// Hears a frame; what the mission is told of it.
-    pub(crate) fn hear(
+    /// Receives a frame; returns the notices to the mission.
+    pub(crate) fn receive(
         &mut self,
         own: NodeId,
         frame: &Frame,
@@ -53,17 +53,17 @@ impl Routing {
         has_route: bool,
     ) -> Vec<Notice> {
         let mut notices = Vec::new();
-        match self.hear_ballot(frame.ballot, symmetry) {
+        match self.observe_ballot(frame.ballot, symmetry) {
             BallotDecision::Ignored => return notices,
             BallotDecision::Same => {}
-            BallotDecision::Turned => notices.push(Notice::Leader(frame.ballot)),
+            BallotDecision::Adopted => notices.push(Notice::Leader(frame.ballot)),
         }
         if self.master_silent && has_route {
             self.master_silent = false;
             notices.push(Notice::MasterReturned);
         }
         if let Some(order) = frame.order.clone()
-            && self.epoch.hear_order(own, frame.sequence, order)
+            && self.epoch.receive_order(own, frame.sequence, order)
         {
             notices.extend(self.epoch.newest_order());
         }
@@ -71,26 +71,26 @@ impl Routing {
         notices
     }
 
-    fn hear_ballot(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
-        let verdict = self.epoch.hear(ballot, symmetry);
-        if verdict == BallotDecision::Turned {
+    fn observe_ballot(&mut self, ballot: Ballot, symmetry: LinkSymmetry) -> BallotDecision {
+        let decision = self.epoch.observe(ballot, symmetry);
+        if decision == BallotDecision::Adopted {
             *self = Self::under(self.epoch.clone());
         }
-        verdict
+        decision
     }
 
-    /// As master: tells the mission of an acknowledgement that it has not been told of.
+    /// As master: a notice of an acknowledgement that is new to the mission.
     fn report(&mut self, own: NodeId, frame: &Frame) -> Option<Notice> {
         let sequence = self.epoch.sequence();
-        if self.told.0 != sequence {
-            self.told = (sequence, NodeSet::default());
+        if self.reported.0 != sequence {
+            self.reported = (sequence, NodeSet::default());
         }
-        let is_news = self.epoch.is_led_by(own)
+        let is_new = self.epoch.is_led_by(own)
             && frame.is_carried_out
             && frame.sequence == sequence
-            && !self.told.1.contains(frame.sender);
-        is_news.then(|| {
-            self.told.1.insert(frame.sender);
+            && !self.reported.1.contains(frame.sender);
+        is_new.then(|| {
+            self.reported.1.insert(frame.sender);
             Notice::Progress {
                 sequence,
                 acknowledged: frame.sender.into(),
@@ -99,11 +99,11 @@ impl Routing {
         })
     }
 
-    /// Takes what the mission says; what the mission is told in answer.
-    pub(crate) fn take(&mut self, own: NodeId, input: Input) -> Result<Vec<Notice>, Broken> {
+    /// Handles an input of the mission; returns the notices to it.
+    pub(crate) fn handle(&mut self, own: NodeId, input: Input) -> Result<Vec<Notice>, Violation> {
         let under = self.epoch.ballot();
         match input {
-            Input::Lead(ballot) => _ = self.hear_ballot(ballot, LinkSymmetry::Mutual),
+            Input::Lead(ballot) => _ = self.observe_ballot(ballot, LinkSymmetry::Symmetric),
             Input::Publish {
                 ballot,
                 sequence,
@@ -111,30 +111,30 @@ impl Routing {
             } => {
                 let is_taken = self.epoch.publish(own, ballot, sequence, order);
                 if is_taken && (under != Some(ballot) || ballot.master != own) {
-                    return Err(Broken::OrderedForAnother);
+                    return Err(Violation::OrderedForAnother);
                 }
             }
             Input::Acknowledge { ballot, sequence } => {
                 let is_taken = self.epoch.acknowledge(ballot, sequence);
                 if is_taken && under != Some(ballot) {
-                    return Err(Broken::AcknowledgedForAnother);
+                    return Err(Violation::AcknowledgedForAnother);
                 }
             }
-            Input::Resync => return Ok(self.tell_again()),
-            // Ways and places are left out, and nobody comes down.
+            Input::Resync => return Ok(self.repeat_notices()),
+            // Routes and positions are left out, and no drone lands.
             _ => {}
         }
         Ok(Vec::new())
     }
 
-    fn tell_again(&mut self) -> Vec<Notice> {
-        self.told = (0, NodeSet::default());
+    fn repeat_notices(&mut self) -> Vec<Notice> {
+        self.reported = (0, NodeSet::default());
         let silent = self.master_silent.then_some(Notice::MasterSilent);
         self.epoch.notices().chain(silent).collect()
     }
 
-    /// As [`Self::take`], as if whatever the mission says were said under the ballot that is obeyed here.
-    pub(crate) fn believe(&mut self, input: Input) -> Result<Vec<Notice>, Broken> {
+    /// As [`Self::handle`], but takes every input as given under the current leader's ballot.
+    pub(crate) fn handle_unchecked(&mut self, input: Input) -> Result<Vec<Notice>, Violation> {
         let under = self.epoch.ballot();
         match input {
             Input::Lead(ballot) if under != Some(ballot) => {
@@ -145,19 +145,19 @@ impl Routing {
                 sequence,
                 order,
             } => {
-                let nobody = NodeId(u32::MAX);
-                let is_taken = self.epoch.hear_order(nobody, sequence, order);
+                let no_drone = NodeId(u32::MAX);
+                let is_taken = self.epoch.receive_order(no_drone, sequence, order);
                 if is_taken && under != Some(ballot) {
-                    return Err(Broken::OrderedForAnother);
+                    return Err(Violation::OrderedForAnother);
                 }
             }
             Input::Acknowledge { ballot, sequence } => {
                 let is_taken = self.epoch.acknowledge(under.unwrap_or(ballot), sequence);
                 if is_taken && under != Some(ballot) {
-                    return Err(Broken::AcknowledgedForAnother);
+                    return Err(Violation::AcknowledgedForAnother);
                 }
             }
-            Input::Resync => return Ok(self.tell_again()),
+            Input::Resync => return Ok(self.repeat_notices()),
             _ => {}
         }
         Ok(Vec::new())

@@ -1,29 +1,31 @@
-//! What must hold in every state, and what must happen in some, or the model would prove nothing.
+//! Rules for every state, and states that must be reachable for the model to prove anything.
 
 use std::collections::BTreeSet;
 
 use muster_machines::identity::NodeId;
 use stateright::{Model, Property};
 
-use super::routing::Broken;
+use super::routing::Violation;
 use super::{Faults, State, Swarm};
 
 /// Rule 1a.
 pub(crate) const NAMED: &str = "1a: only the drone named in a ballot acts under it";
 /// Rule 1b.
-pub(crate) const NEVER_FALLS: &str = "1b: the ballot that a drone obeys never falls";
-/// That there are such parts.
-pub(crate) const SETTLES: &str = "once nothing more goes wrong, all parts settle";
+pub(crate) const NEVER_FALLS: &str = "1b: the ballot of a drone's leader never falls";
+/// Settled segments exist.
+pub(crate) const SETTLES: &str = "without further faults all segments settle";
 /// Rule 1c.
 pub(crate) const ONE_MASTER: &str =
-    "1c: each part that has settled has one master, leader by all its members";
+    "1c: each settled segment has one master, the leader of all its members";
 
 pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> {
     let mut all = vec![
         Property::<Swarm>::always(NAMED, |_, state| state.only_the_named_acts()),
-        Property::<Swarm>::always(NEVER_FALLS, |_, state| !state.broke(Broken::BallotFell)),
+        Property::<Swarm>::always(NEVER_FALLS, |_, state| {
+            !state.is_violated(Violation::BallotFell)
+        }),
         Property::<Swarm>::always(ONE_MASTER, |swarm, state| {
-            !swarm.is_settled(state) || state.each_part_has_one_master()
+            !swarm.is_settled(state) || state.each_segment_has_one_master()
         }),
     ];
     if settles {
@@ -34,7 +36,7 @@ pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> 
     let can_lose_master = faults.crashes + faults.splits + faults.suspicions > 0;
     if can_lose_master {
         all.push(Property::<Swarm>::sometimes(
-            "somebody is elected",
+            "a master is elected",
             |_, state| {
                 let mut led = state.drones.iter().filter(|drone| drone.leads());
                 led.any(|drone| drone.ballot().is_some_and(|it| it.is_elected()))
@@ -45,7 +47,7 @@ pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> 
             |_, state| {
                 state.drones.iter().any(|drone| {
                     let led = drone
-                        .said
+                        .sent
                         .iter()
                         .any(|frame| frame.ballot.master == drone.id);
                     led && drone.ballot().is_some_and(|it| it.master != drone.id)
@@ -55,18 +57,18 @@ pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> 
     }
     if faults.splits > 0 {
         all.push(Property::<Swarm>::sometimes(
-            "two parts settle under a master each",
+            "two segments settle under a master each",
             |swarm, state| state.masters().len() > 1 && swarm.is_settled(state),
         ));
         all.push(Property::<Swarm>::sometimes(
-            "parts that had a master each are one again",
+            "segments with a master each have merged",
             |swarm, state| {
-                let ever = state.drones.iter().flat_map(|drone| drone.said.iter());
+                let ever = state.drones.iter().flat_map(|drone| drone.sent.iter());
                 let masters: BTreeSet<_> = ever.map(|frame| frame.ballot.master).collect();
                 masters.len() > 1
-                    && state.left.splits < swarm.faults.splits
-                    && state.left.suspicions == swarm.faults.suspicions
-                    && state.left.crashes == swarm.faults.crashes
+                    && state.remaining.splits < swarm.faults.splits
+                    && state.remaining.suspicions == swarm.faults.suspicions
+                    && state.remaining.crashes == swarm.faults.crashes
                     && state.links.is_whole()
                     && swarm.is_settled(state)
             },
@@ -74,11 +76,11 @@ pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> 
     }
     if faults.crashes > 0 {
         all.push(Property::<Swarm>::sometimes(
-            "a drone that restarted is one of its swarm again, under another master",
+            "a restarted drone has rejoined under another master",
             |swarm, state| {
                 let up = state.drones.iter().all(|drone| drone.is_up);
                 let elected = |it: &super::Drone| it.ballot().is_some_and(|it| it.is_elected());
-                state.left.crashes < swarm.faults.crashes
+                state.remaining.crashes < swarm.faults.crashes
                     && up
                     && state.links.is_whole()
                     && state.drones.iter().all(|drone| elected(drone))
@@ -90,17 +92,19 @@ pub(crate) fn properties(faults: Faults, settles: bool) -> Vec<Property<Swarm>> 
 }
 
 impl State {
-    fn broke(&self, what: Broken) -> bool {
-        self.drones.iter().any(|drone| drone.broke == Some(what))
+    fn is_violated(&self, rule: Violation) -> bool {
+        self.drones
+            .iter()
+            .any(|drone| drone.violation == Some(rule))
     }
 
-    /// Nobody leads, or ever ordered, under the ballot of another; and no ballot has two orders of one number.
+    /// No drone leads or gave orders under another's ballot, and no ballot has two orders with the same sequence.
     fn only_the_named_acts(&self) -> bool {
         let leads_for_another = self
             .drones
             .iter()
             .any(|it| it.leads() && it.mission_ballot().is_none_or(|own| own.master != it.id));
-        let mut frames = self.drones.iter().flat_map(|drone| drone.said.iter());
+        let mut frames = self.drones.iter().flat_map(|drone| drone.sent.iter());
         let contradicts = frames.clone().any(|one| {
             frames.clone().any(|other| {
                 one.ballot == other.ballot
@@ -108,47 +112,50 @@ impl State {
                     && one.order != other.order
             })
         });
-        // What is said under a ballot its master knows of; unless it has lost its journal, nobody else made it up.
+        // The master of a ballot has sent frames under it, so no other drone made it up.
         let made_up = frames.any(|frame| {
             let master = self.drone(frame.ballot.master);
-            !master.said.iter().any(|it| it.ballot == frame.ballot)
+            !master.sent.iter().any(|it| it.ballot == frame.ballot)
         });
-        let broke = [Broken::OrderedForAnother, Broken::AcknowledgedForAnother];
-        let meddled = broke.into_iter().any(|what| self.broke(what));
-        !leads_for_another && !contradicts && !made_up && !meddled
+        let rules = [
+            Violation::OrderedForAnother,
+            Violation::AcknowledgedForAnother,
+        ];
+        let acted_for_another = rules.into_iter().any(|rule| self.is_violated(rule));
+        !leads_for_another && !contradicts && !made_up && !acted_for_another
     }
 
-    /// Whoever leads, as far as its routing knows.
+    /// Drones that lead according to their routing.
     fn masters(&self) -> Vec<NodeId> {
         let leads = |it: &&super::drone::Drone| it.ballot().is_some_and(|own| own.master == it.id);
         let drones = self.drones.iter().map(AsRef::as_ref);
         drones.filter(leads).map(|it| it.id).collect()
     }
 
-    /// Whether in each part all obey the ballot of one of them, in routing and mission, who leads.
-    fn each_part_has_one_master(&self) -> bool {
+    /// Whether each segment has one leading master, followed by all its members in routing and mission.
+    fn each_segment_has_one_master(&self) -> bool {
         let up = self.drones.iter().filter(|drone| drone.is_up);
         up.into_iter().all(|drone| {
             let Some(ballot) = drone.ballot() else {
                 return false;
             };
-            let part = self.part_of(drone.id);
-            let obeys = |id: &NodeId| {
+            let segment = self.segment_of(drone.id);
+            let follows = |id: &NodeId| {
                 let drone = self.drone(*id);
                 drone.ballot() == Some(ballot) && drone.mission_ballot() == Some(ballot)
             };
-            part.contains(&ballot.master)
+            segment.contains(&ballot.master)
                 && self.drone(ballot.master).leads()
-                && part.iter().all(obeys)
+                && segment.iter().all(follows)
         })
     }
 }
 
-/// More steps than any swarm here needs to settle.
+/// More steps than any swarm of these cases needs to settle.
 const SETTLING_STEPS_MAX: usize = 1_000;
 
 impl Swarm {
-    /// Whether it comes to rest if nothing goes wrong from here on, each taking its turn.
+    /// Whether it settles without further faults, with actions taken in turn.
     fn settles(&self, state: &State) -> bool {
         let mut state = state.clone();
         (0..SETTLING_STEPS_MAX).any(|step| {
@@ -169,12 +176,13 @@ impl Swarm {
         })
     }
 
-    /// Whether nothing changes any more unless something goes wrong, or heals.
+    /// Whether nothing changes without a fault or healed links.
     fn is_settled(&self, state: &State) -> bool {
         let mut actions = Vec::new();
         for id in self.ids() {
             let drone = state.drone(id);
-            let is_busy = !drone.post.is_empty() || state.may_miss(id) && state.has_lost_master(id);
+            let is_busy =
+                !drone.mailbox.is_empty() || state.may_miss(id) && state.has_lost_master(id);
             if is_busy && drone.is_up {
                 return false;
             }

@@ -1,4 +1,4 @@
-//! A search through all that may happen.
+//! Breadth-first search of the model.
 
 use std::num::NonZeroUsize;
 
@@ -6,40 +6,40 @@ use stateright::{Checker, Expectation, HasDiscoveries, Model};
 
 use super::Swarm;
 
-/// What a search has come to.
+/// Result of a search.
 #[derive(Debug)]
 pub(crate) struct Found {
-    /// States that were reached, each as often as it was.
+    /// Reached states, with repetitions.
     pub(crate) reached: usize,
-    /// Different states.
+    /// Distinct states.
     pub(crate) states: usize,
-    /// Steps on the longest of the shortest ways to any of them.
+    /// Largest shortest distance of a state from the first one, in steps.
     pub(crate) depth: usize,
-    /// Whether there are no others.
+    /// Whether all reachable states were searched.
     pub(crate) is_exhausted: bool,
-    /// Rules that don't hold, and how it comes to that.
-    pub(crate) broken: Vec<(&'static str, String)>,
-    /// What was to happen in some state, and did in none.
-    pub(crate) missing: Vec<&'static str>,
+    /// Violated rules, with the steps that lead there.
+    pub(crate) violated: Vec<(&'static str, String)>,
+    /// Properties expected in some state and found in none.
+    pub(crate) unreached: Vec<&'static str>,
 }
 
-/// Looks at every state, up to so many steps away from the first; ends where a rule does not hold.
+/// Searches all states up to `depth_max` steps from the first; stops at a violated rule.
 pub(crate) fn search(swarm: Swarm, depth_max: Option<NonZeroUsize>) -> Found {
     let mut checker = swarm.checker().finish_when(HasDiscoveries::AnyFailures);
     if let Some(max) = depth_max {
-        // The first state is counted, and the last are not looked at.
+        // The first state counts, and the last level is not checked.
         checker = checker.target_max_depth(max.get() + 2);
     }
     let checker = checker.spawn_bfs().join();
-    let (mut broken, mut missing) = (Vec::new(), Vec::new());
+    let (mut violated, mut unreached) = (Vec::new(), Vec::new());
     for property in checker.model().properties() {
         let name = property.name;
         match (property.expectation, checker.discovery(name)) {
-            (Expectation::Sometimes, None) => missing.push(name),
+            (Expectation::Sometimes, None) => unreached.push(name),
             (Expectation::Always, Some(path)) => {
                 let steps = path.into_actions().into_iter();
                 let steps: Vec<_> = steps.map(|action| format!("{action:?}")).collect();
-                broken.push((name, steps.join(", ")));
+                violated.push((name, steps.join(", ")));
             }
             _ => {}
         }
@@ -49,8 +49,8 @@ pub(crate) fn search(swarm: Swarm, depth_max: Option<NonZeroUsize>) -> Found {
         reached: checker.state_count(),
         states: checker.unique_state_count(),
         depth: depth_max.map_or(depth, |max| depth.min(max.get())),
-        is_exhausted: broken.is_empty() && depth_max.is_none_or(|max| depth <= max.get()),
-        missing,
-        broken,
+        is_exhausted: violated.is_empty() && depth_max.is_none_or(|max| depth <= max.get()),
+        unreached,
+        violated,
     }
 }

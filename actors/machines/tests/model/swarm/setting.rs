@@ -1,4 +1,4 @@
-//! Where the drones are when the model begins, and who hears whom.
+//! Initial state of the model, and its links.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use muster_machines::routing::Notice;
 
 use super::{Action, Drone, Flaw};
 
-/// Who hears whom: a bit for each pair that does not, in each direction.
+/// Links: one bit for each blocked pair and direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Links(u64);
 
@@ -27,7 +27,7 @@ impl Links {
         self.0 == 0
     }
 
-    /// Whether what `from` says reaches `to`.
+    /// Whether frames of `from` reach `to`.
     pub(crate) fn carries(self, from: NodeId, to: NodeId) -> bool {
         from != to && self.0 & bit(from, to) == 0
     }
@@ -46,27 +46,27 @@ impl Links {
         }
     }
 
-    /// All that live and are connected with `id` by links that carry both ways, `id` first.
-    pub(crate) fn part_of(
+    /// Running drones connected with `id` by mutual links, `id` first.
+    pub(crate) fn segment_of(
         self,
         id: NodeId,
         drones: usize,
-        incarnations: impl Fn(NodeId) -> bool,
+        is_up: impl Fn(NodeId) -> bool,
     ) -> Vec<NodeId> {
-        let mut part = vec![id];
+        let mut segment = vec![id];
         let mut next = 0;
-        while let Some(at) = part.get(next).copied() {
+        while let Some(at) = segment.get(next).copied() {
             let all = (0..).map(NodeId).take(drones);
             let near = all.filter(|it| {
-                incarnations(*it)
+                is_up(*it)
                     && self.carries(at, *it)
                     && self.carries(*it, at)
-                    && !part.contains(it)
+                    && !segment.contains(it)
             });
-            part.extend(near.collect::<Vec<_>>());
+            segment.extend(near.collect::<Vec<_>>());
             next += 1;
         }
-        part
+        segment
     }
 }
 
@@ -74,7 +74,7 @@ const fn bit(from: NodeId, to: NodeId) -> u64 {
     1 << (from.0 * 8 + to.0)
 }
 
-/// A line of drones with two waypoints to fly to.
+/// Configurations of a line of drones with two waypoints.
 pub(crate) fn configs(drones: u32) -> Vec<Config> {
     let count = NonZeroU32::new(drones).expect("a swarm has drones");
     let separation = Separation {
@@ -99,7 +99,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             liveness: Liveness::Heartbeat,
             succession: Succession::Elect,
             alone: Alone::CarryOn,
-            spreading_patience: Duration::ZERO,
+            spreading_grace: Duration::ZERO,
             candidacy_back_off: Duration::ZERO,
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
@@ -111,45 +111,45 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
         .collect()
 }
 
-/// The swarm once it has taken off by its own protocol, in reach of everybody and without a loss: at the first
-/// waypoint, and the master has not heard yet that the others are there.
+/// The swarm after a take-off by its own protocol without losses: at the first waypoint, before the master receives the
+/// arrivals.
 pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
     let mut drones: Vec<Drone> = configs.iter().map(Drone::new).collect();
     let master = configs[0].layout.formation().centre().0 as usize;
-    drones[master].stimulate(Input::Fly);
-    talk(&mut drones);
+    drones[master].handle(Input::Fly);
+    exchange(&mut drones);
     for input in [
         Input::Navigation(navigation::Notice::Arrived),
         Input::Routing(Notice::RoutesReady),
     ] {
         for drone in &mut drones {
-            drone.stimulate(input.clone());
+            drone.handle(input.clone());
         }
         if let Input::Navigation(_) = input {
-            talk(&mut drones);
+            exchange(&mut drones);
         }
     }
     drones[master].handle_all(Flaw::None);
     let order = drones[master].frame().expect("the master leads");
     for drone in &mut drones {
-        drone.hear(&order, LinkSymmetry::Mutual, true, Flaw::None);
+        drone.receive(&order, LinkSymmetry::Symmetric, true, Flaw::None);
         drone.handle_all(Flaw::None);
         drone.journal.sync();
-        drone.said = Arc::new(drone.frame().into_iter().collect());
+        drone.sent = Arc::new(drone.frame().into_iter().collect());
     }
     drones.into_iter().map(Arc::new).collect()
 }
 
-/// Everybody hears everybody until nobody has anything new to say.
-fn talk(drones: &mut [Drone]) {
+/// All drones exchange frames until nothing changes.
+fn exchange(drones: &mut [Drone]) {
     loop {
         let before = drones.to_vec();
-        for speaker in 0..drones.len() {
-            drones[speaker].handle_all(Flaw::None);
-            if let Some(frame) = drones[speaker].frame() {
-                for listener in (0..drones.len()).filter(|it| *it != speaker) {
-                    drones[listener].hear(&frame, LinkSymmetry::Mutual, true, Flaw::None);
-                    drones[listener].handle_all(Flaw::None);
+        for sender in 0..drones.len() {
+            drones[sender].handle_all(Flaw::None);
+            if let Some(frame) = drones[sender].frame() {
+                for receiver in (0..drones.len()).filter(|it| *it != sender) {
+                    drones[receiver].receive(&frame, LinkSymmetry::Symmetric, true, Flaw::None);
+                    drones[receiver].handle_all(Flaw::None);
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! A drone as the map shows it.
+//! Drawing of one drone on the map.
 
 use maud::{Markup, html};
 use muster_machines::geometry::Ned;
@@ -6,27 +6,27 @@ use muster_machines::geometry::Ned;
 use super::frame::Frame;
 use super::{mark, track};
 use crate::report::{DroneReport, Flight, FlightOfDrone, Kind, Report};
-use muster_runtime::text::figure_or_nothing;
+use muster_runtime::text::figure_or_dash;
 
-/// Above this many drones, lines and marks are finer.
+/// Above this many drones, lines and marks are smaller.
 const MANY: usize = 40;
 
-/// A drone as the map shows it.
-pub(super) struct Drawn<'a> {
+/// A drone with what the map shows of it.
+pub(super) struct DroneDrawing<'a> {
     pub(super) report: &'a DroneReport,
     pub(super) flight: &'a FlightOfDrone,
-    /// Where it was when the master first stood at a waypoint.
+    /// Position when the master first reached a waypoint.
     pub(super) formed: Option<Ned>,
-    /// How large its mark is, in pixels.
+    /// Size of its mark, in pixels.
     pub(super) size_px: f64,
 }
 
 /// An end of a track.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// Where the drone stood before the flight.
+    /// Position before the flight.
     Start,
-    /// Where it was last.
+    /// Last position.
     Landing,
 }
 
@@ -53,8 +53,8 @@ impl End {
     }
 }
 
-impl<'a> Drawn<'a> {
-    /// Everyone, the master last so that it is drawn on top.
+impl<'a> DroneDrawing<'a> {
+    /// All drones of a swarm; the master is last, so that it is drawn on top.
     pub(super) fn swarm(report: &'a Report, flight: &'a Flight) -> Vec<Self> {
         let pairs = || report.drones.iter().zip(&flight.drones);
         let masters = pairs().filter(|(drone, _)| drone.kind() == Kind::Master);
@@ -64,7 +64,7 @@ impl<'a> Drawn<'a> {
         let size_px = if report.drones.len() > MANY { 5.0 } else { 9.0 };
         let mut swarm: Vec<_> = pairs()
             .map(|(report, flight)| {
-                let formed = formed_at.and_then(|at| flight.place_at(at));
+                let formed = formed_at.and_then(|at| flight.position_at(at));
                 Self {
                     report,
                     flight,
@@ -77,7 +77,7 @@ impl<'a> Drawn<'a> {
         swarm
     }
 
-    /// Where its track begins or ends.
+    /// First or last position of its track.
     pub(super) fn end(&self, end: End) -> Option<Ned> {
         let point = match end {
             End::Start => self.flight.track.first(),
@@ -86,7 +86,7 @@ impl<'a> Drawn<'a> {
         point.map(|&(_, place)| place)
     }
 
-    /// Its track, and its mark where the swarm formed.
+    /// Its track, and its mark in the formation.
     pub(super) fn track(&self, frame: &Frame) -> Markup {
         let track = self
             .flight
@@ -106,7 +106,7 @@ impl<'a> Drawn<'a> {
         }
     }
 
-    /// The mark of an end of its track.
+    /// Mark at an end of its track.
     pub(super) fn end_mark(&self, frame: &Frame, end: End) -> Markup {
         html! {
             @if let Some(place) = self.end(end) {
@@ -118,19 +118,19 @@ impl<'a> Drawn<'a> {
         }
     }
 
-    /// What is said of it when it is pointed at.
+    /// Tooltip.
     fn about(&self) -> String {
         let drone = self.report;
         let kind = drone.kind().name();
-        let way = match (drone.kind(), drone.hops) {
+        let route = match (drone.kind(), drone.hops) {
             (Kind::Master, _) => String::new(),
-            (_, None) => ", no way to the master".to_owned(),
+            (_, None) => ", no route to the master".to_owned(),
             (_, Some(1)) => ", 1 hop to the master".to_owned(),
             (_, Some(hops)) => format!(", {hops} hops to the master"),
         };
-        let flown = figure_or_nothing(drone.flight_time_s, 1);
+        let flown = figure_or_dash(drone.flight_time_s, 1);
         format!(
-            "drone {} ({kind}{way}): flight time {flown} s, {}",
+            "drone {} ({kind}{route}): flight time {flown} s, {}",
             drone.id, drone.state
         )
     }

@@ -1,4 +1,4 @@
-//! A piece of ground and the paper that it is drawn on, north up, a metre as long one way as the other.
+//! Mapping from an area on the ground to a picture: north up, equal scale in both directions.
 
 use maud::{Markup, html};
 use muster_machines::geometry::Ned;
@@ -13,16 +13,16 @@ const TOP_PX: f64 = 10.0;
 const BOTTOM_PX: f64 = 50.0;
 const BOTTOM_UNNAMED_PX: f64 = 26.0;
 
-/// Whether the axes of a picture say what they are.
+/// Whether the axes have names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Axes {
-    /// They do.
+    /// With names and numbers.
     Named,
-    /// They have numbers only.
+    /// With numbers only.
     Unnamed,
 }
 
-/// A rectangle on the ground, its sides to the north and to the east, in metres from home.
+/// A rectangle on the ground, aligned north and east, in metres from home.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Extent {
     north_m: (f64, f64),
@@ -30,7 +30,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// The smallest that holds `places`; nothing without a place.
+    /// Bounding box of `places`; `None` without finite places.
     pub(super) fn around(places: impl IntoIterator<Item = Ned>) -> Option<Self> {
         let points = places
             .into_iter()
@@ -44,7 +44,7 @@ impl Extent {
             .reduce(Self::joined)
     }
 
-    /// The square around a circle.
+    /// Bounding box of a circle.
     pub(super) fn of_circle(centre: Ned, radius_m: f64) -> Self {
         let (north, east) = (centre.north_m(), centre.east_m());
         Self {
@@ -53,7 +53,7 @@ impl Extent {
         }
     }
 
-    /// The smallest that holds both.
+    /// Bounding box of both.
     pub(super) fn joined(self, other: Self) -> Self {
         let hull = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
         Self {
@@ -62,7 +62,7 @@ impl Extent {
         }
     }
 
-    /// How far it goes to the east, and to the north.
+    /// Size to the east and to the north.
     pub(super) fn size_m(self) -> (f64, f64) {
         (
             self.east_m.1 - self.east_m.0,
@@ -70,15 +70,15 @@ impl Extent {
         )
     }
 
-    /// The longer of its sides.
+    /// Length of the longer side.
     pub(super) fn longest_m(self) -> f64 {
         let (east_m, north_m) = self.size_m();
         east_m.max(north_m)
     }
 
-    /// As much more ground on every side as makes it at least `least_m` each way and its width and height between
-    /// `narrowest` and `widest` to one.
-    pub(super) fn roomy(self, least_m: f64, (narrowest, widest): (f64, f64)) -> Self {
+    /// Adds a margin on every side, so that both sides are at least `least_m` and the ratio of width to height is between
+    /// `narrowest` and `widest`.
+    pub(super) fn with_margin(self, least_m: f64, (narrowest, widest): (f64, f64)) -> Self {
         let margin_m = self.longest_m() * 0.065;
         let (east_m, north_m) = self.size_m();
         let east_m = (east_m + 2.0 * margin_m).max(least_m);
@@ -96,7 +96,7 @@ impl Extent {
     }
 }
 
-/// An extent on paper.
+/// An extent with its scale on paper.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
     extent: Extent,
@@ -104,7 +104,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// `extent` as large as fits into `width_px` by `height_px`.
+    /// `extent` at the largest scale that fits into `width_px` by `height_px`.
     pub(super) fn fit(extent: Extent, (width_px, height_px): (f64, f64)) -> Self {
         let (east_m, north_m) = extent.size_m();
         Self {
@@ -113,17 +113,17 @@ impl Frame {
         }
     }
 
-    /// How long `length_m` is on paper.
+    /// Length of `length_m` on paper.
     pub(super) fn length_px(&self, length_m: f64) -> f64 {
         length_m * self.px_per_m
     }
 
-    /// Where `place` is on paper, from the top left corner of the ground.
+    /// Position of `place` on paper, from the top left corner.
     pub(super) fn point_px(&self, place: Ned) -> (f64, f64) {
         (self.x_px(place.east_m()), self.y_px(place.north_m()))
     }
 
-    /// The corner to the north-west, the width and the height of `extent` on paper.
+    /// North-west corner, width and height of `extent` on paper.
     pub(super) fn rectangle_px(&self, extent: Extent) -> [f64; 4] {
         let (east_m, north_m) = extent.size_m();
         let (x, y) = (self.x_px(extent.east_m.0), self.y_px(extent.north_m.1));
@@ -138,13 +138,13 @@ impl Frame {
         self.length_px(self.extent.north_m.1 - north_m)
     }
 
-    /// The width and the height of the ground on paper.
+    /// Width and height of the frame on paper.
     pub(super) fn paper_px(&self) -> (f64, f64) {
         let (east_m, north_m) = self.extent.size_m();
         (self.length_px(east_m), self.length_px(north_m))
     }
 
-    /// A picture of `content`, which is in the frame's pixels, with axes in metres; `about` says what it shows.
+    /// SVG picture of `content`, given in the frame's pixels, with axes in metres. `about` is the text alternative.
     pub(super) fn picture(&self, about: &str, axes: Axes, content: &Markup) -> Markup {
         let (left, bottom) = match axes {
             Axes::Named => (LEFT_PX, BOTTOM_PX),
@@ -173,7 +173,7 @@ impl Frame {
         }
     }
 
-    /// Lines at round distances from home, named in the margins.
+    /// Grid lines at round distances from home, labelled in the margins.
     fn graticule(&self) -> Markup {
         let Extent { north_m, east_m } = self.extent;
         let (width, height) = self.paper_px();
@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn north_is_up_and_a_metre_is_as_long_either_way() {
+    fn north_is_up_and_both_axes_have_the_same_scale() {
         let extent = Extent::around([Ned::HOME, Ned::new(1000.0, 250.0, 0.0)]).unwrap();
         let frame = Frame::fit(extent, (500.0, 500.0));
         assert_eq!(frame.point_px(Ned::HOME), (0.0, 500.0));
@@ -208,17 +208,19 @@ mod tests {
     }
 
     #[test]
-    fn a_single_place_gets_ground_around_it() {
-        let extent = Extent::around([Ned::HOME]).unwrap().roomy(50.0, (0.6, 2.0));
+    fn single_place_gets_a_margin() {
+        let extent = Extent::around([Ned::HOME])
+            .unwrap()
+            .with_margin(50.0, (0.6, 2.0));
         assert_eq!(extent.size_m(), (50.0, 50.0));
         assert_eq!(Extent::around([]), None);
         assert_eq!(Extent::around([Ned::new(f64::NAN, 0.0, 0.0)]), None);
     }
 
     #[test]
-    fn a_thin_strip_gets_ground_beside_it() {
+    fn thin_strip_gets_a_margin() {
         let strip = Extent::around([Ned::HOME, Ned::new(0.0, 32_000.0, 0.0)]).unwrap();
-        let (east_m, north_m) = strip.roomy(50.0, (0.6, 2.0)).size_m();
+        let (east_m, north_m) = strip.with_margin(50.0, (0.6, 2.0)).size_m();
         assert!((east_m / north_m - 2.0).abs() < 1e-9);
     }
 }

@@ -1,4 +1,4 @@
-//! Numbers on a map, no two on top of each other.
+//! Labels on a map that don't overlap.
 
 use maud::{Markup, html};
 use muster_machines::geometry::Ned;
@@ -11,18 +11,19 @@ use super::mark;
 const HALF_HEIGHT_PX: f64 = 7.0;
 /// The width of a digit.
 const DIGIT_PX: f64 = 8.0;
-/// Waypoints that are closer than this share a pin.
+/// Waypoints closer than this share a pin.
 const PIN_PX: f64 = 22.0;
-/// The most waypoints that a pin names.
+/// Maximum number of waypoints listed on a pin.
 const NAMED_MAX: usize = 4;
 
-/// The ids at the marks at the given points, as many as there is room for: all, or those that are multiples of 2, 5,
-/// 10 and so on, and always the first. They stand below the marks, beside them if those are in a column.
+/// Ids at the given points: all if there is room, else the multiples of 2, 5, 10, …, and always the first.
+///
+/// They stand below the marks, or beside them if the marks form a column.
 pub(super) fn ids(points: &[(u32, (f64, f64))], size_px: f64) -> Markup {
     let shown = [1, 2, 5, 10, 20, 50, 100, 200, 500]
         .into_iter()
-        .map(|every| beside_the_first(points, every))
-        .find(|chosen| apart(chosen))
+        .map(|every| every_nth(points, every))
+        .find(|chosen| no_overlap(chosen))
         .unwrap_or_else(|| points.iter().take(1).copied().collect());
     let (right, down, anchor) = if in_a_column(points) {
         (size_px / 2.0 + 5.0, 4.5, "start")
@@ -36,7 +37,7 @@ pub(super) fn ids(points: &[(u32, (f64, f64))], size_px: f64) -> Markup {
     }
 }
 
-/// Whether the points are spread from top to bottom more than from side to side.
+/// Whether the points spread more vertically than horizontally.
 fn in_a_column(points: &[(u32, (f64, f64))]) -> bool {
     let spread = |value: fn(&(u32, (f64, f64))) -> f64| {
         let values = || points.iter().map(value);
@@ -45,23 +46,23 @@ fn in_a_column(points: &[(u32, (f64, f64))]) -> bool {
     spread(|(_, (_, y))| *y) > spread(|(_, (x, _))| *x)
 }
 
-/// The first, and of the others the multiples of `every` that do not touch it.
-fn beside_the_first(points: &[(u32, (f64, f64))], every: u32) -> Vec<(u32, (f64, f64))> {
+/// The first point, and the multiples of `every` that don't overlap it.
+fn every_nth(points: &[(u32, (f64, f64))], every: u32) -> Vec<(u32, (f64, f64))> {
     let Some((&first, others)) = points.split_first() else {
         return vec![];
     };
     let fits = |&&other: &&(u32, (f64, f64))| {
-        other.0.is_multiple_of(every) && (every == 1 || !touch(first, other))
+        other.0.is_multiple_of(every) && (every == 1 || !overlap(first, other))
     };
     std::iter::once(first)
         .chain(others.iter().filter(fits).copied())
         .collect()
 }
 
-fn apart(points: &[(u32, (f64, f64))]) -> bool {
+fn no_overlap(points: &[(u32, (f64, f64))]) -> bool {
     let mut rest = points;
     while let Some((&one, others)) = rest.split_first() {
-        if others.iter().any(|&other| touch(one, other)) {
+        if others.iter().any(|&other| overlap(one, other)) {
             return false;
         }
         rest = others;
@@ -69,12 +70,12 @@ fn apart(points: &[(u32, (f64, f64))]) -> bool {
     true
 }
 
-fn touch((a, (ax, ay)): (u32, (f64, f64)), (b, (bx, by)): (u32, (f64, f64))) -> bool {
+fn overlap((a, (ax, ay)): (u32, (f64, f64)), (b, (bx, by)): (u32, (f64, f64))) -> bool {
     let digits = f64::from(a.checked_ilog10().unwrap_or(0) + b.checked_ilog10().unwrap_or(0) + 2);
     (ax - bx).abs() < digits * DIGIT_PX / 2.0 + 5.0 && (ay - by).abs() < 2.0 * HALF_HEIGHT_PX
 }
 
-/// A pin for each waypoint, or for all that are in the same spot.
+/// One pin per waypoint; waypoints close together share one.
 pub(super) fn pins(frame: &Frame, waypoints: &[Ned]) -> Markup {
     let mut pins: Vec<((f64, f64), Vec<usize>)> = vec![];
     for (number, &waypoint) in waypoints.iter().enumerate() {
@@ -88,22 +89,22 @@ pub(super) fn pins(frame: &Frame, waypoints: &[Ned]) -> Markup {
     html! {
         @for (point, numbers) in &pins {
             g {
-                title { "waypoint " (all(numbers)) }
-                (mark::pin(*point, &named(numbers)))
+                title { "waypoint " (list(numbers)) }
+                (mark::pin(*point, &short_list(numbers)))
             }
         }
     }
 }
 
-fn all(numbers: &[usize]) -> String {
+fn list(numbers: &[usize]) -> String {
     let numbers: Vec<_> = numbers.iter().map(usize::to_string).collect();
     numbers.join(", ")
 }
 
-fn named(numbers: &[usize]) -> String {
+fn short_list(numbers: &[usize]) -> String {
     match numbers.get(..NAMED_MAX) {
-        Some(first) if numbers.len() > NAMED_MAX => format!("{} …", all(first)),
-        _ => all(numbers),
+        Some(first) if numbers.len() > NAMED_MAX => format!("{} …", list(first)),
+        _ => list(numbers),
     }
 }
 
@@ -126,12 +127,12 @@ mod tests {
     }
 
     #[test]
-    fn ids_with_room_are_all_there() {
+    fn all_ids_are_shown_if_there_is_room() {
         assert_eq!(shown(&line(15, 48.0)).len(), 15);
     }
 
     #[test]
-    fn ids_without_room_are_round_ones_and_the_first() {
+    fn only_round_ids_and_the_first_are_shown_without_room() {
         let mut points = line(200, 5.0);
         points.swap(0, 99);
         let shown = shown(&points);
@@ -140,13 +141,13 @@ mod tests {
     }
 
     #[test]
-    fn ids_in_one_spot_leave_the_first() {
+    fn only_the_first_id_is_shown_on_one_spot() {
         assert_eq!(shown(&line(15, 0.0)), ["0"]);
         assert!(shown(&[]).is_empty());
     }
 
     #[test]
-    fn ids_of_a_column_stand_beside_it() {
+    fn ids_stand_beside_a_column() {
         let row = line(4, 30.0);
         let column: Vec<_> = row.iter().map(|&(id, (x, y))| (id, (y, x))).collect();
         assert!(
@@ -162,8 +163,8 @@ mod tests {
     }
 
     #[test]
-    fn waypoints_in_one_spot_share_a_pin() {
-        assert_eq!(named(&[0, 6]), "0, 6");
-        assert_eq!(named(&[0, 1, 2, 3, 4, 5]), "0, 1, 2, 3 …");
+    fn waypoints_on_one_spot_share_a_pin() {
+        assert_eq!(short_list(&[0, 6]), "0, 6");
+        assert_eq!(short_list(&[0, 1, 2, 3, 4, 5]), "0, 1, 2, 3 …");
     }
 }

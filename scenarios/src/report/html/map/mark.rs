@@ -1,11 +1,11 @@
-//! What is drawn at a place: shapes that tell the kinds apart without their colours.
+//! Marks on the map. Shapes distinguish the kinds without colour.
 
 use maud::{Markup, html};
 
 use super::super::axis::px;
 use crate::report::Kind;
 
-/// A drone in the air: a diamond leads, a square relays, a disc is a leaf; `size_px` across.
+/// Mark of a flying drone, `size_px` wide: diamond for the master, square for a relay, disc for a leaf.
 pub(super) fn drone(kind: Kind, (x, y): (f64, f64), size_px: f64) -> Markup {
     let half = size_px / 2.0;
     html! {
@@ -25,12 +25,12 @@ pub(super) fn drone(kind: Kind, (x, y): (f64, f64), size_px: f64) -> Markup {
     }
 }
 
-/// Where a drone stood before the flight.
+/// Mark of a start position.
 pub(super) fn start((x, y): (f64, f64), size_px: f64) -> Markup {
     html! { circle.ring cx=(px(x)) cy=(px(y)) r=(px(size_px / 2.0)) {} }
 }
 
-/// Where its track ends.
+/// Mark of a last position.
 pub(super) fn landing((x, y): (f64, f64), size_px: f64) -> Markup {
     let half = size_px / 2.0;
     html! {
@@ -41,7 +41,7 @@ pub(super) fn landing((x, y): (f64, f64), size_px: f64) -> Markup {
     }
 }
 
-/// A pin whose tip is just above a waypoint, with the waypoint's number on its head.
+/// Pin above a waypoint, with the waypoint's number.
 pub(super) fn pin((x, y): (f64, f64), number: &str) -> Markup {
     let half = 5.0 + 3.8 * number.chars().count().max(1) as f64;
     html! {
@@ -52,7 +52,7 @@ pub(super) fn pin((x, y): (f64, f64), number: &str) -> Markup {
     }
 }
 
-/// A picture of one mark for a legend.
+/// One mark as a picture for a legend.
 pub(super) fn swatch(class: &str, mark: &Markup) -> Markup {
     html! {
         svg.swatch.(class) viewBox="-9 -9 18 18" aria-hidden="true" { (mark) }

@@ -1,4 +1,4 @@
-//! The map of a run: everyone's track, and enlargements of where the swarm stood close together.
+//! The map of a run: all tracks, and enlargements of crowded areas.
 
 mod drawn;
 mod frame;
@@ -6,7 +6,7 @@ mod label;
 mod mark;
 mod track;
 
-use drawn::{Drawn, End};
+use drawn::{DroneDrawing, End};
 use frame::{Axes, Extent, Frame};
 use maud::{Markup, html};
 use muster_machines::geometry::Ned;
@@ -15,22 +15,22 @@ use super::axis::px;
 use crate::report::{Flight, Kind, Report};
 use muster_runtime::text::figure;
 
-/// The proportions, width to height, that a map may have.
+/// Range of the ratio of width to height of the map.
 const PROPORTIONS: (f64, f64) = (0.62, 3.0);
-/// Likewise, of an enlargement.
+/// Range of the ratio of width to height of an enlargement.
 const PROPORTIONS_ENLARGED: (f64, f64) = (1.4, 2.2);
-/// What is more than this many times smaller than the whole map is drawn again, enlarged.
+/// An area that is smaller than the map by more than this factor is enlarged.
 const ENLARGED_FROM: f64 = 7.0;
-/// A radio that reaches more than this many times as far as what was flown goes is not drawn to where it ends.
+/// A radio range above this multiple of the flown extent does not enlarge the map.
 const RANGE_SHOWN_TO: f64 = 1.5;
-/// The least ground that a map shows, in metres.
+/// Minimum side of a map, in metres.
 const LEAST_M: f64 = 30.0;
 
-/// The map with its legend; a sentence if nothing was recorded.
+/// The map with its legend, or a note if there are no positions.
 pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
     let swarms = report.swarms().zip(flight.swarms());
     let swarm: Vec<_> = swarms
-        .flat_map(|(report, flight)| Drawn::swarm(report, flight))
+        .flat_map(|(report, flight)| DroneDrawing::swarm(report, flight))
         .collect();
     let master = swarm
         .iter()
@@ -40,14 +40,14 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
         return html! { p.none { "No positions were recorded." } };
     };
     let is_beyond = flight.range_m > whole.longest_m();
-    let ends = [End::Start, End::Landing].map(|end| (end, close(&swarm, whole, end)));
+    let ends = [End::Start, End::Landing].map(|end| (end, crowded(&swarm, whole, end)));
     let content = |frame: &Frame| {
         html! {
             (range(frame, master, flight.range_m))
             (links(frame, &swarm))
             @for drone in &swarm { (drone.track(frame)) }
-            @for (end, close) in ends {
-                @match close {
+            @for (end, crowded) in ends {
+                @match crowded {
                     Some(extent) => (outline(frame, extent, end)),
                     None => @for drone in &swarm { (drone.end_mark(frame, end)) },
                 }
@@ -62,24 +62,24 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
     } else {
         (700.0, 700.0)
     };
-    let frame = Frame::fit(whole.roomy(LEAST_M, PROPORTIONS), paper_px);
+    let frame = Frame::fit(whole.with_margin(LEAST_M, PROPORTIONS), paper_px);
     html! {
         div.map {
             div.main.wide[is_wide(whole)] {
                 (frame.picture("Map of the tracks of all drones, north up", Axes::Named, &content(&frame)))
             }
             div.beside {
-                (legend((flight.range_m, is_beyond), ends.iter().any(|(_, close)| close.is_none())))
-                @for (end, close) in ends {
-                    @if let Some(extent) = close { (enlarged(&swarm, extent, end)) }
+                (legend((flight.range_m, is_beyond), ends.iter().any(|(_, crowded)| crowded.is_none())))
+                @for (end, crowded) in ends {
+                    @if let Some(extent) = crowded { (enlarged(&swarm, extent, end)) }
                 }
             }
         }
     }
 }
 
-/// All ground that anything is drawn on.
-fn whole(swarm: &[Drawn<'_>], flight: &Flight, master: Option<Ned>) -> Option<Extent> {
+/// Extent of everything drawn.
+fn whole(swarm: &[DroneDrawing<'_>], flight: &Flight, master: Option<Ned>) -> Option<Extent> {
     let tracks = swarm
         .iter()
         .flat_map(|drone| drone.flight.track.iter().map(|&(_, place)| place));
@@ -93,14 +93,14 @@ fn whole(swarm: &[Drawn<'_>], flight: &Flight, master: Option<Ned>) -> Option<Ex
     })
 }
 
-/// The ground around an end of everyone's track, if on the map of `whole` it would be a spot.
-fn close(swarm: &[Drawn<'_>], whole: Extent, end: End) -> Option<Extent> {
+/// Extent around one end of all tracks, if it is too small on the map of `whole`.
+fn crowded(swarm: &[DroneDrawing<'_>], whole: Extent, end: End) -> Option<Extent> {
     let extent = Extent::around(swarm.iter().filter_map(|drone| drone.end(end)))?;
-    let a_spot = swarm.len() > 1 && extent.longest_m() * ENLARGED_FROM < whole.longest_m();
-    a_spot.then(|| extent.roomy(LEAST_M, PROPORTIONS_ENLARGED))
+    let too_small = swarm.len() > 1 && extent.longest_m() * ENLARGED_FROM < whole.longest_m();
+    too_small.then(|| extent.with_margin(LEAST_M, PROPORTIONS_ENLARGED))
 }
 
-/// Whether the map takes the page's width, and leaves no room beside it.
+/// Whether the map takes the full width of the page.
 fn is_wide(whole: Extent) -> bool {
     let (east_m, north_m) = whole.size_m();
     east_m > 1.4 * north_m
@@ -113,7 +113,7 @@ fn range(frame: &Frame, master: Option<Ned>, range_m: f64) -> Markup {
     let ((x, y), radius) = (frame.point_px(centre), frame.length_px(range_m));
     html! {
         g.range {
-            title { "the master's radio reaches " (figure(range_m, 0)) " m" }
+            title { "radio range of the master: " (figure(range_m, 0)) " m" }
             circle cx=(px(x)) cy=(px(y)) r=(px(radius)) {}
             @if radius > 50.0 {
                 text.halo x=(px(x)) y=(px(y + radius - 10.0)) text-anchor="middle" {
@@ -124,8 +124,8 @@ fn range(frame: &Frame, master: Option<Ned>, range_m: f64) -> Markup {
     }
 }
 
-/// The way that each drone's acknowledgements took.
-fn links(frame: &Frame, swarm: &[Drawn<'_>]) -> Markup {
+/// Lines from each drone to its parent.
+fn links(frame: &Frame, swarm: &[DroneDrawing<'_>]) -> Markup {
     let place_of = |id: u32| swarm.iter().find(|drone| drone.report.id == id)?.formed;
     html! {
         @for drone in swarm {
@@ -137,18 +137,18 @@ fn links(frame: &Frame, swarm: &[Drawn<'_>]) -> Markup {
     }
 }
 
-/// The ids below the places that are given, the master's in any case.
+/// Ids of the drones at the given places; the master's is always shown.
 fn ids<'a>(
     frame: &Frame,
-    swarm: &[Drawn<'a>],
-    place: impl Fn(&Drawn<'a>) -> Option<Ned>,
+    swarm: &[DroneDrawing<'a>],
+    place: impl Fn(&DroneDrawing<'a>) -> Option<Ned>,
 ) -> Markup {
-    let placed = |drone: &Drawn<'a>| Some((drone.report.id, frame.point_px(place(drone)?)));
+    let placed = |drone: &DroneDrawing<'a>| Some((drone.report.id, frame.point_px(place(drone)?)));
     let points: Vec<_> = swarm.iter().rev().filter_map(placed).collect();
     label::ids(&points, swarm.first().map_or(0.0, |drone| drone.size_px))
 }
 
-/// A frame around ground that is enlarged elsewhere.
+/// Outline of an area that is enlarged elsewhere.
 fn outline(frame: &Frame, extent: Extent, end: End) -> Markup {
     let [x, y, width, height] = frame.rectangle_px(extent);
     html! {
@@ -166,7 +166,7 @@ fn north_arrow(width_px: f64) -> Markup {
     }
 }
 
-fn enlarged(swarm: &[Drawn<'_>], extent: Extent, end: End) -> Markup {
+fn enlarged(swarm: &[DroneDrawing<'_>], extent: Extent, end: End) -> Markup {
     let frame = Frame::fit(extent, (290.0, 200.0));
     let content = html! {
         @for drone in swarm { (drone.track(&frame)) }
@@ -186,8 +186,8 @@ fn legend((range_m, is_beyond): (f64, bool), with_ends: bool) -> Markup {
     html! {
         ul.legend {
             (kinds())
-            li { (mark::swatch("", &html! { circle.pin r="7" {} })) "waypoint of the centre" }
-            li { (mark::swatch("", &html! { line.link x1="-9" x2="9" {} })) "way to the master" }
+            li { (mark::swatch("", &html! { circle.pin r="7" {} })) "waypoint of the formation's centre" }
+            li { (mark::swatch("", &html! { line.link x1="-9" x2="9" {} })) "route to the master" }
             li {
                 (mark::swatch("range", &html! { circle r="8" {} })) (figure(range_m, 0)) " m radio range"
                 @if is_beyond { ", beyond the map" }
@@ -200,7 +200,7 @@ fn legend((range_m, is_beyond): (f64, bool), with_ends: bool) -> Markup {
     }
 }
 
-/// The kinds of drones, as entries of a legend.
+/// Legend entries of the kinds of drones.
 pub(crate) fn kinds() -> Markup {
     html! {
         @for kind in Kind::ALL {
@@ -209,7 +209,7 @@ pub(crate) fn kinds() -> Markup {
     }
 }
 
-/// A drone of this kind, for a legend or a line of text.
+/// Symbol of a kind of drone, for legends and tables.
 pub(super) fn swatch(kind: Kind) -> Markup {
     mark::swatch(
         &format!("k-{}", kind.name()),

@@ -1,13 +1,13 @@
-//! Drones that take off, cross and land in waves.
+//! Take-off, crossing and landing in waves.
 
 use super::*;
 use crate::formation::{Change, Path};
 
-/// The height of the slots, in metres.
+/// Altitude of the slots, in metres.
 const SLOTS_M: f64 = 30.0;
 
-/// The way of a drone between ground and slot, flown either way.
-fn way_up(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Path; 3] {
+/// Path of a drone between ground and slot; flown in either direction.
+fn ground_path(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Path; 3] {
     let slot = layout.slot(id, Ned::new(0.0, 0.0, -SLOTS_M));
     let level_m = SLOTS_M + layer_m;
     let corners = [
@@ -22,45 +22,48 @@ fn way_up(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Path; 3] {
     })
 }
 
-fn standing(place: Ned) -> Path {
+fn waiting_at(place: Ned) -> Path {
     Path {
         from: place,
         to: place,
     }
 }
 
-fn near(paths: &[Path], others: &[Path]) -> bool {
-    paths.iter().any(|path| {
-        others
-            .iter()
-            .any(|other| path.comes_near(*other, SEPARATION))
-    })
+fn violate(paths: &[Path], others: &[Path]) -> bool {
+    paths
+        .iter()
+        .any(|path| others.iter().any(|other| path.violates(*other, SEPARATION)))
 }
 
-/// Drones that rest in their slots are clear of the ways of the waves after them, and ways of one wave of each other, except
-/// so many pairs.
+/// Checks that drones waiting in their slots are clear of the paths of later waves, and that paths within a wave are
+/// clear of each other, except for up to `exposed` pairs.
 fn assert_apart(paths: &[[Path; 3]], wave_of: impl Fn(NodeId) -> u16, exposed: usize) {
     let at = |id: usize| NodeId(u32::try_from(id).unwrap());
-    let mut near_in_wave = 0;
+    let mut violations_in_wave = 0;
     for (a, one) in paths.iter().enumerate() {
         for (b, other) in paths.iter().enumerate().take(a) {
             match wave_of(at(a)).cmp(&wave_of(at(b))) {
-                Ordering::Equal => near_in_wave += usize::from(near(one, other)),
-                Ordering::Less => assert!(!near(&[standing(one[2].to)], other), "{b} passes {a}"),
+                Ordering::Equal => violations_in_wave += usize::from(violate(one, other)),
+                Ordering::Less => {
+                    assert!(!violate(&[waiting_at(one[2].to)], other), "{b} passes {a}");
+                }
                 Ordering::Greater => {
-                    assert!(!near(&[standing(other[2].to)], one), "{a} passes {b}");
+                    assert!(!violate(&[waiting_at(other[2].to)], one), "{a} passes {b}");
                 }
             }
         }
     }
-    assert!(near_in_wave <= exposed, "{near_in_wave} of {exposed}");
+    assert!(
+        violations_in_wave <= exposed,
+        "{violations_in_wave} of {exposed}"
+    );
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn a_wave_flies_clear_of_those_that_have_flown_and_of_itself(
+    fn wave_is_clear_of_earlier_waves_and_of_itself(
         kind in kinds(),
         drones in 2_u32..50,
         ground in grounds(),
@@ -68,24 +71,24 @@ proptest! {
         heading_rad in 0.0..6.3_f64,
     ) {
         let layout = Layout::new(formation(kind, drones, 60.0, heading_rad), 10.0, SEPARATION)
-            .standing(ground)
+            .with_ground(ground)
             .in_waves(layers_max);
         let layers_m = layout.take_off_layers_m();
         let up: Vec<_> = (0..drones).map(NodeId).map(|id| {
-            let stand = layout.stand(id, Ned::HOME);
-            way_up(&layout, stand, layers_m[id.0 as usize], id)
+            let stand = layout.take_off_place(id, Ned::HOME);
+            ground_path(&layout, stand, layers_m[id.0 as usize], id)
         }).collect();
-        let exposed = layout.take_off().arranged.stack.exposed;
+        let exposed = layout.take_off_paths().places.layer_plan.exposed;
         assert_apart(&up, |id| layout.take_off_wave(id), exposed);
 
-        // A landing is flown the other way round, and its waves are reversed.
+        // A landing is flown in the reverse direction, with its waves reversed.
         let layers_m = layout.landing_layers_m();
         let down: Vec<_> = (0..drones).map(NodeId).map(|id| {
-            let place = layout.place(id, Ned::HOME);
-            way_up(&layout, place, layers_m[id.0 as usize], id)
+            let place = layout.landing_place(id, Ned::HOME);
+            ground_path(&layout, place, layers_m[id.0 as usize], id)
         }).collect();
         let last = layout.landing_waves() - 1;
-        let exposed = layout.landing.arranged.stack.exposed;
+        let exposed = layout.landing.places.layer_plan.exposed;
         assert_apart(&down, |id| last - layout.landing_wave(id), exposed);
 
         let master = layout.formation().centre();
@@ -93,7 +96,7 @@ proptest! {
     }
 
     #[test]
-    fn a_wave_crosses_clear_of_those_that_rest_in_their_sectors(
+    fn crossing_wave_is_clear_of_drones_waiting_in_their_sectors(
         from in kinds(),
         to in kinds(),
         drones in 2_u32..50,
@@ -109,23 +112,23 @@ proptest! {
         }).collect();
         for (a, (wave, path)) in paths.iter().enumerate() {
             for (other_wave, other) in &paths[..a] {
-                let rests = match wave.cmp(other_wave) {
+                let violates_waiting = match wave.cmp(other_wave) {
                     Ordering::Equal => false,
-                    // The later one rests where it begins, the earlier one where it ends.
-                    Ordering::Less => near(&[*path], &[standing(other.from)])
-                        || near(&[*other], &[standing(path.to)]),
-                    Ordering::Greater => near(&[*other], &[standing(path.from)])
-                        || near(&[*path], &[standing(other.to)]),
+                    // The later one waits at its start, the earlier one at its end.
+                    Ordering::Less => violate(&[*path], &[waiting_at(other.from)])
+                        || violate(&[*other], &[waiting_at(path.to)]),
+                    Ordering::Greater => violate(&[*other], &[waiting_at(path.from)])
+                        || violate(&[*path], &[waiting_at(other.to)]),
                 };
-                let meets = wave == other_wave && near(&[*path], &[*other]);
-                prop_assert!(!rests && !meets, "{wave} and {other_wave}");
+                let violates_flying = wave == other_wave && violate(&[*path], &[*other]);
+                prop_assert!(!violates_waiting && !violates_flying, "{wave} and {other_wave}");
             }
         }
     }
 }
 
 #[test]
-fn a_hundred_drones_in_a_grid_do_with_eight_layers() {
+fn hundred_drones_in_a_grid_fly_in_waves_with_eight_layers() {
     let layout = Layout::new(
         formation(Kind::RegularMatrix, 100, 100.0, 0.0),
         10.0,
@@ -143,7 +146,7 @@ fn a_hundred_drones_in_a_grid_do_with_eight_layers() {
 }
 
 #[test]
-fn where_layers_do_all_fly_in_one_wave() {
+fn all_fly_in_one_wave_if_layers_suffice() {
     let layout = Layout::new(line(15, 160.0, 0.0), 10.0, SEPARATION).in_waves(3);
     assert_eq!((layout.take_off_waves(), layout.landing_waves()), (1, 1));
 }

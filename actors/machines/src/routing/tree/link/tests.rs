@@ -2,7 +2,7 @@ use super::super::tests::neighbourhood::{Neighbourhood, with_route};
 use super::*;
 use crate::routing::{Reception, Tree};
 
-/// What drone 2 says, which hears that share of drone 1's frames, in sixteenths.
+/// A report of drone 2, which receives this share of drone 1's frames, in sixteenths.
 fn hearing(sixteenths: u8) -> Tree {
     let reception = Reception {
         id: NodeId(1),
@@ -18,83 +18,86 @@ fn hearing(sixteenths: u8) -> Tree {
 }
 
 #[test]
-fn a_neighbour_is_out_of_reach_once_its_link_explains_it_once_in_a_thousand_times() {
+fn neighbour_is_unreachable_at_failure_odds_of_one_in_a_thousand() {
     for (sixteenths, times) in [(16, 2), (15, 3), (12, 5), (8, 10), (1, 12)] {
         let mut near = Neighbourhood::of(1);
-        near.hear_well(2, &hearing(sixteenths));
-        let mut given_up = 0;
+        near.receive_well(2, &hearing(sixteenths));
+        let mut failed_deliveries = 0;
         while near.links.get(NodeId(2)).unwrap().is_reachable() {
-            near.links.change_reach(NodeId(2), Link::give_up_once);
-            given_up += 1;
+            near.links.update_link(NodeId(2), Link::record_failure);
+            failed_deliveries += 1;
         }
-        assert_eq!(given_up, times, "{sixteenths} of sixteen are heard");
-        near.hear(2, hearing(sixteenths));
+        assert_eq!(failed_deliveries, times, "{sixteenths}/16 received");
+        near.receive(2, hearing(sixteenths));
         assert!(near.links.get(NodeId(2)).unwrap().is_reachable());
     }
 }
 
 #[test]
-fn trusted_is_who_hears_well_has_missed_nothing_since_and_does_not_ask() {
+fn lossless_neighbour_without_failures_or_requests_is_trusted() {
     let is_trusted = |sixteenths, change: fn(&mut Neighbourhood)| {
         let mut near = Neighbourhood::of(1);
-        near.hear_well(2, &hearing(sixteenths));
+        near.receive_well(2, &hearing(sixteenths));
         change(&mut near);
         near.links.get(NodeId(2)).unwrap().is_trusted()
     };
     assert!(is_trusted(16, |_| ()));
     assert!(!is_trusted(15, |_| ()));
-    assert!(!is_trusted(16, |near| near.links.asks(NodeId(2))));
+    assert!(!is_trusted(16, |near| near.links.record_request(NodeId(2))));
     let give_up = |near: &mut Neighbourhood| {
-        near.links.change_reach(NodeId(2), Link::give_up_once);
+        near.links.update_link(NodeId(2), Link::record_failure);
     };
     assert!(!is_trusted(16, give_up));
 }
 
 #[test]
-fn what_arrived_is_known_there_until_the_neighbour_shows_that_it_is_not() {
+fn delivered_state_counts_until_a_report_contradicts_it() {
     let mut near = Neighbourhood::of(1);
     let knows_none = Tree {
         sequence: 0,
         parent: Some(NodeId(1)),
         ..with_route(2, 64, 1)
     };
-    near.hear(2, knows_none.clone());
-    assert!(!near.links.get(NodeId(2)).unwrap().knows(1));
-    let told = Tree {
+    near.receive(2, knows_none.clone());
+    assert!(!near.links.get(NodeId(2)).unwrap().has_order(1));
+    let delivered = Tree {
         sequence: 1,
         ..Tree::default()
     };
-    let told = crate::wire::encode_packet(&crate::routing::Packet::Tree(told));
+    let delivered = crate::wire::encode_packet(&crate::routing::Packet::Tree(delivered));
     near.links
-        .told(NodeId(2), &crate::wire::decode_tree(&told).unwrap());
-    assert!(near.links.get(NodeId(2)).unwrap().knows(1));
-    near.hear(2, knows_none);
-    assert!(!near.links.get(NodeId(2)).unwrap().knows(1), "it restarted");
+        .record_delivery(NodeId(2), &crate::wire::decode_tree(&delivered).unwrap());
+    assert!(near.links.get(NodeId(2)).unwrap().has_order(1));
+    near.receive(2, knows_none);
+    assert!(
+        !near.links.get(NodeId(2)).unwrap().has_order(1),
+        "the report contradicts the delivery"
+    );
 }
 
 #[test]
-fn a_link_counts_both_ways_until_it_is_left_out_for_longer_than_by_chance() {
+fn link_stays_symmetric_until_omitted_for_longer_than_stale_time() {
     let mut near = Neighbourhood::of(1);
-    near.hear_well(2, &hearing(16));
-    let leaves_out = Tree {
+    near.receive_well(2, &hearing(16));
+    let omits_this_drone = Tree {
         hears: Some(NodeSet::from(NodeId(3))),
         ..with_route(1, 32, 1)
     };
-    let passes_on = Tree {
+    let forwarded = Tree {
         hears: None,
         ..with_route(1, 32, 1)
     };
-    let stale = near.links.get(NodeId(2)).unwrap().quality.stale_beacons;
+    let stale = near.links.get(NodeId(2)).unwrap().quality.stale_heartbeats;
     for _ in 0..=stale {
-        near.hear(2, leaves_out.clone());
+        near.receive(2, omits_this_drone.clone());
         assert!(near.links.get(NodeId(2)).unwrap().symmetric);
-        // An order that it passes on does not say which drones it hears.
-        near.hear_as_it_is(2, passes_on.clone());
-        near.now += Neighbourhood::BEACON * 9 / 10;
+        // A forwarded order does not report which drones are heard.
+        near.receive_unmodified(2, forwarded.clone());
+        near.now += Neighbourhood::HEARTBEAT_PERIOD * 9 / 10;
     }
-    near.now += Neighbourhood::BEACON;
-    near.hear(2, leaves_out);
+    near.now += Neighbourhood::HEARTBEAT_PERIOD;
+    near.receive(2, omits_this_drone);
     assert!(!near.links.get(NodeId(2)).unwrap().symmetric);
-    near.hear(2, hearing(16));
+    near.receive(2, hearing(16));
     assert!(near.links.get(NodeId(2)).unwrap().symmetric);
 }

@@ -12,56 +12,55 @@ fn config() -> Config {
         id: NodeId(1),
         drones: 16,
         relays: 0,
-        beacon: Neighbourhood::BEACON,
+        heartbeat_period: Neighbourhood::HEARTBEAT_PERIOD,
         repair: REPAIR,
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),
         time_to_live: Duration::from_secs(10),
-        patience: Duration::from_secs(10),
+        route_timeout: Duration::from_secs(10),
     }
 }
 
-/// Drone 1, whose parent, drone 0, speaks once a beacon. It hears drone 2, which is below it, unless it is alone.
+/// Drone 1 with parent 0, which sends once per heartbeat period, and, unless it is alone, with child 2.
 struct Child {
     near: Neighbourhood,
-    core: Core,
+    shared: SharedState,
     rng: ChaCha8Rng,
-    /// When the burst ends, or the next begins, in which all is lost.
+    /// Whether a loss burst is going on, and when that changes.
     burst: (bool, Timestamp),
-    /// How long it is to the next burst in the mean.
+    /// Mean time between two bursts.
     gap_ms: f64,
 }
 
-/// How long a burst lasts in the mean.
+/// Mean duration of a burst.
 const BURST_MS: f64 = 20.0;
 
 impl Child {
     fn new(seed: u64) -> Self {
         let mut child = Self::alone(seed);
-        let below = Tree {
+        let subtree = Tree {
             parent: Some(NodeId(1)),
             ..with_route(2, 64, 0)
         };
-        child.near.hear_well(2, &below);
+        child.near.receive_well(2, &subtree);
         child
     }
 
     fn alone(seed: u64) -> Self {
         Self {
             near: Neighbourhood::of(1),
-            core: member(1),
+            shared: member(1),
             rng: ChaCha8Rng::seed_from_u64(seed),
             burst: (false, Timestamp::ZERO),
             gap_ms: 180.0,
         }
     }
 
-    /// Hears the parent for so many beacons, of which each is lost by `is_lost`. The parent says how many of the child's
-    /// frames it hears, of which as many are lost.
-    fn hear(&mut self, beacons: u32, mut is_lost: impl FnMut(&mut Self) -> bool) {
+    /// Receives the parent's heartbeats, lost by `is_lost`. The parent reports the same loss for the child's frames.
+    fn receive_parent(&mut self, heartbeats: u32, mut is_lost: impl FnMut(&mut Self) -> bool) {
         let mut recent = 0.0;
-        for heartbeat in 1..=beacons {
-            self.near.now += Neighbourhood::BEACON;
+        for heartbeat in 1..=heartbeats {
+            self.near.now += Neighbourhood::HEARTBEAT_PERIOD;
             let missed = f64::from(u8::from(is_lost(self)));
             recent += (missed - recent) / 12.0;
             if is_lost(self) {
@@ -71,7 +70,7 @@ impl Child {
             let sixteenths = f64::round((1.0 - recent) * 16.0).clamp(1.0, 16.0) as u8;
             let id = NodeId(1);
             let reception = Reception { id, sixteenths };
-            self.near.hear(
+            self.near.receive(
                 0,
                 Tree {
                     weak: Some(reception)
@@ -82,10 +81,10 @@ impl Child {
                 },
             );
         }
-        self.near.hear(0, with_route(0, 0, beacons + 1));
+        self.near.receive(0, with_route(0, 0, heartbeats + 1));
     }
 
-    /// Whether a frame is lost that is sent now, where losses come in bursts.
+    /// Whether a frame sent now is lost in a burst.
     fn is_in_burst(&mut self) -> bool {
         while self.burst.1 <= self.near.now {
             self.burst.0 = !self.burst.0;
@@ -96,31 +95,31 @@ impl Child {
         self.burst.0
     }
 
-    /// Probes the parent, which is stale, until it answers or is left; how often, how long that took, and whether it is
-    /// left. `is_answered` tells whether a probe is.
+    /// Probes the stale parent until it answers or is dropped; returns the number of probes, their duration, and
+    /// whether the parent was dropped. `is_answered` tells whether a probe is answered.
     fn probe(&mut self, mut is_answered: impl FnMut(&mut Self) -> bool) -> (u32, Duration, bool) {
         let (mut probe, begun, mut probes) = (ParentProbe::default(), self.near.now, 0);
         let config = config();
         loop {
-            let route = Route {
+            let route = WatchedRoute {
                 parent: Some(NodeId(0)),
                 stale_at: Some(begun),
                 orphaned_since: None,
             };
-            let due = probe.deadline(&self.core, &self.near.links, route, &config);
-            self.near.now = due.expect("a stale parent is probed, or left");
+            let due = probe.deadline(&self.shared, &self.near.links, route, &config);
+            self.near.now = due.expect("a stale parent is probed or dropped");
             let times = (self.near.now, &config);
-            let step = probe.step(&mut self.core, &self.near.links, route, times);
+            let step = probe.step(&mut self.shared, &self.near.links, route, times);
             let elapsed = self.near.now.since(begun);
-            match step.expect("it was due") {
-                Step::Probe { is_first } => {
+            match step.expect("a step was due") {
+                ProbeStep::Probe { is_first } => {
                     assert_eq!(is_first, probes == 0);
                     probes += 1;
                     if is_answered(self) {
                         return (probes, elapsed, false);
                     }
                 }
-                Step::Leave(parent) => {
+                ProbeStep::DropParent(parent) => {
                     assert_eq!(parent, NodeId(0));
                     return (probes, elapsed, true);
                 }
@@ -135,74 +134,75 @@ impl Child {
 }
 
 #[test]
-fn a_living_parent_is_next_to_never_left_over_a_link_that_loses_three_frames_in_ten() {
+fn live_parent_is_kept_at_30_percent_loss() {
     const LINKS: u64 = 1_000;
     let mut chance = 0.0;
     for seed in 0..LINKS {
         let mut child = Child::new(seed);
-        child.hear(100, |child| child.loses(0.3));
-        // A hundred probings each, 100,000 in all.
+        child.receive_parent(100, |child| child.loses(0.3));
+        // 100 probings each, 100,000 in all.
         for _ in 0..100 {
-            let (_, _, is_left) = child.probe(|child| !child.loses(0.3) && !child.loses(0.3));
-            assert!(!is_left, "link {seed}");
+            let (_, _, is_dropped) = child.probe(|child| !child.loses(0.3) && !child.loses(0.3));
+            assert!(!is_dropped, "link {seed}");
         }
         let (probes, _, _) = child.probe(|_| false);
         chance += libm::pow(1.0 - 0.7 * 0.7, f64::from(probes));
     }
-    // One in a thousand million where the loss is known, and some more as it is estimated.
+    // One in a billion for a known loss, a bit more for an estimated one.
     let chance = chance / LINKS as f64;
     assert!(chance < 1e-6, "{chance}");
 }
 
-/// How many of a hundred thousand probings that begin with a burst leave the parent, which lives.
-fn left_in_bursts(gap_ms: f64) -> u32 {
-    let mut left = 0;
+/// How many of 100,000 probings that start in a burst drop the live parent.
+fn dropped_in_bursts(gap_ms: f64) -> u32 {
+    let mut dropped = 0;
     for seed in 0..1_000 {
         let mut child = Child::new(seed);
         child.gap_ms = gap_ms;
-        child.hear(250, Child::is_in_burst);
+        child.receive_parent(250, Child::is_in_burst);
         for _ in 0..100 {
             while !child.is_in_burst() {
                 child.near.now = child.burst.1;
             }
             let answered = |child: &mut Child| !child.is_in_burst();
-            left += u32::from(child.probe(answered).2);
+            dropped += u32::from(child.probe(answered).2);
             child.near.now += Duration::from_secs(1);
         }
     }
-    left
+    dropped
 }
 
 #[test]
-fn a_living_parent_is_next_to_never_left_in_a_burst() {
-    // A tenth of the time is lost. Once in a few hundred thousand times, if it is known to be.
-    let left = left_in_bursts(180.0);
-    assert!(left <= 5, "{left} of 100,000");
-    // A twentieth: often less is measured, and then the parent is probed for less long.
-    let left = left_in_bursts(380.0);
-    assert!(left <= 100, "{left} of 100,000");
+fn live_parent_is_kept_during_loss_bursts() {
+    // 10 % loss: once in a few hundred thousand, if the loss is measured correctly.
+    let dropped = dropped_in_bursts(180.0);
+    assert!(dropped <= 5, "{dropped} of 100,000");
+    // 5 % loss: less is often measured, which shortens the probing.
+    let dropped = dropped_in_bursts(380.0);
+    assert!(dropped <= 100, "{dropped} of 100,000");
 }
 
 #[test]
-fn a_parent_that_is_gone_is_left_within_the_bound_however_much_its_link_lost() {
+fn lost_parent_is_dropped_within_detection_max() {
     for seed in 0..20 {
         for percent in (0..100).step_by(5) {
             let mut child = Child::new(seed);
-            child.hear(200, |child| child.loses(f64::from(percent) / 100.0));
+            child.receive_parent(200, |child| child.loses(f64::from(percent) / 100.0));
             let link = child.near.links.get(NodeId(0)).unwrap();
-            let stale = Neighbourhood::BEACON * link.quality.stale_beacons.into();
-            let (probes, took, is_left) = child.probe(|_| false);
-            assert!(is_left && (1..=PROBES_MAX).contains(&probes));
-            let bound = config().detection() - config().patience - config().beacon;
+            let stale = Neighbourhood::HEARTBEAT_PERIOD * link.quality.stale_heartbeats.into();
+            let (probes, took, is_dropped) = child.probe(|_| false);
+            assert!(is_dropped && (1..=PROBES_MAX).contains(&probes));
+            let bound =
+                config().detection_max() - config().route_timeout - config().heartbeat_period;
             assert!((stale + took) * 2 <= bound, "{took:?} at {percent} %");
         }
     }
 }
 
 #[test]
-fn probes_are_a_repair_apart_at_least_and_spread_over_the_longest_burst() {
+fn probes_are_a_repair_apart_and_outlast_a_burst() {
     let mut child = Child::new(1);
-    child.hear(250, |child| child.loses(0.1));
+    child.receive_parent(250, |child| child.loses(0.1));
     let mut at = Vec::new();
     let (_, took, _) = child.probe(|child| {
         at.push(child.near.now);
@@ -212,18 +212,18 @@ fn probes_are_a_repair_apart_at_least_and_spread_over_the_longest_burst() {
     for pair in at.windows(2) {
         assert!(pair[1].since(pair[0]) >= REPAIR);
     }
-    // Where next to nothing is lost there are no bursts to wait for.
+    // A lossless link has no bursts to wait for.
     let mut child = Child::new(1);
-    child.hear(250, |_| false);
+    child.receive_parent(250, |_| false);
     let (probes, took, _) = child.probe(|_| false);
     assert!((5..=7).contains(&probes) && took <= REPAIR * 2 * probes);
 }
 
 #[test]
-fn a_parent_that_was_heard_is_probed_from_the_first_probe_on_again() {
+fn heard_parent_restarts_the_probes() {
     let mut child = Child::new(1);
-    child.hear(100, |child| child.loses(0.3));
-    let route = |stale_at| Route {
+    child.receive_parent(100, |child| child.loses(0.3));
+    let route = |stale_at| WatchedRoute {
         parent: Some(NodeId(0)),
         stale_at,
         orphaned_since: None,
@@ -232,124 +232,125 @@ fn a_parent_that_was_heard_is_probed_from_the_first_probe_on_again() {
     let stale_at = Some(child.near.now + Duration::from_secs(3));
     for is_first in [true, false, false] {
         let times = (child.near.now, &config);
-        let step = probe.step(&mut child.core, &child.near.links, route(stale_at), times);
-        assert_eq!(step, Some(Step::Probe { is_first }));
+        let step = probe.step(&mut child.shared, &child.near.links, route(stale_at), times);
+        assert_eq!(step, Some(ProbeStep::Probe { is_first }));
         child.near.now += REPAIR * 2;
     }
-    child.near.hear(0, with_route(0, 0, 500));
+    child.near.receive(0, with_route(0, 0, 500));
     let due = |probe: &ParentProbe, child: &Child| {
-        let (core, links) = (&child.core, &child.near.links);
-        probe.deadline(core, links, route(stale_at), &config)
+        let (shared, links) = (&child.shared, &child.near.links);
+        probe.deadline(shared, links, route(stale_at), &config)
     };
     assert_eq!(due(&probe, &child), stale_at);
     let times = (child.near.now, &config);
-    let step = probe.step(&mut child.core, &child.near.links, route(stale_at), times);
-    assert_eq!(step, Some(Step::Probe { is_first: true }));
+    let step = probe.step(&mut child.shared, &child.near.links, route(stale_at), times);
+    assert_eq!(step, Some(ProbeStep::Probe { is_first: true }));
 }
 
 #[test]
-fn who_hears_one_other_only_probes_it_as_long_as_it_may() {
+fn only_neighbour_gets_the_most_probes() {
     let mut child = Child::alone(1);
-    child.hear(250, |_| false);
-    let (probes, _, is_left) = child.probe(|_| false);
-    assert_eq!((probes, is_left), (PROBES_MAX, true));
+    child.receive_parent(250, |_| false);
+    let (probes, _, is_dropped) = child.probe(|_| false);
+    assert_eq!((probes, is_dropped), (PROBES_MAX, true));
 }
 
 impl Child {
-    /// Goes without a route from now on until it misses the master; how often it asks, and for how long.
-    fn miss_master(&mut self) -> (u32, Duration) {
-        self.miss_master_with(ParentProbe::default())
+    /// Runs without a route until the master is reported as silent; returns the number of inquiries and the time.
+    fn report_master_silent(&mut self) -> (u32, Duration) {
+        self.report_master_silent_with(ParentProbe::default())
     }
 
-    /// Probes its parent in vain, leaves it, and misses the master; how often it asks it from then on, and for how long.
-    fn leave_and_miss_master(&mut self) -> (u32, Duration) {
+    /// Probes the parent in vain, drops it, and runs until the master is reported as silent; returns the number of
+    /// inquiries since then and the time.
+    fn drop_parent_and_report_master_silent(&mut self) -> (u32, Duration) {
         let (mut probe, config) = (ParentProbe::default(), config());
-        let route = Route {
+        let route = WatchedRoute {
             parent: Some(NodeId(0)),
             stale_at: Some(self.near.now),
             orphaned_since: None,
         };
         loop {
-            let due = probe.deadline(&self.core, &self.near.links, route, &config);
-            self.near.now = due.expect("a stale parent is probed, or left");
+            let due = probe.deadline(&self.shared, &self.near.links, route, &config);
+            self.near.now = due.expect("a stale parent is probed or dropped");
             let times = (self.near.now, &config);
-            let step = probe.step(&mut self.core, &self.near.links, route, times);
-            if step == Some(Step::Leave(NodeId(0))) {
+            let step = probe.step(&mut self.shared, &self.near.links, route, times);
+            if step == Some(ProbeStep::DropParent(NodeId(0))) {
                 self.near.links.forget(NodeId(0));
                 break;
             }
         }
-        assert_eq!(probe.left(), Some(NodeId(0)));
-        self.miss_master_with(probe)
+        assert_eq!(probe.dropped_parent(), Some(NodeId(0)));
+        self.report_master_silent_with(probe)
     }
 
-    fn miss_master_with(&mut self, mut probe: ParentProbe) -> (u32, Duration) {
+    fn report_master_silent_with(&mut self, mut probe: ParentProbe) -> (u32, Duration) {
         let (config, begun) = (config(), self.near.now);
-        let route = Route {
+        let route = WatchedRoute {
             parent: None,
             stale_at: None,
             orphaned_since: Some(begun),
         };
         let mut inquiries = 0;
         loop {
-            let due = probe.deadline(&self.core, &self.near.links, route, &config);
+            let due = probe.deadline(&self.shared, &self.near.links, route, &config);
             self.near.now = due.unwrap();
             let times = (self.near.now, &config);
-            match probe.step(&mut self.core, &self.near.links, route, times) {
-                Some(Step::Inquire) => inquiries += 1,
-                Some(Step::Miss) => break,
+            match probe.step(&mut self.shared, &self.near.links, route, times) {
+                Some(ProbeStep::Inquire) => inquiries += 1,
+                Some(ProbeStep::ReportMasterSilent) => break,
                 other => panic!("{other:?}"),
             }
         }
-        self.core.miss_master();
-        let due = probe.deadline(&self.core, &self.near.links, route, &config);
-        assert_eq!(due, None, "it is missed already");
+        self.shared.report_master_silent();
+        let due = probe.deadline(&self.shared, &self.near.links, route, &config);
+        assert_eq!(due, None, "the master is reported already");
         (inquiries, self.near.now.since(begun))
     }
 }
 
 #[test]
-fn who_has_no_route_where_nobody_has_one_misses_the_master_when_its_patience_ends() {
+fn without_any_route_nearby_master_is_silent_after_route_timeout() {
     let mut child = Child::new(1);
-    child.near.hear(3, Tree::default());
-    assert_eq!(child.miss_master(), (0, config().patience));
+    child.near.receive(3, Tree::default());
+    assert_eq!(child.report_master_silent(), (0, config().route_timeout));
 }
 
 #[test]
-fn who_left_its_parent_asks_it_on_until_it_misses_the_master() {
+fn dropped_parent_is_asked_until_master_is_silent() {
     for loss in [0.0, 0.3] {
         let mut child = Child::new(1);
-        child.hear(250, |child| child.loses(loss));
-        child.near.hear(3, Tree::default());
-        let (inquiries, took) = child.leave_and_miss_master();
-        assert_eq!(took, config().patience);
-        assert_asks_all_the_time(inquiries, took);
+        child.receive_parent(250, |child| child.loses(loss));
+        child.near.receive(3, Tree::default());
+        let (inquiries, took) = child.drop_parent_and_report_master_silent();
+        assert_eq!(took, config().route_timeout);
+        assert_inquires_all_the_time(inquiries, took);
     }
 }
 
 #[test]
-fn who_leaves_the_only_drone_that_it_hears_waits_as_long_again_for_it_to_return() {
+fn drone_that_drops_its_only_neighbour_waits_longer() {
     let mut child = Child::alone(1);
-    child.hear(250, |_| false);
+    child.receive_parent(250, |_| false);
     let stale_at = child.near.now;
-    let (inquiries, took) = child.leave_and_miss_master();
-    assert_eq!(took, config().patience + config().probing_max());
-    assert_asks_all_the_time(inquiries, took);
-    let stale = config().beacon * STALE_BEACONS_MAX.into();
-    assert!(stale + child.near.now.since(stale_at) <= config().detection());
+    let (inquiries, took) = child.drop_parent_and_report_master_silent();
+    assert_eq!(took, config().route_timeout + config().probing_max());
+    assert_inquires_all_the_time(inquiries, took);
+    let stale = config().heartbeat_period * STALE_HEARTBEATS_MAX.into();
+    assert!(stale + child.near.now.since(stale_at) <= config().detection_max());
 }
 
 #[test]
-fn who_has_restarted_waits_for_the_others_before_it_misses_the_master() {
+fn restarted_drone_waits_longer_for_a_route() {
     let mut probe = ParentProbe::default();
     probe.resume();
-    let (_, took) = Child::alone(1).miss_master_with(probe);
-    assert_eq!(took, config().patience + config().probing_max());
-    assert!(took <= config().detection());
+    let (_, took) = Child::alone(1).report_master_silent_with(probe);
+    assert_eq!(took, config().route_timeout + config().probing_max());
+    assert!(took <= config().detection_max());
 }
 
-/// With a pause of a repair to two between two inquiries at first, and a part of the time without a route later.
-fn assert_asks_all_the_time(inquiries: u32, took: Duration) {
+/// The pause between inquiries is one to two repair intervals at first, and later grows with the time without a route.
+fn assert_inquires_all_the_time(inquiries: u32, took: Duration) {
     let back_off = f64::from(INQUIRY_BACK_OFF);
     let later = back_off * libm::log(took.div_duration_f64(REPAIR) / back_off);
     let expected = (back_off + later) / 1.5;
@@ -360,40 +361,48 @@ fn assert_asks_all_the_time(inquiries: u32, took: Duration) {
 }
 
 #[test]
-fn who_hears_one_other_only_asks_it_until_it_misses_the_master() {
+fn only_neighbour_is_asked_until_master_is_silent() {
     let mut child = Child::alone(1);
-    child.near.hear(0, Tree::default());
-    let (inquiries, took) = child.miss_master();
-    assert_eq!(took, config().patience, "that one has no route");
-    assert_asks_all_the_time(inquiries, took);
+    child.near.receive(0, Tree::default());
+    let (inquiries, took) = child.report_master_silent();
+    assert_eq!(took, config().route_timeout, "the neighbour has no route");
+    assert_inquires_all_the_time(inquiries, took);
 }
 
 #[test]
-fn who_has_no_route_where_others_have_one_waits_for_the_next_heartbeat_too() {
+fn drone_without_route_waits_one_heartbeat_if_neighbours_have_routes() {
     let mut child = Child::new(1);
     for sibling in [3, 4] {
-        child.near.hear(sibling, with_route(1, 500, 7));
+        child.near.receive(sibling, with_route(1, 500, 7));
     }
-    let missed = child.miss_master();
-    assert_eq!(missed, (INQUIRIES, config().patience + config().beacon));
+    let missed = child.report_master_silent();
+    assert_eq!(
+        missed,
+        (
+            INQUIRIES,
+            config().route_timeout + config().heartbeat_period
+        )
+    );
 }
 
 #[test]
-fn where_one_other_only_has_a_route_it_is_asked_all_the_time() {
+fn only_neighbour_with_a_route_is_asked_all_the_time() {
     let mut child = Child::new(1);
-    child.near.hear(3, with_route(1, 500, 7));
-    let (inquiries, took) = child.miss_master();
-    assert_eq!(took, config().patience + config().beacon);
-    assert_asks_all_the_time(inquiries, took);
+    child.near.receive(3, with_route(1, 500, 7));
+    let (inquiries, took) = child.report_master_silent();
+    assert_eq!(took, config().route_timeout + config().heartbeat_period);
+    assert_inquires_all_the_time(inquiries, took);
 }
 
 #[test]
-fn who_hears_one_other_only_waits_for_its_heartbeats_until_that_one_may_have_probed_its_own_parent()
-{
+fn drone_waits_until_its_only_neighbour_may_have_probed() {
     let mut child = Child::alone(1);
-    child.hear(10, |_| false);
-    let (_, took) = child.miss_master();
-    let beacons = config().beacon * STALE_BEACONS_MAX.into();
-    assert_eq!(took, config().patience + beacons);
-    assert!(Neighbourhood::BEACON * STALE_BEACONS_MAX.into() + took <= config().detection());
+    child.receive_parent(10, |_| false);
+    let (_, took) = child.report_master_silent();
+    let heartbeats = config().heartbeat_period * STALE_HEARTBEATS_MAX.into();
+    assert_eq!(took, config().route_timeout + heartbeats);
+    assert!(
+        Neighbourhood::HEARTBEAT_PERIOD * STALE_HEARTBEATS_MAX.into() + took
+            <= config().detection_max()
+    );
 }

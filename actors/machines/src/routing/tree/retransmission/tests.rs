@@ -1,66 +1,20 @@
 use proptest::prelude::*;
 
-use super::super::tests::neighbourhood::{Neighbourhood, member, order_of, with_route};
+use super::super::tests::neighbourhood::{member, order_of};
 use super::*;
-use crate::routing::Tree;
 
 const REPAIR: Duration = Duration::from_millis(8);
 const REPAIR_MAX: Duration = Duration::from_millis(200);
 
-fn ids<const N: usize>(ids: [u32; N]) -> NodeSet {
-    ids.into_iter().map(NodeId).collect()
-}
-
-/// What a neighbour says that knows order `sequence` and follows `parent`.
-fn following(parent: u32, sequence: u32) -> Tree {
-    Tree {
-        parent: Some(NodeId(parent)),
-        sequence,
-        ..with_route(2, 64, 1)
-    }
-}
-
 #[test]
-fn nothing_is_owed_over_links_that_nobody_routes_over() {
-    let mut core = member(1);
-    order_of(&mut core, 1);
-    let mut near = Neighbourhood::of(1);
-    near.hear_well(0, &with_route(0, 0, 1));
-    // A neighbour with another parent, a child that is behind, another that loses frames, and one that knows.
-    near.hear_well(2, &following(7, 0));
-    near.hear_well(3, &following(1, 0));
-    near.hear_well(4, &following(1, 0));
-    near.miss(4);
-    near.miss(4);
-    near.hear(4, following(1, 0));
-    near.hear_well(5, &following(1, 1));
-    let owed = |near: &Neighbourhood, parent| {
-        let times = (near.now, Neighbourhood::BEACON);
-        Owed::of(&core, &near.links, parent, times)
-    };
-    let now = owed(&near, None);
-    assert_eq!((now.trusted, now.unaware), (ids([3]), ids([4])));
-    assert_eq!(now.asking, ids([]));
-    assert_eq!(owed(&near, Some(NodeId(0))).unaware, ids([0, 4]));
-    // Who asks is answered, whoever its parent is.
-    near.links.asks(NodeId(2));
-    assert_eq!(owed(&near, None).asking, ids([2]));
-    // Children that were silent for longer than by chance may have gone elsewhere.
-    near.links.answered(None);
-    near.now += Neighbourhood::BEACON * 6;
-    assert!(!owed(&near, None).is_anyone_behind());
-    assert!(owed(&near, None).trusted.is_empty());
-}
-
-#[test]
-fn what_is_said_again_comes_at_random_half_a_pause_to_one_and_a_half_later() {
-    let mut core = member(1);
+fn repair_delay_is_between_half_and_one_and_a_half_intervals() {
+    let mut shared = member(1);
     let now = Timestamp::from_nanos(1_000_000_000);
     let (mut first, mut last) = (REPAIR_MAX * 2, Duration::ZERO);
     for _ in 0..1_000 {
-        let mut said = Retransmission::default();
-        said.begin(&mut core, now, REPAIR);
-        let pause = said.deadline().unwrap().since(now);
+        let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
+        retransmission.start(&mut shared, now);
+        let pause = retransmission.deadline().unwrap().since(now);
         (first, last) = (first.min(pause), last.max(pause));
     }
     let tenth = REPAIR / 10;
@@ -75,45 +29,48 @@ fn what_is_said_again_comes_at_random_half_a_pause_to_one_and_a_half_later() {
 }
 
 #[test]
-fn pauses_are_the_same_while_losses_are_by_chance_then_longer_and_bounded() {
-    let mut core = member(1);
-    let mut said = Retransmission::default();
+fn repair_interval_backs_off_after_steady_tries() {
+    let mut shared = member(1);
+    let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
     let mut now = Timestamp::from_nanos(1_000_000_000);
-    said.begin(&mut core, now, REPAIR);
+    retransmission.start(&mut shared, now);
     let mut pause = REPAIR;
     for tries in 0..40 {
-        let due = said.deadline().unwrap();
+        let due = retransmission.deadline().unwrap();
         let waited = due.since(now);
         assert!(
             waited >= pause / 2 && waited < pause * 3 / 2,
             "{tries}: {waited:?}"
         );
         now = due;
-        assert_eq!(said.take_due(now), Some(Due::Repair));
-        said.go_on(&mut core, now, (REPAIR, REPAIR_MAX));
+        assert_eq!(retransmission.take_due(now), Some(Due::Repair));
+        retransmission.back_off(&mut shared, now);
         if tries >= STEADY_TRIES {
             pause = (pause * 3 / 2).min(REPAIR_MAX);
         }
     }
     assert_eq!(pause, REPAIR_MAX);
-    assert!(said.has_tried_in_vain(Timestamp::ZERO));
-    assert!(!said.has_tried_in_vain(now), "it was heard meanwhile");
-    said.end();
-    assert_eq!(said.deadline(), None);
+    assert!(retransmission.has_exhausted_tries(Timestamp::ZERO));
+    assert!(
+        !retransmission.has_exhausted_tries(now),
+        "the parent was heard meanwhile"
+    );
+    retransmission.stop();
+    assert_eq!(retransmission.deadline(), None);
 }
 
 #[test]
-fn who_asks_again_and_again_is_answered_once_a_repair() {
-    let mut core = member(1);
-    let mut said = Retransmission::default();
+fn repeated_requests_get_one_answer_per_repair() {
+    let mut shared = member(1);
+    let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
     let mut now = Timestamp::from_nanos(1_000_000_000);
     let end = now + Duration::from_secs(1);
     let mut answers = 0;
     while now < end {
-        said.answer(&mut core, now, (1, REPAIR));
-        if said.take_due(now) == Some(Due::Answer) {
+        retransmission.schedule_answer(&mut shared, now, 1);
+        if retransmission.take_due(now) == Some(Due::Answer) {
             answers += 1;
-            said.spoken(now);
+            retransmission.record_sent(now);
         }
         now += Duration::from_micros(100);
     }
@@ -121,117 +78,116 @@ fn who_asks_again_and_again_is_answered_once_a_repair() {
 }
 
 #[test]
-fn answers_share_as_many_slots_as_there_are_neighbours_asked() {
-    let mut core = member(1);
+fn answer_delay_grows_with_the_number_of_requests() {
+    let mut shared = member(1);
     let now = Timestamp::from_nanos(1_000_000_000);
-    for asked in [0, 1, 8] {
+    for requested in [0, 1, 8] {
         let mut last = Duration::ZERO;
         for _ in 0..1_000 {
-            let mut said = Retransmission::default();
-            said.answer(&mut core, now, (asked, REPAIR));
-            let at = said.deadline().unwrap().since(now);
+            let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
+            retransmission.schedule_answer(&mut shared, now, requested);
+            let at = retransmission.deadline().unwrap().since(now);
             assert!(at >= ANSWER_SLOT / 4);
             last = last.max(at - ANSWER_SLOT / 4);
         }
-        let slots = u32::try_from(asked.max(1)).unwrap();
+        let slots = u32::try_from(requested.max(1)).unwrap();
         assert!(last < ANSWER_SLOT * slots && last > ANSWER_SLOT * slots * 9 / 10);
     }
 }
 
 #[test]
-fn a_newer_order_ends_attempts_to_pass_on_the_one_before() {
-    let mut core = member(1);
-    order_of(&mut core, 1);
-    let mut said = Retransmission::default();
+fn newer_order_cancels_retransmissions_of_the_old() {
+    let mut shared = member(1);
+    order_of(&mut shared, 1);
+    let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
     let now = Timestamp::from_nanos(1_000_000_000);
-    said.begin(&mut core, now, REPAIR);
-    said.relay(&mut core, now, 3);
-    said.copy_for(&mut core, now, 1, REPAIR);
-    said.ask(&mut core, now, NodeId(2), REPAIR);
-    assert!(said.deadline().is_some());
-    said.begin_order();
-    assert_eq!(said.deadline(), None);
-    said.answer(&mut core, now, (1, REPAIR));
-    said.begin_order();
+    retransmission.start(&mut shared, now);
+    retransmission.schedule_relay(&mut shared, now, 3);
+    retransmission.schedule_copy(&mut shared, now, 1);
+    retransmission.schedule_request(&mut shared, now, NodeId(2));
+    assert!(retransmission.deadline().is_some());
+    retransmission.start_order();
+    assert_eq!(retransmission.deadline(), None);
+    retransmission.schedule_answer(&mut shared, now, 1);
+    retransmission.start_order();
     assert!(
-        said.deadline().is_some(),
-        "who asks is answered with the newest"
+        retransmission.deadline().is_some(),
+        "requests are answered with the newest order"
     );
 }
 
-/// Something that makes a drone speak, so many microseconds after the one before.
+/// A call that makes a drone send.
 #[derive(Debug, Clone, Copy)]
 enum Call {
-    Say,
-    Begin,
-    Hurry,
+    Send,
+    Start,
+    Expedite,
     Retry,
     Relay(usize),
     Answer(usize),
     Copy,
-    Ask,
+    Request,
 }
 
 fn call() -> impl Strategy<Value = Call> {
     prop_oneof![
-        3 => Just(Call::Say),
-        1 => Just(Call::Begin),
-        1 => Just(Call::Hurry),
+        3 => Just(Call::Send),
+        1 => Just(Call::Start),
+        1 => Just(Call::Expedite),
         1 => Just(Call::Retry),
         1 => (0..20_usize).prop_map(Call::Relay),
         1 => (0..20_usize).prop_map(Call::Answer),
         1 => Just(Call::Copy),
-        1 => Just(Call::Ask),
+        1 => Just(Call::Request),
     ]
 }
 
 proptest! {
-    /// However often it is to speak, a drone never says more than its pace allows for; and what
-    /// is still to be said lies ahead.
+    /// The send rate never exceeds the token bucket, and deadlines lie in the future.
     #[test]
-    fn however_often_it_is_to_speak_a_drone_keeps_its_pace(
+    fn send_rate_never_exceeds_the_token_bucket(
         calls in prop::collection::vec((0..4_000_u64, call()), 1..400),
     ) {
-        let mut core = member(1);
-        order_of(&mut core, 1);
-        let mut said = Retransmission::default();
+        let mut shared = member(1);
+        order_of(&mut shared, 1);
+        let mut retransmission = Retransmission::new(REPAIR, REPAIR_MAX);
         let mut now = Timestamp::from_nanos(1_000_000_000);
-        let mut spoken = Vec::new();
+        let mut sent_at = Vec::new();
         for (micros, call) in calls {
             let until = now + Duration::from_micros(micros);
-            while let Some(due) = said.deadline().filter(|due| *due <= until) {
+            while let Some(due) = retransmission.deadline().filter(|due| *due <= until) {
                 prop_assert!(due >= now);
                 now = due;
-                while let Some(due) = said.take_due(now) {
+                while let Some(due) = retransmission.take_due(now) {
                     if due == Due::Repair {
-                        said.go_on(&mut core, now, (REPAIR, REPAIR_MAX));
+                        retransmission.back_off(&mut shared, now);
                     }
-                    said.spoken(now);
-                    spoken.push(now);
+                    retransmission.record_sent(now);
+                    sent_at.push(now);
                 }
-                prop_assert!(said.deadline().is_none_or(|due| due > now));
+                prop_assert!(retransmission.deadline().is_none_or(|due| due > now));
             }
             now = until;
             match call {
-                Call::Say => {
-                    if said.may_speak(now, REPAIR) {
-                        said.spoken(now);
-                        spoken.push(now);
+                Call::Send => {
+                    if retransmission.may_send(now) {
+                        retransmission.record_sent(now);
+                        sent_at.push(now);
                     }
                 }
-                Call::Begin => said.begin(&mut core, now, REPAIR),
-                Call::Hurry => said.hurry(&mut core, now, REPAIR),
-                Call::Retry => said.retry(&mut core, now, REPAIR),
-                Call::Relay(others) => said.relay(&mut core, now, others),
-                Call::Answer(asked) => said.answer(&mut core, now, (asked, REPAIR)),
-                Call::Copy => said.copy_for(&mut core, now, 1, REPAIR),
-                Call::Ask => said.ask(&mut core, now, NodeId(2), REPAIR),
+                Call::Start => retransmission.start(&mut shared, now),
+                Call::Expedite => retransmission.expedite(&mut shared, now),
+                Call::Retry => retransmission.retry(&mut shared, now),
+                Call::Relay(others) => retransmission.schedule_relay(&mut shared, now, others),
+                Call::Answer(requested) => retransmission.schedule_answer(&mut shared, now, requested),
+                Call::Copy => retransmission.schedule_copy(&mut shared, now, 1),
+                Call::Request => retransmission.schedule_request(&mut shared, now, NodeId(2)),
             }
         }
-        for (begin, at) in spoken.iter().enumerate() {
-            for (count, other) in (1..).zip(&spoken[begin..]) {
-                let pace = u128::from(BURST) + other.since(*at).as_nanos() / PACE.as_nanos();
-                prop_assert!(count <= pace, "{} frames in {:?}", count, other.since(*at));
+        for (first, at) in sent_at.iter().enumerate() {
+            for (count, other) in (1..).zip(&sent_at[first..]) {
+                let frames_max = u128::from(TOKENS_MAX) + other.since(*at).as_nanos() / TOKEN_INTERVAL.as_nanos();
+                prop_assert!(count <= frames_max, "{} frames in {:?}", count, other.since(*at));
             }
         }
     }

@@ -1,54 +1,54 @@
-//! Routes never form a loop: several routings over a network that loses, delays and reorders what they say.
+//! Routes never form a loop: several routings over a network that loses, delays and reorders frames.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::routing::Checkpoint as Kept;
+use crate::routing::Checkpoint;
 
-const BEACON: Duration = Duration::from_millis(100);
+const HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
 
-/// What happens to the network.
+/// A change of the network.
 #[derive(Debug, Clone)]
 enum Change {
-    /// For so many milliseconds nothing but what the drones do by themselves.
+    /// Runs for this many milliseconds.
     Run(u64),
-    /// From now on a link, in this direction, delivers so many sixteenths of the frames.
+    /// Sets the share of frames that a link delivers in one direction, in sixteenths.
     Link(usize, usize, u8),
-    /// A drone dies, or starts anew if it is dead, from its checkpoint: a fresh one, or the last that it handed out.
+    /// A drone restarts from its current state, or from the last checkpoint that it emitted.
     Restart {
         drone: usize,
         is_fresh: bool,
     },
     Die(usize),
-    /// A drone claims to lead, under a better ballot than any before.
+    /// A drone claims leadership under the best ballot so far.
     Lead(usize),
 }
 
-/// How the network is to begin.
+/// Initial state of the network.
 #[derive(Debug, Clone)]
 struct Network {
     drones: usize,
     seed: u64,
-    /// How long a frame takes at most, in milliseconds. Beyond what a drone waits for an answer frames overtake each other.
+    /// Longest delay of a frame, in milliseconds. Beyond the repair interval frames overtake each other.
     delay_max_ms: u64,
-    /// The share of frames that a link delivers at first, in sixteenths.
+    /// Share of frames that each link delivers at first, in sixteenths.
     delivers: u8,
-    /// Whether senders are told what became of a frame for one drone.
-    tells: bool,
+    /// Whether the medium reports the delivery of unicasts.
+    reports_delivery: bool,
 }
 
 struct Drone {
     routing: Option<Dissemination<TreePolicy>>,
     deadline: Option<Timestamp>,
-    kept: Option<Kept>,
-    /// The newest heartbeat sequence under which it announced a route before it restarted, and forgot that it did.
+    checkpoint: Option<Checkpoint>,
+    /// The newest heartbeat sequence of an announced route that the drone has forgotten in a restart.
     forgotten: Option<(Ballot, u32)>,
-    /// The newest one under which it has announced a route since.
+    /// The newest heartbeat sequence of an announced route since then.
     announced: Option<(Ballot, u32)>,
 }
 
-/// A frame on its way.
+/// A frame in flight.
 struct InFlight {
     arrives: Timestamp,
     from: usize,
@@ -61,14 +61,14 @@ struct Swarm {
     network: Network,
     rng: ChaCha8Rng,
     drones: Vec<Drone>,
-    /// The share that each link delivers, in sixteenths.
+    /// Share of frames that each link delivers, in sixteenths.
     links: Vec<Vec<u8>>,
     in_flight: Vec<InFlight>,
     term: u32,
     incarnations: u64,
 }
 
-/// A loop, by the drones on it.
+/// The drones of a loop.
 type Loop = Vec<usize>;
 
 impl Swarm {
@@ -77,7 +77,7 @@ impl Swarm {
         let drone = || Drone {
             routing: None,
             deadline: None,
-            kept: None,
+            checkpoint: None,
             forgotten: None,
             announced: None,
         };
@@ -102,30 +102,30 @@ impl Swarm {
             id: node(id),
             drones: u32::try_from(self.network.drones).unwrap(),
             relays: 0,
-            beacon: BEACON,
+            heartbeat_period: HEARTBEAT_PERIOD,
             repair: Duration::from_millis(8),
             repair_max: Duration::from_millis(200),
-            link_time_to_live: BEACON * 5,
-            time_to_live: BEACON * 10,
-            patience: BEACON * 10,
+            link_time_to_live: HEARTBEAT_PERIOD * 5,
+            time_to_live: HEARTBEAT_PERIOD * 10,
+            route_timeout: HEARTBEAT_PERIOD * 10,
         }
     }
 
-    fn start(&mut self, id: usize, kept: Option<Kept>) {
+    fn start(&mut self, id: usize, checkpoint: Option<Checkpoint>) {
         self.incarnations += 1;
         let config = self.config(id);
-        let core = Core::new(
+        let shared = SharedState::new(
             config.id,
             config.drones,
             self.network.seed ^ self.incarnations,
         );
-        let kept = kept.map(|it| match it.policy {
+        let checkpoint = checkpoint.map(|it| match it.policy {
             PolicyCheckpoint::Tree(own) => (it.common, own),
-            PolicyCheckpoint::Flood(_) => panic!("it is of policy `tree`"),
+            PolicyCheckpoint::Flood(_) => panic!("the checkpoint is of policy `tree`"),
         });
         let now = self.now;
-        let new = |core: &mut Core| TreePolicy::new(config, core, now, kept);
-        self.drones[id].routing = Some(Dissemination::new(core, new));
+        let new = |shared: &mut SharedState| TreePolicy::new(config, shared, now, checkpoint);
+        self.drones[id].routing = Some(Dissemination::new(shared, new));
         self.stimulate(id, Stimulus::Timeout);
     }
 
@@ -140,15 +140,15 @@ impl Swarm {
         if let Some(routing) = &drone.routing
             && is_fresh
         {
-            drone.kept = Some(Kept {
-                common: routing.core.durable.clone(),
+            drone.checkpoint = Some(Checkpoint {
+                common: routing.shared.durable.clone(),
                 policy: routing.policy.checkpoint(),
             });
         }
         let by_age = |it: &(Ballot, u32)| (it.0.term, it.1);
         let known = [drone.forgotten, drone.announced];
         let remembers = |(ballot, heartbeat): &(Ballot, u32)| {
-            let common = drone.kept.as_ref().map(|it| &it.common);
+            let common = drone.checkpoint.as_ref().map(|it| &it.common);
             common.is_some_and(|it| {
                 it.epoch.ballot() != Some(*ballot) || it.heartbeats.master >= *heartbeat
             })
@@ -157,7 +157,7 @@ impl Swarm {
         drone.forgotten = drone.forgotten.filter(|it| !remembers(it));
         drone.announced = None;
         self.die(id);
-        self.start(id, self.drones[id].kept.clone());
+        self.start(id, self.drones[id].checkpoint.clone());
     }
 
     fn stimulate(&mut self, id: usize, stimulus: Stimulus<Input>) {
@@ -166,35 +166,35 @@ impl Swarm {
             return;
         };
         let mut sent = Vec::new();
-        let kept = &mut drone.kept;
-        let Ok(deadline) = step(routing, self.now, stimulus, |said| match said {
+        let checkpoint = &mut drone.checkpoint;
+        let Ok(deadline) = step(routing, self.now, stimulus, |emitted| match emitted {
             Emitted::Transmit(Transmit::Send {
                 to,
                 ballot,
                 payload,
                 ..
             }) => sent.push((to, ballot, Bytes::from(payload))),
-            Emitted::Event(Event::Checkpoint(checkpoint)) => *kept = Some(*checkpoint),
+            Emitted::Event(Event::Checkpoint(it)) => *checkpoint = Some(*it),
             Emitted::Transmit(Transmit::Inform(_)) | Emitted::Event(_) => {}
         });
         drone.deadline = deadline;
         for (to, ballot, payload) in sent {
-            let front = wire::decode_tree(&payload).unwrap().front;
-            if front.hops.is_some() {
-                self.drones[id].announced = Some((ballot, front.heartbeat - front.lag));
+            let header = wire::decode_tree(&payload).unwrap().header;
+            if header.hops.is_some() {
+                self.drones[id].announced = Some((ballot, header.heartbeat - header.lag));
             }
             for receiver in 0..self.network.drones {
                 let is_delivered = self.rng.random_range(0..16) < self.links[id][receiver];
                 if receiver != id && is_delivered {
-                    let heard = Input::Heard {
+                    let heard = Input::Received {
                         sender: node(id),
                         ballot,
                         payload: payload.clone(),
                     };
                     self.put_in_flight(id, receiver, heard);
                 }
-                if to == Some(node(receiver)) && self.network.tells {
-                    let outcome = Input::Outcome {
+                if to == Some(node(receiver)) && self.network.reports_delivery {
+                    let outcome = Input::Delivery {
                         to: node(receiver),
                         payload: payload.clone(),
                         delivered: is_delivered,
@@ -216,8 +216,8 @@ impl Swarm {
         });
     }
 
-    /// Takes the next thing that happens by itself, if that is before `until`.
-    fn happen(&mut self, until: Timestamp) -> bool {
+    /// Handles the next timer or frame up to `until`; returns whether there was one.
+    fn run_next(&mut self, until: Timestamp) -> bool {
         let timer = (0..self.drones.len())
             .filter_map(|id| Some((self.drones[id].deadline?, id)))
             .min();
@@ -244,45 +244,45 @@ impl Swarm {
         let routing = self.drones[id].routing.as_ref()?;
         routing
             .policy
+            .topology
             .route
             .parent()
             .map(|parent| parent.0 as usize)
     }
 
-    fn a_loop(&self) -> Option<Loop> {
+    fn find_loop(&self) -> Option<Loop> {
         (0..self.drones.len()).find_map(|id| {
             let route = std::iter::successors(Some(id), |id| self.parent(*id));
-            let round: Loop = route.take(self.drones.len() + 1).collect();
-            let back = (1..round.len()).find(|at| round[*at] == id)?;
-            Some(round[..back].to_vec())
+            let ring: Loop = route.take(self.drones.len() + 1).collect();
+            let back = (1..ring.len()).find(|at| ring[*at] == id)?;
+            Some(ring[..back].to_vec())
         })
     }
 
-    /// The newest heartbeat sequence that a route on the loop rests on, and the newest one that a drone on it announced
-    /// before it restarted and does not remember.
-    fn sequences(&self, round: &Loop) -> (u32, Option<u32>) {
+    /// The newest heartbeat sequence of a route on the loop, and the newest one that a drone on it has forgotten.
+    fn sequences(&self, ring: &Loop) -> (u32, Option<u32>) {
         let heartbeat = |id: &usize| {
             let routing = self.drones[*id].routing.as_ref();
-            routing.map_or(0, |it| it.policy.route.label_heartbeat())
+            routing.map_or(0, |it| it.policy.topology.route.label_heartbeat())
         };
         let forgotten = |id: &usize| {
             let routing = self.drones[*id].routing.as_ref()?;
             let (ballot, heartbeat) = self.drones[*id].forgotten?;
-            (routing.core.durable.epoch.ballot() == Some(ballot)).then_some(heartbeat)
+            (routing.shared.durable.epoch.ballot() == Some(ballot)).then_some(heartbeat)
         };
         (
-            round.iter().map(heartbeat).max().unwrap_or(0),
-            round.iter().filter_map(forgotten).max(),
+            ring.iter().map(heartbeat).max().unwrap_or(0),
+            ring.iter().filter_map(forgotten).max(),
         )
     }
 
-    /// Makes a change, and lets the network run if it is to. `Err` with the loop if there is one that must not be.
+    /// Applies a change. `Err` if a forbidden loop appears.
     fn change(&mut self, change: &Change) -> Result<(), String> {
         let count = self.network.drones;
         match *change {
             Change::Run(millis) => {
                 let until = self.now + Duration::from_millis(millis);
-                while self.happen(until) {
+                while self.run_next(until) {
                     self.check()?;
                 }
                 self.now = until;
@@ -305,15 +305,15 @@ impl Swarm {
     }
 
     fn check(&self) -> Result<(), String> {
-        let Some(round) = self.a_loop() else {
+        let Some(ring) = self.find_loop() else {
             return Ok(());
         };
-        let (newest, forgotten) = self.sequences(&round);
+        let (newest, forgotten) = self.sequences(&ring);
         if forgotten.is_some_and(|forgotten| newest <= forgotten) {
             return Ok(());
         }
         Err(format!(
-            "at {:?}: drones {round:?} follow each other, by heartbeat {newest}; forgotten is {forgotten:?}",
+            "at {:?}: drones {ring:?} follow each other, by heartbeat {newest}; forgotten is {forgotten:?}",
             self.now
         ))
     }
@@ -323,8 +323,8 @@ fn node(id: usize) -> NodeId {
     NodeId(u32::try_from(id).unwrap())
 }
 
-/// What happens to a network in a few seconds, drone 0 leading at first.
-fn fly(network: Network, changes: &[Change]) -> Result<(), String> {
+/// Runs a network with master 0, then the changes.
+fn run(network: Network, changes: &[Change]) -> Result<(), String> {
     let mut swarm = Swarm::new(network);
     swarm.change(&Change::Lead(0))?;
     swarm.change(&Change::Run(400))?;
@@ -335,12 +335,12 @@ fn networks() -> impl Strategy<Value = Network> {
     let delays = prop_oneof![Just(1_u64), Just(10), Just(60)];
     let delivers = prop_oneof![Just(16_u8), Just(12), Just(8), Just(5)];
     (3..8_usize, any::<u64>(), delays, delivers, any::<bool>()).prop_map(
-        |(drones, seed, delay_max_ms, delivers, tells)| Network {
+        |(drones, seed, delay_max_ms, delivers, reports_delivery)| Network {
             drones,
             seed,
             delay_max_ms,
             delivers,
-            tells,
+            reports_delivery,
         },
     )
 }
@@ -358,33 +358,33 @@ fn changes() -> impl Strategy<Value = Vec<Change>> {
 }
 
 proptest! {
-    /// What the feasibility condition proves. Under one leader epoch or several, whatever is lost, late or out of order:
-    /// drones that did not restart, or that remember the newest heartbeat sequence that they announced a route under, never
-    /// follow each other in a ring. Where a drone on a ring does not remember it, for its checkpoint is older, no route on
-    /// the ring rests on a newer sequence than that one: the next heartbeat opens it.
+    /// What the feasibility condition proves, under any number of leader epochs and with any loss, delay and order of
+    /// frames: drones that remember the newest heartbeat sequence of their announced routes never form a loop. If a
+    /// drone on a loop has forgotten it, because its checkpoint is older, no route on the loop has a newer sequence.
+    /// The next heartbeat opens that loop.
     #[test]
-    fn routes_never_form_a_loop_but_by_sequences_that_a_restarted_drone_has_forgotten(
+    fn routes_never_form_a_loop_newer_than_forgotten_sequences(
         network in networks(),
         changes in changes(),
     ) {
-        let flown = fly(network, &changes);
-        prop_assert!(flown.is_ok(), "{}", flown.unwrap_err());
+        let outcome = run(network, &changes);
+        prop_assert!(outcome.is_ok(), "{}", outcome.unwrap_err());
     }
 }
 
-/// The same networks, each by itself.
+/// The same networks without the condition.
 #[cfg(feature = "flaws")]
 #[test]
-fn without_the_feasibility_condition_drones_follow_each_other_in_a_ring() {
+fn without_feasibility_condition_routes_form_loops() {
     use proptest::strategy::ValueTree;
     use proptest::test_runner::TestRunner;
 
     let mut runner = TestRunner::deterministic();
-    let _planted = flaw::plant(Flaw::TakesFartherParents);
+    let _planted = flaw::plant(Flaw::SkipsFeasibilityCondition);
     let plans = (networks(), changes());
     let loops = (0..64).filter(|_| {
         let (network, changes) = plans.new_tree(&mut runner).unwrap().current();
-        fly(network, &changes).is_err()
+        run(network, &changes).is_err()
     });
     assert!(loops.count() >= 4);
 }

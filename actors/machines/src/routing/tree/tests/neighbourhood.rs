@@ -1,8 +1,8 @@
-//! One drone's link table, filled by what its neighbours say.
+//! A link table that tests fill with reports.
 
 use super::*;
 
-/// What the drone with this id knows of those that are near.
+/// The link table of drone `own`.
 pub(in crate::routing::tree) struct Neighbourhood {
     pub(in crate::routing::tree) links: LinkTable,
     pub(in crate::routing::tree) now: Timestamp,
@@ -12,11 +12,16 @@ pub(in crate::routing::tree) struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    pub(in crate::routing::tree) const BEACON: Duration = Duration::from_secs(1);
+    pub(in crate::routing::tree) const HEARTBEAT_PERIOD: Duration = Duration::from_secs(1);
 
     pub(in crate::routing::tree) fn of(own: u32) -> Self {
         Self {
-            links: LinkTable::new(NodeId(own), 16, Self::BEACON, Self::BEACON),
+            links: LinkTable::new(
+                NodeId(own),
+                16,
+                Self::HEARTBEAT_PERIOD,
+                Self::HEARTBEAT_PERIOD,
+            ),
             now: Timestamp::ZERO,
             own,
             parent: None,
@@ -24,49 +29,49 @@ impl Neighbourhood {
         }
     }
 
-    /// What is said from now on by this neighbour is said by the parent.
+    /// Makes a neighbour the parent for later reports.
     pub(in crate::routing::tree) fn follow(&mut self, parent: u32) {
         self.parent = Some(NodeId(parent));
     }
 
-    /// A frame of this neighbour's is not heard.
+    /// Loses a frame of a neighbour.
     pub(in crate::routing::tree) fn miss(&mut self, from: u32) {
         *self.numbers.entry(from).or_default() += 1;
     }
 
-    /// A neighbour says this to all; it hears the drone.
-    pub(in crate::routing::tree) fn hear(&mut self, from: u32, said: Tree) {
-        let hears = said.hears.clone().unwrap_or_else(|| ids([self.own]));
+    /// Receives a broadcast of a neighbour that hears the drone.
+    pub(in crate::routing::tree) fn receive(&mut self, from: u32, report: Tree) {
+        let hears = report.hears.clone().unwrap_or_else(|| ids([self.own]));
         let hears = Some(hears);
-        self.hear_as_it_is(from, Tree { hears, ..said });
+        self.receive_unmodified(from, Tree { hears, ..report });
     }
 
-    /// A neighbour says this to all, and perhaps not which drones it hears.
-    pub(in crate::routing::tree) fn hear_as_it_is(&mut self, from: u32, said: Tree) {
+    /// Receives a broadcast of a neighbour; the report is not modified.
+    pub(in crate::routing::tree) fn receive_unmodified(&mut self, from: u32, report: Tree) {
         self.miss(from);
-        let said = Tree {
+        let report = Tree {
             number: self.numbers[&from],
-            ..said
+            ..report
         };
-        let said = wire::encode_packet(&Packet::Tree(said));
-        let said = wire::decode_tree(&said).unwrap();
-        let speaker = Speaker {
+        let report = wire::encode_packet(&Packet::Tree(report));
+        let report = wire::decode_tree(&report).unwrap();
+        let sender = Sender {
             id: NodeId(from),
             is_parent: self.parent == Some(NodeId(from)),
             master: Some(NodeId(0)),
         };
-        self.links.hear(speaker, &said, Bytes::new(), self.now);
+        self.links.receive(sender, &report, Bytes::new(), self.now);
     }
 
-    /// Says the same so often, a beacon apart, that its link counts as known.
-    pub(in crate::routing::tree) fn hear_well(&mut self, from: u32, said: &Tree) {
+    /// Receives the same report often enough that the link quality is known.
+    pub(in crate::routing::tree) fn receive_well(&mut self, from: u32, report: &Tree) {
         for _ in 0..60 {
-            self.hear(from, said.clone());
+            self.receive(from, report.clone());
         }
     }
 }
 
-/// What a neighbour says with a route of that cost, which rests on that heartbeat sequence.
+/// A report with a route of this cost and heartbeat sequence.
 pub(in crate::routing::tree) fn with_route(hops: u16, cost: u16, heartbeat: u32) -> Tree {
     Tree {
         hops: Some(hops),
@@ -77,22 +82,22 @@ pub(in crate::routing::tree) fn with_route(hops: u16, cost: u16, heartbeat: u32)
     }
 }
 
-/// A drone of the sixteen that obeys drone 0.
-pub(in crate::routing::tree) fn member(id: u32) -> Core {
-    let mut core = Core::new(NodeId(id), 16, 1);
+/// The state of one of sixteen drones, with master 0.
+pub(in crate::routing::tree) fn member(id: u32) -> SharedState {
+    let mut shared = SharedState::new(NodeId(id), 16, 1);
     assert_eq!(
-        core.hear_ballot(MASTER, LinkSymmetry::Mutual),
-        BallotDecision::Turned
+        shared.observe_ballot(MASTER, LinkSymmetry::Symmetric),
+        BallotDecision::Adopted
     );
-    core
+    shared
 }
 
-/// The drone is ordered something.
-pub(in crate::routing::tree) fn order_of(core: &mut Core, sequence: u32) {
-    assert!(core.take_order(sequence, Some(b"go")));
+/// The drone receives an order.
+pub(in crate::routing::tree) fn order_of(shared: &mut SharedState, sequence: u32) {
+    assert!(shared.accept_order(sequence, Some(b"go")));
 }
 
-/// It carries that out.
-pub(in crate::routing::tree) fn carry_out(core: &mut Core, sequence: u32) {
-    assert!(core.durable.epoch.acknowledge(MASTER, sequence));
+/// The drone carries an order out.
+pub(in crate::routing::tree) fn carry_out(shared: &mut SharedState, sequence: u32) {
+    assert!(shared.durable.epoch.acknowledge(MASTER, sequence));
 }

@@ -1,0 +1,122 @@
+//! Inputs and outputs of a mission.
+
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+
+use super::{Checkpoint, State};
+use crate::identity::{Ballot, NodeId};
+use crate::navigation::{Goal, Notice as NavigationNotice};
+use crate::routing::Notice as RoutingNotice;
+
+/// Inputs of a mission.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// From the operator, to the drone at the centre slot: lead the swarm along its mission.
+    Fly,
+    /// From the operator, to a followed master: stop, assemble the swarm and land.
+    Land,
+    /// From the routing.
+    Routing(RoutingNotice),
+    /// From the navigation.
+    Navigation(NavigationNotice),
+    /// From the supervisor: an actor keeps failing, so the drone lands.
+    GiveUp,
+    /// From the drone's process: land on the spot, or stay on the ground.
+    Abort(LandingReason),
+}
+
+/// Outputs of a mission to other machines.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Transmit {
+    /// To the routing: this drone is the master.
+    Lead(Ballot),
+    /// To the routing, as master: a new order.
+    Publish {
+        /// The master's own ballot.
+        ballot: Ballot,
+        /// Sequence number of the order.
+        sequence: u32,
+        /// The order, encoded.
+        order: Bytes,
+    },
+    /// To the routing: this drone has executed this order and all before it.
+    Acknowledge {
+        /// The ballot of the master that issued the order.
+        ballot: Ballot,
+        /// Sequence number of the order.
+        sequence: u32,
+    },
+    /// To the routing, as master: start neighbour discovery.
+    Discover,
+    /// To the routing: links may change, as drones change places.
+    TopologyChanges,
+    /// To the routing: this drone is going to land.
+    Land,
+    /// To the routing: this drone has landed; stop.
+    Stop,
+    /// To the routing: repeat the current leader, the newest order and the state of the routes.
+    Resync,
+    /// To the navigation: the new goal.
+    Goal(Goal),
+    /// To the navigation: report position and velocity.
+    Locate,
+}
+
+/// Why a drone lands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum LandingReason {
+    /// The mission is over.
+    MissionOver,
+    /// The master is silent.
+    MasterSilent,
+    /// The drone was not in its slot when the swarm moved on.
+    Late,
+    /// A leg took longer than its limit.
+    Overdue,
+    /// An actor of the drone kept failing.
+    ActorGivenUp,
+    /// The drone's process restarted on the ground. The drone stays there.
+    Restarted,
+    /// The flight controller landed without a command.
+    Controller,
+    /// No other drone was heard for the time to live.
+    Alone,
+    /// The drone was about to leave the geofence.
+    Geofence,
+    /// The battery was low.
+    BatteryLow,
+    /// The position was unknown.
+    PositionLost,
+    /// The battery was almost empty.
+    BatteryCritical,
+    /// The flight time was used up.
+    FlightTime,
+    /// The drone's process was told to land it.
+    Recalled,
+    /// The journal could not be written or read.
+    JournalLost,
+    /// The process could not receive any more.
+    NetworkLost,
+}
+
+/// Observable outputs of a mission.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Event {
+    /// The drone entered this state.
+    State(State),
+    /// The drone follows another leader, perhaps itself.
+    Obeys(Ballot),
+    /// As master: opened a waypoint.
+    Opened {
+        /// Number of the waypoint, from 0.
+        waypoint: u16,
+    },
+    /// As master: does not wait for this member any more.
+    LeftOut(NodeId),
+    /// The drone lands, or stays on the ground.
+    Landing(LandingReason),
+    /// An input was invalid, or not valid in the current state.
+    Refused,
+    /// The state from which a restarted mission is built.
+    Checkpoint(Box<Checkpoint>),
+}

@@ -1,0 +1,228 @@
+//! Deconfliction: announces the own intent, and decides when to wait for others.
+
+use std::time::Duration;
+
+use super::Transmit;
+use crate::formation::Path;
+use crate::geometry::{Ned, Velocity};
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+use crate::traffic::{Config, Intent, Traffic};
+
+/// Interval of retries of a blocked path, besides a retry on each new intent of another drone.
+pub(super) const RETRY_INTERVAL: Duration = Duration::from_millis(500);
+/// Waiting time before a detour around stationary traffic: as long as a hung process has before it is restarted.
+pub(super) const DETOUR_AFTER: Duration = Duration::from_secs(3);
+/// Longest wait to land while others are below.
+pub(super) const LANDING_WAIT_MAX: Duration = Duration::from_secs(10);
+/// Interval of progress announcements.
+pub(super) const PROGRESS_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Places no farther apart are equal, in metres.
+const SAME_M: f64 = 1.0;
+
+/// The last announced path, being flown or waited for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Announcement {
+    path: Path,
+    share: f64,
+    has_priority: bool,
+}
+
+/// Deconfliction of a drone with those near it that announce their intents.
+#[derive(Debug)]
+pub(super) struct Deconfliction {
+    traffic: Traffic,
+    announced: Option<Announcement>,
+    /// Start of the wait for a clear path.
+    waiting_since: Option<Timestamp>,
+    /// Next retry of a blocked path.
+    next_retry: Option<Timestamp>,
+    /// Next progress announcement.
+    next_progress: Option<Timestamp>,
+}
+
+impl Deconfliction {
+    pub(super) const fn new(id: NodeId, config: Config) -> Self {
+        Self {
+            traffic: Traffic::new(id, config),
+            announced: None,
+            waiting_since: None,
+            next_retry: None,
+            next_progress: None,
+        }
+    }
+
+    /// Next time at which telemetry is needed.
+    pub(super) fn deadline(&self) -> Option<Timestamp> {
+        self.next_retry.into_iter().chain(self.next_progress).min()
+    }
+
+    /// Whether telemetry is needed now; clears the elapsed timers.
+    pub(super) fn take_due(&mut self, now: Timestamp) -> bool {
+        let mut is_due = false;
+        for time in [&mut self.next_retry, &mut self.next_progress] {
+            is_due |= time.take_if(|at| *at <= now).is_some();
+        }
+        is_due
+    }
+
+    /// Announces a path; `None` if it is the announced one. A `path` of `None` withdraws the intent.
+    pub(super) fn announce(
+        &mut self,
+        now: Timestamp,
+        path: Option<Path>,
+        has_priority: bool,
+    ) -> Option<Transmit> {
+        let is_announced = |announced: &Announcement| {
+            (Some(announced.path), announced.has_priority) == (path, has_priority)
+        };
+        if self.announced.as_ref().map_or(path.is_none(), is_announced) {
+            return None;
+        }
+        self.announced = path.map(|path| Announcement {
+            path,
+            share: 0.0,
+            has_priority,
+        });
+        self.next_progress = path
+            .filter(|path| path.from != path.to)
+            .map(|_| now + PROGRESS_INTERVAL);
+        Some(self.intent(true))
+    }
+
+    /// Announces the progress on the path, in the next regular frame.
+    pub(super) fn announce_progress(&mut self, now: Timestamp, place: Ned) -> Option<Transmit> {
+        let announced = self.announced.as_mut()?;
+        let along = (announced.path.to - announced.path.from).0;
+        let length_m = along.norm();
+        if length_m <= 0.0 || self.next_progress.is_some_and(|at| at > now) {
+            return None;
+        }
+        let share = (place - announced.path.from).0.dot(&along) / (length_m * length_m);
+        announced.share = announced.share.max(share.clamp(0.0, 1.0));
+        self.next_progress = Some(now + PROGRESS_INTERVAL);
+        Some(self.intent(false))
+    }
+
+    /// Announces the path of a tracked place within `hold`.
+    pub(super) fn announce_track(
+        &mut self,
+        to: Ned,
+        velocity: Velocity,
+        hold: Duration,
+    ) -> Transmit {
+        let was_tracking = self.announced.is_some_and(|it| it.has_priority);
+        let ahead = velocity.0 * hold.as_secs_f64();
+        self.announced = Some(Announcement {
+            path: Path {
+                from: to,
+                to: Ned(to.0 + ahead),
+            },
+            share: 0.0,
+            has_priority: true,
+        });
+        self.next_progress = None;
+        self.intent(!was_tracking)
+    }
+
+    /// The announced intent, for a radio that restarted.
+    pub(super) fn intent(&self, immediately: bool) -> Transmit {
+        let intent = (self.announced).map(|it| Intent::of(it.path, it.share, it.has_priority));
+        Transmit::AnnounceIntent {
+            intent,
+            immediately,
+        }
+    }
+
+    /// Updates the intent of another drone; returns whether telemetry is needed to check the own path.
+    pub(super) fn update_traffic(
+        &mut self,
+        now: Timestamp,
+        id: NodeId,
+        intent: Option<Intent>,
+    ) -> bool {
+        let is_changed = self.traffic.update(now, id, intent);
+        let is_blocked = self.announced.is_some_and(|announced| {
+            let from = Ned(announced
+                .path
+                .from
+                .0
+                .lerp(&announced.path.to.0, announced.share));
+            let rest = Path {
+                from,
+                ..announced.path
+            };
+            !announced.has_priority && self.traffic.must_give_way(now, rest, announced.path)
+        });
+        // A drone that was forgotten blocks the path again even with an unchanged intent.
+        is_blocked || is_changed && self.next_retry.is_some()
+    }
+
+    /// Whether a path may be started; ends the wait if so.
+    pub(super) fn may_begin(&mut self, now: Timestamp, path: Path) -> bool {
+        self.next_retry = None;
+        let is_clear = self.traffic.is_clear(now, path);
+        if is_clear {
+            self.waiting_since = None;
+        }
+        is_clear
+    }
+
+    /// Whether to stop on the path to `to` for a drone with right of way; it would come to rest at `stop`.
+    pub(super) fn must_stop(&mut self, now: Timestamp, stop: Ned, to: Ned) -> bool {
+        self.next_retry = None;
+        let rest = Path { from: stop, to };
+        let announced = self
+            .announced
+            .filter(|announced| announced.path.to.distance_m(to) < SAME_M);
+        let whole = announced.map_or(rest, |announced| announced.path);
+        self.traffic.must_give_way(now, rest, whole)
+    }
+
+    /// Two corners of a detour around traffic that blocks the path for too long, if there is one.
+    pub(super) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
+        self.has_waited(now, DETOUR_AFTER)
+            .then(|| self.traffic.detour(now, path))?
+    }
+
+    /// Starts or continues the wait for a clear path.
+    pub(super) fn wait(&mut self, now: Timestamp) {
+        self.next_retry = Some(now + RETRY_INTERVAL);
+        self.waiting_since.get_or_insert(now);
+    }
+
+    /// Starts anew for another goal; `in_lockstep` is whether it is flown in lockstep with the followers of its master.
+    pub(super) const fn reset(&mut self, in_lockstep: bool) {
+        self.traffic.set_in_lockstep(in_lockstep);
+        self.waiting_since = None;
+        self.next_retry = None;
+    }
+
+    /// Whether to land here: the column is clear, or it has waited long enough.
+    pub(super) fn may_descend(&mut self, now: Timestamp, column: Path) -> bool {
+        self.has_waited(now, LANDING_WAIT_MAX) || self.traffic.is_clear(now, column)
+    }
+
+    /// Landing place beside traffic that stays below.
+    pub(super) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
+        self.has_waited(now, DETOUR_AFTER)
+            .then(|| self.traffic.landing_detour(now, column))?
+    }
+
+    /// Whether it wait and flies to an announced place.
+    pub(super) fn is_on_detour_to(&self, target: Option<Ned>) -> bool {
+        let is_target = target.is_some_and(|to| self.is_announced_to(to));
+        self.waiting_since.is_some() && is_target
+    }
+
+    /// Whether the announced path ends at this place.
+    pub(super) fn is_announced_to(&self, place: Ned) -> bool {
+        self.announced
+            .is_some_and(|announced| announced.path.to.distance_m(place) < SAME_M)
+    }
+
+    fn has_waited(&self, now: Timestamp, time: Duration) -> bool {
+        self.waiting_since.is_some_and(|it| now.since(it) >= time)
+    }
+}

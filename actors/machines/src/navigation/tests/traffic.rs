@@ -1,0 +1,325 @@
+//! Deconfliction with other drones.
+
+use super::*;
+use crate::formation::Separation;
+use crate::navigation::deconfliction::{
+    DETOUR_AFTER, LANDING_WAIT_MAX, PROGRESS_INTERVAL, RETRY_INTERVAL,
+};
+use crate::traffic;
+
+/// Drone 4, with deconfliction.
+fn avoiding() -> Navigation {
+    let separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let avoid = traffic::Config {
+        separation,
+        time_to_live: Duration::from_secs(2),
+        controller_timeout: Duration::from_secs(5),
+        descent_mps: 1.5,
+        touch_down_margin: Duration::from_secs(10),
+    };
+    let config = Config {
+        avoid: Some(avoid),
+        ..CONFIG
+    };
+    Navigation::new(NodeId(4), config, None)
+}
+
+fn announces_path(from: Ned, to: Ned) -> Transmit {
+    announces(Intent::of(Path { from, to }, 0.0, false), true)
+}
+
+fn announces(intent: Intent, immediately: bool) -> Transmit {
+    Transmit::AnnounceIntent {
+        intent: Some(intent),
+        immediately,
+    }
+}
+
+fn traffic(navigation: &mut Navigation, id: u32, from: Ned, to: Ned) -> Vec<Transmit> {
+    let traffic = Input::Traffic {
+        sender: NodeId(id),
+        intent: Some(Intent::of(Path { from, to }, 0.0, false)),
+    };
+    handle(navigation, traffic)
+}
+
+const REPORT: Transmit = Transmit::FlightCommand(FlightCommand::Report);
+
+#[test]
+fn leg_through_a_drone_starts_once_that_has_flown_on() {
+    let mut navigation = avoiding();
+    let place = |north_m: f64| Ned::new(north_m, 0.0, -25.0);
+    let (start, to) = (place(0.0), place(100.0));
+    traffic(&mut navigation, 2, place(60.0), place(60.0));
+    handle(&mut navigation, Input::Goal(fly_to(to)));
+    assert_eq!(
+        handle(&mut navigation, at_rest_at(start)),
+        [announces_path(start, start)],
+        "it announces that it is stationary"
+    );
+    let requested = traffic(&mut navigation, 2, place(60.0), place(160.0));
+    assert_eq!(requested, [REPORT]);
+    let output = handle(&mut navigation, at_rest_at(start));
+    assert_eq!(output[0], announces_path(start, to));
+    assert_eq!(leg(&output[1..]).0, to);
+    let there = handle(&mut navigation, at_rest_at(to));
+    assert_eq!(there[0], announces_path(to, to));
+}
+
+#[test]
+fn blocked_leg_is_retried_on_a_timer() {
+    let mut navigation = avoiding();
+    let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -25.0));
+    let amid = Ned::new(60.0, 0.0, -25.0);
+    traffic(&mut navigation, 2, amid, amid);
+    handle(&mut navigation, Input::Goal(fly_to(to)));
+    handle(&mut navigation, at_rest_at(start));
+    let retry_at = Timestamp::ZERO + RETRY_INTERVAL;
+    let Output::Idle { deadline } = navigation.poll_output() else {
+        panic!("no output is pending");
+    };
+    assert!(deadline.is_some_and(|deadline| deadline <= retry_at));
+    navigation.handle_timeout(retry_at);
+    assert_eq!(navigation.poll_output(), Output::Transmit(REPORT));
+}
+
+#[test]
+fn detour_around_a_stationary_drone_starts_after_a_while() {
+    let mut navigation = avoiding();
+    let (start, to) = (Ned::new(0.0, 0.0, -12.0), Ned::new(0.0, 0.0, -24.0));
+    let amid = Ned::new(0.0, 0.0, -18.0);
+    traffic(&mut navigation, 2, amid, amid);
+    handle(&mut navigation, Input::Goal(Goal::TransitTo { to }));
+    handle(&mut navigation, at_rest_at(start));
+    let later = Timestamp::ZERO + DETOUR_AFTER;
+    let mut output = Vec::new();
+    let Ok(_) = step(
+        &mut navigation,
+        later,
+        Stimulus::Input(at_rest_at(start)),
+        |it| {
+            if let Emitted::Transmit(transmit) = it {
+                output.push(transmit);
+            }
+        },
+    );
+    let side = leg(&output[1..]).0;
+    assert_eq!(output[0], announces_path(start, side));
+    assert!(side.horizontal_distance_m(start) > 10.0);
+    let up = handle(&mut navigation, at_rest_at(side));
+    assert_eq!(leg(&up[1..]).0, side.at_altitude(24.0));
+}
+
+#[test]
+fn drone_on_a_leg_stops_for_right_of_way() {
+    let to = Ned::new(100.0, 0.0, -25.0);
+    let across = [Ned::new(50.0, -50.0, -25.0), Ned::new(50.0, 50.0, -25.0)];
+    for (id, stops) in [(3, true), (5, false)] {
+        let mut navigation = avoiding();
+        let start = Ned::new(0.0, 0.0, -25.0);
+        handle(&mut navigation, Input::Goal(fly_to(to)));
+        handle(&mut navigation, at_rest_at(start));
+        let requested = traffic(&mut navigation, id, across[0], across[1]);
+        assert_eq!(requested == [REPORT], stops);
+        let stop = Ned::new(2.0, 0.0, -25.0);
+        let on_its_way = Telemetry {
+            armed: true,
+            at_rest: false,
+            stop,
+            target: Some(to),
+            ..ON_THE_GROUND
+        };
+        let output = handle(&mut navigation, Input::Telemetry(on_its_way));
+        let holds = matches!(
+            output[..],
+            [
+                Transmit::AnnounceIntent { .. },
+                Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Hold { .. }))
+            ]
+        );
+        assert_eq!((holds, output.is_empty()), (stops, !stops), "{output:?}");
+    }
+}
+
+#[test]
+fn drone_that_turns_back_brakes_and_announces_the_stop_first() {
+    let mut navigation = avoiding();
+    let (position, stop) = (Ned::new(20.0, 0.0, -25.0), Ned::new(30.0, 0.0, -25.0));
+    let back = Ned::new(-50.0, 0.0, -25.0);
+    handle(&mut navigation, Input::Goal(fly_to(back)));
+    let on_its_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        position,
+        stop,
+        target: Some(Ned::new(100.0, 0.0, -25.0)),
+        ..ON_THE_GROUND
+    };
+    let output = handle(&mut navigation, Input::Telemetry(on_its_way));
+    let braking = Intent::of(
+        Path {
+            from: position,
+            to: stop,
+        },
+        0.0,
+        false,
+    );
+    assert_eq!(output[0], announces(braking, true));
+    assert!(matches!(
+        output[1..],
+        [Transmit::FlightCommand(FlightCommand::Fly(
+            Setpoint::Hold { .. }
+        ))]
+    ));
+    let output = handle(&mut navigation, at_rest_at(stop));
+    assert_eq!(leg(&output[1..]).0, back);
+}
+
+#[test]
+fn following_drone_announces_its_path_until_the_track_expires() {
+    let mut navigation = avoiding();
+    let Goal::Track {
+        to, velocity, hold, ..
+    } = MOVING
+    else {
+        panic!("a tracking goal");
+    };
+    let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
+    let intent = Intent::of(
+        Path {
+            from: to,
+            to: ahead,
+        },
+        0.0,
+        true,
+    );
+    for immediately in [true, false] {
+        let output = handle(&mut navigation, Input::Goal(MOVING));
+        assert_eq!(output[0], announces(intent, immediately));
+    }
+    assert_eq!(
+        handle(&mut navigation, Input::ResendIntent),
+        [announces(intent, true)],
+        "for a restarted radio"
+    );
+}
+
+#[test]
+fn drone_under_manual_control_withdraws_its_intent() {
+    let mut navigation = avoiding();
+    let place = Ned::new(0.0, 0.0, -25.0);
+    handle(&mut navigation, Input::Goal(fly_to(place)));
+    handle(&mut navigation, at_rest_at(place));
+    let mut output = handle(&mut navigation, Input::Goal(Goal::Yield));
+    output.extend(handle(&mut navigation, at_rest_at(place)));
+    let withdrawn = Transmit::AnnounceIntent {
+        intent: None,
+        immediately: true,
+    };
+    assert!(output.contains(&withdrawn), "{output:?}");
+}
+
+fn handle_at(navigation: &mut Navigation, now: Timestamp, input: Input) -> Vec<Transmit> {
+    step_at(navigation, now, Stimulus::Input(input))
+}
+
+#[test]
+fn progress_on_a_leg_is_announced_in_regular_frames() {
+    let mut navigation = avoiding();
+    let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -25.0));
+    handle(&mut navigation, Input::Goal(fly_to(to)));
+    handle(&mut navigation, at_rest_at(start));
+    let later = Timestamp::ZERO + PROGRESS_INTERVAL;
+    let Output::Idle { deadline } = navigation.poll_output() else {
+        panic!("no output is pending");
+    };
+    assert_eq!(deadline, Some(later));
+    let half_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        position: Ned::new(50.0, 0.0, -25.0),
+        stop: Ned::new(60.0, 0.0, -25.0),
+        target: Some(to),
+        ..ON_THE_GROUND
+    };
+    let path = Path { from: start, to };
+    let output = handle_at(&mut navigation, later, Input::Telemetry(half_way));
+    assert_eq!(output, [announces(Intent::of(path, 0.5, false), false)]);
+}
+
+const LANDING: Ned = Ned::new(0.0, 0.0, -25.0);
+const BELOW: Ned = Ned::new(0.0, 1.0, -10.0);
+
+/// A drone that waits to land at [`LANDING`] above drone 2 at [`BELOW`].
+fn waiting_to_land() -> Navigation {
+    let mut navigation = avoiding();
+    traffic(&mut navigation, 2, BELOW, BELOW);
+    handle(&mut navigation, Input::Goal(Goal::Land));
+    let output = handle(&mut navigation, at_rest_at(LANDING));
+    assert!(!lands(&output));
+    navigation
+}
+
+fn lands(output: &[Transmit]) -> bool {
+    output.contains(&Transmit::FlightCommand(FlightCommand::Land))
+}
+
+/// Drone 2 is still at [`BELOW`].
+fn still_below(navigation: &mut Navigation, now: Timestamp) {
+    let path = Path {
+        from: BELOW,
+        to: BELOW,
+    };
+    let input = Input::Traffic {
+        sender: NodeId(2),
+        intent: Some(Intent::of(path, 0.0, false)),
+    };
+    handle_at(navigation, now, input);
+}
+
+#[test]
+fn drone_lands_once_the_column_below_is_clear() {
+    let mut navigation = waiting_to_land();
+    let far = Ned::new(0.0, 90.0, -10.0);
+    traffic(&mut navigation, 2, BELOW, far);
+    traffic(&mut navigation, 2, far, far);
+    assert!(lands(&handle(&mut navigation, at_rest_at(LANDING))));
+}
+
+#[test]
+fn drone_lands_beside_traffic_that_stays_below() {
+    let mut navigation = waiting_to_land();
+    let detour_at = Timestamp::ZERO + DETOUR_AFTER;
+    still_below(&mut navigation, detour_at);
+    let output = handle_at(&mut navigation, detour_at, at_rest_at(LANDING));
+    let side = leg(&output[1..]).0;
+    assert!(side.horizontal_distance_m(LANDING) > 10.0);
+    let output = handle_at(&mut navigation, detour_at, at_rest_at(side));
+    assert!(lands(&output));
+}
+
+#[test]
+fn drone_lands_after_the_longest_wait() {
+    let mut navigation = waiting_to_land();
+    let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
+    still_below(&mut navigation, latest);
+    let output = handle_at(&mut navigation, latest, at_rest_at(LANDING));
+    assert!(lands(&output));
+}
+
+#[test]
+fn drone_with_critical_battery_lands_immediately() {
+    let mut navigation = waiting_to_land();
+    let Input::Telemetry(charged) = at_rest_at(LANDING) else {
+        panic!("it is telemetry");
+    };
+    let critical = Telemetry {
+        charge: 0.05,
+        ..charged
+    };
+    let output = handle(&mut navigation, Input::Telemetry(critical));
+    assert!(lands(&output));
+}

@@ -1,0 +1,65 @@
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+use crate::traffic::Intent;
+use crate::wire::PAYLOAD_MAX;
+
+/// Maximum encoded size of an intent, in bytes.
+const INTENT_MAX: usize = 6 * 5 + 1;
+/// Interval at which an unchanged intent is passed on.
+const INTENT_REPEATED_AFTER: Duration = Duration::from_secs(1);
+
+/// Whether a frame with this payload has room for an intent.
+pub(super) const fn has_room_for_intent(payload: &[u8]) -> bool {
+    payload.len() <= PAYLOAD_MAX - INTENT_MAX
+}
+
+/// The own intent and those of other drones.
+#[derive(Debug, Default)]
+pub(super) struct Intents {
+    own: Option<Intent>,
+    /// Intents of others, with the time when each was last passed on.
+    others: BTreeMap<NodeId, (Intent, Timestamp)>,
+}
+
+impl Intents {
+    /// Sets the own intent; returns whether it changed.
+    pub(super) fn set_own(&mut self, intent: Option<Intent>) -> bool {
+        let is_changed = self.own != intent;
+        self.own = intent;
+        is_changed
+    }
+
+    /// The own intent, if a frame with this payload has room for it.
+    #[inline]
+    pub(super) fn own_for(&self, payload: &[u8]) -> Option<Intent> {
+        self.own.filter(|_| has_room_for_intent(payload))
+    }
+
+    /// Updates the intent of another drone. Returns whether to pass it on: it changed, or was not passed on for a while.
+    #[inline]
+    pub(super) fn update(
+        &mut self,
+        now: Timestamp,
+        sender: NodeId,
+        intent: Option<Intent>,
+    ) -> bool {
+        let before = self.others.get(&sender);
+        let is_due = match (intent, before) {
+            (None, before) => before.is_some(),
+            (Some(_), None) => true,
+            (Some(intent), Some((before, at))) => {
+                *before != intent || now.since(*at) >= INTENT_REPEATED_AFTER
+            }
+        };
+        if is_due {
+            match intent {
+                Some(intent) => self.others.insert(sender, (intent, now)),
+                None => self.others.remove(&sender),
+            };
+        }
+        is_due
+    }
+}

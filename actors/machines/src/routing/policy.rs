@@ -1,0 +1,227 @@
+//! What a policy implements, and the machine that runs one.
+
+use std::convert::Infallible;
+use std::hint::black_box;
+
+use bytes::Bytes;
+
+use super::{Checkpoint, Event, Input, PolicyCheckpoint, SharedState, Transmit};
+use crate::identity::{Ballot, NodeId};
+use crate::leader::{BallotDecision, LinkSymmetry};
+use crate::machine::{Machine, Output};
+use crate::time::Timestamp;
+
+/// How orders and acknowledgements spread.
+pub(super) trait Policy: std::fmt::Debug {
+    /// Handles [`Input::Received`].
+    fn receive(
+        &mut self,
+        shared: &mut SharedState,
+        now: Timestamp,
+        from: (NodeId, Ballot),
+        payload: &Bytes,
+    );
+
+    /// Handles [`Input::Delivery`].
+    fn record_delivery(
+        &mut self,
+        _shared: &mut SharedState,
+        _now: Timestamp,
+        _to: NodeId,
+        _payload: &[u8],
+        _is_delivered: bool,
+    ) {
+    }
+
+    /// The current leader has changed.
+    fn start_epoch(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// This drone leads. [`Self::start_epoch`] was called before if the leader changed.
+    fn lead(&mut self, shared: &mut SharedState, now: Timestamp, ballot: Ballot);
+
+    /// This master published a newer order.
+    fn order_published(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// This drone has carried an order out.
+    fn order_carried_out(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Handles [`Input::Discover`].
+    fn discover(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Handles [`Input::TopologyChanges`].
+    fn topology_changes(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// This drone is going to land.
+    fn land(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Sends the last frame.
+    fn stop(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Repeats this policy's notices to the protocol.
+    fn resync(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Restarts all silence timeouts: the host stalled, so the silence of others proves nothing.
+    fn reset_timeouts(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// Fires every deadline `<= now`.
+    fn handle_timeout(&mut self, shared: &mut SharedState, now: Timestamp);
+
+    /// The next deadline; after `now` once [`Self::handle_timeout`] was called at `now`.
+    fn deadline(&self, shared: &SharedState) -> Option<Timestamp>;
+
+    /// The part of its state that outlives a restart.
+    fn checkpoint(&self) -> PolicyCheckpoint;
+
+    /// Number of entries in the largest table, and that table's limit.
+    fn occupancy(&self) -> (usize, usize);
+
+    /// See [`NodeMachine::read_ahead`](crate::node::NodeMachine::read_ahead).
+    fn read_ahead(&self) {}
+
+    /// See [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead).
+    fn read_further_ahead(&self, _sender: Option<NodeId>) {}
+}
+
+/// A policy with the state that both policies share.
+///
+/// Invariant: a checkpoint is emitted before all outputs that depend on it.
+#[derive(Debug)]
+pub(super) struct Dissemination<P> {
+    pub(super) shared: SharedState,
+    pub(super) policy: P,
+    /// The next deadline, as of the end of the last step.
+    deadline: Option<Timestamp>,
+}
+
+impl<P: Policy> Dissemination<P> {
+    pub(super) fn new(mut shared: SharedState, policy: impl FnOnce(&mut SharedState) -> P) -> Self {
+        let policy = policy(&mut shared);
+        let mut routing = Self {
+            deadline: policy.deadline(&shared),
+            shared,
+            policy,
+        };
+        routing.emit_checkpoint();
+        routing
+    }
+
+    pub(super) fn occupancy(&self) -> (usize, usize) {
+        self.policy.occupancy()
+    }
+
+    pub(super) fn read_ahead(&self) {
+        black_box(self.deadline);
+        self.shared.read_ahead();
+        self.policy.read_ahead();
+    }
+
+    pub(super) fn read_further_ahead(&self, sender: Option<NodeId>) {
+        self.policy.read_further_ahead(sender);
+    }
+
+    fn reset_timeouts_if_stalled(&mut self, now: Timestamp) {
+        if self.shared.has_stalled(now) {
+            self.policy.reset_timeouts(&mut self.shared, now);
+        }
+    }
+
+    fn lead(&mut self, now: Timestamp, ballot: Ballot) {
+        match self.shared.observe_ballot(ballot, LinkSymmetry::Symmetric) {
+            // The routing has adopted a better ballot; the notice to the protocol is on its way.
+            BallotDecision::Ignored => return,
+            BallotDecision::Same => {}
+            BallotDecision::Adopted => self.policy.start_epoch(&mut self.shared, now),
+        }
+        self.policy.lead(&mut self.shared, now, ballot);
+    }
+
+    fn end_step(&mut self, now: Timestamp) {
+        self.emit_checkpoint();
+        self.deadline = self.policy.deadline(&self.shared);
+        self.shared.expect_step(now, self.deadline);
+    }
+
+    /// Emits a checkpoint before all other outputs of the step, if the durable state changed.
+    fn emit_checkpoint(&mut self) {
+        if self.shared.take_changed() {
+            let checkpoint = Checkpoint {
+                common: self.shared.durable.clone(),
+                policy: self.policy.checkpoint(),
+            };
+            self.shared
+                .emit_first(Event::Checkpoint(Box::new(checkpoint)));
+        }
+    }
+}
+
+impl<P: Policy> Machine for Dissemination<P> {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        self.reset_timeouts_if_stalled(now);
+        let (shared, policy) = (&mut self.shared, &mut self.policy);
+        match input {
+            Input::Received {
+                sender,
+                ballot,
+                payload,
+            } => policy.receive(shared, now, (sender, ballot), &payload),
+            Input::Delivery {
+                to,
+                payload,
+                delivered,
+            } => policy.record_delivery(shared, now, to, &payload, delivered),
+            Input::Lead(ballot) => self.lead(now, ballot),
+            Input::Publish {
+                ballot,
+                sequence,
+                order,
+            } => {
+                let own = shared.id;
+                if shared.durable.epoch.publish(own, ballot, sequence, order) {
+                    shared.mark_changed();
+                    policy.order_published(shared, now);
+                }
+            }
+            Input::Acknowledge { ballot, sequence } => {
+                if shared.durable.epoch.acknowledge(ballot, sequence) {
+                    shared.mark_changed();
+                    policy.order_carried_out(shared, now);
+                }
+            }
+            Input::Discover => policy.discover(shared, now),
+            Input::Land => {
+                shared.start_landing(now);
+                policy.land(shared, now);
+            }
+            Input::TopologyChanges => policy.topology_changes(shared, now),
+            Input::Stop => {
+                if !shared.durable.stopped {
+                    shared.start_landing(now);
+                    policy.stop(shared, now);
+                    shared.durable.stopped = true;
+                }
+            }
+            Input::Resync => {
+                shared.resync();
+                policy.resync(shared, now);
+                shared.resync_master();
+            }
+        }
+        self.end_step(now);
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        self.reset_timeouts_if_stalled(now);
+        self.policy.handle_timeout(&mut self.shared, now);
+        self.end_step(now);
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.shared.poll(self.deadline)
+    }
+}

@@ -1,0 +1,266 @@
+//! Traffic near a drone: announced intents and right of way.
+//!
+//! No drone starts a path that comes too near to an announced one. Two drones that start at the same moment don't know
+//! of each other yet; once they do, one of them stops. Both compute the same right of way: a stationary drone goes
+//! first, then one that flies vertically, then the lower number. A drone blocked by a stationary one flies a detour.
+
+mod intent;
+mod occupied;
+
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::time::Duration;
+
+use nalgebra::{Rotation2, Vector2};
+
+use self::intent::{ROUNDING_M, VERTICAL_M};
+use self::occupied::{OccupiedSpace, Precedence};
+use crate::formation::{Path, Separation};
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+use crate::time::Timestamp;
+pub use crate::wire::Intent;
+
+/// Largest age of an intent when it arrives: a radio passes on an unchanged intent once a second.
+const INTENT_AGE_MAX: Duration = Duration::from_secs(1);
+/// Time after which a silent drone out of radio range is assumed to be at the end of its path.
+const ARRIVED_AFTER: Duration = Duration::from_secs(5);
+/// Minimum time for which a silent drone is assumed to be at the end of its path.
+const FORGET_AFTER: Duration = Duration::from_secs(30);
+/// Largest difference of the displacements of two parallel paths, in metres.
+const PARALLEL_M: f64 = 1.0;
+/// Distances of detour points, as multiples of the horizontal separation.
+const DETOUR_DISTANCES: [f64; 2] = [2.2, 4.4];
+/// Bearings of detour points, clockwise from the path's own, in radians: ahead first.
+const DETOUR_BEARINGS_RAD: [f64; 8] = [
+    FRAC_PI_4,
+    -FRAC_PI_4,
+    FRAC_PI_2,
+    -FRAC_PI_2,
+    3.0 * FRAC_PI_4,
+    -3.0 * FRAC_PI_4,
+    PI,
+    0.0,
+];
+/// Configuration of deconfliction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// Minimum separation.
+    pub separation: Separation,
+    /// Time without a frame after which a drone is silent.
+    pub time_to_live: Duration,
+    /// Time without a command after which a flight controller lands.
+    pub controller_timeout: Duration,
+    /// Descent rate of that landing, in m/s.
+    pub descent_mps: f64,
+    /// Additional time for the last metres.
+    pub touch_down_margin: Duration,
+}
+
+impl Config {
+    /// Age of the last intent at which a drone counts as silent.
+    fn silent_after(&self) -> Duration {
+        self.time_to_live + INTENT_AGE_MAX
+    }
+
+    /// Age of the last intent at which a drone without a process is on the ground, from this altitude in metres.
+    fn down_after(&self, altitude_m: f64) -> Duration {
+        let descent = Duration::from_secs_f64(altitude_m.max(0.0) / self.descent_mps);
+        self.silent_after() + self.controller_timeout + descent + self.touch_down_margin
+    }
+}
+
+/// Intents of the drones near a drone.
+#[derive(Debug)]
+pub(crate) struct Traffic {
+    own: NodeId,
+    config: Config,
+    /// Whether it flies in lockstep with the followers of its master.
+    in_lockstep: bool,
+    others: BTreeMap<NodeId, (Intent, Timestamp)>,
+}
+
+impl Traffic {
+    pub(crate) const fn new(own: NodeId, config: Config) -> Self {
+        Self {
+            own,
+            config,
+            in_lockstep: false,
+            others: BTreeMap::new(),
+        }
+    }
+
+    /// Sets whether the drone flies in lockstep with the followers of its master.
+    pub(crate) const fn set_in_lockstep(&mut self, in_lockstep: bool) {
+        self.in_lockstep = in_lockstep;
+    }
+
+    /// Updates or removes the intent of another drone; returns whether it changed.
+    pub(crate) fn update(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
+        let Some(intent) = intent else {
+            return self.others.remove(&id).is_some();
+        };
+        let before = self.others.insert(id, (intent, now));
+        before.is_none_or(|(before, _)| before != intent)
+    }
+
+    /// Whether a path may be started: no other drone is near it or on a path that comes near it.
+    pub(crate) fn is_clear(&self, now: Timestamp, path: Path) -> bool {
+        self.blocking(now, path, path).next().is_none()
+    }
+
+    /// Whether to give way to another drone on the remaining part of a path.
+    pub(crate) fn must_give_way(&self, now: Timestamp, remaining: Path, whole: Path) -> bool {
+        let own = (Precedence::of(whole), self.own);
+        let mut blocking = self.blocking(now, remaining, whole);
+        blocking.any(|(id, other)| (other.precedence, id) < own)
+    }
+
+    /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
+    pub(crate) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
+        self.detour_points(column.from, Vector2::x()).find(|side| {
+            let across = Path {
+                from: column.from,
+                to: *side,
+            };
+            let down = Path {
+                from: *side,
+                to: side.at_altitude(0.0),
+            };
+            // A drone that is already near does not block the path there, but it blocks a descent.
+            self.is_clear(now, across)
+                && (self.occupied(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
+        })
+    }
+
+    /// Candidate points for a detour, nearest and ahead first.
+    fn detour_points(&self, from: Ned, ahead: Vector2<f64>) -> impl Iterator<Item = Ned> {
+        let horizontal_m = self.config.separation.horizontal_m;
+        DETOUR_DISTANCES.iter().flat_map(move |distance| {
+            DETOUR_BEARINGS_RAD.iter().map(move |bearing_rad| {
+                let offset = Rotation2::new(*bearing_rad) * ahead * (distance * horizontal_m);
+                from + Ned::new(offset.x, offset.y, 0.0)
+            })
+        })
+    }
+
+    /// Two corners of a detour, if all blocking drones are stationary and a clear detour exists: aside at the start
+    /// altitude, then vertically to the end altitude, then straight on.
+    pub(crate) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
+        let mut blocking = self.blocking(now, path, path);
+        if blocking.any(|(_, other)| other.precedence != Precedence::Stationary) {
+            return None;
+        }
+        let ahead = (path.to - path.from).0.xy();
+        let ahead = ahead.try_normalize(VERTICAL_M).unwrap_or_else(Vector2::x);
+        let detour_points = self.detour_points(path.from, ahead);
+        let mut detours = detour_points.map(|side| [side, side.at_altitude(path.to.altitude_m())]);
+        detours.find(|[side, level]| {
+            let legs = [(path.from, *side), (*side, *level), (*level, path.to)];
+            let mut legs = legs.into_iter().map(|(from, to)| Path { from, to });
+            legs.all(|leg| self.is_clear(now, leg))
+        })
+    }
+
+    /// Drones too near the remaining path, or on a path that comes too near it.
+    ///
+    /// Excludes drones on parallel paths, which keep their distance. Excludes drones too near the start, because
+    /// waiting there does not help. A drone that flies past is excluded only if it is too near despite rounding.
+    fn blocking(
+        &self,
+        now: Timestamp,
+        remaining: Path,
+        whole: Path,
+    ) -> impl Iterator<Item = (NodeId, OccupiedSpace)> {
+        let here = Path {
+            from: remaining.from,
+            to: remaining.from,
+        };
+        self.occupied(now, remaining.from)
+            .filter(move |(id, space)| {
+                let may_fly = space.precedence == Precedence::Leg || space.may_descend;
+                let is_parallel = may_fly && {
+                    let other = self.others[id].0.path();
+                    let difference_m =
+                        ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
+                    difference_m < PARALLEL_M && Precedence::of(other) == Precedence::Leg
+                };
+                let is_in_lockstep = self.in_lockstep && self.others[id].0.is_following();
+                let is_near_here = match space.precedence {
+                    Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),
+                    _ => self.is_near(space, here),
+                };
+                !is_parallel && !is_in_lockstep && self.is_near(space, remaining) && !is_near_here
+            })
+    }
+
+    fn is_near(&self, space: &OccupiedSpace, path: Path) -> bool {
+        space.is_near(path, self.separation_plus(ROUNDING_M))
+    }
+
+    /// The separation plus some metres.
+    fn separation_plus(&self, metres: f64) -> Separation {
+        let Separation {
+            horizontal_m,
+            vertical_m,
+        } = self.config.separation;
+        Separation {
+            horizontal_m: horizontal_m + metres,
+            vertical_m: vertical_m + metres,
+        }
+    }
+
+    /// Space that others may occupy, as seen from `here`.
+    fn occupied(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, OccupiedSpace)> {
+        let apart_m = move |intent: &Intent| here.distance_m(intent.remaining().from);
+        let heard = self.others.values();
+        let heard = heard.filter(move |(_, at)| now.since(*at) <= self.config.silent_after());
+        let reach_m = heard.map(|(intent, _)| apart_m(intent)).fold(0.0, f64::max);
+        self.others.iter().filter_map(move |(id, (intent, at))| {
+            let silent = now.since(*at);
+            let space = if silent <= self.config.silent_after() {
+                Some(OccupiedSpace::of(*intent))
+            } else {
+                self.space_of_silent(silent, *intent, apart_m(intent) <= reach_m)
+            };
+            Some((*id, space?))
+        })
+    }
+
+    /// Space that a drone may occupy that announced this and has been silent since.
+    ///
+    /// If another drone at least as far away is heard, the silent drone presumably has no process: its aircraft
+    /// descends somewhere on its remaining path. Otherwise it may have flown on, out of range. Once it is down or at
+    /// the end of its path, that end is kept clear for a while. A drone that announced a landing stays at the end for
+    /// good.
+    fn space_of_silent(
+        &self,
+        silent: Duration,
+        intent: Intent,
+        is_in_reach: bool,
+    ) -> Option<OccupiedSpace> {
+        let remaining = intent.remaining();
+        let highest_m = remaining.from.altitude_m().max(remaining.to.altitude_m());
+        let is_descending = silent <= self.config.down_after(highest_m);
+        if intent.lands() {
+            Some(if is_descending {
+                OccupiedSpace::of(intent)
+            } else {
+                OccupiedSpace::at(remaining.to)
+            })
+        } else if is_in_reach && is_descending {
+            Some(OccupiedSpace {
+                path: remaining,
+                may_descend: true,
+                precedence: Precedence::Stationary,
+            })
+        } else if silent <= ARRIVED_AFTER {
+            Some(OccupiedSpace::of(intent))
+        } else {
+            (silent <= FORGET_AFTER).then(|| OccupiedSpace::at(remaining.to))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

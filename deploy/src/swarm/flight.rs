@@ -1,0 +1,302 @@
+//! One flight of a swarm of processes, from start to end.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use muster_machines::identity::NodeId;
+use muster_machines::time::Timestamp;
+use muster_scenarios::report::{Flight, Report};
+use muster_scenarios::scenario::DroneFault;
+use muster_scenarios::twin::{ProcessReport, ProcessState, Twin};
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
+use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
+
+use super::folder::DroneFolder;
+use super::host::{Agent, end_agents, start_agents};
+use super::hosts::Hosts;
+use super::losses::SentLosses;
+use super::output::ProcessOutput;
+use super::process::{DroneProcess, HostEvent, StartMode};
+use super::reports::ReportQueue;
+use super::{Request, START_MAX, SwarmError, Watcher};
+use muster_daemon::clock::Clock;
+use muster_daemon::control::{ActorFault, ControlMessage};
+
+/// Delay of the twin behind the clock, in addition to the lag of the slowest host. Reports arrive within it.
+const TWIN_DELAY: Duration = Duration::from_millis(50);
+/// Time step of the twin.
+const TICK: Duration = Duration::from_millis(5);
+/// Time for processes to exit by themselves once their drones are down.
+const EXIT_MAX: Duration = Duration::from_secs(3);
+
+/// Flies the drones; see [`super::fly`].
+pub(super) async fn fly(
+    request: &Request<'_>,
+    (hosts, drones): (&Hosts, &[DroneFolder]),
+    watcher: Option<Watcher<'_>>,
+) -> Result<(Report, Flight), SwarmError> {
+    let (sender, events) = mpsc::unbounded_channel();
+    let agents = start_agents(request, &hosts.hosts, drones, &sender).await?;
+    let fleet = Agents {
+        by_drone: (hosts.hosts.iter().zip(&agents))
+            .flat_map(|(host, agent)| host.drones.keys().map(move |id| (*id, agent)))
+            .collect(),
+        _sender: sender,
+        events,
+    };
+    let flown = fly_with(request, drones, fleet, watcher).await;
+    let uncertainty = end_agents(agents).await;
+    let (mut report, flight) = flown?;
+    report.clock_uncertainty_s = uncertainty.map(|it| it.as_secs_f64());
+    Ok((report, flight))
+}
+
+/// The agents on the hosts, and the events that they report.
+struct Agents<'a> {
+    by_drone: BTreeMap<NodeId, &'a Agent>,
+    /// Keeps the channel open.
+    _sender: UnboundedSender<HostEvent>,
+    events: UnboundedReceiver<HostEvent>,
+}
+
+async fn fly_with<'a>(
+    request: &'a Request<'a>,
+    drones: &'a [DroneFolder],
+    agents: Agents<'a>,
+    mut watcher: Option<Watcher<'_>>,
+) -> Result<(Report, Flight), SwarmError> {
+    let mut swarm = Swarm::start(request, drones, agents).await?;
+    let [mut terminate, mut interrupt] = termination_signals().map_err(SwarmError::Runtime)?;
+    let mut ticks = interval(TICK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+    while !swarm.twin.is_flown() {
+        tokio::select! {
+            biased;
+            _ = terminate.recv() => return Err(SwarmError::Interrupted),
+            _ = interrupt.recv() => return Err(SwarmError::Interrupted),
+            event = swarm.agents.events.recv() => swarm.handle_event(event)?,
+            _ = ticks.tick() => {
+                swarm.advance();
+                if let Some(watcher) = &mut watcher {
+                    watcher(swarm.twin.progress());
+                }
+            }
+        }
+    }
+    swarm.wait_for_exit().await;
+    let elapsed = swarm.elapsed();
+    Ok(swarm.twin.finish(request.scenario, elapsed))
+}
+
+fn termination_signals() -> std::io::Result<[Signal; 2]> {
+    Ok([
+        signal(SignalKind::terminate())?,
+        signal(SignalKind::interrupt())?,
+    ])
+}
+
+/// A flight in progress.
+struct Swarm<'a> {
+    request: &'a Request<'a>,
+    drones: &'a [DroneFolder],
+    twin: Twin,
+    /// Delay of the twin behind the clock.
+    twin_delay: Duration,
+    twin_time: Timestamp,
+    agents: Agents<'a>,
+    processes: BTreeMap<NodeId, DroneProcess>,
+    /// Started when the flight began.
+    clock: Clock,
+    reports: ReportQueue,
+    losses: SentLosses,
+}
+
+impl<'a> Swarm<'a> {
+    /// Starts all processes; the leader last, since it takes off at once.
+    async fn start(
+        request: &'a Request<'a>,
+        drones: &'a [DroneFolder],
+        agents: Agents<'a>,
+    ) -> Result<Self, SwarmError> {
+        let lags = agents.by_drone.values().map(|agent| agent.lag);
+        let twin_delay = TWIN_DELAY + lags.max().unwrap_or_default();
+        let mut swarm = Self {
+            request,
+            drones,
+            twin: Twin::new(request.scenario, twin_delay),
+            twin_delay,
+            twin_time: Timestamp::ZERO,
+            agents,
+            processes: BTreeMap::new(),
+            clock: Clock::start(),
+            reports: ReportQueue::default(),
+            losses: SentLosses::default(),
+        };
+        let leader = request.scenario.plan.centre();
+        for folder in drones.iter().filter(|it| it.id != leader) {
+            swarm.start_process(folder, StartMode::Waiting);
+        }
+        swarm.wait_until_ready().await?;
+        swarm.clock = Clock::start();
+        for folder in drones.iter().filter(|it| it.id == leader) {
+            swarm.start_process(folder, StartMode::Leading);
+        }
+        swarm.wait_until_ready().await?;
+        Ok(swarm)
+    }
+
+    /// Starts a drone's process and sends it the current frame losses.
+    fn start_process(&mut self, folder: &DroneFolder, mode: StartMode) {
+        let agent = self.agents.by_drone[&folder.id];
+        let process = DroneProcess::start(self.request, agent, folder, mode);
+        self.processes.insert(folder.id, process);
+        self.losses.forget(folder.id);
+        self.send_losses();
+    }
+
+    /// The state of a drone's vehicle, as a message to its process.
+    fn vehicle(&self, drone: NodeId) -> ControlMessage {
+        ControlMessage::Vehicle {
+            epoch: self.agents.by_drone[&drone].host_time(self.clock.started()),
+            state: Box::new(self.twin.vehicle(drone)),
+        }
+    }
+
+    /// Waits until all started processes are ready.
+    async fn wait_until_ready(&mut self) -> Result<(), SwarmError> {
+        let deadline = Deadline::now() + START_MAX;
+        let mut last_texts = BTreeMap::new();
+        loop {
+            let mut waiting = self.processes.iter().filter(|(_, it)| !it.is_ready());
+            let Some((first, _)) = waiting.next() else {
+                return Ok(());
+            };
+            let late = SwarmError::Late(*first);
+            let event = timeout_at(deadline, self.agents.events.recv()).await;
+            let event = event.map_err(|_| late)?;
+            if let Some(HostEvent::Output(id, ProcessOutput::Text(text))) = &event {
+                last_texts.insert(*id, text.clone());
+            }
+            let ended = match &event {
+                Some(HostEvent::Ended(drone)) => Some(*drone),
+                _ => None,
+            };
+            self.handle_event(event)?;
+            if let Some(drone) = ended {
+                let last = last_texts.remove(&drone).unwrap_or_default();
+                return Err(SwarmError::EndedEarly { drone, last });
+            }
+        }
+    }
+
+    /// Handles an event of a process or a host.
+    ///
+    /// # Errors
+    /// [`SwarmError::HostLost`]: the state of its drones is unknown, so the flight can't be judged.
+    fn handle_event(&mut self, event: Option<HostEvent>) -> Result<(), SwarmError> {
+        match event {
+            Some(HostEvent::Output(drone, ProcessOutput::Report(at, report))) => {
+                let at = Timestamp::ZERO + at.since(self.clock.started());
+                self.reports.push(at, drone, report);
+            }
+            Some(HostEvent::Ended(drone)) => {
+                let process = self.processes.get_mut(&drone);
+                // The twin knows when a fault ended a process.
+                if process.is_none_or(DroneProcess::mark_ended) {
+                    let now = Timestamp::ZERO + self.elapsed();
+                    self.reports.push(now, drone, ProcessReport::Ended);
+                }
+            }
+            Some(HostEvent::Output(drone, ProcessOutput::Ready)) => {
+                if let Some(process) = self.processes.get_mut(&drone) {
+                    process.mark_ready();
+                }
+            }
+            Some(HostEvent::Lost { host, last }) => {
+                return Err(SwarmError::HostLost { host, last });
+            }
+            Some(HostEvent::Output(_, ProcessOutput::Text(_))) | None => {}
+        }
+        Ok(())
+    }
+
+    /// Time since the start of the flight.
+    fn elapsed(&self) -> Duration {
+        self.clock.now().since(self.clock.started())
+    }
+
+    /// Advances the twin to the delayed clock and applies its decisions to the processes.
+    fn advance(&mut self) {
+        let until = Timestamp::ZERO + self.elapsed().saturating_sub(self.twin_delay);
+        // In steps, even after a stall of this machine: a fault is applied before the twin passes it.
+        while self.twin_time < until {
+            let now = until.min(self.twin_time + TICK);
+            while let Some((at, drone, report)) = self.reports.pop_due(now) {
+                self.twin.receive(at, drone, report);
+            }
+            self.twin.advance(now);
+            self.twin_time = now;
+            self.apply_process_states();
+            self.inject_actor_faults();
+        }
+        self.send_losses();
+    }
+
+    /// Stops, continues, kills and restarts processes as the twin decides.
+    fn apply_process_states(&mut self) {
+        for folder in self.drones {
+            let id = folder.id;
+            let state = self.twin.process(id);
+            let Some(process) = self.processes.get_mut(&id) else {
+                continue;
+            };
+            if process.set_state(state) && self.twin.take_overruled(id) {
+                let vehicle = self.vehicle(id);
+                self.processes[&id].send(&vehicle);
+            } else if state == ProcessState::Runs && process.can_restart() {
+                self.start_process(folder, StartMode::Resuming(self.vehicle(id)));
+            }
+        }
+    }
+
+    /// Injects faults of actors into their processes.
+    fn inject_actor_faults(&mut self) {
+        for (drone, fault, duration) in self.twin.take_actor_faults() {
+            let (actor, fault) = match fault {
+                DroneFault::CrashActor(actor) => (actor, ActorFault::Crashes),
+                DroneFault::Hang(Some(actor)) => {
+                    let duration_s = duration.map(|it| it.as_secs_f64());
+                    (actor, ActorFault::Hangs(duration_s))
+                }
+                _ => continue,
+            };
+            if let Some(process) = self.processes.get(&drone) {
+                process.send(&ControlMessage::Inject { actor, fault });
+            }
+        }
+    }
+
+    /// Sends changed frame losses to the processes, if the radio is emulated.
+    fn send_losses(&mut self) {
+        if self.request.emulates_radio {
+            self.losses.send_changes(&self.twin, &self.processes);
+        }
+    }
+
+    /// Waits for the processes to exit by themselves and passes their last reports to the twin. Their agents kill the rest.
+    async fn wait_for_exit(&mut self) {
+        let deadline = Deadline::now() + EXIT_MAX;
+        let runs = |it: &DroneProcess| !it.is_ended();
+        while self.processes.values().any(runs) {
+            match timeout_at(deadline, self.agents.events.recv()).await {
+                // All drones are down: the loss of a host does not matter any more.
+                Ok(event) => drop(self.handle_event(event)),
+                Err(_) => break,
+            }
+        }
+        while let Some((at, drone, report)) = self.reports.pop() {
+            self.twin.receive(at, drone, report);
+        }
+    }
+}

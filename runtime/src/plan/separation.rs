@@ -1,0 +1,124 @@
+//! Checks of a plan against the minimum separation of drones, and descriptions of where drones come close.
+
+use muster_machines::formation::{ClosestApproach, Exposure, FlightPlan, PhaseKind};
+
+use super::file::Source;
+use super::raw::{ProtocolKind, Raw};
+use crate::diagnostic::BadInput;
+use crate::text::{drones, rounded_down};
+
+/// Refuses a plan in which drones in lockstep violate the separation. With `limits.accept`, also refuses one in which a
+/// single fault that it does not list can lead to a violation.
+pub(super) fn check_separation(
+    source: &Source,
+    raw: &Raw,
+    flight: FlightPlan<'_>,
+) -> Result<(), BadInput> {
+    let conflicts = flight.in_lockstep().find_map(|exposed| {
+        let has_conflicts = !exposed.lockstep.conflicts.is_empty();
+        has_conflicts.then_some((exposed.phase.kind, exposed.lockstep.closest?))
+    });
+    if let Some((kind, closest)) = conflicts {
+        let message = format!(
+            "in lockstep {} come too close {}: {}; give a larger `formation.spacing_m` or, for the ground, \
+             `formation.gap_m`",
+            drones(&closest.drones.map(|id| id.0)),
+            describe_phase(kind),
+            describe_clearance(&closest)
+        );
+        return Err(source.error(raw.formation.spacing_m.span(), &message));
+    }
+    let Some(accepted) = &raw.limits.accept else {
+        return Ok(());
+    };
+    let they_follow = raw.protocol.kind == ProtocolKind::Follow;
+    let is_accepted = |exposure: Exposure| {
+        raw.limits.accepts(exposure)
+            || raw.safety.avoid && exposure.is_resolved_by_right_of_way(they_follow)
+    };
+    let found = flight
+        .phases()
+        .zip(flight.exposures())
+        .find_map(|(phase, of)| {
+            let of = of
+                .into_iter()
+                .filter(|(exposure, _)| !is_accepted(*exposure));
+            let mut of = of.filter(|(_, nearness)| !nearness.conflicts.is_empty());
+            let (exposure, nearness) = of.next()?;
+            Some((phase.kind, exposure, nearness.closest?))
+        });
+    let Some((kind, exposure, closest)) = found else {
+        return Ok(());
+    };
+    let avoid = if exposure.is_resolved_by_right_of_way(they_follow) {
+        ", or set `safety.avoid = true`, so that drones give way to each other"
+    } else {
+        ""
+    };
+    let [affected, other] = closest.drones;
+    let message = format!(
+        "a drone that {} may come too close to another: drone {affected} comes within {} of drone {other} {}; add \"{}\" \
+         to `limits.accept`{avoid}",
+        describe_exposure(exposure),
+        describe_clearance(&closest),
+        describe_phase(kind),
+        exposure.name(),
+    );
+    Err(source.error(accepted.span(), &message))
+}
+
+/// A predicate for "a drone that …".
+#[must_use]
+pub fn describe_exposure(exposure: Exposure) -> &'static str {
+    match exposure {
+        Exposure::Late => "is late",
+        Exposure::Apart => "flies alone in its altitude layer",
+        Exposure::Descends => "lands on the spot",
+        Exposure::Killed => "is landed by its flight controller",
+    }
+}
+
+/// A phrase for the phase of a flight: "while all take off", "on the leg to waypoint 3".
+#[must_use]
+pub fn describe_phase(kind: PhaseKind) -> String {
+    match kind {
+        PhaseKind::TakeOff { wave } => format!("while {} off", describe_wave(wave, "take")),
+        PhaseKind::Leg { to } => format!("on the leg to waypoint {to}"),
+        PhaseKind::Climb { change } => format!("while all climb for change {change} of formation"),
+        PhaseKind::Cross { change, wave } => {
+            let crosses = describe_wave(wave, "cross");
+            format!("while {crosses} for change {change} of formation")
+        }
+        PhaseKind::Descend { change } => {
+            format!("while all descend in change {change} of formation")
+        }
+        PhaseKind::Land { wave } => format!("while {} to land", describe_wave(wave, "go")),
+    }
+}
+
+/// A wave as the subject of a verb: "all take", "those of wave 2 take".
+#[must_use]
+pub fn describe_wave(wave: u16, does: &str) -> String {
+    match wave {
+        0 => format!("all {does}"),
+        _ => format!("those of wave {} {does}", wave + 1),
+    }
+}
+
+/// Metres rounded down to a decimetre, with a tolerance of 1 µm for the search's accuracy.
+#[must_use]
+pub fn format_metres(metres: f64) -> String {
+    let rounded = rounded_down(metres + 1e-6, 1);
+    rounded.trim_end_matches(".0").to_owned()
+}
+
+/// The distances of a closest approach: "3.5 m over ground and 2 m in height".
+#[must_use]
+pub fn describe_clearance(approach: &ClosestApproach) -> String {
+    let clearance = approach.clearance;
+    format!(
+        "{} m over ground and {} m in height",
+        format_metres(clearance.horizontal_m),
+        format_metres(clearance.vertical_m)
+    )
+}

@@ -1,0 +1,131 @@
+//! Values of a TOML file with their place in it.
+
+use std::borrow::Cow;
+use std::ops::{Deref, Range};
+
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use toml::Spanned;
+
+/// A value that is in the file, with its place. In a JSON Schema it is the value alone.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(bound = "T: Deserialize<'de>", transparent)]
+pub struct Located<T>(Spanned<T>);
+
+impl<T> Located<T> {
+    /// The place in the file, in bytes.
+    pub fn span(&self) -> Range<usize> {
+        self.0.span()
+    }
+
+    /// The value.
+    pub fn get_ref(&self) -> &T {
+        self.0.get_ref()
+    }
+
+    /// The value, to be replaced.
+    pub fn get_mut(&mut self) -> &mut T {
+        self.0.get_mut()
+    }
+
+    /// The value alone.
+    pub fn into_inner(self) -> T {
+        self.0.into_inner()
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for Located<T> {
+    fn inline_schema() -> bool {
+        T::inline_schema()
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+
+    fn schema_id() -> Cow<'static, str> {
+        T::schema_id()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        T::json_schema(generator)
+    }
+}
+
+/// A number that can be made from a fraction.
+pub trait FromRatio {
+    /// `numerator / denominator`.
+    fn from_ratio(numerator: u64, denominator: u64) -> Self;
+}
+
+/// A number of the file, or the default `N / D` if the file has none. Fields of this type need `#[serde(default)]`.
+#[derive(Debug, Clone)]
+pub struct Or<T, const N: u64, const D: u64 = 1> {
+    value: T,
+    span: Option<Range<usize>>,
+}
+
+impl<T, const N: u64, const D: u64> Or<T, N, D> {
+    /// The place in the file; `None` if this is the default.
+    #[must_use]
+    pub fn span(&self) -> Option<Range<usize>> {
+        self.span.clone()
+    }
+
+    /// The number.
+    pub const fn get_ref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T, const N: u64, const D: u64> Deref for Or<T, N, D> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T: FromRatio, const N: u64, const D: u64> Default for Or<T, N, D> {
+    fn default() -> Self {
+        Self {
+            value: T::from_ratio(N, D),
+            span: None,
+        }
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const N: u64, const D: u64> Deserialize<'de> for Or<T, N, D> {
+    fn deserialize<F: Deserializer<'de>>(deserializer: F) -> Result<Self, F::Error> {
+        let value = Spanned::<T>::deserialize(deserializer)?;
+        Ok(Self {
+            span: Some(value.span()),
+            value: value.into_inner(),
+        })
+    }
+}
+
+/// As the default in a JSON Schema.
+impl<T: Serialize, const N: u64, const D: u64> Serialize for Or<T, N, D> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.value.serialize(serializer)
+    }
+}
+
+impl<T: JsonSchema, const N: u64, const D: u64> JsonSchema for Or<T, N, D> {
+    fn inline_schema() -> bool {
+        T::inline_schema()
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+
+    fn schema_id() -> Cow<'static, str> {
+        T::schema_id()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        T::json_schema(generator)
+    }
+}

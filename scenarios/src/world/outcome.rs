@@ -1,0 +1,55 @@
+//! The outcome of a run.
+
+use std::time::Duration;
+
+use muster_machines::geometry::Ned;
+use muster_machines::time::Timestamp;
+use muster_runtime::vehicle::Vehicle;
+use muster_transport::sim::Counters;
+
+use super::injection::Injection;
+use super::recorder::{Record, Recorder};
+use crate::checkers::Violation;
+
+/// The outcome of a run.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) trace: String,
+    pub(crate) ended: Timestamp,
+    /// The closest approach of two drones, in metres. `None` if rules were not checked.
+    pub(crate) closest_m: Option<f64>,
+    pub(crate) violations: Vec<Violation>,
+    /// What the faults of the plan met, in the order of their injection.
+    pub(crate) injections: Vec<Injection>,
+    /// The medium's counters, for all swarms together.
+    pub(crate) medium: Counters,
+    /// The scenario's own swarm first.
+    pub(crate) swarms: Vec<SwarmOutcome>,
+}
+
+/// The outcome of a swarm's flight.
+#[derive(Debug)]
+pub(crate) struct SwarmOutcome {
+    pub(crate) recorder: Recorder,
+    /// Of drones first, then of relays.
+    pub(crate) vehicles: Vec<Vehicle>,
+}
+
+/// The positions of a vehicle from arming to disarming: each second, and at each turn.
+pub(crate) fn track(vehicle: &Vehicle, record: &Record, ended: Timestamp) -> Vec<(Timestamp, Ned)> {
+    let (Some(from), to) = (record.armed, record.disarmed.unwrap_or(ended)) else {
+        return vec![(Timestamp::ZERO, vehicle.motion().position(Timestamp::ZERO))];
+    };
+    let second = Duration::from_secs(1);
+    let each_second =
+        std::iter::successors(Some(from), |at| Some(*at + second)).take_while(|at| *at < to);
+    let turns = vehicle.motion().pieces().iter().map(|piece| piece.start);
+    let mut instants: Vec<_> = each_second.chain(turns).chain([from, to]).collect();
+    instants.sort_unstable();
+    instants.dedup();
+    instants
+        .into_iter()
+        .filter(|at| (from..=to).contains(at))
+        .map(|at| (at, vehicle.motion().position(at)))
+        .collect()
+}

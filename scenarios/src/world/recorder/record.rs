@@ -1,0 +1,108 @@
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::time::Duration;
+
+use muster_machines::mission::{LandingReason, State};
+use muster_machines::routing::Routes;
+use muster_machines::time::Timestamp;
+
+/// The record of a drone or relay.
+#[derive(Debug, Clone)]
+pub(crate) struct Record {
+    /// Its states, and when it entered each; never empty.
+    pub(crate) states: Vec<(Timestamp, State)>,
+    /// Its routes, as they were until the master went to land.
+    pub(crate) routes: Routes,
+    pub(crate) reason: Option<LandingReason>,
+    pub(crate) given_up: bool,
+    /// When its companion computer died, or the aircraft fell.
+    pub(crate) killed: Option<Timestamp>,
+    /// Whether its battery is empty.
+    pub(crate) ran_empty: bool,
+    pub(crate) fell: bool,
+    /// Restarts of its actors.
+    pub(crate) restarts: u32,
+    /// Restarts of its process.
+    pub(crate) reboots: u32,
+    pub(crate) armed: Option<Timestamp>,
+    pub(crate) disarmed: Option<Timestamp>,
+}
+
+impl Record {
+    /// The record of a node at the start of a run.
+    pub(super) fn new() -> Self {
+        Self {
+            states: vec![(Timestamp::ZERO, State::Start)],
+            routes: Routes::default(),
+            reason: None,
+            given_up: false,
+            killed: None,
+            ran_empty: false,
+            fell: false,
+            restarts: 0,
+            reboots: 0,
+            armed: None,
+            disarmed: None,
+        }
+    }
+
+    /// Its present state.
+    pub(crate) fn state(&self) -> State {
+        let last = self.states.last();
+        last.map(|(_, state)| *state).unwrap_or_default()
+    }
+
+    /// When neighbour discovery began.
+    pub(crate) fn discovery(&self) -> Option<Timestamp> {
+        self.states
+            .iter()
+            .find(|(_, state)| is_in_discovery_or_beyond(*state))
+            .map(|(at, _)| *at)
+    }
+
+    /// Whether it landed where the swarm lands.
+    pub(crate) fn landed_with_swarm(&self) -> bool {
+        self.reason == Some(LandingReason::MissionOver) && self.killed.is_none()
+    }
+
+    /// From when until when it kept formation on a master that it followed, or was that master.
+    pub(crate) fn following(&self, ended: Timestamp) -> Option<Range<Timestamp>> {
+        let begins = self
+            .states
+            .iter()
+            .position(|(_, state)| *state == State::Following)?;
+        let until = self.states.get(begins + 1).map_or(ended, |(at, _)| *at);
+        Some(self.states[begins].0..until)
+    }
+
+    /// How many different waypoints it has reached.
+    pub(crate) fn waypoints(&self) -> usize {
+        let reached = self.states.iter().filter_map(|(_, state)| match state {
+            State::WaypointReached { waypoint } => Some(*waypoint),
+            _ => None,
+        });
+        reached.collect::<BTreeSet<_>>().len()
+    }
+
+    /// Its waits at waypoints, from arrival to departure.
+    pub(crate) fn waits(&self) -> impl Iterator<Item = Duration> + '_ {
+        self.states
+            .windows(2)
+            .filter(|pair| matches!(pair[0].1, State::WaypointReached { .. }))
+            .map(|pair| pair[1].0 - pair[0].0)
+    }
+}
+
+/// Whether a drone in this state has begun neighbour discovery and has yet to land.
+pub(super) const fn is_in_discovery_or_beyond(state: State) -> bool {
+    matches!(
+        state,
+        State::NeighbourDiscovery
+            | State::HopUpdate
+            | State::MovingToWaypoint { .. }
+            | State::WaypointReached { .. }
+            | State::ChangingFormation { .. }
+            | State::Following
+            | State::Assembling
+    )
+}

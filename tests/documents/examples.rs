@@ -1,0 +1,250 @@
+//! Examples in documents run. An info string says how: `sh` is run line by line, `toml` is flown as a scenario,
+//! `toml drone`, `toml observe` and `toml hosts` are read as such files, `rust` is a doc test, `text` is not run.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+
+use super::{ROOT, documents};
+
+const INFO: [&str; 7] = [
+    "sh",
+    "text",
+    "rust",
+    "toml",
+    "toml drone",
+    "toml observe",
+    "toml hosts",
+];
+
+/// The page whose examples `scenarios/src/lib.rs` includes as doc tests.
+const WITH_RUST: &str = "docs/src/extend/protocol.md";
+
+/// A campaign of hundreds of runs: `.ci/run` flies it, in a release build, and compares what comes of it.
+const BARRIERS: &str =
+    "muster campaign scenarios/barrier-line.toml --seeds 0..100 --vary radio.loss=0,0.1,0.3";
+
+/// A flight in real time, which `tests/processes` flies.
+const KILLED_IN_REAL_TIME: &str = "muster swarm scenarios/hardware/swarm-kill-master.toml";
+
+pub(crate) fn muster() -> Command {
+    Command::cargo_bin("muster").unwrap()
+}
+
+/// The folder in which examples run: the shipped scenarios, and nothing else.
+pub(crate) fn fresh_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for source in ["scenarios", "scenarios/missions", "scenarios/hardware"] {
+        fs::create_dir_all(folder.path().join(source)).unwrap();
+        for entry in fs::read_dir(Path::new(ROOT).join(source)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_file() {
+                let name = path.file_name().unwrap();
+                fs::copy(&path, folder.path().join(source).join(name)).unwrap();
+            }
+        }
+    }
+    folder
+}
+
+/// The examples with an info string, each with its place.
+fn examples(info: &str) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    for document in documents() {
+        for block in document.blocks() {
+            if block.info == info {
+                found.push((format!("{}:{}", document.path, block.line), block.text));
+            }
+        }
+    }
+    assert!(!found.is_empty(), "no example is marked `{info}`");
+    found
+}
+
+/// Makes the fleet whose keys the examples of drones' files name.
+pub(crate) fn make_fleet(folder: &Path) {
+    for arguments in [
+        &["keys", "fleet", "my-fleet"][..],
+        &["keys", "drone", "my-fleet", "2"],
+    ] {
+        muster()
+            .current_dir(folder)
+            .args(arguments)
+            .assert()
+            .success();
+    }
+}
+
+#[test]
+fn every_example_says_how_it_is_run() {
+    for document in documents() {
+        for block in document.blocks() {
+            let place = format!("{}:{}", document.path, block.line);
+            assert!(
+                INFO.contains(&block.info.as_str()),
+                "{place}: `{}`",
+                block.info
+            );
+            let is_tested = block.info != "rust" || document.path == WITH_RUST;
+            assert!(is_tested, "{place}: only {WITH_RUST} is a doc test");
+        }
+    }
+}
+
+/// A drone or an actor may fail in an example, but no rule may break.
+#[test]
+fn scenarios_in_documents_fly() {
+    let folder = fresh_folder();
+    for (place, scenario) in examples("toml") {
+        let path = folder.path().join("scenarios/example.toml");
+        fs::write(&path, &scenario).unwrap();
+        let run = muster()
+            .arg("sim")
+            .arg(&path)
+            .args(["--engine", "events", "--out"])
+            .arg(folder.path().join("out"))
+            .output()
+            .unwrap();
+        let error = String::from_utf8_lossy(&run.stderr);
+        assert!(run.status.success(), "{place}: {error}");
+    }
+}
+
+#[test]
+fn drone_files_in_documents_are_accepted() {
+    let folder = fresh_folder();
+    make_fleet(folder.path());
+    let tables = examples("toml observe");
+    for (place, mut file) in examples("toml drone") {
+        file.extend(tables.iter().map(|(_, table)| table.as_str()));
+        fs::write(folder.path().join("drone-2.toml"), &file).unwrap();
+        let check = Command::cargo_bin("musterd")
+            .unwrap()
+            .current_dir(folder.path())
+            .args(["--config", "drone-2.toml", "--check"])
+            .output()
+            .unwrap();
+        let error = String::from_utf8_lossy(&check.stderr);
+        assert!(check.status.success(), "{place}: {error}");
+    }
+}
+
+#[test]
+fn hosts_files_in_documents_are_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hosts.toml");
+    for (place, text) in examples("toml hosts") {
+        fs::write(&file, text).unwrap();
+        let hosts = muster_deploy::swarm::Hosts::load(&file, 5);
+        assert!(hosts.is_ok(), "{place}: {hosts:?}");
+    }
+}
+
+/// The arguments of a command of `muster`; `None` for a command that another test or `.ci/run` runs.
+fn arguments<'a>(place: &str, command: &'a str) -> Option<&'a str> {
+    if command == BARRIERS || command == KILLED_IN_REAL_TIME {
+        return None;
+    }
+    if let Some(arguments) = command.strip_prefix("muster ") {
+        return Some(arguments);
+    }
+    if let Some(("cargo run --release", arguments)) = command.split_once(" -- ") {
+        return Some(arguments);
+    }
+    // This test is a part of the first. The transport's and the machines' own tests do what the examples do, smaller.
+    let is_run_elsewhere = command == "cargo test --workspace"
+        || command.ends_with("-p muster-transport --example radio")
+        || command.contains("-p muster-machines --example model")
+        || command.ends_with("-p muster-machines --example apart");
+    assert!(
+        is_run_elsewhere,
+        "{place}: nothing runs the command `{command}`"
+    );
+    None
+}
+
+/// Some of these fly in real time: `.ci/run` lets them run beside all else.
+mod real_time {
+    use super::*;
+
+    /// Documents repeat commands; each is run once, in the order of the documents.
+    #[test]
+    fn commands_in_documents_succeed() {
+        let folder = fresh_folder();
+        let mut done = BTreeSet::new();
+        for (place, block) in examples("sh") {
+            for line in block.lines() {
+                let command = line.split('#').next().unwrap().trim();
+                let Some(arguments) = arguments(&place, command) else {
+                    continue;
+                };
+                if !done.insert(arguments.to_owned()) {
+                    continue;
+                }
+                let run = muster()
+                    .current_dir(folder.path())
+                    .args(arguments.split_whitespace())
+                    .output()
+                    .unwrap();
+                let error = String::from_utf8_lossy(&run.stderr);
+                assert!(run.status.success(), "{place}: `{command}`: {error}");
+            }
+        }
+        assert!(done.len() >= 6, "{done:?}");
+    }
+
+    #[test]
+    fn examples_in_the_help_succeed() {
+        let folder = fresh_folder();
+        for subcommand in [
+            "sim",
+            "campaign",
+            "campaign-merge",
+            "thesis",
+            "check",
+            "keys",
+            "swarm",
+            "completions",
+        ] {
+            let help = muster().args([subcommand, "--help"]).output().unwrap();
+            let help = String::from_utf8(help.stdout).unwrap();
+            let examples: Vec<_> = help
+                .lines()
+                .filter_map(|line| line.strip_prefix("  muster "))
+                .map(|line| line.split(['|', '>']).next().unwrap())
+                .collect();
+            assert!(!examples.is_empty(), "{subcommand} shows no example");
+            if subcommand == "campaign-merge" {
+                fly_shards(folder.path());
+            }
+            for example in examples {
+                // A shell would expand the pattern.
+                let example = example
+                    .replace(
+                        "scenarios/thesis-*.toml",
+                        "scenarios/thesis-1.toml scenarios/thesis-2.toml",
+                    )
+                    .replace("missions/*", "missions/albufera.plan");
+                muster()
+                    .current_dir(folder.path())
+                    .args(example.split_whitespace())
+                    .assert()
+                    .success();
+            }
+        }
+    }
+
+    fn fly_shards(folder: &Path) {
+        for part in ["1", "2"] {
+            muster()
+                .current_dir(folder)
+                .args(["campaign", "scenarios/thesis-1.toml", "--seeds", "0..2"])
+                .args(["--shard", &format!("{part}/2")])
+                .args(["--out", &format!("part-{part}")])
+                .assert()
+                .success();
+        }
+    }
+}
