@@ -17,9 +17,9 @@ use crate::{Failure, Outcome, folder, terminal};
 /// are built in.
 ///
 /// Experiment 2 runs in two more variants. In both, the master waits at a waypoint only for its direct neighbours; in one,
-/// the vehicles also settle as slowly as in the earlier project that the thesis extends. Their settling times are compared
-/// with that project's one-hop measurement. Waiting times are means over several seeds; runs after the first always use
-/// the events engine.
+/// the vehicles also settle as slowly as those of the thesis's ancestor project. Their settling times are compared with
+/// that project's one-hop measurement. Waiting times are means over several seeds; runs after the first always use the
+/// events engine.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster thesis

@@ -294,10 +294,7 @@ fn unusable_arguments_are_refused_and_nothing_is_written() {
             &["--seeds", "0..2", "--vary", "radio.loss=0,7"],
             "7 is not a share",
         ),
-        (
-            &["--seeds", "0..2", "--vary", "seed=1,2"],
-            "use --seeds",
-        ),
+        (&["--seeds", "0..2", "--vary", "seed=1,2"], "use --seeds"),
         (
             &["--seeds", "0..2", "--set", "seed=1"],
             "the seed is set by both",

@@ -202,7 +202,7 @@ impl Environment for World {
                     let sent = self.transport().send(Timestamp::ZERO, self.id, to, &frame);
                     sent.expect("the frame is valid");
                 }
-                Effect::Locate { sender, source } => self.transport().learn(sender, source),
+                Effect::LearnAddress { sender, source } => self.transport().learn(sender, source),
                 Effect::Post(envelope @ Envelope::Routing(routing::Input::Received { .. })) => {
                     self.cast(envelope);
                 }

@@ -264,10 +264,10 @@ impl Drone {
                         .and_then(|it| it.execute(self.now, command));
                     self.queue_telemetry(telemetry);
                 }
-                Effect::Keep(checkpoint) => {
+                Effect::StoreCheckpoint(checkpoint) => {
                     self.checkpoints.keep(checkpoint);
                 }
-                Effect::Locate { .. } | Effect::Observe(_) => {}
+                Effect::LearnAddress { .. } | Effect::Observe(_) => {}
             }
         }
     }

@@ -168,7 +168,7 @@ fn hanging_disk_does_not_delay_a_revocation_list() {
     fs::copy(fleet.path("ours/revoked.toml"), list_of(1)).unwrap();
     drones[0].signal("HUP");
     drones[0].wait_for("list kept", |line| {
-        line["number"] == 3 && line["message"] == "the list of the revoked is kept"
+        line["number"] == 3 && line["message"] == "the revocation list is stored"
     });
     for (drone, id) in drones.iter_mut().zip([1, 3]) {
         drone.signal("TERM");

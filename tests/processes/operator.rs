@@ -390,7 +390,10 @@ fn flying_drone_refuses_uploads() {
     flying.wait_for_mission(&serde_json::json!({ "State": "TakingOff" }));
     let (code, output) = drone(&fleet, &["upload", "ours", &fleet.address(DRONE), SCENARIO]);
     assert_eq!(code, Some(1), "{output}");
-    assert!(output.contains("drone 1 takes part in a flight"), "{output}");
+    assert!(
+        output.contains("drone 1 takes part in a flight"),
+        "{output}"
+    );
     drones.iter().for_each(|it| it.signal("TERM"));
     for drone in &mut drones {
         assert_eq!(drone.end(), Some(0));

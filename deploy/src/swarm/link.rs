@@ -156,7 +156,7 @@ impl Link {
             }
         }
         let now = self.clock.now();
-        self.to_local(now);
+        self.local_time_of(now);
         Ok(self)
     }
 
@@ -203,11 +203,11 @@ impl Link {
     }
 
     /// Converts a time of the host's clock into ours.
-    fn to_local(&mut self, host_time: Timestamp) -> Timestamp {
+    fn local_time_of(&mut self, host_time: Timestamp) -> Timestamp {
         if self.is_local {
             return host_time;
         }
-        let (local, uncertainty) = self.offset.to_local(host_time, self.clock.now());
+        let (local, uncertainty) = self.offset.local_time_of(host_time, self.clock.now());
         self.uncertainty = self.uncertainty.max(uncertainty);
         local
     }
@@ -296,7 +296,7 @@ impl Link {
                     drone,
                     match parse(&line) {
                         ProcessOutput::Report(at, report) => {
-                            ProcessOutput::Report(self.to_local(at), report)
+                            ProcessOutput::Report(self.local_time_of(at), report)
                         }
                         other => other,
                     },

@@ -55,7 +55,11 @@ impl Offset {
     }
 
     /// Converts a time of the host's clock into ours, with the uncertainty at `now`.
-    pub(super) fn to_local(&self, host_time: Timestamp, now: Timestamp) -> (Timestamp, Duration) {
+    pub(super) fn local_time_of(
+        &self,
+        host_time: Timestamp,
+        now: Timestamp,
+    ) -> (Timestamp, Duration) {
         let (ahead_ns, uncertainty) = self.ahead_ns(now);
         (add_nanos(host_time, ahead_ns.saturating_neg()), uncertainty)
     }
@@ -88,12 +92,12 @@ mod tests {
     #[test]
     fn shortest_round_trip_gives_the_offset_and_its_half_the_uncertainty() {
         let mut offset = Offset::default();
-        assert_eq!(offset.to_local(ms(5), ms(5)).1, Duration::MAX);
+        assert_eq!(offset.local_time_of(ms(5), ms(5)).1, Duration::MAX);
         // The host is an hour ahead. The second ping took 2 ms out and 40 ms back.
         let hour = 3_600_000;
         offset.add_sample(ms(1_000), ms(hour + 1_002), ms(1_004));
         offset.add_sample(ms(2_000), ms(hour + 2_002), ms(2_042));
-        let (local, uncertainty) = offset.to_local(ms(hour + 2_002), ms(2_042));
+        let (local, uncertainty) = offset.local_time_of(ms(hour + 2_002), ms(2_042));
         assert_eq!(local, ms(2_002));
         assert!(
             uncertainty >= Duration::from_millis(2) && uncertainty < Duration::from_millis(3),
@@ -109,11 +113,14 @@ mod tests {
         let later = ms(100_000);
         offset.add_sample(later, ms(100_007), ms(100_004));
         // 10 ms of drift since the first sample outweigh half a round trip of 2 ms.
-        assert_eq!(offset.to_local(ms(100_007), ms(100_004)).0, ms(100_002));
+        assert_eq!(
+            offset.local_time_of(ms(100_007), ms(100_004)).0,
+            ms(100_002)
+        );
         // A clock behind ours.
         let mut behind = Offset::default();
         behind.add_sample(ms(5_000), ms(2_001), ms(5_002));
-        assert_eq!(behind.to_local(ms(2_001), ms(5_002)).0, ms(5_001));
+        assert_eq!(behind.local_time_of(ms(2_001), ms(5_002)).0, ms(5_001));
     }
 
     #[test]
@@ -123,6 +130,6 @@ mod tests {
         for n in 1..=8 {
             offset.add_sample(ms(n), ms(n + 500), ms(n + 2));
         }
-        assert_eq!(offset.to_local(ms(508), ms(10)).0, ms(9));
+        assert_eq!(offset.local_time_of(ms(508), ms(10)).0, ms(9));
     }
 }

@@ -8,7 +8,12 @@ use crate::schema::Field;
 
 /// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML.
 #[must_use]
-pub fn accepted(fields: &[Field], text: &str, span: &Range<usize>, message: &str) -> Option<String> {
+pub fn accepted(
+    fields: &[Field],
+    text: &str,
+    span: &Range<usize>,
+    message: &str,
+) -> Option<String> {
     let missing = message
         .strip_prefix("missing field `")
         .and_then(|rest| rest.strip_suffix('`'));

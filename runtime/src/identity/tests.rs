@@ -47,7 +47,11 @@ fn authenticator(folder: &TempDir, id: u32) -> Ed25519Authenticator {
     identified(folder, id, key(folder, id)).unwrap()
 }
 
-fn identified(folder: &TempDir, id: u32, key: DroneKey) -> Result<Ed25519Authenticator, IdentityMismatch> {
+fn identified(
+    folder: &TempDir,
+    id: u32,
+    key: DroneKey,
+) -> Result<Ed25519Authenticator, IdentityMismatch> {
     let (roster, revoked) = (roster(folder), revoked(folder));
     Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, revoked)
 }

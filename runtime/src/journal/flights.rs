@@ -54,7 +54,7 @@ pub fn choose(root: &Path, requested: u32) -> Result<u32, OldFlight> {
         return Err(OldFlight { newest });
     }
     let checkpoints = peek(&folder_of(root, newest)).ok().flatten();
-    let is_under_way = checkpoints.is_some_and(|it| it.are_of_a_flight());
+    let is_under_way = checkpoints.is_some_and(|it| it.is_flight_ongoing());
     Ok(if is_under_way { newest } else { requested })
 }
 

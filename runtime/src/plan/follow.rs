@@ -57,21 +57,7 @@ pub(super) fn follow(
         let span = fields.hold_ms.span().unwrap_or_else(place);
         return Err(source.error(span, &message));
     }
-    let master = navigation::Config {
-        speed_mps: at_most(
-            source,
-            fields.speed_mps.as_ref(),
-            vehicle.speed_mps,
-            SPEED_SHARE,
-        )?,
-        acceleration_mps2: at_most(
-            source,
-            fields.acceleration_mps2.as_ref(),
-            vehicle.acceleration_mps2,
-            ACCELERATION_SHARE,
-        )?,
-        ..vehicle.clone()
-    };
+    let master = master(source, fields, vehicle)?;
     let pilot = pilot(source, fields, vehicle)?;
     let table_span = || raw.follow.as_ref().map_or_else(place, |it| it.span());
     let land_after = land_after(source, fields, pilot.last(), table_span)?;
@@ -89,6 +75,29 @@ pub(super) fn follow(
         pilot,
         land_after,
     }))
+}
+
+/// The master's parameters, within the limits of the other drones.
+fn master(
+    source: &Source,
+    fields: &raw::Follow,
+    vehicle: &navigation::Config,
+) -> Result<navigation::Config, BadInput> {
+    Ok(navigation::Config {
+        speed_mps: at_most(
+            source,
+            fields.speed_mps.as_ref(),
+            vehicle.speed_mps,
+            SPEED_SHARE,
+        )?,
+        acceleration_mps2: at_most(
+            source,
+            fields.acceleration_mps2.as_ref(),
+            vehicle.acceleration_mps2,
+            ACCELERATION_SHARE,
+        )?,
+        ..vehicle.clone()
+    })
 }
 
 /// When the operator ends the flight, which a flight with a pilot needs and one without does not have.

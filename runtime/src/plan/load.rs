@@ -64,10 +64,7 @@ pub fn build_plan(
 ) -> Result<Plan, BadInput> {
     let mission = read_mission(path, raw, read)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
-    let separation = Separation {
-        horizontal_m: raw.limits.separation_horizontal_m.0,
-        vertical_m: raw.limits.separation_vertical_m.0,
-    };
+    let separation = separation(raw);
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
     let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
@@ -121,6 +118,13 @@ pub fn build_plan(
         fence,
         notes,
     })
+}
+
+fn separation(raw: &Raw) -> Separation {
+    Separation {
+        horizontal_m: raw.limits.separation_horizontal_m.0,
+        vertical_m: raw.limits.separation_vertical_m.0,
+    }
 }
 
 fn read_mission(

@@ -47,7 +47,7 @@ impl Machine for SimulatedLink {
     fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
         match input {
             Input::FlightCommand(FlightCommand::Report) => {
-                self.transmit(Transmit::Command(FlightCommand::Report))
+                self.transmit(Transmit::Command(FlightCommand::Report));
             }
             Input::FlightCommand(_) if self.durable.gave_up => {}
             Input::FlightCommand(command) => self.transmit(Transmit::Command(command)),

@@ -52,7 +52,7 @@ impl ObedienceChecker {
     ) -> Option<Violation> {
         let (receiver, [older, newer]) = self.must_ignore.take()?;
         let changes = |effect: &Effect| match effect {
-            Effect::Keep(checkpoint) => !kept.holds(checkpoint),
+            Effect::StoreCheckpoint(checkpoint) => !kept.holds(checkpoint),
             _ => true,
         };
         let is_followed =
@@ -113,7 +113,10 @@ mod tests {
         let event = mission::Event::State(State::Landing);
         let seen = Effect::Observe(Observation::Mission(event));
         assert!(breaks_rule(1, std::slice::from_ref(&seen)));
-        assert!(breaks_rule(1, &[Effect::Keep(keep(State::Landing))]));
+        assert!(breaks_rule(
+            1,
+            &[Effect::StoreCheckpoint(keep(State::Landing))]
+        ));
         assert!(
             !breaks_rule(2, &[seen]),
             "the order is of the current leader"
@@ -122,7 +125,10 @@ mod tests {
 
     #[test]
     fn an_older_order_may_be_ignored() {
-        assert!(!breaks_rule(1, &[Effect::Keep(keep(State::TakingOff))]));
+        assert!(!breaks_rule(
+            1,
+            &[Effect::StoreCheckpoint(keep(State::TakingOff))]
+        ));
         assert!(!breaks_rule(1, &[]));
     }
 
@@ -132,7 +138,7 @@ mod tests {
             must_ignore: Some((DRONE, [ballot(1), ballot(2)])),
         };
         checker.before_task();
-        let effects = [Effect::Keep(keep(State::Landing))];
+        let effects = [Effect::StoreCheckpoint(keep(State::Landing))];
         let kept = Checkpoints::default();
         let found = checker.yields(Timestamp::ZERO, DRONE, Address::Mission, &effects, &kept);
         assert_eq!(found, None);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use comfy_table::Table;
 use muster_machines::formation::{
-    PhaseKind, ClosestApproach, PhaseSeparation, Exposure, FlightPlan, Layering, Proximity, Phase,
+    ClosestApproach, Exposure, FlightPlan, Layering, Phase, PhaseKind, PhaseSeparation, Proximity,
 };
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
@@ -12,9 +12,11 @@ use muster_runtime::diagnostic::BadInput;
 
 use super::Scenario;
 use crate::report::table::STYLE;
-use muster_runtime::plan::separation::{describe_clearance, describe_exposure, describe_phase, format_metres};
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::Raw;
+use muster_runtime::plan::separation::{
+    describe_clearance, describe_exposure, describe_phase, format_metres,
+};
 use muster_runtime::text::{NO_VALUE, drones, plural};
 
 /// Largest swarm whose exposures to single faults are computed.
@@ -60,7 +62,9 @@ fn phase_name(kind: PhaseKind) -> String {
         PhaseKind::TakeOff { wave } => name_with_wave("taking off", wave),
         PhaseKind::Leg { to } => format!("leg {to}"),
         PhaseKind::Climb { change } => format!("change {change}: climbing"),
-        PhaseKind::Cross { change, wave } => name_with_wave(&format!("change {change}: crossing"), wave),
+        PhaseKind::Cross { change, wave } => {
+            name_with_wave(&format!("change {change}: crossing"), wave)
+        }
         PhaseKind::Descend { change } => format!("change {change}: descending"),
         PhaseKind::Land { wave } => name_with_wave("going to land", wave),
     }
@@ -218,9 +222,9 @@ impl Scenario {
         let layers_m: &[f64] = match phase.kind {
             PhaseKind::TakeOff { .. } => layout.take_off_layers_m(),
             PhaseKind::Land { .. } => layout.landing_layers_m(),
-            PhaseKind::Climb { change } | PhaseKind::Cross { change, .. } | PhaseKind::Descend { change } => {
-                self.plan.changes[usize::from(change)].sectors_m()
-            }
+            PhaseKind::Climb { change }
+            | PhaseKind::Cross { change, .. }
+            | PhaseKind::Descend { change } => self.plan.changes[usize::from(change)].sectors_m(),
             PhaseKind::Leg { .. } => &[],
         };
         let highest_m = layers_m.iter().copied().fold(0.0, f64::max);

@@ -60,7 +60,10 @@ fn other(
     if let (Some(span), Some(duration)) = (joins.after_s.span(), own.limits.duration_s)
         && joins.after_s.0 >= duration.0
     {
-        let message = format!("the run ends before, at `limits.duration_s` = {}", duration.0);
+        let message = format!(
+            "the run ends before, at `limits.duration_s` = {}",
+            duration.0
+        );
         return Err(source.error(span, &message));
     }
     let others = Source::new(&path, text, &[])?;
@@ -154,8 +157,7 @@ fn radio(source: &Source, raw: &Raw) -> Result<sim::Config, BadInput> {
         }
         MediumName::Csma => {
             if let Some(span) = radio.latency_us.span() {
-                let message =
-                    "only the medium \"ideal\" has a latency; with \"csma\" it follows from airtime and access";
+                let message = "only the medium \"ideal\" has a latency; with \"csma\" it follows from airtime and access";
                 return Err(source.error(span, message));
             }
             let queue_max = NonZeroUsize::new(to_usize(radio.queue_max.0));

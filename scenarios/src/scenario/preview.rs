@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::{PhaseKind, Change, Paths, Phase};
+use muster_machines::formation::{Change, Paths, Phase, PhaseKind};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Holds, Succession};

@@ -37,7 +37,7 @@ use std::collections::BTreeSet;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
 use muster_machines::node::{
-    Address, Checkpoints, Effect, Envelope, Observation, StepOutput, last_resort,
+    Address, Checkpoints, Effect, Envelope, Observation, StepOutput, emergency_landing,
 };
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
@@ -223,7 +223,7 @@ impl World {
                 swarm.barrier.given_up(drone);
                 scene.processes[drone].given_up = true;
                 let actors = &scene.processes[drone].actors;
-                for effect in last_resort(|address| actors.is_up(address)) {
+                for effect in emergency_landing(|address| actors.is_up(address)) {
                     self.execute(drone, effect);
                 }
             }
@@ -268,13 +268,15 @@ impl World {
                 self.scene.air.send(&mut self.scene.core, drone, to, &frame);
             }
             // The medium addresses drones by their numbers.
-            Effect::Locate { .. } => {}
+            Effect::LearnAddress { .. } => {}
             Effect::Command(command) => {
                 #[cfg(test)]
                 self.report(drone, crate::twin::ProcessReport::Commanded(command));
                 self.scene.command(drone, command);
             }
-            Effect::Keep(checkpoint) => self.scene.processes[drone].checkpoints.keep(checkpoint),
+            Effect::StoreCheckpoint(checkpoint) => {
+                self.scene.processes[drone].checkpoints.keep(checkpoint);
+            }
             Effect::Observe(seen) => {
                 #[cfg(test)]
                 self.report(drone, crate::twin::ProcessReport::Observed(seen.clone()));

@@ -258,7 +258,7 @@ pub struct Deadlines {
     /// When the drone stops waiting for what it waits for.
     pub limit: Option<Timestamp>,
     /// End of the flight time. `None` before the take-off.
-    pub flies_until: Option<Timestamp>,
+    pub flight_ends_at: Option<Timestamp>,
 }
 
 impl Checkpoint {

@@ -65,20 +65,20 @@ impl Mission {
         if self
             .durable
             .deadlines
-            .flies_until
+            .flight_ends_at
             .is_none_or(|until| until > now)
         {
             return;
         }
         let reason = LandingReason::FlightTime;
         let is_landing_due = self.durable.landing.reason.is_some();
-        self.durable.deadlines.flies_until = None;
+        self.durable.deadlines.flight_ends_at = None;
         if !self.durable.state.is_on_mission() {
             // On the ground, or landing within other limits.
         } else if is_landing_due {
             self.land_on_the_spot(reason);
         } else {
-            self.durable.deadlines.flies_until = Some(now + self.config.leg_limit);
+            self.durable.deadlines.flight_ends_at = Some(now + self.config.leg_limit);
             if self.durable.state == State::Following {
                 self.end_following_for(reason);
             }

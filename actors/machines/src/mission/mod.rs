@@ -11,6 +11,7 @@ mod hold;
 mod interface;
 mod master;
 mod member;
+mod notices;
 
 use std::convert::Infallible;
 
@@ -25,13 +26,10 @@ pub use interface::{Event, Input, LandingReason, Transmit};
 
 use crate::flaw::{self, Flaw};
 use crate::formation::{FlightPlan, Layout};
-use crate::identity::{Ballot, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::Notice as NavigationNotice;
-use crate::routing::Notice as RoutingNotice;
 use crate::stall::StallDetector;
 use crate::time::Timestamp;
-use crate::wire;
 pub use crate::wire::{Order, Step};
 
 /// The mission state machine of one drone.
@@ -93,7 +91,7 @@ impl Mission {
 
     /// Whether the master is silent and no other has replaced it.
     #[must_use]
-    pub const fn misses_master(&self) -> bool {
+    pub const fn is_master_silent(&self) -> bool {
         self.master_silent.is_some()
     }
 
@@ -152,7 +150,7 @@ impl Mission {
 
     fn start_take_off(&mut self, now: Timestamp) {
         self.durable.deadlines.limit = Some(now + self.config.take_off_limit);
-        self.durable.deadlines.flies_until = Some(now + self.config.flight_time);
+        self.durable.deadlines.flight_ends_at = Some(now + self.config.flight_time);
         self.enter(State::TakingOff);
         self.outbox.transmit(Transmit::TopologyChanges);
         self.send_goal();
@@ -203,89 +201,6 @@ impl Mission {
         if is_needed && !self.durable.lockstep.in_layer {
             self.leave_lockstep();
             self.send_goal();
-        }
-    }
-
-    fn handle_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
-        match notice {
-            RoutingNotice::Leader(ballot) => self.handle_leader(now, ballot),
-            RoutingNotice::Order {
-                ballot,
-                sequence,
-                order,
-            } => self.handle_order(now, ballot, sequence, &order),
-            RoutingNotice::Progress {
-                sequence,
-                acknowledged,
-                landing,
-            } => self.record_progress(sequence, &acknowledged, &landing),
-            RoutingNotice::Neighbours(neighbours) => {
-                if let Some(lead) = &mut self.durable.lead {
-                    lead.neighbours = neighbours;
-                }
-            }
-            RoutingNotice::Silent(members) => self.mark_silent(now, &members),
-            RoutingNotice::Returned(members) => self.mark_heard(&members),
-            RoutingNotice::MasterSilent => {
-                self.master_silent.get_or_insert(now);
-            }
-            RoutingNotice::MasterReturned => {
-                self.master_silent = None;
-                if self.durable.state == State::SetUp {
-                    // The order to take off may have been missed.
-                    self.outbox.transmit(Transmit::Resync);
-                }
-            }
-            // Without elections the master orders the swarm to land itself.
-            RoutingNotice::MasterLands if self.config.succession == Succession::Elect => {
-                self.master_lands = true;
-                self.master_silent.get_or_insert(now);
-            }
-            RoutingNotice::MasterLands => {}
-            RoutingNotice::DiscoveryStarted => self.advance_routes(RoutesPhase::Discovery),
-            RoutingNotice::HopUpdateStarted => self.advance_routes(RoutesPhase::HopUpdate),
-            RoutingNotice::RoutesReady => self.advance_routes(RoutesPhase::Ready),
-            RoutingNotice::Resync => self.resync_routing(),
-        }
-    }
-
-    fn handle_leader(&mut self, now: Timestamp, ballot: Ballot) {
-        let is_followed = self.observe_ballot(ballot);
-        if is_followed && ballot.master == self.config.id && self.durable.lead.is_none() {
-            // This drone led and lost that state: the swarm has no master.
-            self.master_silent.get_or_insert(now);
-        }
-    }
-
-    fn handle_order(&mut self, now: Timestamp, ballot: Ballot, sequence: u32, order: &[u8]) {
-        if !self.observe_ballot(ballot) || self.durable.lead.is_some() {
-            return;
-        }
-        match wire::decode_order(order) {
-            Ok(order) => self.execute_order(now, sequence, order),
-            Err(_) => self.outbox.event(Event::Refused),
-        }
-    }
-
-    fn advance_routes(&mut self, phase: RoutesPhase) {
-        self.durable.routes = self.durable.routes.max(phase);
-        let is_in_slot = match self.durable.state {
-            State::TakingOff => self.durable.orders.pending.is_none(),
-            State::NeighbourDiscovery | State::HopUpdate => true,
-            _ => false,
-        };
-        if is_in_slot {
-            self.enter_routes_state();
-        }
-    }
-
-    /// Enters the state of a drone in its slot that matches the routing's progress.
-    fn enter_routes_state(&mut self) {
-        match self.durable.routes {
-            RoutesPhase::None => {}
-            RoutesPhase::Discovery => self.enter(State::NeighbourDiscovery),
-            RoutesPhase::HopUpdate => self.enter(State::HopUpdate),
-            RoutesPhase::Ready => self.enter(State::WaypointReached { waypoint: 0 }),
         }
     }
 
@@ -383,24 +298,6 @@ impl Mission {
         self.hold_in_layer_if_needed();
     }
 
-    /// Repeats to a restarted routing what it needs to know.
-    fn resync_routing(&mut self) {
-        self.resend_lead();
-        if let Some(lead) = &mut self.durable.lead {
-            // The restarted routing starts every member's time to live anew.
-            lead.silent = NodeSet::default();
-        }
-        self.send_acknowledgement();
-        match self.durable.state {
-            // Announced once it is below the others.
-            State::MovingToLand if self.durable.landing.reason.is_some() => {}
-            State::MovingToLand | State::Landing if self.is_awaited_on_ground() => {}
-            State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
-            State::Finished => self.outbox.transmit(Transmit::Stop),
-            _ => {}
-        }
-    }
-
     /// Ends the mission of this drone: in the air it lands on the spot, on the ground it stays there.
     fn abort(&mut self, reason: LandingReason) {
         match self.durable.state {
@@ -425,7 +322,7 @@ impl Mission {
     fn deadline(&self) -> Option<Timestamp> {
         let deadlines = [
             self.durable.deadlines.limit,
-            self.durable.deadlines.flies_until,
+            self.durable.deadlines.flight_ends_at,
             self.next_fix(),
             self.succession_at(),
             self.silence_tolerated_until(),
@@ -455,7 +352,7 @@ impl Machine for Mission {
                 self.handle_position(now, position, velocity);
             }
             Input::Navigation(NavigationNotice::UncommandedLanding) => {
-                self.handle_uncommanded_landing()
+                self.handle_uncommanded_landing();
             }
             Input::Navigation(NavigationNotice::Landed) => self.handle_touchdown(),
             Input::Navigation(NavigationNotice::Failing {

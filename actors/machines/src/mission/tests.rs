@@ -16,10 +16,12 @@ use super::*;
 use crate::formation::Change;
 use crate::formation::{Formation, Kind, Layering, Separation};
 use crate::geometry::Ned;
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Emitted, Stimulus, step};
 use crate::navigation::Failure;
 use crate::navigation::Goal;
+use crate::routing::Notice as RoutingNotice;
+use crate::wire;
 
 /// The leader epoch that the operator starts.
 const INITIAL_BALLOT: Ballot = Ballot {

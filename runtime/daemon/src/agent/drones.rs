@@ -13,24 +13,24 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
-use super::protocol::{Reply, ProcessSignal};
+use super::protocol::{ProcessSignal, Reply};
 
-/// How many lines to a process may wait that does not read them, as one that is stopped. More are lost to it.
+/// The most lines that wait for a process that does not read, such as a stopped one. Further lines are dropped.
 const UNREAD_MAX: usize = 64;
 
-/// How long the system may take to end processes that were killed.
+/// How long killed processes may take to end.
 const END_MAX: Duration = Duration::from_secs(2);
 
 /// The processes of drones on one host.
 pub(super) struct Drones {
     processes: BTreeMap<u32, Process>,
-    listeners: JoinSet<()>,
+    readers: JoinSet<()>,
     replies: mpsc::Sender<Reply>,
 }
 
-/// A drone's process; it has ended, perhaps.
+/// A drone's process, which may have ended.
 struct Process {
-    /// Names this very process, even when another one has got its number.
+    /// Refers to this process even if the system reuses its number.
     handle: OwnedFd,
     lines: mpsc::Sender<String>,
 }
@@ -39,21 +39,21 @@ impl Drones {
     pub(super) fn new(replies: mpsc::Sender<Reply>) -> Self {
         Self {
             processes: BTreeMap::new(),
-            listeners: JoinSet::new(),
+            readers: JoinSet::new(),
             replies,
         }
     }
 
-    /// Starts a drone's process in the place of any that it has; what comes of it is told the starter. It is killed when
-    /// the runtime ends, and ends by itself when the agent does.
+    /// Starts a drone's process and kills its earlier one. Its output and its end are reported to the starter. The process
+    /// is killed with the runtime, and ends by itself when the agent does.
     pub(super) fn start(&mut self, drone: u32, config: &Path, arguments: &[String]) {
         let spawned = spawn(config, arguments).and_then(|mut child| {
             let pid = child.id().and_then(|pid| Pid::from_raw(pid.cast_signed()));
-            let pid = pid.expect("nobody has waited for it yet");
+            let pid = pid.expect("the process was not waited for yet");
             let handle = pidfd_open(pid, PidfdFlags::empty())?;
             let (lines, unread) = mpsc::channel(UNREAD_MAX);
             if let Some(stdin) = child.stdin.take() {
-                tokio::spawn(tell(stdin, unread));
+                tokio::spawn(forward_lines(stdin, unread));
             }
             Ok((Process { handle, lines }, child))
         });
@@ -64,12 +64,13 @@ impl Drones {
                 }
                 let stderr = child.stderr.take();
                 let replies = self.replies.clone();
-                self.listeners.spawn(listen(drone, child, stderr, replies));
+                self.readers
+                    .spawn(forward_output(drone, child, stderr, replies));
             }
             Err(error) => {
                 let line = format!("can't start the process: {error}");
                 let replies = self.replies.clone();
-                self.listeners.spawn(async move {
+                self.readers.spawn(async move {
                     let _ = replies.send(Reply::Output { drone, line }).await;
                     let _ = replies.send(Reply::Ended { drone }).await;
                 });
@@ -87,26 +88,26 @@ impl Drones {
         }
     }
 
-    pub(super) fn tell(&self, drone: u32, line: String) {
+    pub(super) fn write_stdin(&self, drone: u32, line: String) {
         if let Some(process) = self.processes.get(&drone) {
             let _ = process.lines.try_send(line);
         }
     }
 
-    /// Kills all that are left, and waits until they have ended.
+    /// Kills all processes and waits until they have ended.
     pub(super) async fn end(&mut self) {
         for process in self.processes.values() {
             process.signal(Signal::KILL);
         }
-        let all = async { while self.listeners.join_next().await.is_some() {} };
-        // A starter that does not read what they have said can't hold it up.
+        let all = async { while self.readers.join_next().await.is_some() {} };
+        // A starter that does not read their output must not block this.
         let _ = timeout(END_MAX, all).await;
     }
 }
 
 impl Process {
     fn signal(&self, signal: Signal) {
-        // It can only have ended.
+        // Fails only if the process has ended.
         let _ = pidfd_send_signal(&self.handle, signal);
     }
 }
@@ -126,8 +127,8 @@ fn spawn(config: &Path, arguments: &[String]) -> std::io::Result<Child> {
         .spawn()
 }
 
-/// Hands a process what it is told.
-async fn tell(mut stdin: ChildStdin, mut lines: mpsc::Receiver<String>) {
+/// Writes lines to a process's standard input.
+async fn forward_lines(mut stdin: ChildStdin, mut lines: mpsc::Receiver<String>) {
     while let Some(line) = lines.recv().await {
         if stdin.write_all(line.as_bytes()).await.is_err() {
             return;
@@ -135,8 +136,8 @@ async fn tell(mut stdin: ChildStdin, mut lines: mpsc::Receiver<String>) {
     }
 }
 
-/// Passes on what a process says, until it ends.
-async fn listen(
+/// Forwards a process's output until it ends.
+async fn forward_output(
     drone: u32,
     mut child: Child,
     stderr: Option<ChildStderr>,
@@ -145,11 +146,10 @@ async fn listen(
     if let Some(stderr) = stderr {
         let mut lines = BufReader::new(stderr).lines();
         while let Ok(Some(line)) = lines.next_line().await {
-            // Nobody may listen any more; the process is read from nevertheless.
+            // Reads on even if nobody receives the output.
             let _ = replies.send(Reply::Output { drone, line }).await;
         }
     }
-    // It can't be told why it ended where the system has lost it.
     let _ = child.wait().await;
     let _ = replies.send(Reply::Ended { drone }).await;
 }

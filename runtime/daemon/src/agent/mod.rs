@@ -1,7 +1,7 @@
-//! The hand of a starter on a host: it keeps the files that drones need, starts their processes, passes on what they say,
-//! signals them, and ends them all when its starter does, or is not heard of any more; a process that is stopped, too.
+//! The agent of `muster swarm` on a host: it stores the drones' files, starts their processes, forwards their output and
+//! signals them. When the starter ends or falls silent, the agent ends all processes, stopped ones too.
 //!
-//! It decides nothing. Its standard input and output are the starter's, over whatever command runs it there.
+//! The agent decides nothing. The starter runs it with a command, such as ssh, and uses its standard input and output.
 
 mod drones;
 #[doc(hidden)]
@@ -23,57 +23,55 @@ use self::drones::Drones;
 use self::protocol::{Order, Reply, VERSION};
 use crate::clock::Clock;
 
-/// How long a starter and an agent may not hear of each other before each takes the other for gone. A starter sends a ping
-/// each second.
+/// The longest silence before the starter and the agent take each other for gone. The starter sends a ping each second.
 pub const SILENCE_MAX: Duration = Duration::from_secs(10);
 
-/// How many lines may wait to be read by the starter before drones that say more wait, too.
+/// The most lines that wait for the starter. The drones' output waits beyond that.
 const UNREAD_MAX: usize = 1_024;
 
-/// Why an agent could not do what it is there for. Nothing that it started or wrote is left.
+/// Why an agent failed. Its processes are ended and its files removed.
 #[derive(Debug, Error)]
 pub enum AgentError {
-    /// The asynchronous runtime does not start, or does not watch processes or signals.
-    #[error("no runtime for the agent")]
+    /// The asynchronous runtime does not start, or can't watch processes or signals.
+    #[error("can't start the asynchronous runtime")]
     Runtime(#[source] io::Error),
     /// A file could not be written.
     #[error("can't write {}", path.display())]
     Write {
-        /// Which one.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The system's error.
         #[source]
         source: io::Error,
     },
-    /// A file was to be written elsewhere than in the agent's own folder.
-    #[error("{} is not within the folder of this flight", .0.display())]
+    /// A path leads out of the agent's folder.
+    #[error("{} is outside of the flight's folder", .0.display())]
     Outside(PathBuf),
-    /// What came from the starter is nothing that an agent is asked for.
-    #[error("standard input has a line that is none of a starter's")]
+    /// A line on standard input is no order.
+    #[error("standard input has a line that is no order")]
     Garbled(#[source] serde_json::Error),
-    /// The starter has not been heard of for too long.
-    #[error("whoever started the drones was not heard of for {SILENCE_MAX:?}")]
+    /// The starter is silent.
+    #[error("the starter was silent for {SILENCE_MAX:?}")]
     Silent,
 }
 
-/// Does what the starter at the other end of standard input and output asks for, until it has no more to say.
+/// Executes the starter's orders until standard input closes.
 ///
 /// # Errors
-/// When something can't be done, or the starter falls silent. However it ends: no drone's process is left, and its folder
-/// is removed.
+/// If an order fails, or the starter falls silent. In any case no drone's process is left, and the folder is removed.
 pub fn run() -> Result<(), AgentError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(AgentError::Runtime)?;
-    let ended = runtime.block_on(serve());
-    // A thread may wait for input for ever.
+    let result = runtime.block_on(serve());
+    // The reading thread may block for ever.
     runtime.shutdown_background();
-    ended
+    result
 }
 
 async fn serve() -> Result<(), AgentError> {
-    let called_off = called_off().map_err(AgentError::Runtime)?;
+    let end_signal = end_signal().map_err(AgentError::Runtime)?;
     let (replies, unread) = mpsc::channel(UNREAD_MAX);
     std::thread::spawn(move || write_replies(unread));
     let orders = read_orders();
@@ -85,16 +83,16 @@ async fn serve() -> Result<(), AgentError> {
     };
     let version = VERSION.to_owned();
     agent.reply(Reply::Hello { version });
-    let ended = tokio::select! {
-        ended = agent.obey_all(orders) => ended,
-        () = called_off => Ok(()),
+    let result = tokio::select! {
+        result = agent.execute_all(orders) => result,
+        () = end_signal => Ok(()),
     };
     agent.drones.end().await;
-    ended
+    result
 }
 
 /// Waits for a signal that ends the agent.
-fn called_off() -> io::Result<impl Future<Output = ()>> {
+fn end_signal() -> io::Result<impl Future<Output = ()>> {
     let [mut terminate, mut interrupt, mut hang_up] = [
         signal(SignalKind::terminate())?,
         signal(SignalKind::interrupt())?,
@@ -109,10 +107,10 @@ fn called_off() -> io::Result<impl Future<Output = ()>> {
     })
 }
 
-/// What comes of standard input.
+/// The orders on standard input.
 fn read_orders() -> mpsc::UnboundedReceiver<Result<Order, serde_json::Error>> {
     let (sender, receiver) = mpsc::unbounded_channel();
-    // Nothing can end a thread that reads, but the end of the process.
+    // The thread blocks in reads until the process ends.
     std::thread::spawn(move || {
         for line in io::stdin().lines().map_while(Result::ok) {
             if sender.send(serde_json::from_str(&line)).is_err() {
@@ -123,7 +121,7 @@ fn read_orders() -> mpsc::UnboundedReceiver<Result<Order, serde_json::Error>> {
     receiver
 }
 
-/// Writes to standard output what there is to be said, as long as anybody reads it.
+/// Writes replies to standard output until nobody reads them.
 fn write_replies(mut unread: mpsc::Receiver<Reply>) {
     let mut output = io::stdout().lock();
     while let Some(reply) = unread.blocking_recv() {
@@ -137,26 +135,26 @@ fn write_replies(mut unread: mpsc::Receiver<Reply>) {
 struct Agent {
     clock: Clock,
     drones: Drones,
-    /// Made with the first file that is to be kept; removed with this value.
+    /// Created with the first file; removed when this value is dropped.
     folder: Option<TempDir>,
     replies: mpsc::Sender<Reply>,
 }
 
 impl Agent {
-    async fn obey_all(
+    async fn execute_all(
         &mut self,
         mut orders: mpsc::UnboundedReceiver<Result<Order, serde_json::Error>>,
     ) -> Result<(), AgentError> {
         loop {
             let order = timeout(SILENCE_MAX, orders.recv()).await;
             match order.map_err(|_| AgentError::Silent)? {
-                Some(order) => self.obey(order.map_err(AgentError::Garbled)?)?,
+                Some(order) => self.execute(order.map_err(AgentError::Garbled)?)?,
                 None => return Ok(()),
             }
         }
     }
 
-    fn obey(&mut self, order: Order) -> Result<(), AgentError> {
+    fn execute(&mut self, order: Order) -> Result<(), AgentError> {
         match order {
             Order::Ping(ping) => {
                 let at_ns = self.clock.now().as_nanos();
@@ -172,12 +170,12 @@ impl Agent {
                 self.drones.start(drone, &own.join(config), &arguments);
             }
             Order::Signal { drone, signal } => self.drones.signal(drone, signal),
-            Order::WriteStdin { drone, line } => self.drones.tell(drone, line),
+            Order::WriteStdin { drone, line } => self.drones.write_stdin(drone, line),
         }
         Ok(())
     }
 
-    /// Says something of its own; not to a starter that has not read a thousand lines before it.
+    /// Sends a reply, unless the queue is full.
     fn reply(&self, reply: Reply) {
         let _ = self.replies.try_send(reply);
     }
@@ -189,7 +187,6 @@ impl Agent {
         }
         let folder = match self.folder.take() {
             Some(folder) => folder,
-            // Nobody else can look into it.
             None => private_folder().map_err(|source| {
                 let path = std::env::temp_dir();
                 AgentError::Write { path, source }
@@ -202,14 +199,11 @@ impl Agent {
 
 fn private_folder() -> io::Result<TempDir> {
     let mut builder = tempfile::Builder::new();
-    let for_its_owner = fs::Permissions::from_mode(0o700);
-    builder
-        .prefix("muster-")
-        .permissions(for_its_owner)
-        .tempdir()
+    let owner_only = fs::Permissions::from_mode(0o700);
+    builder.prefix("muster-").permissions(owner_only).tempdir()
 }
 
-/// Adds to a file that only its owner can read, and that is made, with its folders, if it is not there.
+/// Appends to a file that only its owner can read; creates it and its folders if necessary.
 fn write_private(path: &Path, text: &str) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         let mut maker = fs::DirBuilder::new();
@@ -235,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_for_their_owner_only_stay_in_the_agents_folder_and_go_with_it() {
+    fn files_are_private_stay_in_the_folder_and_are_removed_with_it() {
         let mut agent = agent();
         agent
             .write(Path::new("fleet/drone-1.key"), "secret")

@@ -96,7 +96,8 @@ mod tests {
     #[test]
     fn files_are_sent_in_pieces_even_empty_ones() {
         let pieces = |text: &str| {
-            let orders: Vec<_> = Order::append_file(Path::new("drone-1/drone.toml"), text).collect();
+            let orders: Vec<_> =
+                Order::append_file(Path::new("drone-1/drone.toml"), text).collect();
             let texts = orders.iter().map(|order| match order {
                 Order::AppendFile { text, .. } => text.as_str(),
                 other => panic!("{other:?}"),

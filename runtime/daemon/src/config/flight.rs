@@ -103,7 +103,7 @@ pub(super) fn scenario(
     let read_named = || Files::record(named, read);
     // A journal that can't be read is refused when it is opened.
     let checkpoints = journal::peek(journal).ok().flatten();
-    if !checkpoints.is_some_and(|it| it.are_of_a_flight()) {
+    if !checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
         return read_named().map(|(scenario, files)| (scenario, Origin::Named(files)));
     }
     match Files::load(journal).and_then(|files| files.scenario().ok()) {

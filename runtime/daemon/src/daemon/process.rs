@@ -7,7 +7,7 @@ use muster_actors::{Drone, Environment};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
 use muster_machines::msp;
-use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, last_resort};
+use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, emergency_landing};
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_runtime::journal::{WriteReport, Writer};
@@ -144,7 +144,7 @@ impl Environment for Process {
             RestartDecision::Restart { at } => state.actors().restart_at(at, address),
             RestartDecision::GiveUp => {
                 state.give_up();
-                for effect in last_resort(|address| state.is_up(address)) {
+                for effect in emergency_landing(|address| state.is_up(address)) {
                     state.execute(now, effect);
                 }
             }

@@ -134,7 +134,7 @@ impl State {
                     self.send(now, &frame);
                 }
             }
-            Effect::Locate { sender, source } => {
+            Effect::LearnAddress { sender, source } => {
                 self.monitor.counts.admitted += 1;
                 self.link.network.transport().learn(sender, source);
             }
@@ -143,7 +143,7 @@ impl State {
                 let telemetry = self.vehicle.execute(now, command);
                 self.report_telemetry(now, telemetry);
             }
-            Effect::Keep(checkpoint) => self.durable.keep(&checkpoint),
+            Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
             Effect::Observe(seen) => self.observe(now, &seen),
         }
     }
@@ -316,7 +316,7 @@ impl State {
 
     /// Whether the drone is on the ground and takes part in no flight: it has heard of no master, or its flight is over.
     pub(super) fn is_idle(&self) -> bool {
-        !self.vehicle.is_armed() && !self.checkpoints().are_of_a_flight()
+        !self.vehicle.is_armed() && !self.checkpoints().is_flight_ongoing()
     }
 
     /// Closes the network's connections; returns once the others know, or can't.

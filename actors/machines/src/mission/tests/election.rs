@@ -197,8 +197,8 @@ fn ballot_survives_a_restart_of_the_mission() {
 
 #[test]
 fn master_that_lost_its_state_claims_a_new_term() {
-    let mut amnesiac = member_with_elections(0);
-    let transmits = notify(&mut amnesiac, 41.0, RoutingNotice::Leader(ballot(4, 1, 0)));
+    let mut member = member_with_elections(0);
+    let transmits = notify(&mut member, 41.0, RoutingNotice::Leader(ballot(4, 1, 0)));
     assert_eq!(transmits[0], Transmit::Lead(ballot(5, 1, 0)));
     assert_eq!(orders(&transmits), [open_waypoint(0)]);
     let mut on_ground = mission(0, Liveness::Heartbeat);

@@ -267,7 +267,7 @@ fn leg_to_separate_landing_has_a_limit() {
 fn drone_lands_from_its_slot_after_its_flight_time() {
     for moves in [false, true] {
         let mut member = member_with_elections(0, moves);
-        let until = member.durable.deadlines.flies_until.unwrap();
+        let until = member.durable.deadlines.flight_ends_at.unwrap();
         assert_eq!(until, Timestamp::from_secs_f64(1.0) + 2_000 * SECOND);
         // No overdue leg before.
         member.durable.deadlines.limit = None;

@@ -127,9 +127,9 @@ fn followed_master_publishes_its_position_each_period_without_barrier() {
 #[test]
 fn followed_master_skips_periods_missed_in_a_stall() {
     let (mut master, _) = master_following(false);
-    for (at_s, says) in [(31.0, true), (35.0, true), (35.1, false), (35.2, true)] {
+    for (at_s, is_due) in [(31.0, true), (35.0, true), (35.1, false), (35.2, true)] {
         let (transmits, _) = stimulate(&mut master, at_s, Stimulus::Timeout);
-        assert_eq!(transmits.contains(&Transmit::Locate), says, "at {at_s} s");
+        assert_eq!(transmits.contains(&Transmit::Locate), is_due, "at {at_s} s");
     }
 }
 

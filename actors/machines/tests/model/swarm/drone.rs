@@ -327,7 +327,7 @@ impl Drone {
         &[Frame],
         Option<Violation>,
     ) {
-        let mission = self.mission.as_ref().map(|it| it.misses_master());
+        let mission = self.mission.as_ref().map(|it| it.is_master_silent());
         let Self {
             id: _,
             is_up,

@@ -12,11 +12,7 @@ fn errors_in_a_fence_show_their_place() {
             ("a radius of zero", "\"radius\": 50", "\"radius\": 0"),
             ("a negative radius", "\"radius\": 50", "\"radius\": -50"),
             ("no radius", "\"radius\": 50", "\"radius\": null"),
-            (
-                "a radius too large",
-                "\"radius\": 50",
-                "\"radius\": 1e6",
-            ),
+            ("a radius too large", "\"radius\": 50", "\"radius\": 1e6"),
             (
                 "a radius that is text",
                 "\"radius\": 50",
@@ -28,7 +24,11 @@ fn errors_in_a_fence_show_their_place() {
                 "39.333, -0.2969",
                 "41.333, -0.2969",
             ),
-            ("neither inclusion nor exclusion", "\"inclusion\": false, ", ""),
+            (
+                "neither inclusion nor exclusion",
+                "\"inclusion\": false, ",
+                "",
+            ),
             ("no circle in it", "\"circle\": {", "\"round\": {"),
             (
                 "two corners",
@@ -44,7 +44,11 @@ fn errors_in_a_fence_show_their_place() {
                 "39.333, -0.2969",
                 "39.333, -0.3084",
             ),
-            ("a waypoint inside of it", "39.333, -0.2969", "39.339, -0.3084"),
+            (
+                "a waypoint inside of it",
+                "39.333, -0.2969",
+                "39.339, -0.3084",
+            ),
             ("a leg through it", "39.333, -0.2969", "39.336, -0.3084"),
             (
                 "a leg across a corner of the fence",

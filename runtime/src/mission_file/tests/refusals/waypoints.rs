@@ -72,11 +72,7 @@ fn errors_in_a_waypoints_file_show_their_place() {
             ("no home", "0 1 0 16", "0 1 0 22"),
             ("item 0 with a place and no command", "0 1 0 16", "0 1 0 0"),
             ("home that is NaN", "39.333 -0.3085 2", "39.333 nan 2"),
-            (
-                "landing at NaN",
-                waypoint,
-                "3 0 3 21 0 0 0 0 nan nan 0 1",
-            ),
+            ("landing at NaN", waypoint, "3 0 3 21 0 0 0 0 nan nan 0 1"),
             (
                 "landing above the terrain",
                 waypoint,
@@ -142,7 +138,11 @@ fn errors_in_a_waypoints_file_show_their_place() {
                 waypoint,
                 "3 0 3 93 3000 0 0 0 0 0 0 1\n4 0 3 93 601 0 0 0 0 0 0 1",
             ),
-            ("too many repetitions", waypoint, "3 0 3 177 2 5000 0 0 0 0 0 1"),
+            (
+                "too many repetitions",
+                waypoint,
+                "3 0 3 177 2 5000 0 0 0 0 0 1",
+            ),
             (
                 "nothing but take-off and return",
                 "2 0 3 16 0 0 0 0 39.336 -0.3085 25 1\n3 0 3 16 0 0 0 0 39.339 -0.3085 30 1",

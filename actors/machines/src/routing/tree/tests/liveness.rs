@@ -294,7 +294,10 @@ fn stalled_host_probes_before_it_reports_silence() {
 /// The frames that a restart of `node` sends within `millis`, heartbeats included.
 fn restart(node: &Node, millis: u64) -> (Node, usize) {
     let routing = &node.routing;
-    let checkpoint = (routing.shared.durable.clone(), routing.policy.durable.clone());
+    let checkpoint = (
+        routing.shared.durable.clone(),
+        routing.policy.durable.clone(),
+    );
     let shared = SharedState::new(NodeId(1), 4, 2);
     let mut restarted = Node {
         routing: Dissemination::new(shared, |shared| {
@@ -317,10 +320,17 @@ fn restart(node: &Node, millis: u64) -> (Node, usize) {
 fn restarted_drone_is_silent_until_the_next_heartbeat() {
     let child = child_with_good_link_to_master();
     let (mut restarted, sent) = restart(&child, 1_400);
-    assert_eq!(sent, 0, "a frame without a route would make its children drop it");
+    assert_eq!(
+        sent, 0,
+        "a frame without a route would make its children drop it"
+    );
     restarted.numbers = child.numbers.clone();
     restarted.receive(0, master_heartbeat(50));
-    assert_eq!(restarted.parent(), None, "the route may lead through this drone");
+    assert_eq!(
+        restarted.parent(),
+        None,
+        "the route may lead through this drone"
+    );
     restarted.receive(0, master_heartbeat(51));
     assert_eq!(restarted.parent(), Some(NodeId(0)));
     let heartbeat = restarted.next_heartbeat();

@@ -4,6 +4,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+#[cfg(feature = "flaws")]
+use crate::flaw::{self, Flaw};
 use crate::routing::Checkpoint;
 
 const HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
