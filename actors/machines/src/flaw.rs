@@ -1,6 +1,6 @@
 //! Flaws that tests plant: each disables one guard of the protocol, to check that a scenario detects it.
 //!
-//! Only the feature `flaws` allows that, and only tests enable it. Without it [`has`] is a constant, so flight code
+//! Only the feature `flaws` allows that, and only tests enable it. Without it `has` is a constant, so flight code
 //! contains no flaw.
 
 /// What a drone does wrong while a guard is disabled.

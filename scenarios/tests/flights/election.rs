@@ -45,6 +45,29 @@ pub(crate) fn each_half_of_the_line_elects_a_master_and_continues() {
 }
 
 #[test]
+fn single_routing_crash_causes_no_election() {
+    for (set, loss, drones) in [
+        ("quiet", "0", [4, 5, 6, 9]),
+        ("fast", "0.2", [5, 6, 8, 9]),
+        ("lan", "0.2", [5, 6, 8, 9]),
+    ] {
+        for drone in drones {
+            let fields = [
+                &*format!(
+                    r#"faults=[{{ at_s = 130, kind = "crash-actor", drone = {drone}, actor = "routing" }}]"#
+                ),
+                &*format!("protocol.parameters={set}"),
+                &*format!("radio.loss={loss}"),
+                &*format!("seed={drone}"),
+            ];
+            let report = fly(&scenario("follow.toml", &fields), Engine::Events);
+            assert_eq!(report.violations, [], "{fields:?}");
+            assert_eq!(report.elections, [], "{fields:?}");
+        }
+    }
+}
+
+#[test]
 fn no_election_without_a_lost_master() {
     for set in ["fast", "quiet"] {
         for loss in ["0", "0.2"] {

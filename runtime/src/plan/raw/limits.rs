@@ -40,7 +40,7 @@ pub struct Limits {
     /// Most messages that wait for an actor.
     #[serde(default)]
     pub waiting_max: Or<Whole<8, 1_000_000>, 64>,
-    /// Most restarts of a drone's actors within `restart_window_s`; after more the drone lands.
+    /// Most restarts of one actor within `restart_window_s`; after more the drone lands.
     #[serde(default)]
     pub restarts_max: Or<Whole<0, 1_000_000>, 5>,
     /// Hang after which a supervisor restarts an actor.
