@@ -47,9 +47,9 @@ pub(crate) fn each_half_of_the_line_elects_a_master_and_continues() {
 #[test]
 fn single_routing_crash_causes_no_election() {
     for (set, loss, drones) in [
-        ("quiet", "0", [4, 5, 6, 9]),
-        ("fast", "0.2", [5, 6, 8, 9]),
-        ("lan", "0.2", [5, 6, 8, 9]),
+        ("quiet", "0.1", [4, 5, 6, 9]),
+        ("fast", "0.1", [5, 6, 8, 9]),
+        ("lan", "0", [5, 6, 8, 9]),
     ] {
         for drone in drones {
             let fields = [
