@@ -11,7 +11,7 @@ use super::peek;
 /// Old flights that are kept beside the newest one.
 const KEPT_MAX: usize = 16;
 
-/// The newest flight in a folder has a higher number than the requested one; nothing has changed.
+/// The newest flight in a folder is over and has a higher number than the requested one; nothing has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the journal has flight {newest} already")]
 pub struct OldFlight {
@@ -45,17 +45,20 @@ fn number_of(name: &std::ffi::OsStr) -> Option<u32> {
 /// requested one, which may be new. Nothing is created.
 ///
 /// # Errors
-/// If the newest flight has a higher number.
+/// If the newest flight is over and has a higher number.
 pub fn choose(root: &Path, requested: u32) -> Result<u32, OldFlight> {
     let Some(newest) = list(root).pop() else {
         return Ok(requested);
     };
+    let checkpoints = peek(&folder_of(root, newest)).ok().flatten();
+    if checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
+        // A process that restarts in flight goes on with it, whatever its file says by then.
+        return Ok(newest);
+    }
     if newest > requested {
         return Err(OldFlight { newest });
     }
-    let checkpoints = peek(&folder_of(root, newest)).ok().flatten();
-    let is_under_way = checkpoints.is_some_and(|it| it.is_flight_ongoing());
-    Ok(if is_under_way { newest } else { requested })
+    Ok(requested)
 }
 
 /// Removes all but the newest old flights.
@@ -108,6 +111,8 @@ mod tests {
     #[test]
     fn earlier_flight_is_refused() {
         let root = tempfile::tempdir().unwrap();
+        fly(root.path(), 3, State::TakingOff);
+        assert_eq!(choose(root.path(), 2), Ok(3), "flight 3 is not over");
         fly(root.path(), 3, State::Finished);
         assert_eq!(choose(root.path(), 2), Err(OldFlight { newest: 3 }));
     }
