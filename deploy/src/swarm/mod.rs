@@ -32,7 +32,7 @@ use thiserror::Error;
 use muster_daemon::agent::protocol::VERSION;
 use muster_daemon::config::TransportName;
 
-pub use self::hosts::{Hosts, fields, reference, schema};
+pub use self::hosts::{Hosts, reference, schema};
 
 /// A flight to start.
 #[derive(Debug)]

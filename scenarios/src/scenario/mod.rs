@@ -27,12 +27,6 @@ pub use variation::Variation;
 pub use written::side_by_side;
 pub(crate) use written::written;
 
-/// Every field of a scenario file, tables included, as in `radio.range_m`.
-pub fn fields() -> impl Iterator<Item = &'static str> {
-    let fields = muster_runtime::plan::schema().fields.iter();
-    fields.map(|field| &*field.path)
-}
-
 /// A scenario; its fields fit each other.
 #[derive(Debug, Clone)]
 pub struct Scenario {

@@ -11,11 +11,6 @@ use muster_runtime::schema::{self, Field, FileSchema, Located};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Every field of a hosts file, including tables, for example `hosts.run`.
-pub fn fields() -> impl Iterator<Item = &'static str> {
-    all_fields().iter().map(|field| &*field.path)
-}
-
 /// What a hosts file may hold.
 #[must_use]
 pub fn schema() -> &'static FileSchema {
@@ -24,7 +19,7 @@ pub fn schema() -> &'static FileSchema {
     &SCHEMA
 }
 
-fn all_fields() -> &'static [Field] {
+fn fields() -> &'static [Field] {
     &schema().fields
 }
 
@@ -34,7 +29,7 @@ pub fn reference() -> String {
     let introduction = "A hosts file tells `muster swarm --hosts` which drones run on which host, and how their \
                         frames reach each other. It is a TOML file. Without `group` and `broadcast`, a frame for all is \
                         sent to each drone's address.";
-    schema::page("Hosts file", introduction, all_fields())
+    schema::page("Hosts file", introduction, fields())
 }
 
 /// The hosts of a swarm. Each drone runs on exactly one.
@@ -302,6 +297,6 @@ fn port_after(mut address: SocketAddr, nth: u16) -> Option<SocketAddr> {
 }
 
 const FORMAT: FileFormat = FileFormat {
-    fields: all_fields,
+    fields,
     description: "a hosts file is a TOML file with a line `group = …` and tables `[[hosts]]`",
 };

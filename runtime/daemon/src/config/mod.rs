@@ -44,12 +44,7 @@ pub fn schema() -> &'static FileSchema {
     &SCHEMA
 }
 
-/// Paths of all fields of a drone's file, with tables, e.g. `udp.group`.
-pub fn fields() -> impl Iterator<Item = &'static str> {
-    all_fields().iter().map(|field| &*field.path)
-}
-
-fn all_fields() -> &'static [Field] {
+fn fields() -> &'static [Field] {
     &schema().fields
 }
 
@@ -58,7 +53,7 @@ fn all_fields() -> &'static [Field] {
 pub fn reference() -> String {
     let introduction = "A drone's file tells `musterd` which drone it is and how it reaches the others. It is a TOML \
                         file; paths are relative to its folder.";
-    schema::page("Drone file", introduction, all_fields())
+    schema::page("Drone file", introduction, fields())
 }
 
 /// How frames are sent.
@@ -445,6 +440,6 @@ impl File {
 }
 
 const FORMAT: FileFormat = FileFormat {
-    fields: all_fields,
+    fields,
     description: "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`",
 };

@@ -130,7 +130,7 @@ impl Environment for Process {
         for effect in output.effects.drain(..) {
             state.execute(now, effect);
         }
-        state.set_timer(now, from, output);
+        state.actors().set_timer(now, from, output);
         drop(state);
         self.notify();
     }

@@ -1,12 +1,10 @@
 //! The state of a drone's process: actors, journal, network, vehicle, and how the flight ends.
 
-use muster_actors::{Drone, Message};
+use muster_actors::Drone;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::msp::{self, FlightCommand, Telemetry};
-use muster_machines::node::{
-    Address, Checkpoint, Checkpoints, Effect, Envelope, Observation, StepOutput,
-};
+use muster_machines::node::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing};
 use muster_runtime::journal::{WriteReport, Writer};
@@ -239,11 +237,6 @@ impl State {
         self.report_telemetry(now, telemetry);
     }
 
-    /// Injects a fault into an actor.
-    pub(super) fn inject(&self, address: Address, message: Message) {
-        self.actors.inject(address, message);
-    }
-
     /// Takes in datagrams; returns whether there were any.
     pub(super) fn drain_some(&mut self) -> bool {
         let before = self.link.taken;
@@ -298,10 +291,6 @@ impl State {
             self.wakes = next;
         }
         is_sooner
-    }
-
-    pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, output: &StepOutput) {
-        self.actors.set_timer(now, address, output);
     }
 
     /// An actor failed too often.

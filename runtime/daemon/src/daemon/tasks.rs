@@ -149,7 +149,7 @@ fn inject(process: &Process, actor: Address, fault: ActorFault) {
         }
         ActorFault::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
     };
-    process.state().inject(actor, message);
+    process.state().actors().inject(actor, message);
 }
 
 /// What HUP reloads.

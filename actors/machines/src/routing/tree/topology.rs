@@ -25,18 +25,10 @@ pub(super) struct Topology {
     pub(super) route: ParentSelection,
     pub(super) probe: ParentProbe,
     pub(super) heartbeat_timer: HeartbeatTimer,
-    /// `Some` after a restart, until the next heartbeat.
-    rejoining: Option<Rejoining>,
-}
-
-/// A restart forgets the route; the next heartbeat brings it back. Until then the drone is silent: a frame without a route
-/// would make its children drop it, and those without other neighbours take the master for lost.
-#[derive(Debug, Clone, Copy)]
-struct Rejoining {
-    /// The newest heartbeat sequence before the restart.
-    heartbeat: u32,
-    /// End of the silence if no newer heartbeat arrives: 1.5 heartbeat periods after the restart.
-    until: Timestamp,
+    /// End of the silence after a restart; `None` once a heartbeat has arrived. A restart forgets the route, and the next
+    /// heartbeat brings it back. A frame without a route would make this drone's children drop it, and those without other
+    /// neighbours take the master for lost.
+    silent_until: Option<Timestamp>,
 }
 
 impl Topology {
@@ -47,7 +39,7 @@ impl Topology {
             route: ParentSelection::new(config.id, period),
             probe: ParentProbe::default(),
             heartbeat_timer: HeartbeatTimer::new(&config),
-            rejoining: None,
+            silent_until: None,
             config,
         }
     }
@@ -57,11 +49,9 @@ impl Topology {
         self.route.resume(shared.durable.heartbeats.master);
         self.probe.resume();
         if shared.durable.epoch.ballot().is_some() && !shared.durable.stopped {
-            self.rejoining = (!shared.is_master()).then(|| Rejoining {
-                heartbeat: shared.durable.heartbeats.master,
-                until: now + self.config.heartbeat_period * 3 / 2,
-            });
-            let next = self.rejoining.map_or(now, |it| it.until);
+            self.silent_until =
+                (!shared.is_master()).then(|| now + self.config.heartbeat_period * 3 / 2);
+            let next = self.silent_until.unwrap_or(now);
             self.heartbeat_timer.schedule_at(next);
         }
         self.update_route(shared, now);
@@ -69,7 +59,7 @@ impl Topology {
 
     /// Forgets routes and heartbeats of the epoch before. Neighbours and their link quality stay known.
     pub(super) fn start_epoch(&mut self, now: Timestamp) {
-        self.rejoining = None;
+        self.silent_until = None;
         self.links.forget_epoch();
         self.route.start_epoch();
         self.probe.forget();
@@ -98,10 +88,8 @@ impl Topology {
     }
 
     /// Whether the drone has restarted and waits silently for the next heartbeat.
-    pub(super) fn is_rejoining(&self, shared: &SharedState, now: Timestamp) -> bool {
-        let waits =
-            |it: Rejoining| now < it.until && shared.durable.heartbeats.master <= it.heartbeat;
-        !shared.is_master() && self.rejoining.is_some_and(waits)
+    pub(super) fn is_rejoining(&self, now: Timestamp) -> bool {
+        self.silent_until.is_some_and(|until| now < until)
     }
 
     fn is_settled_to_land(&self, shared: &SharedState, now: Timestamp) -> bool {
@@ -132,7 +120,7 @@ impl Topology {
             return;
         }
         shared.durable.heartbeats.master = heartbeat;
-        if self.rejoining.take().is_some() {
+        if self.silent_until.take().is_some() {
             return self.schedule_heartbeat_soon(shared, now);
         }
         let is_due = self

@@ -93,10 +93,10 @@ impl Transmitter {
         reason: Reason,
         view: &mut View<'_>,
     ) {
-        if shared.durable.epoch.ballot().is_none() || shared.durable.stopped {
-            return self.retransmission.stop();
-        }
-        if view.topology.is_rejoining(shared, view.now) {
+        let may_send = shared.durable.epoch.ballot().is_some()
+            && !shared.durable.stopped
+            && !view.topology.is_rejoining(view.now);
+        if !may_send {
             return self.retransmission.stop();
         }
         let is_rate_limited =
