@@ -1,5 +1,6 @@
 //! Input files of a drone and of a swarm: plans, missions, keys and journals; and the simulated vehicle.
 
+pub mod agents;
 pub mod diagnostic;
 pub mod failure;
 pub mod file;

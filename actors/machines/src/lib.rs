@@ -1,6 +1,7 @@
 //! State machines that take every decision of a drone. They use no socket, no clock, no task and no random source of
 //! the host.
 
+pub mod agent;
 pub mod flaw;
 pub mod formation;
 pub mod geometry;

@@ -33,7 +33,7 @@ pub use self::frame::{
 };
 pub use self::intent::Intent;
 pub use self::kind::PacketKind;
-pub use self::order::{HOLD_MAX, Order, PLAN_PART_MAX, Step, decode_order, encode_order};
+pub use self::order::{HOLD_MAX, Order, PLAN_PART_MAX, ROSTER_RUNS_MAX, Step, decode_order, encode_order};
 pub use self::packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 pub use self::radio::{RadioPacket, decode_radio_packet, encode_radio_packet};
 pub use self::routing::{decode_packet, decode_tree, encode_packet, encode_tree, split_tree};

@@ -11,4 +11,5 @@ pub mod daemon;
 mod identities;
 pub mod log;
 pub mod operator;
+pub mod program;
 pub mod status;

@@ -67,7 +67,8 @@ impl std::str::FromStr for Override {
                 "`{list}` is a list, and single entries can't be set; write them into the scenario file"
             ));
         }
-        if fields().iter().any(|known| known.path == key) {
+        let is_parameter = key.starts_with("agent.parameters.");
+        if is_parameter || fields().iter().any(|known| known.path == key) {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
@@ -146,20 +147,18 @@ const LISTS: [&str; 5] = ["faults", "changes", "follow.pilot", "relays", "swarms
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
 
-/// Sets a field of a document, in a table or an inline table. A value in the place of a table is left, so that parsing
+/// Sets a field of a document, in tables or inline tables. A value in the place of a table is left, so that parsing
 /// refuses it.
 fn set(document: &mut DocumentMut, key: &str, value: &str) {
     let value: Value = value.parse().unwrap_or_else(|_| Value::from(value));
-    let table: &mut dyn TableLike = document.as_table_mut();
-    match key.split_once('.') {
-        None => {
-            table.insert(key, Item::Value(value));
-        }
-        Some((outer, field)) => {
-            let inner = table.entry(outer).or_insert_with(toml_edit::table);
-            if let Some(inner) = inner.as_table_like_mut() {
-                inner.insert(field, Item::Value(value));
-            }
-        }
+    let mut table: &mut dyn TableLike = document.as_table_mut();
+    let mut field = key;
+    while let Some((outer, inner)) = field.split_once('.') {
+        let entry = table.entry(outer).or_insert_with(toml_edit::table);
+        let Some(next) = entry.as_table_like_mut() else {
+            return;
+        };
+        (table, field) = (next, inner);
     }
+    table.insert(field, Item::Value(value));
 }

@@ -34,11 +34,11 @@ pub(super) fn follow(
 ) -> Result<Option<Follow>, BadInput> {
     let unset = raw::Follow::default();
     let fields = match (&raw.follow, raw.protocol.kind) {
-        (Some(table), ProtocolKind::Muscop) => {
+        (Some(table), ProtocolKind::Muscop | ProtocolKind::Agent) => {
             let message = "the table `[follow]` needs the protocol \"follow\"";
             return Err(source.error(table.span(), message));
         }
-        (None, ProtocolKind::Muscop) => return Ok(None),
+        (None, ProtocolKind::Muscop | ProtocolKind::Agent) => return Ok(None),
         (Some(table), ProtocolKind::Follow) => table.get_ref(),
         (None, ProtocolKind::Follow) => &unset,
     };

@@ -16,12 +16,14 @@ use muster_machines::wire;
 use super::failsafe::failsafe;
 use super::fence::Fenced;
 use super::file::{Override, Source};
+use super::agent::{EXPECTED, agent};
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw};
 use super::separation::check_separation;
 use super::{Plan, Protocol};
+use crate::agents::Agents;
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
 use crate::schema::Located;
@@ -38,7 +40,7 @@ pub fn load_with(
 ) -> Result<Plan, BadInput> {
     let source = Source::new(path, read(path)?, &[])?;
     let raw = source.parse()?;
-    build_plan(path, (&source, &raw), read)
+    build_plan(path, (&source, &raw), read, Some(Agents::installed()))
 }
 
 /// The path of a scenario's mission file, relative to the scenario's folder.
@@ -53,7 +55,8 @@ pub fn mission_file(
     Ok(raw.mission.file.into_inner())
 }
 
-/// Builds the plan from a scenario's parsed fields.
+/// Builds the plan from a scenario's parsed fields. Its agent is one of `agents`; `None` accepts any name, and the agent is
+/// given later.
 ///
 /// # Errors
 /// As [`load_with`].
@@ -61,9 +64,17 @@ pub fn build_plan(
     path: &Path,
     (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
+    agents: Option<&Agents>,
 ) -> Result<Plan, BadInput> {
     let mission = read_mission(path, raw, read)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
+    let agent = agent(source, raw, &waypoints, altitude_max_m(raw), agents)?;
+    // The swarm assembles at waypoint 0; from there on agents decide.
+    let waypoints = if agent.is_some() {
+        [waypoints[0]].into()
+    } else {
+        waypoints
+    };
     let separation = separation(raw);
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
@@ -72,7 +83,8 @@ pub fn build_plan(
     let protocol = protocol(source, raw)?;
     let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
     let landing = landing(raw, &vehicle);
-    vehicle.avoid = (raw.safety.avoid).then(|| avoid(raw, separation, landing, &protocol));
+    let avoids = raw.safety.avoid || agent.is_some();
+    vehicle.avoid = avoids.then(|| avoid(raw, separation, landing, &protocol));
 
     let headroom = Headroom::new(raw, separation, &waypoints, ceiling_m);
     let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
@@ -91,7 +103,10 @@ pub fn build_plan(
         vehicle: follow.as_ref().map_or(&vehicle, |follow| &follow.master),
         landing,
         settle,
-        land_after: follow.as_ref().and_then(|follow| follow.land_after),
+        land_after: match &agent {
+            Some(_) => Some(EXPECTED),
+            None => follow.as_ref().and_then(|follow| follow.land_after),
+        },
     };
     let fence = check_flight(source, raw, &course, fenced.as_ref(), vehicle.speed_mps)?;
     let limits = limits(raw, separation, &course);
@@ -106,6 +121,7 @@ pub fn build_plan(
         holds: mission.holds().clone(),
         protocol,
         follow,
+        agent,
         vehicle,
         landing,
         settle,
@@ -258,8 +274,8 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
         return Ok(Barrier::Strict);
     };
     let barrier = Barrier::from(*name.get_ref());
-    if barrier == Barrier::Neighbours && raw.protocol.kind == ProtocolKind::Follow {
-        let message = "`barrier = \"neighbours\"` can't be used with the protocol \"follow\", which has no barrier";
+    if barrier == Barrier::Neighbours && raw.protocol.kind != ProtocolKind::Muscop {
+        let message = "`barrier = \"neighbours\"` needs the protocol \"muscop\": others have no barrier";
         return Err(source.error(name.span(), message));
     }
     if barrier == Barrier::Neighbours && !raw.changes.is_empty() {

@@ -1,6 +1,7 @@
 //! Flight plan of a swarm: formation, mission, protocol, vehicles and limits, read from a scenario file. The simulated world
 //! (radio, faults, seeds) is not part of it.
 
+mod agent;
 mod failsafe;
 mod fence;
 pub mod file;
@@ -19,13 +20,14 @@ use std::time::Duration;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Alone, Barrier, Following, Holds, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::node::Blueprint;
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
-use muster_machines::{mission, navigation, routing};
+use muster_machines::{agent as machine_agent, mission, navigation, routing};
 
+use crate::agents::PlannedAgent;
 use crate::schema::{Field, FileSchema};
 use crate::text::plural;
 use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
@@ -69,6 +71,8 @@ pub struct Plan {
     pub protocol: Protocol,
     /// Parameters of the protocol "follow". `None` for a mission flown from waypoint to waypoint.
     pub follow: Option<Follow>,
+    /// The agents that decide where the drones fly. `None` with other protocols.
+    pub agent: Option<PlannedAgent>,
     /// Speeds, accelerations and failsafes of the vehicles.
     pub vehicle: navigation::Config,
     /// Parameters of the vehicles' landing mode.
@@ -226,7 +230,7 @@ impl Plan {
                     Holds::default()
                 },
                 changes: Arc::clone(&self.changes),
-                following: self.follow.as_ref().map(|follow| follow.following),
+                conduct: self.conduct(),
                 barrier: protocol.barrier,
                 liveness: protocol.liveness,
                 succession: protocol.succession,
@@ -247,12 +251,39 @@ impl Plan {
                 flight_time: self.limits.flight_time,
                 waypoints_max: self.limits.waypoints_max,
             },
+            agent: self.agent_config(id),
             navigation: match &self.follow {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
             link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
         }
+    }
+}
+
+impl Plan {
+    /// What the swarm does once all drones are in their slots.
+    fn conduct(&self) -> Conduct {
+        match (&self.follow, &self.agent) {
+            (Some(follow), _) => Conduct::Following(follow.following),
+            (None, Some(_)) => Conduct::Task,
+            (None, None) => Conduct::Waypoints,
+        }
+    }
+
+    /// Configuration of a drone's agent. `None` without agents, and for a pure relay.
+    fn agent_config(&self, id: NodeId) -> Option<machine_agent::Config> {
+        let drones = self.layout.formation().drones();
+        let agent = self.agent.as_ref().filter(|_| id.0 < drones)?;
+        Some(machine_agent::Config {
+            id,
+            drones,
+            slot: self.layout.slot(id, self.waypoints[0]),
+            waypoints: Arc::clone(&agent.waypoints),
+            altitude_max_m: agent.altitude_max_m,
+            telemetry: agent.telemetry,
+            factory: agent.factory(id, drones),
+        })
     }
 }
 

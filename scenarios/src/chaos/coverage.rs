@@ -27,6 +27,8 @@ pub struct Row {
     pub changing: u64,
     /// Following the master.
     pub following: u64,
+    /// On task.
+    pub on_task: u64,
     /// Landing.
     pub landing: u64,
     /// Landed or dead.
@@ -41,13 +43,14 @@ pub struct Row {
 
 impl Row {
     /// Column names, in the order of [`Self::cells`].
-    pub(super) const COLUMNS: [&'static str; 11] = [
+    pub(super) const COLUMNS: [&'static str; 12] = [
         "ground",
         "taking off",
         "waiting",
         "flying",
         "changing",
         "following",
+        "on task",
         "landing",
         "down",
         "master",
@@ -56,7 +59,7 @@ impl Row {
     ];
 
     /// All counts.
-    pub(super) const fn cells(&self) -> [u64; 11] {
+    pub(super) const fn cells(&self) -> [u64; 12] {
         [
             self.ground,
             self.taking_off,
@@ -64,6 +67,7 @@ impl Row {
             self.flying,
             self.changing,
             self.following,
+            self.on_task,
             self.landing,
             self.down,
             self.master,
@@ -86,6 +90,7 @@ impl Row {
             Phase::Flying => &mut self.flying,
             Phase::Changing => &mut self.changing,
             Phase::Following => &mut self.following,
+            Phase::OnTask => &mut self.on_task,
             Phase::Landing => &mut self.landing,
             Phase::Down => &mut self.down,
         }
@@ -99,6 +104,7 @@ impl Row {
             flying,
             changing,
             following,
+            on_task,
             landing,
             down,
             master,
@@ -112,6 +118,7 @@ impl Row {
             flying,
             changing,
             following,
+            on_task,
             landing,
             down,
             master,

@@ -73,6 +73,9 @@ pub struct Report {
     pub elections: Vec<Election>,
     /// The drones out of the master's range and their bridges, as the master knows them.
     pub bridges: Vec<Bridge>,
+    /// Values that the drones' agents reported, in order of time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub observed: Vec<ObservedValue>,
     /// Received frames that radios dropped, by reason.
     pub dropped: BTreeMap<String, u64>,
     /// Counters of the shared medium; `None` on an ideal medium.
@@ -89,6 +92,19 @@ pub struct Report {
     /// Reports of the scenario's other swarms in the same run. Their ids continue those of this swarm.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Self>,
+}
+
+/// A value that a drone's agent reported.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ObservedValue {
+    /// Time, in simulated seconds.
+    pub at_s: f64,
+    /// The drone.
+    pub drone: u32,
+    /// Name of the value.
+    pub name: String,
+    /// The value.
+    pub value: f64,
 }
 
 /// A period in which some flying drones could not reach a master, or connected drones followed different masters.

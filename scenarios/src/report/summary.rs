@@ -8,7 +8,7 @@ use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
-    MediumCounters, RelayReport, Report, Role, Violation,
+    MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
 use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
@@ -83,6 +83,7 @@ impl Run<'_> {
             following: error(distances_m.concat()),
             elections: elections(&flown.recorder),
             bridges: bridges(&flown.recorder),
+            observed: observed(&flown.recorder),
             dropped: dropped
                 .map(|(reason, count)| (reason.to_string(), *count))
                 .collect(),
@@ -301,6 +302,13 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
 
 /// Whether the remaining swarm left the last waypoint to land; if it followed, whether it assembled around the master.
 pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
+    if scenario.plan.agent.is_some() {
+        let mut on_task = (recorder.drones())
+            .map(|(_, record)| record)
+            .filter(|record| record.was_on_task())
+            .peekable();
+        return on_task.peek().is_some() && on_task.all(Record::ended_its_task);
+    }
     if scenario.plan.follow.is_some() {
         let master = recorder.of(recorder.centre());
         let assembled = |state: &State| *state == State::Assembling;
@@ -310,6 +318,18 @@ pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     let last = u16::try_from(scenario.plan.waypoints.len() - 1).ok();
     let crossing = last.and_then(|last| recorder.barriers().get(&last));
     crossing.is_some_and(|crossing| crossing.moving.is_some())
+}
+
+fn observed(recorder: &Recorder) -> Vec<ObservedValue> {
+    let observed = recorder.observed().iter();
+    observed
+        .map(|(at, drone, observed)| ObservedValue {
+            at_s: at.as_secs_f64(),
+            drone: drone.0,
+            name: observed.name.clone(),
+            value: observed.value,
+        })
+        .collect()
 }
 
 fn bridges(recorder: &Recorder) -> Vec<Bridge> {

@@ -22,8 +22,8 @@ pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec
         source,
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
         last_waypoint: match raw.protocol.kind {
-            // A swarm that follows its master reaches waypoint 0 when it has taken off, and no other.
-            ProtocolKind::Follow => 0,
+            // A swarm that follows its master, or is on task, reaches waypoint 0 when it has taken off, and no other.
+            ProtocolKind::Follow | ProtocolKind::Agent => 0,
             ProtocolKind::Muscop => waypoints - 1,
         },
     };

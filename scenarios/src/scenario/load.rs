@@ -3,6 +3,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::wire;
+use muster_runtime::agents::Agents;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
@@ -30,12 +31,26 @@ pub fn load_from(
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
+    load_for(path, overrides, read, Some(Agents::installed()))
+}
+
+/// As [`load_from`], with these agents instead of the program's. `None` accepts any name; the agent is given later
+/// ([`PlannedAgent::replace`](muster_runtime::agents::PlannedAgent::replace)).
+///
+/// # Errors
+/// Those of [`load_from`].
+pub fn load_for(
+    path: &Path,
+    overrides: &[Override],
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+    agents: Option<&Agents>,
+) -> Result<Scenario, BadInput> {
     let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut scenario = alone(path, (&source, &raw), overrides, read)?;
+    let mut scenario = alone(path, (&source, &raw), overrides, (read, agents))?;
     for joins in &raw.swarms {
-        let swarm = other((&source, &raw), joins, folder, read)?;
+        let swarm = other((&source, &raw), joins, folder, (read, agents))?;
         let radio = scenario.radio;
         scenario
             .others
@@ -44,12 +59,18 @@ pub fn load_from(
     Ok(scenario)
 }
 
+/// Where files are read from, and the agents that they may name.
+type Inputs<'a> = (
+    &'a dyn Fn(&Path) -> Result<String, BadInput>,
+    Option<&'a Agents>,
+);
+
 /// The scenario of another swarm, with the seed and the separation of the file that names it.
 fn other(
     (source, own): (&Source, &Raw),
     joins: &raw::Swarm,
     folder: &Path,
-    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+    (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
     let file = &joins.scenario;
     let path = folder.join(file.get_ref());
@@ -80,7 +101,7 @@ fn other(
             return Err(source.error(file.span(), &message));
         }
     }
-    alone(&path, (&others, &raw), &[], read)
+    alone(&path, (&others, &raw), &[], (read, agents))
 }
 
 /// A scenario without its other swarms.
@@ -88,9 +109,9 @@ fn alone(
     path: &Path,
     (source, raw): (&Source, &Raw),
     overrides: &[Override],
-    read: &dyn Fn(&Path) -> Result<String, BadInput>,
+    (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
-    let plan = build_plan(path, (source, raw), read)?;
+    let plan = build_plan(path, (source, raw), read, agents)?;
     let faults = faults(source, raw, plan.waypoints.len())?;
     let scenario = Scenario {
         name: path.display().to_string(),

@@ -19,7 +19,7 @@ pub use self::preview::describe_holds;
 pub use fault::{
     Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
 };
-pub use load::{load, load_from};
+pub use load::{load, load_for, load_from};
 pub use muster_runtime::plan::file::Override;
 pub use muster_runtime::plan::{describe_fence, mission_file};
 pub use settling::Settling;

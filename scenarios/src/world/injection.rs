@@ -32,6 +32,8 @@ pub(crate) enum Phase {
     Changing,
     /// It keeps its place around a master that moves, or has stopped.
     Following,
+    /// Its agent decides where it flies.
+    OnTask,
     /// It comes down.
     Landing,
     /// It has finished, or is dead.
@@ -40,13 +42,14 @@ pub(crate) enum Phase {
 
 impl Phase {
     /// All of them, in the order of a flight.
-    pub(crate) const ALL: [Self; 8] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::Ground,
         Self::TakingOff,
         Self::Waiting,
         Self::Flying,
         Self::Changing,
         Self::Following,
+        Self::OnTask,
         Self::Landing,
         Self::Down,
     ];
@@ -59,6 +62,7 @@ impl Phase {
             State::MovingToWaypoint { .. } => Self::Flying,
             State::ChangingFormation { .. } => Self::Changing,
             State::Following | State::Assembling => Self::Following,
+            State::OnTask => Self::OnTask,
             State::MovingToLand | State::Landing => Self::Landing,
             State::Finished => Self::Down,
         }

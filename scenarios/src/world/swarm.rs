@@ -86,7 +86,9 @@ impl Swarm {
                 | mission::Event::Opened { .. }
                 | mission::Event::Landing(_)
                 | mission::Event::Refused
-                | mission::Event::Checkpoint(_) => {}
+                | mission::Event::Checkpoint(_)
+                | mission::Event::AgentCheckpoint(_)
+                | mission::Event::Observed(_) => {}
             },
             Observation::Routing(event) => match event {
                 routing::Event::NeighbourStable(id) | routing::Event::Ignored(id) => renumber(id),

@@ -56,6 +56,8 @@ pub enum State {
     Landing,
     /// On the ground, disarmed.
     Finished,
+    /// In the air; the drone's agent decides where it flies.
+    OnTask,
 }
 
 impl State {
@@ -70,7 +72,8 @@ impl State {
             | Self::MovingToWaypoint { .. }
             | Self::ChangingFormation { .. }
             | Self::Following
-            | Self::Assembling => true,
+            | Self::Assembling
+            | Self::OnTask => true,
             Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => {
                 false
             }
@@ -101,6 +104,7 @@ impl State {
                 | Self::ChangingFormation { .. }
                 | Self::Following
                 | Self::Assembling
+                | Self::OnTask
         )
     }
 }
@@ -125,6 +129,7 @@ impl fmt::Display for State {
             Self::MovingToLand => f.write_str("moving to land"),
             Self::Landing => f.write_str("landing"),
             Self::Finished => f.write_str("finished"),
+            Self::OnTask => f.write_str("on task"),
         }
     }
 }

@@ -21,8 +21,8 @@ pub struct Config {
     pub holds: Holds,
     /// Changes of formation, in order.
     pub changes: Arc<[Change]>,
-    /// How the members follow a moving master. `None` if the master leads from waypoint to waypoint.
-    pub following: Option<Following>,
+    /// What the swarm does once all drones are in their slots.
+    pub conduct: Conduct,
     /// Which members a master waits for at a waypoint.
     pub barrier: Barrier,
     /// When a silent master or member counts as lost.
@@ -49,6 +49,17 @@ pub struct Config {
     pub flight_time: Duration,
     /// Maximum number of waypoints of a mission.
     pub waypoints_max: usize,
+}
+
+/// What a swarm does once all drones are in their slots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Conduct {
+    /// It flies from waypoint to waypoint; each is opened once all drones have reached the one before.
+    Waypoints,
+    /// It keeps formation on a moving master.
+    Following(Following),
+    /// Each drone's agent decides.
+    Task,
 }
 
 /// Which members a master waits for at a waypoint. On the ground and during take-off it always waits for all.
@@ -85,4 +96,14 @@ pub enum Alone {
     CarryOn,
     /// It lands from its current or next waypoint.
     Land,
+}
+
+impl Config {
+    /// How members follow a moving master. `None` in other flights.
+    pub(super) const fn following(&self) -> Option<Following> {
+        match self.conduct {
+            Conduct::Following(following) => Some(following),
+            Conduct::Waypoints | Conduct::Task => None,
+        }
+    }
 }

@@ -193,6 +193,7 @@ impl Mission {
                 (Order::Assemble { at }, self.config.leg_limit)
             }
             State::Following => return self.assemble_after_master_loss(now),
+            State::OnTask => return self.resume_task(),
             State::Start
             | State::SetUp
             | State::MovingToLand

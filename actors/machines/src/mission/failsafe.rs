@@ -48,6 +48,8 @@ impl Mission {
             (State::MovingToLand, Failure::BatteryLow) => {}
             // The path to the landing place leaves the fence.
             (State::MovingToLand, Failure::Geofence) => self.land_on_the_spot(reason),
+            // Its slot is elsewhere, and its destination known to its agent only.
+            (State::OnTask, _) => self.land_on_the_spot(reason),
             (State::Following, _) if self.durable.lead.is_some() => self.end_following_for(reason),
             (State::Following, _) | (_, Failure::Geofence) => {
                 let centre = stop - self.layout().slot(self.config.id, Ned::HOME);
@@ -77,6 +79,8 @@ impl Mission {
             // On the ground, or landing within other limits.
         } else if is_landing_due {
             self.land_on_the_spot(reason);
+        } else if self.is_on_task() {
+            self.end_task(reason);
         } else {
             self.durable.deadlines.flight_ends_at = Some(now + self.config.leg_limit);
             if self.durable.state == State::Following {
@@ -143,6 +147,10 @@ impl Mission {
         let is_alone = self.config.alone == Alone::Land && self.is_alone();
         if is_alone && self.durable.state == State::Following {
             self.end_following_for(LandingReason::Alone);
+        }
+        if is_alone && self.is_on_task() {
+            self.end_task(LandingReason::Alone);
+            return true;
         }
         let alone = is_alone.then_some(LandingReason::Alone);
         let (Some(reason), Some(centre)) = (

@@ -50,7 +50,7 @@ impl Mission {
 
     /// As master: flies to the next waypoint, or stops after the last. With a pilot, waits for the operator.
     fn fly_to_next_waypoint(&mut self, now: Timestamp) {
-        let is_piloted = self.config.following.is_some_and(|it| it.is_piloted);
+        let is_piloted = self.config.following().is_some_and(|it| it.is_piloted);
         let waypoints = self.durable.plan.waypoints.len();
         let leg_limit = self.config.leg_limit;
         let Some(followed) = self.followed_mut() else {
@@ -74,7 +74,7 @@ impl Mission {
         if followed.is_ending {
             return Some(Goal::Hold);
         }
-        if self.config.following?.is_piloted {
+        if self.config.following()?.is_piloted {
             return Some(Goal::Yield);
         }
         let waypoint = self
@@ -103,8 +103,13 @@ impl Mission {
         }
     }
 
-    /// By the operator: stops the followed master. Once it is at rest the swarm assembles around it and lands.
+    /// By the operator: stops the followed master. Once it is at rest the swarm assembles around it and lands. A swarm on
+    /// task lands where its drones are.
     pub(super) fn end_following(&mut self) {
+        if self.is_on_task() && self.durable.lead.is_some() {
+            self.order_swarm_to_land();
+            return self.end_task(LandingReason::MissionOver);
+        }
         let is_followed = self.durable.state == State::Following;
         match self.followed_mut().filter(|_| is_followed) {
             Some(followed) => {
@@ -124,7 +129,7 @@ impl Mission {
 
     /// As master: requests its own position if one is due.
     pub(super) fn locate_if_due(&mut self, now: Timestamp) {
-        let period = self.config.following.map(|it| it.period);
+        let period = self.config.following().map(|it| it.period);
         let (Some(due), Some(period)) = (self.next_fix().filter(|due| *due <= now), period) else {
             return;
         };
@@ -163,7 +168,7 @@ impl Mission {
         let destination_waypoint = lead.and_then(|lead| Some(lead.followed?.destination_waypoint));
         let waypoint =
             destination_waypoint.and_then(|it| self.durable.plan.waypoints.get(usize::from(it)));
-        let is_piloted = self.config.following.is_some_and(|it| it.is_piloted);
+        let is_piloted = self.config.following().is_some_and(|it| it.is_piloted);
         match waypoint {
             Some(waypoint) if self.durable.lockstep.in_layer && !is_piloted => {
                 waypoint.altitude_m()
@@ -179,7 +184,7 @@ impl Mission {
 
     /// As member: keeps its slot around a moving centre.
     pub(super) fn execute_follow(&mut self, at: Ned, velocity: Velocity) {
-        let Some(following) = self.config.following else {
+        let Some(following) = self.config.following() else {
             self.outbox.event(Event::Refused);
             return;
         };
@@ -228,7 +233,7 @@ impl Mission {
     }
 
     /// Whether the drone can follow the master. It lands if it is not in its slot of the final formation.
-    fn ensure_can_follow(&mut self) -> bool {
+    pub(super) fn ensure_can_follow(&mut self) -> bool {
         if !self.durable.state.is_on_mission() {
             self.outbox.event(Event::Refused);
             return false;

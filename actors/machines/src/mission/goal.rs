@@ -9,7 +9,8 @@ impl Mission {
     /// The goal in the current state. `None` on the ground, and while the routing finds routes.
     pub(super) fn goal(&self) -> Option<Goal> {
         match self.durable.state {
-            State::Start | State::SetUp => None,
+            // On task the agent sets the goals.
+            State::Start | State::SetUp | State::OnTask => None,
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
                 if self.durable.lockstep.in_layer && !self.is_taking_off() =>
             {

@@ -4,9 +4,10 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, State};
+use crate::agent;
 use crate::identity::{Ballot, NodeId};
 use crate::navigation::{Goal, Notice as NavigationNotice};
-use crate::routing::Notice as RoutingNotice;
+use crate::routing::{Notice as RoutingNotice, Outgoing};
 
 /// Inputs of a mission.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +61,8 @@ pub enum Transmit {
     Goal(Goal),
     /// To the navigation: report position and velocity.
     Locate,
+    /// To the routing: a message to other drones' agents.
+    Message(Outgoing),
 }
 
 /// Why a drone lands.
@@ -119,4 +122,8 @@ pub enum Event {
     Refused,
     /// The state from which a restarted mission is built.
     Checkpoint(Box<Checkpoint>),
+    /// The state from which a restarted agent is built.
+    AgentCheckpoint(Box<agent::Checkpoint>),
+    /// A value that the drone's agent reports.
+    Observed(agent::Observed),
 }

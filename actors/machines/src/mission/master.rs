@@ -1,6 +1,6 @@
 //! How a master leads: it issues each order once all awaited members have executed the one before.
 
-use super::{Barrier, Event, Lead, Mission, Order, State, Step, Transmit};
+use super::{Barrier, Conduct, Event, Lead, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeSet};
@@ -231,8 +231,10 @@ impl Mission {
             self.land_next_wave(now, wave + 1);
         } else if self.changes_before(next) > self.durable.progress.changes {
             self.order_step(now, self.durable.progress.changes, (Step::Climb, 0));
-        } else if self.config.following.is_some() {
+        } else if self.config.following().is_some() {
             self.start_following(now);
+        } else if self.config.conduct == Conduct::Task {
+            self.start_task(now);
         } else if usize::from(next) < self.durable.plan.waypoints.len() {
             self.durable.progress.opened = Some(next);
             let apart = self.leave_lockstep_if_strays();

@@ -35,6 +35,7 @@ impl Mission {
             } => self.execute_step(now, sequence, change, (step, wave)),
             Order::Follow { at, velocity } => self.execute_follow(at, velocity),
             Order::Assemble { at } => self.execute_assembly(now, sequence, at),
+            Order::Task { roster } => self.execute_task(sequence, roster),
         }
     }
 
@@ -99,6 +100,10 @@ impl Mission {
         {
             self.outbox.event(Event::Refused);
             return;
+        }
+        if self.is_on_task() {
+            // The master was elected before it heard that the task has begun.
+            return self.continue_as_order(sequence);
         }
         if self.is_taking_off() {
             // Others may be below its path: it lands once it is in its slot.
@@ -166,6 +171,10 @@ impl Mission {
         if !self.durable.state.is_on_mission() || usize::from(changes) > self.config.changes.len() {
             self.outbox.event(Event::Refused);
             return;
+        }
+        if self.is_on_task() {
+            self.durable.orders.pending = Some(sequence);
+            return self.end_task(LandingReason::MissionOver);
         }
         if self.is_on_reserved_path() {
             // The path to a landing place would cross the others' reserved paths.

@@ -12,6 +12,7 @@ mod interface;
 mod master;
 mod member;
 mod notices;
+mod task;
 
 use std::convert::Infallible;
 
@@ -19,18 +20,36 @@ pub use checkpoint::{
     Checkpoint, Deadlines, Followed, KnownPlan, Landing, Lead, Lockstep, Orders, Progress,
     RoutesPhase, State,
 };
-pub use config::{Alone, Barrier, Config, Liveness, Succession};
+pub use config::{Alone, Barrier, Conduct, Config, Liveness, Succession};
 pub use follow::Following;
 pub use hold::{Hold, HoldTooLong, Holds};
 pub use interface::{Event, Input, LandingReason, Transmit};
 
 use crate::flaw::{self, Flaw};
 use crate::formation::{FlightPlan, Layout};
+use crate::identity::NodeSet;
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::Notice as NavigationNotice;
 use crate::stall::StallDetector;
 use crate::time::Timestamp;
 pub use crate::wire::{Order, Step};
+
+/// A swarm protocol, run by a drone's mission actor. [`Mission`] is one; a [`Host`](crate::agent::Host) is [`Mission`] with
+/// an agent.
+///
+/// It must lead to the ground whatever happens: only [`Goal::Land`](crate::navigation::Goal::Land) disarms.
+pub trait Protocol:
+    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = Infallible> + Send
+{
+    /// Number of entries in the fullest table, and that table's limit.
+    fn occupancy(&self) -> (usize, usize);
+}
+
+impl Protocol for Mission {
+    fn occupancy(&self) -> (usize, usize) {
+        (self.durable.plan.waypoints.len(), self.config.waypoints_max)
+    }
+}
 
 /// The mission state machine of one drone.
 #[derive(Debug, Clone)]
@@ -42,6 +61,8 @@ pub struct Mission {
     /// Whether the silent master has announced that it lands.
     master_lands: bool,
     stall_detector: StallDetector,
+    /// Drones on task, as far as is known. Empty before the task.
+    roster: NodeSet,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -55,6 +76,7 @@ impl Mission {
             master_silent: None,
             master_lands: false,
             stall_detector: StallDetector::default(),
+            roster: NodeSet::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -81,12 +103,6 @@ impl Mission {
             _ => {}
         }
         self.checkpoint();
-    }
-
-    /// Number of known waypoints and their maximum.
-    #[must_use]
-    pub fn occupancy(&self) -> (usize, usize) {
-        (self.durable.plan.waypoints.len(), self.config.waypoints_max)
     }
 
     /// Whether the master is silent and no other has replaced it.
@@ -296,6 +312,7 @@ impl Mission {
             self.advance_as_member(now);
         }
         self.hold_in_layer_if_needed();
+        self.update_roster();
     }
 
     /// Ends the mission of this drone: in the air it lands on the spot, on the ground it stays there.

@@ -67,7 +67,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         mission: waypoints().into(),
         holds: Holds::default(),
         changes: Arc::default(),
-        following: None,
+        conduct: Conduct::Waypoints,
         barrier: Barrier::Strict,
         liveness,
         succession: Succession::Land,

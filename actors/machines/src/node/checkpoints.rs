@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identity::Ballot;
-use crate::{mission, msp, navigation, radio, routing};
+use crate::{agent, mission, msp, navigation, radio, routing};
 
 /// State from which one of the machines is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -18,6 +18,8 @@ pub enum Checkpoint {
     Navigation(Box<navigation::Checkpoint>),
     /// Of the flight controller's link.
     Msp(msp::Checkpoint),
+    /// Of the agent in the mission's actor.
+    Agent(Box<agent::Checkpoint>),
 }
 
 /// The newest checkpoint of each machine of a drone, and the incarnation of its process.
@@ -29,6 +31,7 @@ pub struct Checkpoints {
     pub(super) mission: Option<Box<mission::Checkpoint>>,
     pub(super) navigation: Option<Box<navigation::Checkpoint>>,
     pub(super) msp: Option<msp::Checkpoint>,
+    pub(super) agent: Option<Box<agent::Checkpoint>>,
 }
 
 impl Default for Checkpoints {
@@ -41,6 +44,7 @@ impl Default for Checkpoints {
             mission: None,
             navigation: None,
             msp: None,
+            agent: None,
         }
     }
 }
@@ -76,6 +80,13 @@ impl Checkpoints {
                 false
             }
             Checkpoint::Msp(checkpoint) => self.msp.replace(checkpoint) != Some(checkpoint),
+            Checkpoint::Agent(checkpoint) => {
+                let before = self.agent.replace(checkpoint);
+                let kept = |it: &Option<Box<agent::Checkpoint>>| {
+                    it.as_ref().and_then(|it| it.kept.clone())
+                };
+                kept(&before) != kept(&self.agent)
+            }
         }
     }
 
@@ -114,11 +125,13 @@ impl Checkpoints {
         let mission = self.mission.clone().map(Checkpoint::Mission);
         let navigation = self.navigation.clone().map(Checkpoint::Navigation);
         let msp = self.msp.map(Checkpoint::Msp);
+        let agent = self.agent.clone().map(Checkpoint::Agent);
         radio
             .chain(routing)
             .chain(mission)
             .chain(navigation)
             .chain(msp)
+            .chain(agent)
     }
 
     /// Begins incarnation `boot`, from 1. From the second on, the drone does not arm any more.
@@ -142,6 +155,7 @@ impl Checkpoints {
             Checkpoint::Mission(checkpoint) => self.mission.as_ref() == Some(checkpoint),
             Checkpoint::Navigation(checkpoint) => self.navigation.as_ref() == Some(checkpoint),
             Checkpoint::Msp(checkpoint) => self.msp == Some(*checkpoint),
+            Checkpoint::Agent(checkpoint) => self.agent.as_ref() == Some(checkpoint),
         }
     }
 }

@@ -150,6 +150,7 @@ impl From<mission::Transmit> for Effect {
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,
+            Transmit::Message(message) => routing::Input::Message(message),
             Transmit::Goal(goal) => {
                 return Self::Post(Envelope::Navigation(Box::new(navigation::Input::Goal(
                     goal,
@@ -221,6 +222,9 @@ impl From<mission::Event> for Effect {
         match event {
             mission::Event::Checkpoint(checkpoint) => {
                 Self::StoreCheckpoint(Checkpoint::Mission(checkpoint))
+            }
+            mission::Event::AgentCheckpoint(checkpoint) => {
+                Self::StoreCheckpoint(Checkpoint::Agent(checkpoint))
             }
             event => Self::Observe(Observation::Mission(event)),
         }

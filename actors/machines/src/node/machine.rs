@@ -7,9 +7,10 @@ use std::sync::Arc;
 use super::{Address, Checkpoints, Effect, Envelope};
 use crate::identity::NodeId;
 use crate::machine::{Emitted, Machine, Stimulus, step};
+use crate::mission::Protocol;
 use crate::radio::{Authenticator, Radio};
 use crate::time::Timestamp;
-use crate::{mission, msp, navigation, radio, routing};
+use crate::{agent, mission, msp, navigation, radio, routing};
 
 /// Configuration from which a drone's machines are built.
 #[derive(Clone)]
@@ -24,6 +25,8 @@ pub struct Blueprint {
     pub routing: routing::Config,
     /// Configuration of the mission.
     pub mission: mission::Config,
+    /// Configuration of the agent's host. `None` without an agent.
+    pub agent: Option<agent::Config>,
     /// Configuration of the navigation.
     pub navigation: navigation::Config,
     /// Builds the link to the flight controller from its last checkpoint.
@@ -62,10 +65,7 @@ impl Blueprint {
                 now,
                 checkpoints.routing.as_deref().cloned(),
             ))),
-            Address::Mission => NodeMachine::Mission(Box::new(mission::Mission::new(
-                self.mission.clone(),
-                checkpoints.mission.as_deref().cloned(),
-            ))),
+            Address::Mission => NodeMachine::Mission(self.protocol(seed, checkpoints)),
             Address::Navigation => NodeMachine::Navigation(Box::new(navigation::Navigation::new(
                 self.id,
                 self.navigation.clone(),
@@ -76,14 +76,29 @@ impl Blueprint {
     }
 }
 
+impl Blueprint {
+    /// The swarm protocol, with the drone's agent if there is one.
+    fn protocol(&self, seed: u64, checkpoints: &Checkpoints) -> Box<dyn Protocol> {
+        let checkpoint = checkpoints.mission.as_deref().cloned();
+        let mission = mission::Mission::new(self.mission.clone(), checkpoint);
+        match &self.agent {
+            Some(config) => {
+                let checkpoint = checkpoints.agent.as_deref().cloned();
+                Box::new(agent::Host::new(config.clone(), mission, checkpoint, seed))
+            }
+            None => Box::new(mission),
+        }
+    }
+}
+
 /// One of a drone's five machines, run by an actor.
 pub enum NodeMachine {
     /// The radio.
     Radio(Box<Radio<Arc<dyn Authenticator + Send + Sync>>>),
     /// The routing.
     Routing(Box<routing::Routing>),
-    /// The mission.
-    Mission(Box<mission::Mission>),
+    /// The mission: a swarm protocol.
+    Mission(Box<dyn Protocol>),
     /// The navigation.
     Navigation(Box<navigation::Navigation>),
     /// The link to the flight controller.

@@ -7,6 +7,7 @@ mod checkpoint;
 mod epoch;
 pub mod flood;
 mod heartbeat;
+mod messages;
 mod policy;
 mod shared;
 pub mod tree;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 pub use self::checkpoint::{Checkpoint, Durable, PolicyCheckpoint};
 pub use self::epoch::LeaderEpoch;
 pub use self::heartbeat::Heartbeats;
+pub use self::messages::{Destination, MESSAGE_MAX, Outcome, Outgoing, Reliability};
 use self::policy::{Dissemination, Policy};
 use self::shared::SharedState;
 use crate::identity::{Ballot, NodeId, NodeSet};
@@ -124,6 +126,8 @@ pub enum Input {
     Stop,
     /// From the protocol, after its restart: repeat the notices that still apply.
     Resync,
+    /// From the protocol: a message to other drones.
+    Message(Outgoing),
 }
 
 /// Output of a routing to other machines.
@@ -187,6 +191,20 @@ pub enum Notice {
     RoutesReady,
     /// This routing restarted: repeat the inputs that still apply.
     Resync,
+    /// A message from another drone.
+    Message {
+        /// The drone that sent it.
+        from: NodeId,
+        /// Its content.
+        payload: Bytes,
+    },
+    /// What became of a message of this drone.
+    Sent {
+        /// The message.
+        id: u32,
+        /// The outcome.
+        outcome: Outcome,
+    },
 }
 
 /// Observable events of a routing.

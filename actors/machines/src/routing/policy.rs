@@ -205,6 +205,7 @@ impl<P: Policy> Machine for Dissemination<P> {
                     shared.durable.stopped = true;
                 }
             }
+            Input::Message(_) => {}
             Input::Resync => {
                 shared.resync();
                 policy.resync(shared, now);

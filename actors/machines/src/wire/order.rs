@@ -1,14 +1,19 @@
 //! Orders of the mission, and their bytes.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use super::PayloadError;
 use crate::geometry::{Ned, Velocity};
+use crate::identity::NodeSet;
 
 /// Most waypoints in one [`Order::Plan`], so that it fits a payload beside the sets of members.
 pub const PLAN_PART_MAX: usize = 24;
+
+/// Most runs of ids in one [`Order::Task`], so that it fits a payload beside the sets of members.
+pub const ROSTER_RUNS_MAX: usize = 32;
 
 /// Longest hold at one waypoint: longer than multicopters fly.
 pub const HOLD_MAX: Duration = Duration::from_secs(3_600);
@@ -68,6 +73,11 @@ pub enum Order {
         at: Ned,
         /// Velocity of the formation's centre.
         velocity: Velocity,
+    },
+    /// Each drone's agent decides where it flies. The next such order replaces it; carried out at once.
+    Task {
+        /// The drones on task. If they are more than [`ROSTER_RUNS_MAX`] runs of ids, some others are among them.
+        roster: NodeSet,
     },
     /// Stop following: go to the slot around a centre at rest; carried out on arrival.
     Assemble {
@@ -148,6 +158,10 @@ enum WireOrder {
         count: u16,
         waypoints: Vec<([i32; 3], u32)>,
     },
+    /// Runs of ids in ascending order: the distance from the end of the run before, and the length.
+    Task {
+        runs: Vec<(u32, u32)>,
+    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -188,6 +202,9 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
         },
         Order::Assemble { at } => WireOrder::Assemble {
             at: to_millimetres(at),
+        },
+        Order::Task { roster } => WireOrder::Task {
+            runs: encode_runs(&roster),
         },
     };
     write(&wire, Vec::with_capacity(32))
@@ -295,6 +312,9 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
         WireOrder::Assemble { at } => Order::Assemble {
             at: from_millimetres(at),
         },
+        WireOrder::Task { runs } => Order::Task {
+            roster: decode_runs(&runs)?,
+        },
         WireOrder::PlanWithHolds {
             index,
             count,
@@ -326,6 +346,39 @@ fn decode_landing(at: [i32; 3], changes: u16, wave: u16, apart: bool) -> Order {
         wave,
         apart,
     }
+}
+
+/// Runs of ids; the closest ones are joined until they are at most [`ROSTER_RUNS_MAX`].
+fn encode_runs(roster: &NodeSet) -> Vec<(u32, u32)> {
+    let mut runs: Vec<_> = roster.runs().collect();
+    while runs.len() > ROSTER_RUNS_MAX {
+        let gaps = runs.windows(2).map(|pair| pair[1].start - pair[0].end);
+        let narrowest = gaps.enumerate().min_by_key(|(_, gap)| *gap);
+        let Some((at, _)) = narrowest else { break };
+        runs[at].end = runs[at + 1].end;
+        runs.remove(at + 1);
+    }
+    let mut end = 0;
+    let relative = |run: Range<u32>| {
+        let gap = run.start - end;
+        end = run.end;
+        (gap, run.end - run.start)
+    };
+    runs.into_iter().map(relative).collect()
+}
+
+fn decode_runs(runs: &[(u32, u32)]) -> Result<NodeSet, PayloadError> {
+    if runs.len() > ROSTER_RUNS_MAX {
+        return Err(PayloadError);
+    }
+    let mut roster = NodeSet::new();
+    let mut end = 0_u32;
+    for (gap, len) in runs {
+        let start = end.checked_add(*gap).ok_or(PayloadError)?;
+        end = start.checked_add(*len).ok_or(PayloadError)?;
+        roster.extend_from(&NodeSet::from(start..end));
+    }
+    Ok(roster)
 }
 
 fn to_milliseconds(hold: &Duration) -> u32 {

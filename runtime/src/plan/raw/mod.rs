@@ -48,6 +48,7 @@ pub struct Raw {
     pub radio: Radio,
     pub protocol: Protocol,
     pub follow: Option<Located<Follow>>,
+    pub agent: Option<Located<Agent>>,
     #[serde(default)]
     pub vehicle: Vehicle,
     #[serde(default)]
@@ -335,6 +336,28 @@ pub struct Follow {
         "x-condition" = "only with `follow.pilot`, which needs it; not before its last entry"
     ))]
     pub land_after_s: Option<Located<SecondsFrom0>>,
+}
+
+/// The agents that decide where the drones fly; only if `protocol.kind` is `"agent"`, which needs it. They begin once all
+/// drones are in their slots at waypoint 0 and end when they land their drones, or at `limits.flight_time_s`. The waypoints
+/// of the mission are only shown to them.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table, `[agent]`")]
+#[schemars(extend("x-condition" = "only with `protocol.kind = \"agent\"`, which needs it"))]
+pub struct Agent {
+    /// Name of the agent.
+    #[schemars(extend("x-accepted" = "an agent that the program has"))]
+    pub name: Located<String>,
+    /// Period at which an agent is told its drone's position.
+    #[serde(default)]
+    pub telemetry_ms: Or<Whole<10, 60_000>, 200>,
+    /// Parameters of the agent.
+    #[serde(default)]
+    #[schemars(
+        with = "BTreeMap<String, serde_json::Value>",
+        extend("x-accepted" = "a table of what the agent takes")
+    )]
+    pub parameters: Option<Located<toml::Table>>,
 }
 
 /// A pilot flies the master instead of the mission: its velocity from each entry to the next.

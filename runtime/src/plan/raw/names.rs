@@ -72,6 +72,8 @@ pub enum ProtocolKind {
     Muscop,
     /// In formation on the master, which does not wait.
     Follow,
+    /// Each drone's agent decides, a program of one's own; `[agent]` names it.
+    Agent,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]

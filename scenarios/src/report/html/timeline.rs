@@ -21,7 +21,7 @@ const SHORTEST_PX: f64 = 0.8;
 type Phase = (&'static str, &'static str);
 
 /// All phases, in the order of a mission.
-const PHASES: [Phase; 13] = [
+const PHASES: [Phase; 14] = [
     ("p-start", "start"),
     ("p-setup", "set-up"),
     ("p-takeoff", "taking off"),
@@ -35,6 +35,7 @@ const PHASES: [Phase; 13] = [
     ("p-toland", "moving to land"),
     ("p-landing", "landing"),
     ("p-finished", "finished"),
+    ("p-task", "on task"),
 ];
 
 const fn phase(state: State) -> Phase {
@@ -52,6 +53,7 @@ const fn phase(state: State) -> Phase {
         State::MovingToLand => 10,
         State::Landing => 11,
         State::Finished => 12,
+        State::OnTask => 13,
     }]
 }
 

@@ -7,6 +7,7 @@ mod record;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hint::black_box;
 
+use muster_machines::agent::Observed;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
 use muster_machines::radio::{self, DropReason};
@@ -39,6 +40,8 @@ pub(crate) struct Recorder {
     frames: Frames,
     dropped: BTreeMap<DropReason, u64>,
     has_flown: bool,
+    /// Values that agents have reported, in order of time; at most [`OBSERVED_MAX`].
+    observed: Vec<(Timestamp, NodeId, Observed)>,
 }
 
 /// Frames sent by all nodes of a swarm.
@@ -82,12 +85,21 @@ impl Recorder {
             frames: Frames::default(),
             dropped: BTreeMap::new(),
             has_flown: false,
+            observed: Vec::new(),
         }
     }
 }
 
+/// Most values of agents that a recorder keeps. More are dropped.
+const OBSERVED_MAX: usize = 100_000;
+
 /// What happens.
 impl Recorder {
+    /// Values that agents have reported, in order of time.
+    pub(crate) fn observed(&self) -> &[(Timestamp, NodeId, Observed)] {
+        &self.observed
+    }
+
     /// A node sends a frame.
     pub(super) fn sent(&mut self, id: NodeId, keep_alive: bool) {
         if keep_alive {
@@ -169,6 +181,9 @@ impl Recorder {
             mission::Event::Landing(reason) => self.record(id).reason = Some(reason),
             mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == id => {
                 self.elections.led(now);
+            }
+            mission::Event::Observed(ref observed) if self.observed.len() < OBSERVED_MAX => {
+                self.observed.push((now, id, observed.clone()));
             }
             _ => {}
         }

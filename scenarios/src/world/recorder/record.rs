@@ -65,6 +65,16 @@ impl Record {
         self.reason == Some(LandingReason::MissionOver) && self.killed.is_none()
     }
 
+    /// Whether its agent flew it.
+    pub(crate) fn was_on_task(&self) -> bool {
+        self.states.iter().any(|(_, state)| *state == State::OnTask)
+    }
+
+    /// Whether it landed because its task was over. A dead drone counts, too: nobody waits for it.
+    pub(crate) fn ended_its_task(&self) -> bool {
+        self.killed.is_some() || self.landed_with_swarm()
+    }
+
     /// From when until when it kept formation on a master that it followed, or was that master.
     pub(crate) fn following(&self, ended: Timestamp) -> Option<Range<Timestamp>> {
         let begins = self
@@ -104,5 +114,6 @@ pub(super) const fn is_in_discovery_or_beyond(state: State) -> bool {
             | State::ChangingFormation { .. }
             | State::Following
             | State::Assembling
+            | State::OnTask
     )
 }

@@ -13,7 +13,7 @@ const NORTH: Velocity = Velocity::new(10.0, 0.0, 0.0);
 
 fn config_of_follower(id: u32, is_piloted: bool) -> Config {
     let mut config = config(id, Liveness::Heartbeat);
-    config.following = Some(Following {
+    config.conduct = Conduct::Following(Following {
         is_piloted,
         ..FOLLOWING
     });

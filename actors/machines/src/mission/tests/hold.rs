@@ -160,7 +160,7 @@ fn followed_master_publishes_its_position_during_holds() {
         is_piloted: false,
     };
     let config = Config {
-        following: Some(following),
+        conduct: Conduct::Following(following),
         ..config_with_holds(config(1, Liveness::Heartbeat))
     };
     let mut master = Mission::new(config, None);

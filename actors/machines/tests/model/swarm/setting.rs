@@ -8,7 +8,7 @@ use muster_machines::formation::{Formation, Kind, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::leader::LinkSymmetry;
-use muster_machines::mission::{Alone, Barrier, Config, Holds, Input, Liveness, Succession};
+use muster_machines::mission::{Alone, Barrier, Conduct, Config, Holds, Input, Liveness, Succession};
 use muster_machines::navigation;
 use muster_machines::routing::Notice;
 
@@ -94,7 +94,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             mission: Arc::clone(&mission),
             holds: Holds::default(),
             changes: Arc::default(),
-            following: None,
+            conduct: Conduct::Waypoints,
             barrier: Barrier::Strict,
             liveness: Liveness::Heartbeat,
             succession: Succession::Elect,

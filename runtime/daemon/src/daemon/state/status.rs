@@ -17,7 +17,7 @@ use crate::status::{
 pub(in crate::daemon) const ANSWER_MAX: Duration = Duration::from_secs(2);
 
 /// Names of the mission's states, for programs.
-pub(in crate::daemon) const STATES: [&str; 13] = [
+pub(in crate::daemon) const STATES: [&str; 14] = [
     "start",
     "set_up",
     "taking_off",
@@ -31,6 +31,7 @@ pub(in crate::daemon) const STATES: [&str; 13] = [
     "moving_to_land",
     "landing",
     "finished",
+    "on_task",
 ];
 
 impl State {
@@ -192,6 +193,7 @@ fn doing(state: mission::State) -> Doing {
         Is::MovingToLand => (10, None),
         Is::Landing => (11, None),
         Is::Finished => (12, None),
+        Is::OnTask => (13, None),
     };
     Doing {
         name: STATES[index].to_owned(),

@@ -1,0 +1,376 @@
+//! Runs a drone's agent inside the swarm protocol.
+
+use std::convert::Infallible;
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::Bytes;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::timers::Timers;
+use super::{
+    Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry, next_period,
+};
+use crate::geometry::{Ned, Velocity};
+use crate::identity::{NodeId, NodeSet};
+use crate::machine::{Machine, Outbox, Output};
+use crate::mission::{Event, Input, LandingReason, Mission, Protocol, Transmit};
+use crate::navigation::{Goal, Notice as NavigationNotice};
+use crate::routing::{Notice as RoutingNotice, Outgoing};
+use crate::time::Timestamp;
+
+/// Builds an agent.
+#[derive(Clone)]
+pub struct Factory(Arc<dyn Fn() -> Box<dyn Agent> + Send + Sync>);
+
+impl Factory {
+    /// A factory that calls `new` for each start of the agent.
+    pub fn new(new: impl Fn() -> Box<dyn Agent> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(new))
+    }
+}
+
+impl fmt::Debug for Factory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Factory").finish_non_exhaustive()
+    }
+}
+
+/// Configuration of an agent's host.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// The drone.
+    pub id: NodeId,
+    /// Number of drones of the swarm.
+    pub drones: u32,
+    /// The drone's slot at waypoint 0.
+    pub slot: Ned,
+    /// Waypoints of the mission file.
+    pub waypoints: Arc<[Ned]>,
+    /// Highest altitude that the agent may fly to, in metres above home.
+    pub altitude_max_m: f64,
+    /// Period of [`Agent::telemetry`].
+    pub telemetry: Duration,
+    /// Builds the agent.
+    pub factory: Factory,
+}
+
+/// What the context shows and changes.
+#[derive(Debug)]
+pub(super) struct State {
+    pub(super) config: Config,
+    pub(super) durable: Checkpoint,
+    /// Whether `durable` has changed in this step.
+    pub(super) has_changed: bool,
+    pub(super) rng: ChaCha8Rng,
+    pub(super) timers: Timers,
+    pub(super) roster: NodeSet,
+    pub(super) leader: NodeId,
+    pub(super) position: Ned,
+    /// Id of the last message.
+    last_message: u32,
+    /// What the agent asked for in this step.
+    pub(super) new_goal: Option<Goal>,
+    pub(super) lands: bool,
+    pub(super) outgoing: Vec<Outgoing>,
+    pub(super) observed: Vec<Observed>,
+}
+
+impl State {
+    pub(super) const fn next_message(&mut self) -> MessageId {
+        self.last_message = self.last_message.wrapping_add(1);
+        MessageId(self.last_message)
+    }
+}
+
+/// The swarm protocol, and the agent that flies the drone while it is on task.
+///
+/// Invariant: the agent runs on task only; its checkpoint is emitted before whatever its step sends.
+pub struct Host {
+    mission: Mission,
+    agent: Box<dyn Agent>,
+    state: State,
+    is_started: bool,
+    is_leader_silent: bool,
+    next_telemetry: Option<Timestamp>,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl fmt::Debug for Host {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Host")
+            .field("mission", &self.mission)
+            .field("state", &self.state)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Host {
+    /// Resumes the agent from its checkpoint, in a mission that was resumed from its own. `seed` seeds the agent's random
+    /// generator.
+    #[must_use]
+    pub fn new(
+        config: Config,
+        mission: Mission,
+        checkpoint: Option<Checkpoint>,
+        seed: u64,
+    ) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let agent = (config.factory.0)();
+        let state = State {
+            durable: checkpoint.unwrap_or_default(),
+            has_changed: false,
+            timers: Timers::default(),
+            roster: config.id.into(),
+            leader: config.id,
+            position: config.slot,
+            // Reports on messages that were sent before a restart must not meet new ones.
+            last_message: rng.random(),
+            rng,
+            new_goal: None,
+            lands: false,
+            outgoing: Vec::new(),
+            observed: Vec::new(),
+            config,
+        };
+        Self {
+            mission,
+            agent,
+            state,
+            is_started: false,
+            is_leader_silent: false,
+            next_telemetry: None,
+            outbox: Outbox::new(),
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn replace_agent(&mut self, agent: Box<dyn Agent>) {
+        self.agent = agent;
+    }
+
+    #[cfg(test)]
+    pub(super) const fn mission(&self) -> &Mission {
+        &self.mission
+    }
+
+    /// Calls the agent, then carries out what it asked for.
+    fn call(&mut self, now: Timestamp, call: impl FnOnce(&mut dyn Agent, &mut Context<'_>)) {
+        let mut context = Context {
+            state: &mut self.state,
+            now,
+        };
+        call(self.agent.as_mut(), &mut context);
+        if let Some(goal) = self.state.new_goal.take() {
+            self.state.durable.goal = Some(goal);
+            self.state.has_changed = true;
+            self.outbox.transmit(Transmit::Goal(goal));
+        }
+        if std::mem::take(&mut self.state.has_changed) {
+            let checkpoint = Box::new(self.state.durable.clone());
+            self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
+        }
+        for observed in self.state.observed.drain(..) {
+            self.outbox.event(Event::Observed(observed));
+        }
+        for outgoing in self.state.outgoing.drain(..) {
+            self.outbox.transmit(Transmit::Message(outgoing));
+        }
+        if std::mem::take(&mut self.state.lands) {
+            self.mission.end_task(LandingReason::MissionOver);
+            self.take_mission_outputs();
+        }
+    }
+
+    /// Passes on what the mission sends.
+    fn take_mission_outputs(&mut self) {
+        loop {
+            match self.mission.poll_output() {
+                Output::Transmit(transmit) => self.outbox.transmit(transmit),
+                Output::Event(event) => self.outbox.event(event),
+                Output::Idle { .. } => return,
+            }
+        }
+    }
+
+    /// After each step of the mission: starts or stops the agent, and reports changes in the swarm.
+    fn follow_mission(&mut self, now: Timestamp) {
+        self.take_mission_outputs();
+        if !self.mission.is_on_task() {
+            self.state.timers.clear();
+            self.next_telemetry = None;
+            return;
+        }
+        let is_silent = self.mission.is_master_silent();
+        let leader = self.mission.leader().unwrap_or(self.state.leader);
+        if !self.is_started {
+            self.is_started = true;
+            self.is_leader_silent = is_silent;
+            self.state.leader = leader;
+            self.state.roster = self.mission.roster().clone();
+            self.next_telemetry = Some(now);
+            if let Some(goal) = self.state.durable.goal {
+                self.outbox.transmit(Transmit::Goal(goal));
+            }
+            return self.call(now, |agent, context| agent.start(context));
+        }
+        if leader != std::mem::replace(&mut self.state.leader, leader) {
+            self.swarm(now, SwarmEvent::LeaderChanged(leader));
+        }
+        if is_silent != std::mem::replace(&mut self.is_leader_silent, is_silent) {
+            self.swarm(
+                now,
+                if is_silent {
+                    SwarmEvent::LeaderSilent
+                } else {
+                    SwarmEvent::LeaderReturned
+                },
+            );
+        }
+        self.report_roster(now);
+    }
+
+    fn report_roster(&mut self, now: Timestamp) {
+        let roster = self.mission.roster();
+        if *roster == self.state.roster {
+            return;
+        }
+        let lost = self.state.roster.difference(roster);
+        let joined = roster.difference(&self.state.roster);
+        self.state.roster = roster.clone();
+        if !lost.is_empty() {
+            self.swarm(now, SwarmEvent::MembersLost(lost));
+        }
+        if !joined.is_empty() {
+            self.swarm(now, SwarmEvent::MembersJoined(joined));
+        }
+    }
+
+    fn swarm(&mut self, now: Timestamp, event: SwarmEvent) {
+        // A method before this one may have landed the drone.
+        if self.mission.is_on_task() {
+            self.call(now, |agent, context| agent.swarm(event, context));
+        }
+    }
+
+    fn is_running(&self) -> bool {
+        self.is_started && self.mission.is_on_task()
+    }
+
+    fn handle_telemetry(
+        &mut self,
+        now: Timestamp,
+        (position, velocity): (Ned, Velocity),
+        has_arrived: bool,
+    ) {
+        self.state.position = position;
+        if self.is_running() {
+            let telemetry = Telemetry {
+                position,
+                velocity,
+                has_arrived,
+            };
+            self.call(now, |agent, context| agent.telemetry(&telemetry, context));
+        }
+    }
+
+    fn handle_message(&mut self, now: Timestamp, from: NodeId, payload: &Bytes) {
+        if self.is_running() {
+            self.call(now, |agent, context| agent.message(from, payload, context));
+        }
+    }
+
+    /// Where the agent's last goal leads to, if the drone comes to rest there.
+    const fn destination(&self) -> Option<Ned> {
+        match self.state.durable.goal {
+            Some(Goal::FlyTo { to, .. }) => Some(to),
+            _ => None,
+        }
+    }
+
+    /// Requests the position if it is due.
+    fn locate_if_due(&mut self, now: Timestamp) {
+        if let Some(due) = self.next_telemetry.filter(|due| *due <= now) {
+            self.next_telemetry = Some(next_period(due, self.state.config.telemetry, now));
+            self.outbox.transmit(Transmit::Locate);
+        }
+    }
+
+    fn deadline(&self, mission: Option<Timestamp>) -> Option<Timestamp> {
+        let deadlines = [mission, self.next_telemetry, self.state.timers.next()];
+        deadlines.into_iter().flatten().min()
+    }
+}
+
+impl Machine for Host {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+    type Rejection = Infallible;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+        match input {
+            Input::Routing(RoutingNotice::Message { from, payload }) => {
+                self.handle_message(now, from, &payload);
+            }
+            Input::Routing(RoutingNotice::Sent { id, outcome }) => {
+                let id = MessageId(id);
+                if self.is_running() {
+                    self.swarm(now, SwarmEvent::MessageSent { id, outcome });
+                }
+            }
+            Input::Navigation(NavigationNotice::Position { position, velocity })
+                if self.is_running() =>
+            {
+                self.handle_telemetry(now, (position, velocity), false);
+            }
+            Input::Navigation(NavigationNotice::Arrived) if self.is_running() => {
+                if let Some(at) = self.destination() {
+                    self.handle_telemetry(now, (at, Velocity::new(0.0, 0.0, 0.0)), true);
+                }
+            }
+            Input::Navigation(NavigationNotice::Resync) if self.is_running() => {
+                if let Some(goal) = self.state.durable.goal {
+                    self.outbox.transmit(Transmit::Goal(goal));
+                }
+            }
+            input => {
+                let Ok(()) = self.mission.handle_input(now, input);
+            }
+        }
+        self.follow_mission(now);
+        Ok(())
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        self.mission.handle_timeout(now);
+        self.follow_mission(now);
+        while self.is_running()
+            && let Some(timer) = self.state.timers.pop_expired(now)
+        {
+            self.call(now, |agent, context| agent.timer(timer, context));
+        }
+        if self.is_running() {
+            self.locate_if_due(now);
+        }
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        if self.outbox.is_empty() {
+            let deadline = match self.mission.poll_output() {
+                Output::Idle { deadline } => self.deadline(deadline),
+                output => return output,
+            };
+            return Output::Idle { deadline };
+        }
+        self.outbox.poll(None)
+    }
+}
+
+impl Protocol for Host {
+    fn occupancy(&self) -> (usize, usize) {
+        self.mission.occupancy()
+    }
+}

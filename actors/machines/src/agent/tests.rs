@@ -1,0 +1,532 @@
+use std::num::NonZeroU32;
+use std::sync::{Arc, Mutex};
+
+use bytes::Bytes;
+
+use super::*;
+use crate::formation::{Formation, Kind, Layout, Separation};
+use crate::identity::Ballot;
+use crate::machine::{Emitted, Stimulus, step};
+use crate::mission::{
+    self, Alone, Barrier, Conduct, Event, Holds, Input, LandingReason, Liveness, Mission, Order,
+    Succession, Transmit,
+};
+use crate::navigation::{Failure, Notice as NavigationNotice};
+use crate::routing::{Notice, Outcome};
+use crate::wire;
+
+const SECOND: Duration = Duration::from_secs(1);
+const TICK: TimerId = TimerId(7);
+
+/// What the agent was told, in order.
+type Calls = Arc<Mutex<Vec<String>>>;
+
+/// Does what each call asks for, and records it.
+struct Recorder {
+    calls: Calls,
+}
+
+impl Recorder {
+    fn record(&self, call: String) {
+        self.calls.lock().unwrap().push(call);
+    }
+}
+
+impl Agent for Recorder {
+    fn start(&mut self, context: &mut Context<'_>) {
+        let kept = context.kept().map(<[u8]>::to_vec);
+        self.record(format!("start, kept {kept:?}"));
+        context.set_timer(TICK, SECOND);
+        context.keep(b"one").unwrap();
+        context.go_to(Ned::new(50.0, 0.0, -10.0));
+        context
+            .send(Destination::Leader, b"here", Reliability::Acknowledged)
+            .unwrap();
+    }
+
+    fn telemetry(&mut self, telemetry: &Telemetry, _context: &mut Context<'_>) {
+        self.record(format!("telemetry, arrived {}", telemetry.has_arrived));
+    }
+
+    fn message(&mut self, from: NodeId, payload: &[u8], context: &mut Context<'_>) {
+        self.record(format!("message from {from}: {}", payload.len()));
+        match payload {
+            b"land" => context.land(),
+            b"panic" => panic!("told to"),
+            _ => {}
+        }
+    }
+
+    fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
+        self.record(format!("timer {}", timer.0));
+        context.observe("ticks", 1.0);
+    }
+
+    fn swarm(&mut self, event: SwarmEvent, _context: &mut Context<'_>) {
+        self.record(format!("{event:?}"));
+    }
+}
+
+const MASTER: NodeId = NodeId(1);
+
+const fn ballot(term: u32, rank: u32, master: u32) -> Ballot {
+    Ballot {
+        term,
+        rank,
+        master: NodeId(master),
+    }
+}
+
+fn mission_config(id: u32) -> mission::Config {
+    let separation = Separation {
+        horizontal_m: 5.0,
+        vertical_m: 5.0,
+    };
+    let formation = Formation::new(Kind::Linear, NonZeroU32::new(3).unwrap(), 100.0, 0.0);
+    mission::Config {
+        id: NodeId(id),
+        layout: Arc::new(Layout::new(formation, 10.0, separation)),
+        mission: [Ned::new(0.0, 0.0, -25.0)].into(),
+        holds: Holds::default(),
+        changes: Arc::default(),
+        conduct: Conduct::Task,
+        barrier: Barrier::Strict,
+        liveness: Liveness::Heartbeat,
+        succession: Succession::Elect,
+        alone: Alone::CarryOn,
+        spreading_grace: Duration::ZERO,
+        candidacy_back_off: SECOND / 2,
+        set_up_limit: 30 * SECOND,
+        take_off_limit: 60 * SECOND,
+        landing_limit: 60 * SECOND,
+        leg_limit: 100 * SECOND,
+        flight_time: 600 * SECOND,
+        waypoints_max: 100,
+    }
+}
+
+/// A host, and the clock of its drone.
+struct Drone {
+    host: Host,
+    now: Timestamp,
+    calls: Calls,
+    checkpoints: (Option<mission::Checkpoint>, Option<Checkpoint>),
+    id: u32,
+}
+
+impl Drone {
+    fn new(id: u32) -> Self {
+        let calls = Calls::default();
+        Self {
+            host: host(id, &calls, (None, None)),
+            now: Timestamp::ZERO,
+            calls,
+            checkpoints: (None, None),
+            id,
+        }
+    }
+
+    fn step(&mut self, stimulus: Stimulus<Input>) -> (Vec<Transmit>, Vec<Event>) {
+        let (mut transmits, mut events) = (Vec::new(), Vec::new());
+        let Ok(_) = step(
+            &mut self.host,
+            self.now,
+            stimulus,
+            |emitted| match emitted {
+                Emitted::Transmit(transmit) => transmits.push(transmit),
+                Emitted::Event(event) => events.push(event),
+            },
+        );
+        for event in &events {
+            match event {
+                Event::Checkpoint(it) => self.checkpoints.0 = Some(it.as_ref().clone()),
+                Event::AgentCheckpoint(it) => self.checkpoints.1 = Some(it.as_ref().clone()),
+                _ => {}
+            }
+        }
+        (transmits, events)
+    }
+
+    fn input(&mut self, input: Input) -> (Vec<Transmit>, Vec<Event>) {
+        self.step(Stimulus::Input(input))
+    }
+
+    fn notice(&mut self, notice: Notice) -> (Vec<Transmit>, Vec<Event>) {
+        self.input(Input::Routing(notice))
+    }
+
+    fn order(&mut self, sequence: u32, order: &Order) -> (Vec<Transmit>, Vec<Event>) {
+        self.notice(Notice::Order {
+            ballot: ballot(1, 0, MASTER.0),
+            sequence,
+            order: wire::encode_order(order).into(),
+        })
+    }
+
+    fn message(&mut self, payload: &'static [u8]) -> (Vec<Transmit>, Vec<Event>) {
+        self.notice(Notice::Message {
+            from: NodeId(0),
+            payload: Bytes::from_static(payload),
+        })
+    }
+
+    /// Advances the clock, then fires timeouts.
+    fn wait(&mut self, duration: Duration) -> (Vec<Transmit>, Vec<Event>) {
+        self.now = self.now + duration;
+        self.step(Stimulus::Timeout)
+    }
+
+    fn restart(&mut self) {
+        self.host = host(self.id, &self.calls, self.checkpoints.clone());
+    }
+
+    /// What the agent was told since the last call.
+    fn calls(&self) -> Vec<String> {
+        std::mem::take(&mut self.calls.lock().unwrap())
+    }
+}
+
+fn host(
+    id: u32,
+    calls: &Calls,
+    (mission, agent): (Option<mission::Checkpoint>, Option<Checkpoint>),
+) -> Host {
+    let calls = Arc::clone(calls);
+    let config = Config {
+        id: NodeId(id),
+        drones: 3,
+        slot: Ned::new(0.0, 0.0, -25.0),
+        waypoints: Arc::default(),
+        altitude_max_m: 100.0,
+        telemetry: SECOND,
+        factory: Factory::new(move || {
+            Box::new(Recorder {
+                calls: Arc::clone(&calls),
+            })
+        }),
+    };
+    Host::new(
+        config,
+        Mission::new(mission_config(id), mission),
+        agent,
+        u64::from(id),
+    )
+}
+
+fn roster(ids: &[u32]) -> NodeSet {
+    ids.iter().copied().map(NodeId).collect()
+}
+
+/// A member in its slot that waits for its task.
+fn member_in_slot() -> Drone {
+    let mut drone = Drone::new(2);
+    let plan = Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::new(0.0, 0.0, -25.0)],
+        holds: Vec::new(),
+    };
+    drone.order(1, &plan);
+    drone.order(2, &Order::TakeOff { wave: 0 });
+    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    drone.notice(Notice::RoutesReady);
+    assert_eq!(drone.calls(), Vec::<String>::new());
+    drone
+}
+
+fn member_on_task() -> Drone {
+    let mut drone = member_in_slot();
+    let order = Order::Task {
+        roster: roster(&[0, 1, 2]),
+    };
+    drone.order(3, &order);
+    assert_eq!(drone.calls(), ["start, kept None"]);
+    drone
+}
+
+fn goals(transmits: &[Transmit]) -> Vec<Goal> {
+    let goals = transmits.iter().filter_map(|transmit| match transmit {
+        Transmit::Goal(goal) => Some(*goal),
+        _ => None,
+    });
+    goals.collect()
+}
+
+fn messages(transmits: &[Transmit]) -> usize {
+    let is_message = |it: &&Transmit| matches!(it, Transmit::Message(_));
+    transmits.iter().filter(is_message).count()
+}
+
+#[test]
+fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
+    let mut drone = member_in_slot();
+    let order = Order::Task {
+        roster: roster(&[0, 1, 2]),
+    };
+    let mut emitted = Vec::new();
+    let input = Input::Routing(Notice::Order {
+        ballot: ballot(1, 0, MASTER.0),
+        sequence: 3,
+        order: wire::encode_order(&order).into(),
+    });
+    let Ok(_) = step(
+        &mut drone.host,
+        drone.now,
+        Stimulus::Input(input),
+        |it| match it {
+            Emitted::Transmit(transmit) => emitted.push(format!("{transmit:?}")),
+            Emitted::Event(event) => emitted.push(format!("{event:?}")),
+        },
+    );
+    let place = |what: &str| emitted.iter().position(|it| it.starts_with(what)).unwrap();
+    assert!(place("AgentCheckpoint") < place("Message"));
+    assert!(place("AgentCheckpoint") < place("Goal(FlyTo"));
+    assert!(emitted.iter().any(|it| it.starts_with("Acknowledge")));
+}
+
+#[test]
+fn agent_is_told_positions_arrivals_messages_and_timers() {
+    let mut drone = member_on_task();
+    assert_eq!(drone.wait(Duration::ZERO).0, [Transmit::Locate]);
+    drone.input(Input::Navigation(NavigationNotice::Position {
+        position: Ned::HOME,
+        velocity: Velocity::new(1.0, 0.0, 0.0),
+    }));
+    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    drone.message(b"hello");
+    let (_, events) = drone.wait(SECOND);
+    assert_eq!(
+        drone.calls(),
+        [
+            "telemetry, arrived false",
+            "telemetry, arrived true",
+            "message from 0: 5",
+            "timer 7"
+        ]
+    );
+    let observed = Event::Observed(Observed {
+        name: "ticks".to_owned(),
+        value: 1.0,
+    });
+    assert!(events.contains(&observed));
+}
+
+#[test]
+fn agent_is_told_of_leaders_and_members() {
+    let mut drone = member_on_task();
+    drone.notice(Notice::MasterSilent);
+    drone.notice(Notice::MasterReturned);
+    let order = Order::Task {
+        roster: roster(&[1, 2]),
+    };
+    drone.order(4, &order);
+    drone.notice(Notice::Leader(ballot(2, 1, 0)));
+    let calls = drone.calls();
+    assert_eq!(calls.len(), 4, "{calls:?}");
+    assert_eq!(calls[..2], ["LeaderSilent", "LeaderReturned"]);
+    assert!(calls[2].starts_with("MembersLost"), "{calls:?}");
+    assert_eq!(calls[3], "LeaderChanged(NodeId(0))");
+}
+
+#[test]
+fn landing_agent_announces_the_landing_and_is_not_called_again() {
+    let mut drone = member_on_task();
+    let (transmits, events) = drone.message(b"land");
+    assert!(transmits.contains(&Transmit::Land));
+    assert_eq!(goals(&transmits), [Goal::Land]);
+    assert!(events.contains(&Event::Landing(LandingReason::MissionOver)));
+    drone.calls();
+    drone.message(b"hello");
+    drone.wait(10 * SECOND);
+    assert_eq!(drone.calls(), Vec::<String>::new());
+}
+
+#[test]
+fn operators_and_failures_land_the_drone_whatever_its_agent_does() {
+    type Cause = fn(&mut Drone) -> (Vec<Transmit>, Vec<Event>);
+    let causes: [(LandingReason, Cause); 4] = [
+        (LandingReason::MissionOver, |drone| {
+            drone.order(
+                4,
+                &Order::Land {
+                    at: Ned::HOME,
+                    changes: 0,
+                    wave: 0,
+                    apart: true,
+                },
+            )
+        }),
+        (LandingReason::ActorGivenUp, |drone| {
+            drone.input(Input::GiveUp)
+        }),
+        (LandingReason::FlightTime, |drone| drone.wait(601 * SECOND)),
+        (LandingReason::BatteryLow, |drone| {
+            drone.input(Input::Navigation(NavigationNotice::Failing {
+                failure: Failure::BatteryLow,
+                stop: Ned::HOME,
+                is_airborne: true,
+            }))
+        }),
+    ];
+    for (reason, cause) in causes {
+        let mut drone = member_on_task();
+        let (transmits, events) = cause(&mut drone);
+        assert_eq!(goals(&transmits).last(), Some(&Goal::Land), "{reason:?}");
+        assert!(events.contains(&Event::Landing(reason)), "{reason:?}");
+    }
+}
+
+#[test]
+fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
+    let mut drone = member_on_task();
+    drone.restart();
+    let (transmits, _) = drone.wait(Duration::ZERO);
+    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
+    let goal = Goal::FlyTo {
+        to: Ned::new(50.0, 0.0, -10.0),
+        hold_altitude_m: 10.0,
+    };
+    assert_eq!(goals(&transmits).first(), Some(&goal));
+    assert!(transmits.contains(&Transmit::Resync));
+}
+
+#[test]
+fn restarted_navigation_is_given_the_goal_again() {
+    let mut drone = member_on_task();
+    let (transmits, _) = drone.input(Input::Navigation(NavigationNotice::Resync));
+    assert_eq!(goals(&transmits).len(), 1);
+}
+
+#[test]
+fn elected_leader_publishes_the_roster_without_the_lost_one() {
+    let mut drone = member_on_task();
+    drone.notice(Notice::MasterSilent);
+    let (transmits, _) = drone.wait(SECOND / 2);
+    let orders: Vec<_> = transmits
+        .iter()
+        .filter_map(|it| match it {
+            Transmit::Publish { order, .. } => wire::decode_order(order).ok(),
+            _ => None,
+        })
+        .collect();
+    assert!(transmits.iter().any(|it| matches!(it, Transmit::Lead(_))));
+    assert_eq!(
+        orders,
+        [Order::Task {
+            roster: roster(&[0, 1, 2])
+        }]
+    );
+    let (transmits, _) = drone.notice(Notice::Silent(MASTER.into()));
+    assert!(
+        transmits
+            .iter()
+            .any(|it| matches!(it, Transmit::Publish { .. }))
+    );
+    assert_eq!(*drone.host.mission().roster(), roster(&[0, 2]));
+    drone.notice(Notice::Progress {
+        sequence: 2,
+        acknowledged: MASTER.into(),
+        landing: NodeSet::default(),
+    });
+    assert_eq!(*drone.host.mission().roster(), roster(&[0, 1, 2]));
+}
+
+#[test]
+fn drone_that_is_not_in_its_slot_when_the_task_begins_lands() {
+    let mut drone = Drone::new(2);
+    let plan = Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::new(0.0, 0.0, -25.0)],
+        holds: Vec::new(),
+    };
+    drone.order(1, &plan);
+    drone.order(2, &Order::TakeOff { wave: 0 });
+    let (_, events) = drone.order(
+        3,
+        &Order::Task {
+            roster: roster(&[1, 2]),
+        },
+    );
+    assert!(events.contains(&Event::Landing(LandingReason::Late)));
+    assert_eq!(drone.calls(), Vec::<String>::new());
+}
+
+#[test]
+fn limits_of_messages_and_kept_states_are_errors() {
+    struct Greedy(Calls);
+    impl Agent for Greedy {
+        fn start(&mut self, context: &mut Context<'_>) {
+            let long = vec![0; crate::routing::MESSAGE_MAX + 1];
+            let to = Destination::Leader;
+            let error = context.send(to, &long, Reliability::BestEffort);
+            let mut calls = self.0.lock().unwrap();
+            calls.push(error.unwrap_err().to_string());
+            calls.push(
+                context
+                    .keep(&long[..=KEPT_MAX])
+                    .unwrap_err()
+                    .to_string(),
+            );
+            let sent = (0..100).filter(|_| context.send(to, b"x", Reliability::BestEffort).is_ok());
+            calls.push(sent.count().to_string());
+        }
+    }
+    let mut drone = member_in_slot();
+    let calls = Arc::clone(&drone.calls);
+    drone.host.replace_agent(Box::new(Greedy(calls)));
+    let (transmits, _) = drone.order(
+        3,
+        &Order::Task {
+            roster: roster(&[2]),
+        },
+    );
+    assert_eq!(messages(&transmits), MESSAGES_PER_STEP_MAX);
+    assert_eq!(
+        drone.calls(),
+        [
+            "1048577 bytes are too many; accepted are at most 1048576",
+            "16385 bytes are too many; accepted are at most 16384",
+            "64"
+        ]
+    );
+}
+
+#[test]
+fn destinations_are_kept_above_the_ground_and_below_the_limit() {
+    for (altitude_m, flown_m) in [(-3.0, ALTITUDE_MIN_M), (40.0, 40.0), (500.0, 100.0)] {
+        struct To(f64);
+        impl Agent for To {
+            fn start(&mut self, context: &mut Context<'_>) {
+                context.go_to(Ned::new(0.0, 0.0, -self.0));
+            }
+        }
+        let mut drone = member_in_slot();
+        drone.host.replace_agent(Box::new(To(altitude_m)));
+        let (transmits, _) = drone.order(
+            3,
+            &Order::Task {
+                roster: roster(&[2]),
+            },
+        );
+        let to = Ned::new(0.0, 0.0, -flown_m);
+        let goal = Goal::FlyTo {
+            to,
+            hold_altitude_m: flown_m,
+        };
+        assert_eq!(goals(&transmits), [goal]);
+    }
+}
+
+#[test]
+fn outcome_of_a_message_is_reported() {
+    let mut drone = member_on_task();
+    drone.notice(Notice::Sent {
+        id: 5,
+        outcome: Outcome::Delivered,
+    });
+    assert_eq!(
+        drone.calls(),
+        ["MessageSent { id: MessageId(5), outcome: Delivered }"]
+    );
+}

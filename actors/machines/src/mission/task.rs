@@ -1,0 +1,100 @@
+//! A swarm on task: each drone's agent decides where it flies.
+//!
+//! The master lists the drones on task in an order, and repeats it when the list changes. Drones acknowledge it, so a newly
+//! elected master learns who is there.
+
+use super::{LandingReason, Lead, Mission, Order, State, Transmit};
+use crate::identity::{NodeId, NodeSet};
+use crate::time::Timestamp;
+
+impl Mission {
+    /// Whether the drone's agent decides where it flies.
+    #[must_use]
+    pub fn is_on_task(&self) -> bool {
+        self.durable.state == State::OnTask
+    }
+
+    /// Drones on task, as far as is known. Empty before the task.
+    #[must_use]
+    pub const fn roster(&self) -> &NodeSet {
+        &self.roster
+    }
+
+    /// The current leader; `None` before the first.
+    #[must_use]
+    pub fn leader(&self) -> Option<NodeId> {
+        self.durable.leader.ballot().map(|ballot| ballot.master)
+    }
+
+    /// As master: all drones are in their slots.
+    pub(super) fn start_task(&mut self, _now: Timestamp) {
+        self.enter_task();
+        self.publish_roster();
+    }
+
+    /// As newly elected master: leads the drones that were on task. Lost ones are added once they acknowledge that.
+    pub(super) fn resume_task(&mut self) {
+        if let Some(lead) = &mut self.durable.lead {
+            lead.silent = lead.members.difference(&self.roster);
+        }
+        self.publish_roster();
+    }
+
+    /// As member: the swarm is on task, and these drones are.
+    pub(super) fn execute_task(&mut self, sequence: u32, roster: NodeSet) {
+        if !self.is_on_task() {
+            if !self.ensure_can_follow() {
+                return;
+            }
+            self.enter_task();
+        }
+        self.roster = roster;
+        self.roster.insert(self.config.id);
+        self.durable.orders.pending = Some(sequence);
+        self.complete_order();
+    }
+
+    fn enter_task(&mut self) {
+        self.durable.deadlines.limit = None;
+        self.durable.orders.pending = None;
+        self.enter(State::OnTask);
+        self.outbox.transmit(Transmit::TopologyChanges);
+    }
+
+    /// As master: publishes the roster if it has changed.
+    pub(super) fn update_roster(&mut self) {
+        let Some(lead) = self.durable.lead.as_ref().filter(|_| self.is_on_task()) else {
+            return;
+        };
+        if present(lead, self.config.id) != self.roster {
+            self.publish_roster();
+        }
+    }
+
+    fn publish_roster(&mut self) {
+        if let Some(lead) = &self.durable.lead {
+            self.roster = present(lead, self.config.id);
+            let roster = self.roster.clone();
+            self.issue_order(&Order::Task { roster });
+            self.complete_order();
+        }
+    }
+
+    /// Ends the drone's task: it lands on the spot.
+    pub(crate) fn end_task(&mut self, reason: LandingReason) {
+        if self.is_on_task() {
+            self.announce_and_descend(reason);
+            self.checkpoint();
+        }
+    }
+}
+
+/// The drones on task under a master.
+fn present(lead: &Lead, own: NodeId) -> NodeSet {
+    let absent = [&lead.silent, &lead.landing, &lead.left_out];
+    let mut present = absent
+        .into_iter()
+        .fold(lead.members.clone(), |left, out| left.difference(out));
+    present.insert(own);
+    present
+}

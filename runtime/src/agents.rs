@@ -1,0 +1,199 @@
+//! The agents that a program has, by name, and what they are built from.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fmt;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use muster_machines::agent::{self, Agent, Context};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+/// What an agent is built from.
+#[derive(Debug, Clone)]
+pub struct AgentSpec {
+    /// The drone.
+    pub id: NodeId,
+    /// Number of drones of the swarm.
+    pub drones: u32,
+    parameters: Arc<toml::Table>,
+}
+
+impl AgentSpec {
+    /// The fields of `[agent.parameters]` in the scenario file, as a type of one's own.
+    ///
+    /// # Errors
+    /// A field is missing, unknown or has another type. The factory returns that, and the file is refused.
+    pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, toml::de::Error> {
+        self.parameters.as_ref().clone().try_into()
+    }
+}
+
+type New = dyn Fn(&AgentSpec) -> Result<Box<dyn Agent>, Box<dyn Error + Send + Sync>> + Send + Sync;
+
+/// Builds agents of one kind.
+#[derive(Clone)]
+pub struct AgentFactory(Arc<New>);
+
+impl AgentFactory {
+    /// A factory that calls `new` for each drone, and again after each restart of its agent. An error refuses the scenario
+    /// file: it must depend on the parameters only.
+    pub fn new<E>(
+        new: impl Fn(&AgentSpec) -> Result<Box<dyn Agent>, E> + Send + Sync + 'static,
+    ) -> Self
+    where
+        E: Into<Box<dyn Error + Send + Sync>>,
+    {
+        Self(Arc::new(move |spec| new(spec).map_err(Into::into)))
+    }
+
+    fn build(&self, spec: &AgentSpec) -> Result<Box<dyn Agent>, Box<dyn Error + Send + Sync>> {
+        (self.0)(spec)
+    }
+}
+
+impl fmt::Debug for AgentFactory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("AgentFactory").finish_non_exhaustive()
+    }
+}
+
+/// Agents by name.
+#[derive(Debug, Clone, Default)]
+pub struct Agents(BTreeMap<String, AgentFactory>);
+
+static INSTALLED: OnceLock<Agents> = OnceLock::new();
+
+impl Agents {
+    /// Adds an agent, or replaces the one of that name.
+    #[must_use]
+    pub fn with(mut self, name: &str, factory: AgentFactory) -> Self {
+        self.0.insert(name.to_owned(), factory);
+        self
+    }
+
+    /// The names, in alphabetical order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// Makes these the agents of the program: scenario files name them.
+    ///
+    /// # Errors
+    /// The program has agents already; they stay.
+    pub fn install(self) -> Result<(), AlreadyInstalled> {
+        INSTALLED.set(self).map_err(|_| AlreadyInstalled)
+    }
+
+    /// The agents of the program.
+    pub fn installed() -> &'static Self {
+        INSTALLED.get_or_init(Self::default)
+    }
+
+    fn find(&self, name: &str) -> Option<AgentFactory> {
+        self.0.get(name).cloned()
+    }
+}
+
+/// The program has agents already.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("the program's agents are installed once, before the first scenario is read")]
+pub struct AlreadyInstalled;
+
+/// The agent of a plan.
+#[derive(Debug, Clone)]
+pub struct PlannedAgent {
+    /// Its name.
+    pub name: String,
+    /// Waypoints of the mission file; waypoint 0 is the centre of the slots.
+    pub waypoints: Arc<[Ned]>,
+    /// Period of its telemetry.
+    pub telemetry: Duration,
+    /// Highest altitude that it may fly to, in metres above home.
+    pub altitude_max_m: f64,
+    parameters: Arc<toml::Table>,
+    factory: Option<AgentFactory>,
+}
+
+impl PlannedAgent {
+    pub(crate) fn new(
+        name: &str,
+        waypoints: Arc<[Ned]>,
+        (telemetry, altitude_max_m): (Duration, f64),
+        parameters: toml::Table,
+        agents: &Agents,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            waypoints,
+            telemetry,
+            altitude_max_m,
+            parameters: Arc::new(parameters),
+            factory: agents.find(name),
+        }
+    }
+
+    /// Whether the program has this agent. Without it, the drones land as soon as they are in their slots.
+    #[must_use]
+    pub const fn is_available(&self) -> bool {
+        self.factory.is_some()
+    }
+
+    /// Flies with these agents instead of the program's of that name.
+    ///
+    /// # Errors
+    /// The factory refuses the parameters. Nothing has changed.
+    pub fn replace(
+        &mut self,
+        factory: AgentFactory,
+        drones: u32,
+    ) -> Result<(), Box<dyn Error + Send + Sync>> {
+        factory.build(&self.spec(NodeId(0), drones))?;
+        self.factory = Some(factory);
+        Ok(())
+    }
+
+    /// Whether the agent accepts its parameters.
+    ///
+    /// # Errors
+    /// It does not.
+    pub(crate) fn check(&self, drones: u32) -> Result<(), Box<dyn Error + Send + Sync>> {
+        let spec = self.spec(NodeId(0), drones);
+        match &self.factory {
+            Some(factory) => factory.build(&spec).map(drop),
+            None => Ok(()),
+        }
+    }
+
+    fn spec(&self, id: NodeId, drones: u32) -> AgentSpec {
+        AgentSpec {
+            id,
+            drones,
+            parameters: Arc::clone(&self.parameters),
+        }
+    }
+
+    /// Builds the agent of a drone.
+    pub(crate) fn factory(&self, id: NodeId, drones: u32) -> agent::Factory {
+        let spec = self.spec(id, drones);
+        let factory = self.factory.clone();
+        agent::Factory::new(move || match &factory {
+            Some(factory) => factory
+                .build(&spec)
+                .unwrap_or_else(|error| panic!("agent of drone {id}: {error}")),
+            None => Box::new(Missing),
+        })
+    }
+}
+
+/// Stands in for an agent that the program does not have.
+struct Missing;
+
+impl Agent for Missing {
+    fn start(&mut self, context: &mut Context<'_>) {
+        context.land();
+    }
+}
