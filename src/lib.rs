@@ -25,6 +25,7 @@
 //! # }
 //! ```
 
+mod command;
 mod simulation;
 
 use std::process::ExitCode;
@@ -38,6 +39,14 @@ pub use muster_scenarios::engine::Engine;
 pub use muster_scenarios::report;
 
 pub use self::simulation::{Error, Run, Sim};
+
+/// Runs the command of muster that the arguments of this process name, with these agents: `sim`, `campaign`, `chaos`, `swarm`
+/// and all others. Returns the exit code.
+#[must_use]
+pub fn main(agents: Agents) -> ExitCode {
+    install(agents);
+    command::run()
+}
 
 /// Runs a drone as a process, as `musterd` does, with these agents. Returns the exit code.
 #[must_use]

@@ -8,8 +8,8 @@ use muster_scenarios::engine::Watcher;
 use muster_scenarios::scenario::{Override, Scenario};
 use muster_scenarios::thesis::{self, Comparison, Flights};
 
-use crate::sim::EngineName;
-use crate::{Failure, Outcome, folder, terminal};
+use super::sim::EngineName;
+use super::{Failure, Outcome, folder, terminal};
 
 /// Simulate the thesis's five experiments and compare the results with its tables and figures.
 ///

@@ -6,7 +6,7 @@ use clap::Args;
 use muster_deploy::status::{Answer, Target, ask_all, table, targets};
 use serde_json::{Value, json};
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Refresh period of `--watch`.
 const PERIOD: Duration = Duration::from_secs(1);

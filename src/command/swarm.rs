@@ -9,8 +9,8 @@ use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario;
 
-use crate::sim::print;
-use crate::{Failure, Outcome, folder, terminal};
+use super::sim::print;
+use super::{Failure, Outcome, folder, terminal};
 
 /// Fly a scenario in real time, with one process per drone.
 ///

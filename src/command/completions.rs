@@ -1,7 +1,7 @@
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Print a shell completion script.
 #[derive(Debug, Args)]
@@ -14,7 +14,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut command = crate::Arguments::command();
+    let mut command = super::Arguments::command();
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut command, "muster", &mut script);
     terminal::print(&String::from_utf8_lossy(&script))?;

@@ -9,8 +9,8 @@ use muster_scenarios::campaign::{
 };
 use muster_scenarios::scenario::{Override, Variation};
 
-use crate::sim::EngineName;
-use crate::{Failure, Outcome, folder, terminal};
+use super::sim::EngineName;
+use super::{Failure, Outcome, folder, terminal};
 
 /// Largest accepted run limit, in seconds: a week.
 const RUN_LIMIT_MAX_S: u64 = 604_800;

@@ -4,7 +4,7 @@ use clap::{Args, Subcommand};
 use muster_machines::identity::NodeId;
 use muster_runtime::identity::{Fleet, KeysError};
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Create the keys of a fleet and its drones, and revoke drones.
 ///

@@ -9,8 +9,8 @@ use muster_scenarios::campaign::{RunOptions, Seeds};
 use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search};
 use muster_scenarios::scenario::Override;
 
-use crate::campaign::{jobs, run_limit};
-use crate::{Failure, Outcome, folder, terminal};
+use super::campaign::{jobs, run_limit};
+use super::{Failure, Outcome, folder, terminal};
 
 /// Search for a fault plan that breaks a rule, and shrink it.
 ///

@@ -3,7 +3,7 @@ use muster_daemon::config;
 use muster_deploy::swarm;
 use muster_runtime::plan;
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Print the JSON Schema of a file format, for editors, or its reference in Markdown.
 ///

@@ -5,7 +5,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
 use muster_scenarios::scenario;
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Check scenario and mission files without flying them.
 ///

@@ -7,7 +7,7 @@ use muster_scenarios::engine::{self, Engine, Watcher};
 use muster_scenarios::report::{self, Report, ReportFiles};
 use muster_scenarios::scenario::{self, Override};
 
-use crate::{Failure, Outcome, folder, terminal};
+use super::{Failure, Outcome, folder, terminal};
 
 /// Simulate a scenario and show the result.
 ///

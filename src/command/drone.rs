@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use muster_daemon::operator::{self, OperatorError};
 
-use crate::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, terminal};
 
 /// Upload a file to a drone with QUIC transport, or read its log.
 ///
