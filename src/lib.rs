@@ -40,6 +40,11 @@ pub use muster_scenarios::report;
 
 pub use self::simulation::{Error, Run, Sim};
 
+/// Runs the examples of the book's page on agents as documentation tests.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/src/extend/agent.md")]
+struct AgentPage;
+
 /// Runs the command of muster that the arguments of this process name, with these agents: `sim`, `campaign`, `chaos`, `swarm`
 /// and all others. Returns the exit code.
 #[must_use]
