@@ -204,6 +204,8 @@ mod real_time {
             "campaign-merge",
             "thesis",
             "check",
+            "list",
+            "new",
             "keys",
             "swarm",
             "completions",

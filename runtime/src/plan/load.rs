@@ -38,10 +38,10 @@ pub fn load_with(
 ) -> Result<Plan, BadInput> {
     let source = Source::new(path, read(path)?, &[])?;
     let raw = source.parse()?;
-    build_plan(path, (&source, &raw), read)
+    build_plan((&source, &raw), read)
 }
 
-/// The path of a scenario's mission file, relative to the scenario's folder.
+/// The path of a scenario's mission file.
 ///
 /// # Errors
 /// If the scenario file can't be used.
@@ -49,8 +49,9 @@ pub fn mission_file(
     (path, text): (&Path, &str),
     overrides: &[Override],
 ) -> Result<PathBuf, BadInput> {
-    let raw = Source::new(path, text.to_owned(), overrides)?.parse()?;
-    Ok(raw.mission.file.into_inner())
+    let source = Source::new(path, text.to_owned(), overrides)?;
+    let raw = source.parse()?;
+    Ok(source.resolve(MISSION_FILE, raw.mission.file.get_ref()))
 }
 
 /// Builds the plan from a scenario's parsed fields.
@@ -58,11 +59,10 @@ pub fn mission_file(
 /// # Errors
 /// As [`load_with`].
 pub fn build_plan(
-    path: &Path,
     (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Plan, BadInput> {
-    let mission = read_mission(path, raw, read)?;
+    let mission = read_mission((source, raw), read)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
     let separation = separation(raw);
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
@@ -127,14 +127,24 @@ fn separation(raw: &Raw) -> Separation {
     }
 }
 
+/// The field with the mission's path.
+const MISSION_FILE: &str = "mission.file";
+
 fn read_mission(
-    scenario: &Path,
-    raw: &Raw,
+    (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Mission, BadInput> {
-    let folder = scenario.parent().unwrap_or(Path::new(""));
-    let path = folder.join(raw.mission.file.get_ref());
-    mission_file::parse(&path, &read(&path)?)
+    let file = &raw.mission.file;
+    let path = source.resolve(MISSION_FILE, file.get_ref());
+    let text = read(&path).map_err(|error| {
+        let base = match source.is_given_outside(MISSION_FILE) {
+            true => "; given with `--set`, a path starts at the current folder",
+            false => "",
+        };
+        let accepted = source.accepted_at(file.span());
+        source.error_with(file.span(), &error.to_string(), format!("{accepted}{base}"))
+    })?;
+    mission_file::parse(&path, &text)
 }
 
 /// Checks altitude layers, separation and fence. Returns the description of the fence.

@@ -3,7 +3,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::wire;
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
 use muster_runtime::plan::{build_plan, to_usize};
@@ -11,14 +11,16 @@ use muster_transport::sim::{self, Access, Bursts, Propagation};
 
 use super::exposure::check_followers;
 use super::faults::faults;
+use super::shipped::{self, scenario_file, shown};
 use super::{Chaos, Scenario, Variation};
 
-/// Reads a scenario and its mission; `overrides` replace fields of the file.
+/// Reads a scenario and its mission; `overrides` replace fields of the file. A name without a folder and a dot is that of a
+/// shipped scenario.
 ///
 /// # Errors
 /// If a file can't be used. The error names the file, shows the place and tells what is accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    load_from(path, overrides, &read_text)
+    load_from(&scenario_file(path)?, overrides, &shipped::read)
 }
 
 /// As [`load`], with each file's text from `read`.
@@ -32,10 +34,9 @@ pub fn load_from(
 ) -> Result<Scenario, BadInput> {
     let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
-    let folder = path.parent().unwrap_or(Path::new(""));
     let mut scenario = alone(path, (&source, &raw), overrides, read)?;
     for joins in &raw.swarms {
-        let swarm = other((&source, &raw), joins, folder, read)?;
+        let swarm = other((&source, &raw), joins, read)?;
         let radio = scenario.radio;
         scenario
             .others
@@ -48,15 +49,12 @@ pub fn load_from(
 fn other(
     (source, own): (&Source, &Raw),
     joins: &raw::Swarm,
-    folder: &Path,
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
     let file = &joins.scenario;
-    let path = folder.join(file.get_ref());
-    let Ok(text) = read(&path) else {
-        let message = format!("{} can't be read", path.display());
-        return Err(source.error(file.span(), &message));
-    };
+    let path = source.resolve("swarms", file.get_ref());
+    let text = scenario_file(&path).and_then(|path| Ok((read(&path)?, path)));
+    let (text, path) = text.map_err(|error| source.error(file.span(), &error.to_string()))?;
     if let (Some(span), Some(duration)) = (joins.after_s.span(), own.limits.duration_s)
         && joins.after_s.0 >= duration.0
     {
@@ -90,10 +88,10 @@ fn alone(
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
-    let plan = build_plan(path, (source, raw), read)?;
+    let plan = build_plan((source, raw), read)?;
     let faults = faults(source, raw, plan.waypoints.len())?;
     let scenario = Scenario {
-        name: path.display().to_string(),
+        name: shown(path).display().to_string(),
         overrides: overrides
             .iter()
             .filter(|change| !change.is_seed())
@@ -115,7 +113,8 @@ fn alone(
 fn chaos(source: &Source, raw: &Raw) -> Result<Chaos, BadInput> {
     let vary = raw.chaos.vary.iter().map(|(key, values)| {
         let listed: Vec<_> = values.get_ref().iter().map(override_value).collect();
-        Variation::new(key, &listed).map_err(|error| source.error(values.span(), &error))
+        let variation = Variation::new(key, &listed).map(Variation::in_file);
+        variation.map_err(|error| source.error(values.span(), &error))
     });
     Ok(Chaos {
         faults_max: u32::try_from(raw.chaos.faults_max.0).unwrap_or(u32::MAX),

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use muster_daemon::agent;
 use muster_daemon::config::DroneConfig;
-use muster_daemon::daemon::{self, Ended, Start};
+use muster_daemon::daemon::{self, DaemonError, Ended, Start};
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
 use muster_runtime::journal;
@@ -19,7 +19,8 @@ use muster_runtime::journal;
     name = "musterd",
     version,
     after_help = "Exit codes: 0 the mission was flown, or the drone was recalled and has landed; 1 a failure on this \
-                  machine; 2 an invalid file or argument; 4 the drone landed by itself before the end of the mission.\n\nExample: musterd --config drone.toml --fly"
+                  machine; 2 an invalid file or argument, or a \
+                  flight that is over; 4 the drone landed by itself before the end of the mission.\n\nExample: musterd --config drone.toml --fly"
 )]
 struct Arguments {
     /// The drone's file.
@@ -74,6 +75,7 @@ fn main() -> ExitCode {
         Ok(Ended::Completed) => ExitCode::SUCCESS,
         Ok(Ended::LandedEarly(_)) => ExitCode::from(4),
         Ok(Ended::Failed(_) | Ended::Abandoned) => ExitCode::FAILURE,
+        Err(error @ DaemonError::FlightOver { .. }) => report_error(&error, 2),
         Err(error) => report_error(&error, 1),
     }
 }
@@ -101,7 +103,7 @@ fn load(path: &Path, arguments: &Arguments) -> Result<DroneConfig, BadInput> {
     let config = DroneConfig::load(path)?;
     if arguments.fly && !config.leads() {
         let message = "this drone does not lead its swarm; only the leader accepts `--fly`";
-        let help = "`musterd --check` and `muster check` print which drone leads";
+        let help = "`musterd --check` prints which drone leads, and so does `muster check --explain`";
         return Err(BadInput::without_excerpt(path, message, help));
     }
     Ok(config)
