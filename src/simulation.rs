@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use muster_machines::agent::Agent;
 use muster_machines::identity::NodeId;
 use muster_runtime::agents::{AgentFactory, AgentSpec, Agents};
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::engine::{self, Engine, RunError};
 use muster_scenarios::report::{self, Flight, Report, ReportFiles, WriteError};
 use muster_scenarios::scenario::{self, Override, Scenario};
@@ -119,7 +119,7 @@ impl Sim {
             None => Some(Agents::installed()).filter(|it| it.names().next().is_some()),
             Some(_) => None,
         };
-        let mut scenario = scenario::load_for(&self.path, &self.overrides, &read_text, agents)?;
+        let mut scenario = scenario::load_for(&self.path, &self.overrides, agents)?;
         if let Some(factory) = &self.factory {
             let drones = scenario.plan.layout.formation().drones();
             let Some(agent) = &mut scenario.plan.agent else {

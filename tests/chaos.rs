@@ -23,6 +23,11 @@ fn search_without_a_finding_shows_its_coverage_and_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let (code, output) = chaos(folder.path(), &["--seeds", "0..6", "--out", "out"]);
     assert_eq!(code, Some(0), "{output}");
+    assert!(output.starts_with("OK: 6 plans, no rule broken; "), "{output}");
+    assert_eq!(output.lines().count(), 3, "the rest is for --explain: {output}");
+    let explained = ["--seeds", "0..6", "--out", "out", "--explain"];
+    let (code, output) = chaos(folder.path(), &explained);
+    assert_eq!(code, Some(0), "{output}");
     for words in [
         "6 without a violation",
         "combinations",
@@ -30,14 +35,14 @@ fn search_without_a_finding_shows_its_coverage_and_resumes() {
         "simulated hours",
         "plans and",
         "no fault injected",
-        "rules  none broken",
+        "OK: 6 plans",
         "chaos.json",
     ] {
         assert!(output.contains(words), "{words}: {output}");
     }
     let (code, output) = chaos(folder.path(), &["--seeds", "0..10", "--out", "out"]);
     assert_eq!(code, Some(0), "{output}");
-    assert!(output.contains("10 without a violation"), "{output}");
+    assert!(output.starts_with("OK: 10 plans, "), "{output}");
     let (code, output) = chaos(folder.path(), &["--seeds", "5..10", "--out", "out"]);
     assert_eq!(
         code,
@@ -61,7 +66,7 @@ fn finding_is_a_scenario_that_breaks_the_rule_by_itself() {
     let (code, output) = chaos(folder.path(), &short);
     assert_eq!(code, Some(3), "{output}");
     assert!(
-        output.contains("rule 5") && output.contains("found.toml"),
+        output.starts_with("BROKEN: rule 5 at ") && output.contains("found.toml"),
         "{output}"
     );
     let found = fs::read_to_string(folder.path().join("out/found.toml")).unwrap();
@@ -83,14 +88,27 @@ fn search_with_keep_going_lists_all_findings() {
     ];
     let (code, output) = chaos(folder.path(), &[&short[..], &["--out", "out"]].concat());
     assert_eq!(code, Some(3), "{output}");
-    for words in [
-        "0 without a violation",
-        "broken by 4 plans",
-        "seed 3: rule 5, ",
-    ] {
+    assert!(output.starts_with("BROKEN: a rule, by 4 of 4 plans\n"), "{output}");
+    for words in ["seed 0: rule 5, ", "seed 3: rule 5, "] {
         assert!(output.contains(words), "{words}: {output}");
     }
     assert!(!folder.path().join("out/found.toml").exists());
+}
+
+#[test]
+fn another_search_gets_a_folder_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let seeds = ["--seeds", "0..1"];
+    let lossy = ["--seeds", "0..1", "--set", "radio.loss=0.1"];
+    for (arguments, out) in [
+        (&seeds[..], "runs/chaos-chaos-0"),
+        (&lossy, "runs/chaos-chaos-0-2"),
+        (&seeds, "runs/chaos-chaos-0"),
+    ] {
+        let (code, output) = chaos(folder.path(), arguments);
+        assert_eq!(code, Some(0), "{output}");
+        assert!(output.contains(&format!("wrote {out}/chaos.json")), "{output}");
+    }
 }
 
 #[test]

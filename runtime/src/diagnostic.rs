@@ -1,7 +1,9 @@
 //! Errors in input files: message, excerpt with the place marked, and what is accepted.
 
 mod fields;
+mod near;
 mod toml_file;
+mod words;
 
 use std::fmt;
 use std::fs::File;
@@ -13,7 +15,9 @@ pub use fields::accepted;
 use miette::{
     Diagnostic, GraphicalReportHandler, LabeledSpan, NamedSource, SourceCode, SourceSpan,
 };
+pub use near::{did_you_mean, did_you_mean_file, nearest};
 pub use toml_file::{FileFormat, TomlFile};
+pub(crate) use words::plain;
 
 /// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
 pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;
@@ -172,7 +176,7 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
     let unreadable = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => BadInput::without_excerpt(
             path,
-            "there is no such file",
+            format_args!("there is no such file{}", did_you_mean_file(path)),
             "check the path; a relative path starts at the current directory",
         ),
         _ => BadInput::without_excerpt(

@@ -172,6 +172,19 @@ impl Segments {
         }
     }
 
+    /// The links between live nodes that are not down, each once.
+    pub(crate) fn links(&self) -> impl Iterator<Item = (NodeId, NodeId)> {
+        self.links.iter().map(|link| link.ends)
+    }
+
+    /// Whether a link that is up joins two nodes directly.
+    pub(crate) fn are_neighbours(&self, a: NodeId, b: NodeId) -> bool {
+        let ends = (a.min(b), a.max(b));
+        let is_up = |link: &Link| link.ends == ends && link.is_up;
+        let first = self.links.partition_point(|link| link.ends < ends);
+        self.links.get(first).is_some_and(is_up)
+    }
+
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Segment> {
         self.segments.iter()
     }

@@ -7,6 +7,7 @@ use clap::Args;
 use muster_scenarios::campaign::{
     self, Campaign, JOBS_MAX, Published, RUN_LIMIT, Request, RunOptions, Seeds, Shard,
 };
+use muster_scenarios::report;
 use muster_scenarios::scenario::{Override, Variation};
 
 use super::sim::EngineName;
@@ -14,8 +15,6 @@ use super::{Failure, Outcome, folder, terminal};
 
 /// Largest accepted run limit, in seconds: a week.
 const RUN_LIMIT_MAX_S: u64 = 604_800;
-/// Number of default folder names tried for one scenario's campaigns.
-const FOLDERS_MAX: u32 = 1_000;
 
 /// Simulate a scenario many times and show medians with 95 % confidence intervals.
 ///
@@ -23,14 +22,15 @@ const FOLDERS_MAX: u32 = 1_000;
 /// summary (summary.csv, summary.html). An interrupted campaign resumes with the same command and gives the same bytes.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  muster campaign scenarios/thesis-1.toml --seeds 0..20
-  muster campaign scenarios/thesis-1.toml --seeds 0..6 --vary radio.loss=0,0.1 --out runs/loss
-  muster campaign scenarios/thesis-1.toml --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
+  muster campaign thesis-1 --seeds 0..20
+  muster campaign thesis-1 --seeds 0..6 --vary radio.loss=0,0.1 --out runs/loss
+  muster campaign thesis-1 --seeds 1..=6 --set radio.loss=0.1 --shard 1/2
 
 Exit code 3 if a run broke a rule; 4 if no rule was broken but a mission is incomplete.
 At most 10,000,000 runs and 10,000 combinations.")]
 pub(crate) struct Arguments {
-    /// The scenario file.
+    /// A scenario file, or the name of a shipped scenario (`muster list`).
+    #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     /// Random seeds of each combination: A..B excludes B, A..=B includes it.
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
@@ -160,12 +160,8 @@ fn default_folder(scenario: &Path, campaign: &Campaign) -> PathBuf {
     } else {
         format!("campaign-{}-of-{}", shard.index(), shard.of())
     };
-    let folder_for = |suffix: &str| folder::default_for(scenario, suffix);
-    let numbered = (2..=FOLDERS_MAX).map(|n| folder_for(&format!("{suffix}-{n}")));
-    std::iter::once(folder_for(&suffix))
-        .chain(numbered)
-        .find(|folder| campaign.can_use(folder))
-        .unwrap_or_else(|| folder_for(&suffix))
+    let folder = folder::default_for(scenario, suffix);
+    report::numbered(&folder, |folder| campaign.can_use(folder))
 }
 
 fn print(published: &Published) -> io::Result<()> {

@@ -7,6 +7,7 @@ use clap::Args;
 use indicatif::ProgressBar;
 use muster_scenarios::campaign::{RunOptions, Seeds};
 use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search};
+use muster_scenarios::report;
 use muster_scenarios::scenario::Override;
 
 use super::campaign::{jobs, run_limit};
@@ -19,13 +20,14 @@ use super::{Failure, Outcome, folder, terminal};
 /// that break a rule are listed instead. An interrupted search resumes with the same command.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  muster chaos scenarios/chaos.toml --seeds 0..1000
-  muster chaos scenarios/chaos.toml --seeds 0..1000 --set protocol.policy=tree --out runs/tree
-  muster chaos scenarios/chaos.toml --seeds 0..1000 --keep-going
+  muster chaos chaos --seeds 0..1000
+  muster chaos chaos --seeds 0..1000 --set protocol.policy=tree --out runs/tree
+  muster chaos chaos --seeds 0..1000 --keep-going
 
 Exit code 3 if a rule was broken. Resumes an existing folder with the same first seed.")]
 pub(crate) struct Arguments {
-    /// The scenario file.
+    /// A scenario file, or the name of a shipped scenario (`muster list`).
+    #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     /// Random seeds of the plans: A..B excludes B, A..=B includes it.
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
@@ -42,7 +44,11 @@ pub(crate) struct Arguments {
     /// Continue after a plan that breaks a rule, and list all such plans
     #[arg(long)]
     keep_going: bool,
-    /// Output folder; resumes a search found there [default: runs/SCENARIO-chaos-A]
+    /// Also show which faults met drones in which state, and how long the search took
+    #[arg(long)]
+    explain: bool,
+    /// Output folder; resumes a search found there [default: runs/SCENARIO-chaos-A, with -2, -3, … appended if another search
+    /// has the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -56,7 +62,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     })?;
     let out = arguments.out.clone().unwrap_or_else(|| {
         let suffix = format!("chaos-{}", arguments.seeds.at(0));
-        folder::default_for(&arguments.scenario, suffix)
+        let folder = folder::default_for(&arguments.scenario, suffix);
+        report::numbered(&folder, |folder| search.is_in(folder))
     });
     folder::check_writable(&out)?;
     let jobs = arguments
@@ -72,7 +79,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         show(&bar, progress);
     })?;
     bar.finish_and_clear();
-    let mut text = chaos::table(&searched, terminal::colour(&io::stdout()));
+    let colour = terminal::colour(&io::stdout());
+    let mut text = chaos::table(&searched, colour);
+    if arguments.explain {
+        text.push('\n');
+        text.push_str(&chaos::explanation(&searched, colour));
+    }
     text.push_str(&format!(
         "\n wrote {}\n",
         out.join(chaos::CHAOS_JSON).display()

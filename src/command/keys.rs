@@ -39,8 +39,13 @@ struct Drones {
     /// Fleet folder.
     folder: PathBuf,
     /// Numbers of the drones.
-    #[arg(required = true, value_name = "ID")]
+    #[arg(required = true, value_name = "ID", value_parser = id)]
     ids: Vec<u32>,
+}
+
+fn id(text: &str) -> Result<u32, String> {
+    let id = text.parse();
+    id.map_err(|_| format!("a drone's number is a whole number from 0 to {}", u32::MAX))
 }
 
 impl From<KeysError> for Failure {

@@ -7,6 +7,8 @@ mod completions;
 mod drone;
 mod folder;
 mod keys;
+mod list;
+mod new;
 mod schema;
 mod sim;
 mod status;
@@ -31,7 +33,7 @@ use muster_scenarios::report::{Report, WriteError};
 /// Simulate and operate swarms of drones.
 ///
 /// A scenario file describes the drones, the mission, the radio and the protocol; `muster sim` flies it and shows the
-/// result. The same scenario and seed give the same flight, bit for bit. The simulated drones run the code that flies on
+/// result. `muster list` shows the scenarios that come with the program. The same scenario and seed give the same flight, bit for bit. The simulated drones run the code that flies on
 /// aircraft.
 #[derive(Debug, Parser)]
 #[command(
@@ -39,7 +41,7 @@ use muster_scenarios::report::{Report, WriteError};
     arg_required_else_help = true,
     after_help = "Exit codes: 0 success; 1 failure on this machine; 2 unusable file or argument; 3 a safety rule was \
                   broken; 4 all drones landed safely but the mission is incomplete.\
-                  \n\nStart with: muster sim scenarios/thesis-2.toml"
+                  \n\nStart with: muster sim thesis-2"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -49,13 +51,15 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Sim(sim::Arguments),
+    List(list::Arguments),
+    New(new::Arguments),
+    Check(check::Arguments),
     Campaign(campaign::Arguments),
     CampaignMerge(campaign::MergeArguments),
     Chaos(chaos::Arguments),
     Thesis(thesis::Arguments),
     Swarm(swarm::Arguments),
     Status(status::Arguments),
-    Check(check::Arguments),
     Keys(keys::Arguments),
     Drone(drone::Arguments),
     Schema(schema::Arguments),
@@ -100,6 +104,12 @@ enum Failure {
     Keys(#[source] KeysError),
     #[error(transparent)]
     Drone(OperatorError),
+    #[error("can't write {}", path.display())]
+    Create {
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
     /// A file that the command wrote can't be read back.
     #[error("can't read {}", path.display())]
     Read {
@@ -132,6 +142,8 @@ impl From<CampaignError> for Failure {
 pub(crate) fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
+        Command::List(arguments) => list::run(&arguments),
+        Command::New(arguments) => new::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
         Command::Chaos(arguments) => chaos::run(&arguments),

@@ -15,11 +15,13 @@ use super::{Failure, Outcome, folder, terminal};
 /// for programs. A progress bar is shown on a terminal.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  muster sim scenarios/thesis-2.toml
-  muster sim scenarios/thesis-1.toml --seed 7 --set radio.loss=0.2 --set formation.drones=9
-  muster sim scenarios/thesis-2.toml --engine events --json | jq .means")]
+  muster sim thesis-2
+  muster sim thesis-1 --seed 7 --set radio.loss=0.2 --set formation.drones=9
+  muster sim thesis-1 --set mission.file=river
+  muster sim thesis-2 --engine events --json | jq .means")]
 pub(crate) struct Arguments {
-    /// The scenario file.
+    /// A scenario file, or the name of a shipped scenario (`muster list`).
+    #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     /// Random seed; overrides the scenario's.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
@@ -27,7 +29,7 @@ pub(crate) struct Arguments {
     /// Engine that runs the drones; both give the same flight.
     #[arg(long, value_enum, default_value_t = EngineName::Actors)]
     engine: EngineName,
-    /// Set a field of the scenario, for example radio.range_m=250; may be repeated.
+    /// Set a field of the scenario, for example radio.range_m=250; may be repeated. A path starts at the current folder.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
     /// Skip the safety rules, to measure the cost of the simulation alone.
@@ -36,7 +38,8 @@ pub(crate) struct Arguments {
     /// Print the report as one JSON object instead of the table.
     #[arg(long)]
     json: bool,
-    /// Output folder [default: runs/SCENARIO-SEED]
+    /// Output folder; a report there is replaced [default: runs/SCENARIO-SEED, with -2, -3, … appended if another run has
+    /// the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -63,16 +66,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     overrides.extend(arguments.seed.as_deref().map(Override::seed));
     let mut scenario = scenario::load(&arguments.scenario, &overrides)?;
     scenario.unchecked = arguments.unchecked;
-    let out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| folder::default_for(Path::new(&scenario.name), scenario.seed));
-    folder::check_writable(&out)?;
+    let default = folder::default_for(Path::new(&scenario.name), scenario.seed);
+    folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
     let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
     bar.finish_and_clear();
+    let out = arguments.out.clone();
+    let out = out.unwrap_or_else(|| report::numbered(&default, |folder| report.is_in(folder)));
     let written = report::write(&out, &report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;

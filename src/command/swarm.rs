@@ -1,5 +1,5 @@
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
@@ -7,7 +7,7 @@ use muster_daemon::config::TransportName;
 use muster_deploy::swarm::{self, Hosts, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
-use muster_scenarios::scenario;
+use muster_scenarios::scenario::{self, Scenario};
 
 use super::sim::print;
 use super::{Failure, Outcome, folder, terminal};
@@ -19,10 +19,12 @@ use super::{Failure, Outcome, folder, terminal};
 /// SIGSTOP for a hang. The scenario's radio model limits who hears whom. The rules of the simulation are checked, except
 /// those about the input of a drone. No process is left at the end, even after an error.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  muster swarm scenarios/hardware/swarm-short.toml --unlimited-range --json | jq .mission_completed")]
+#[command(after_help = "Examples:
+  muster swarm swarm-short --unlimited-range --json | jq .mission_completed
+  muster swarm swarm-short --prepare my-swarm")]
 pub(crate) struct Arguments {
-    /// The scenario file.
+    /// A scenario file, or the name of a shipped scenario (`muster list`).
+    #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     /// Transport: UDP datagrams, or a QUIC connection to each drone.
     #[arg(long, value_enum, default_value_t = Transport::Udp)]
@@ -36,9 +38,12 @@ pub(crate) struct Arguments {
     /// Print the report as one JSON object instead of the table.
     #[arg(long)]
     json: bool,
-    /// Output folder, with a subfolder per drone [default: runs/SCENARIO-swarm]
+    /// Output folder, with a subfolder per drone [default: runs/SCENARIO-swarm, with -2, -3, … appended if it is used]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Only write keys, and a file for each drone's musterd, into a new folder; start nothing
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "json", "unlimited_range"])]
+    prepare: Option<PathBuf>,
     /// Path of musterd [default: next to this program]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
@@ -73,10 +78,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let hosts = arguments.hosts.as_deref();
     let hosts = hosts.map(|path| Hosts::load(path, scenario.plan.nodes()));
     let hosts = hosts.transpose()?;
+    if let Some(folder) = &arguments.prepare {
+        return prepare(arguments, &scenario, (folder, hosts.as_ref()));
+    }
     let out = arguments
         .out
         .clone()
-        .unwrap_or_else(|| folder::default_for(&arguments.scenario, "swarm"));
+        .unwrap_or_else(|| {
+            // No flight in real time repeats, so each gets a folder.
+            report::numbered(&folder::default_for(&arguments.scenario, "swarm"), |_| false)
+        });
     folder::check_writable(&out)?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
@@ -106,6 +117,38 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         print(&report, &written)?;
     }
     Ok(Outcome::from(&report))
+}
+
+/// Writes the files of a flight and shows how to start its processes.
+fn prepare(
+    arguments: &Arguments,
+    scenario: &Scenario,
+    (folder, hosts): (&Path, Option<&Hosts>),
+) -> Result<Outcome, Failure> {
+    folder::check_writable(folder)?;
+    let files = swarm::prepare(&Request {
+        path: &arguments.scenario,
+        scenario,
+        musterd: Path::new("musterd"),
+        hosts,
+        transport: arguments.transport.into(),
+        folder,
+        emulates_radio: false,
+    })?;
+    let leader = scenario.plan.centre();
+    let mut text = format!(
+        "wrote {}: the keys of a fleet, and a file for each of {} processes\nStart them, the leader last:\n",
+        folder.display(),
+        files.len()
+    );
+    let (leads, others): (Vec<_>, Vec<_>) = files.iter().partition(|(id, _)| *id == leader);
+    for (id, file) in others.into_iter().chain(leads) {
+        let fly = if *id == leader { " --fly" } else { "" };
+        text.push_str(&format!("  musterd --config {}{fly}\n", file.display()));
+    }
+    text.push_str(&format!("Watch them with: muster status {} --watch\n", folder.display()));
+    terminal::print(&text)?;
+    Ok(Outcome::Success)
 }
 
 /// The daemon's program: the argument, or `musterd` next to this program.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use indicatif::ProgressBar;
 use muster_scenarios::engine::Watcher;
+use muster_scenarios::report;
 use muster_scenarios::scenario::{Override, Scenario};
 use muster_scenarios::thesis::{self, Comparison, Flights};
 
@@ -42,7 +43,7 @@ pub(crate) struct Arguments {
     /// Print the comparison as one JSON object instead of the tables.
     #[arg(long)]
     json: bool,
-    /// Output folder [default: runs/thesis-seed-N]
+    /// Output folder [default: runs/thesis-seed-N, with -2, -3, … appended if other runs have the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -50,9 +51,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let flights = Flights::load(&[Override::seed(&arguments.seed)], arguments.runs)?;
     let default =
-        || folder::default_for(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
-    let out = arguments.out.clone().unwrap_or_else(default);
-    folder::check_writable(&out)?;
+        folder::default_for(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
+    folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;
     let bar = terminal::progress_bar(
         "{msg:>32} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
@@ -68,6 +68,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         },
     )?;
     bar.finish_and_clear();
+    let out = arguments.out.clone();
+    let out = out.unwrap_or_else(|| report::numbered(&default, |folder| comparison.is_in(folder)));
     let written = thesis::write(&out, &comparison)?;
     if arguments.json {
         let json = serde_json::to_string(&comparison).map_err(io::Error::from)?;

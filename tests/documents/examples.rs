@@ -206,6 +206,8 @@ mod real_time {
             "campaign-merge",
             "thesis",
             "check",
+            "list",
+            "new",
             "keys",
             "swarm",
             "completions",

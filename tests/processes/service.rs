@@ -65,8 +65,9 @@ fn higher_flight_number_starts_a_new_flight_and_keeps_the_old_journal() {
         drone.signal("TERM");
         assert_eq!(drone.end(), Some(0));
         let (code, output) = run("--config", &fleet.file(3));
-        assert_eq!(code, Some(0), "{output}");
+        assert_eq!(code, Some(2), "{output}");
         assert!(output.contains("this flight is over"), "{output}");
+        assert!(output.contains("set a higher `flight`"), "{output}");
     }
     let (code, output) = run("--show-journal", &fleet.path("journal-3/flight-1"));
     assert_eq!(code, Some(0), "{output}");

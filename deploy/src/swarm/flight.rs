@@ -48,6 +48,10 @@ pub(super) async fn fly(
     let flown = fly_with(request, drones, fleet, watcher).await;
     let uncertainty = end_agents(agents).await;
     let (mut report, flight) = flown?;
+    if !request.emulates_radio {
+        // Every drone heard every other.
+        report.never_met.clear();
+    }
     report.clock_uncertainty_s = uncertainty.map(|it| it.as_secs_f64());
     Ok((report, flight))
 }

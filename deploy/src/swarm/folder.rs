@@ -39,13 +39,23 @@ struct DroneFile<'a> {
     vehicle: &'static str,
     transport: TransportName,
     journal: &'static str,
-    log: &'static str,
+    log: LogFormat,
     keys: Keys,
     #[serde(skip_serializing_if = "Option::is_none")]
     udp: Option<Network>,
     #[serde(skip_serializing_if = "Option::is_none")]
     quic: Option<Network>,
     observe: Option<Observe>,
+}
+
+/// Format of the drones' logs.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum LogFormat {
+    /// For the starter, which reads reports in it.
+    Json,
+    /// For people.
+    Human,
 }
 
 #[derive(Serialize)]
@@ -70,13 +80,40 @@ struct Observe {
     http: SocketAddr,
 }
 
-/// Creates the keys, drone files and other files of all drones.
+/// Creates the folder of a flight: keys, drone files and other files of all drones.
 pub(super) fn prepare(
     request: &Request<'_>,
     hosts: &Hosts,
 ) -> Result<(Vec<DroneFolder>, File), SwarmError> {
+    let lock = lock(request.folder)?;
+    let drones = write_files(request, hosts, LogFormat::Json)?;
+    Ok((drones, lock))
+}
+
+/// Creates keys, drone files and other files of all drones in a folder that does not exist or is empty, for processes that
+/// are started by hand.
+pub(super) fn prepare_by_hand(
+    request: &Request<'_>,
+    hosts: &Hosts,
+) -> Result<Vec<DroneFolder>, SwarmError> {
     let folder = request.folder;
-    let lock = lock(folder)?;
+    let is_used = match fs::read_dir(folder) {
+        Ok(mut entries) => entries.next().is_some(),
+        Err(_) => folder.symlink_metadata().is_ok(),
+    };
+    if is_used {
+        let help = "name a new folder; keys are never overwritten";
+        return Err(BadInput::without_excerpt(folder, "exists and is not an empty folder", help).into());
+    }
+    write_files(request, hosts, LogFormat::Human)
+}
+
+fn write_files(
+    request: &Request<'_>,
+    hosts: &Hosts,
+    log: LogFormat,
+) -> Result<Vec<DroneFolder>, SwarmError> {
+    let folder = request.folder;
     let fleet = Fleet::create(&folder.join("fleet"))?;
     let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
         .map(|name| Path::new("fleet").join(name))
@@ -104,7 +141,7 @@ pub(super) fn prepare(
             vehicle: "closed-form",
             transport: request.transport,
             journal: "journal",
-            log: "json",
+            log,
             keys: Keys {
                 drone: format!("../fleet/{key}"),
                 fleet: "../fleet/fleet.pub",
@@ -127,7 +164,7 @@ pub(super) fn prepare(
             log: folder.join(own).join("log.jsonl"),
         });
     }
-    Ok((drones, lock))
+    Ok(drones)
 }
 
 /// Writes a file and creates its folder if needed.

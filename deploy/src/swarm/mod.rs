@@ -16,6 +16,7 @@ mod output;
 mod process;
 mod reports;
 
+use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -154,21 +155,37 @@ pub fn fly(
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     check(request)?;
-    let local;
-    let hosts = match request.hosts {
-        Some(hosts) => hosts,
-        None => {
-            local = Hosts::local(request.scenario.plan.nodes(), request.musterd)
-                .map_err(SwarmError::Ports)?;
-            &local
-        }
-    };
-    let (drones, _lock) = folder::prepare(request, hosts)?;
+    let hosts = hosts(request)?;
+    let (drones, _lock) = folder::prepare(request, &hosts)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(SwarmError::Runtime)?;
-    runtime.block_on(flight::fly(request, (hosts, &drones), watcher))
+    runtime.block_on(flight::fly(request, (&hosts, &drones), watcher))
+}
+
+/// Writes what the drones' processes need (keys, a file for each drone, scenario and mission) and starts nothing. Returns
+/// the file of each drone and relay. Frames of processes that are started by hand reach every other one.
+///
+/// # Errors
+/// If processes can't fly the scenario, the folder is used, or a file can't be written.
+pub fn prepare(request: &Request<'_>) -> Result<Vec<(NodeId, PathBuf)>, SwarmError> {
+    check(request)?;
+    let drones = folder::prepare_by_hand(request, &*hosts(request)?)?;
+    let files = drones.into_iter().map(|drone| (drone.id, request.folder.join(drone.config)));
+    Ok(files.collect())
+}
+
+/// The requested hosts, or this machine.
+fn hosts<'a>(request: &Request<'a>) -> Result<Cow<'a, Hosts>, SwarmError> {
+    match request.hosts {
+        Some(hosts) => Ok(Cow::Borrowed(hosts)),
+        None => {
+            let nodes = request.scenario.plan.nodes();
+            let local = Hosts::local(nodes, request.musterd).map_err(SwarmError::Ports)?;
+            Ok(Cow::Owned(local))
+        }
+    }
 }
 
 /// Refuses a scenario that only a simulation can fly.

@@ -10,7 +10,7 @@ use muster_runtime::journal;
 
 use crate::agent;
 use crate::config::DroneConfig;
-use crate::daemon::{self, Ended, Start};
+use crate::daemon::{self, DaemonError, Ended, Start};
 
 /// Flies one drone until it has landed for the last time.
 ///
@@ -20,7 +20,8 @@ use crate::daemon::{self, Ended, Start};
     name = "musterd",
     version,
     after_help = "Exit codes: 0 the mission was flown, or the drone was recalled and has landed; 1 a failure on this \
-                  machine; 2 an invalid file or argument; 4 the drone landed by itself before the end of the mission.\n\nExample: musterd --config drone.toml --fly"
+                  machine; 2 an invalid file or argument, or a \
+                  flight that is over; 4 the drone landed by itself before the end of the mission.\n\nExample: musterd --config drone.toml --fly"
 )]
 struct Arguments {
     /// The drone's file.
@@ -77,6 +78,7 @@ pub fn main() -> ExitCode {
         Ok(Ended::Completed) => ExitCode::SUCCESS,
         Ok(Ended::LandedEarly(_)) => ExitCode::from(4),
         Ok(Ended::Failed(_) | Ended::Abandoned) => ExitCode::FAILURE,
+        Err(error @ DaemonError::FlightOver { .. }) => report_error(&error, 2),
         Err(error) => report_error(&error, 1),
     }
 }
@@ -104,7 +106,8 @@ fn load(path: &Path, arguments: &Arguments) -> Result<DroneConfig, BadInput> {
     let config = DroneConfig::load(path)?;
     if arguments.fly && !config.leads() {
         let message = "this drone does not lead its swarm; only the leader accepts `--fly`";
-        let help = "`musterd --check` and `muster check` print which drone leads";
+        let help =
+            "`musterd --check` prints which drone leads, and so does `muster check --explain`";
         return Err(BadInput::without_excerpt(path, message, help));
     }
     Ok(config)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
-use super::{BadInput, accepted, read_text};
+use super::{BadInput, accepted, plain, read_text};
 use crate::schema::Field;
 
 /// Description of a file format, for error messages.
@@ -50,7 +50,7 @@ impl<T: DeserializeOwned> TomlFile<T> {
             }),
             Err(error) => {
                 let span = error.span().unwrap_or_default();
-                let message = error.message().trim().replace('\n', ", ");
+                let message = plain(error.message());
                 Err(format.refusal(path, &text, span, &message))
             }
         }

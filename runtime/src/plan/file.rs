@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::diagnostic::{BadInput, accepted};
+use crate::diagnostic::{BadInput, accepted, did_you_mean, nearest, plain};
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::fields;
@@ -15,6 +15,8 @@ use super::raw::Raw;
 pub struct Override {
     key: String,
     value: String,
+    /// Whether the scenario file itself gives the value, so that a path in it starts at the file's folder.
+    is_in_file: bool,
 }
 
 impl Override {
@@ -24,6 +26,16 @@ impl Override {
         Self {
             key: "seed".to_owned(),
             value: value.to_owned(),
+            is_in_file: false,
+        }
+    }
+
+    /// The same value, given by the scenario file: a path in it starts at the file's folder, not at the current one.
+    #[must_use]
+    pub fn in_file(self) -> Self {
+        Self {
+            is_in_file: true,
+            ..self
         }
     }
 
@@ -72,6 +84,7 @@ impl std::str::FromStr for Override {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
+                is_in_file: false,
             })
         } else {
             Err(format!("there is no field `{key}`{}", suggestion(key)))
@@ -79,14 +92,21 @@ impl std::str::FromStr for Override {
     }
 }
 
-/// A hint at a field of the same name in a table; empty if there is none.
+/// A hint at a field of the same or a similar name; empty if there is none.
 fn suggestion(key: &str) -> String {
+    let own_name = |path: &'static str| path.rsplit('.').next().unwrap_or(path);
     let field = key.rsplit('.').next().unwrap_or(key);
-    fields()
-        .iter()
-        .map(|known| &*known.path)
-        .find(|known| known.rsplit('.').next() == Some(field))
-        .map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
+    let paths = || fields().iter().map(|known| &*known.path);
+    if let Some(same) = paths().find(|path| own_name(path) == field) {
+        return format!("; did you mean `{same}`?");
+    }
+    let by_path = did_you_mean(key, paths());
+    if !by_path.is_empty() {
+        return by_path;
+    }
+    let similar = nearest(field, paths().map(own_name));
+    let similar = similar.and_then(|name| paths().find(|path| own_name(path) == name));
+    similar.map_or_else(String::new, |path| format!("; did you mean `{path}`?"))
 }
 
 /// A scenario file's text with its overrides.
@@ -95,6 +115,10 @@ pub struct Source {
     pub shown: PathBuf,
     /// The text with the overrides.
     pub text: String,
+    /// The folder of the file.
+    folder: PathBuf,
+    /// Fields that were overridden from outside the file.
+    given_outside: Vec<String>,
 }
 
 impl Source {
@@ -103,15 +127,22 @@ impl Source {
     /// # Errors
     /// If there are overrides and the text is not TOML.
     pub fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         if overrides.is_empty() {
-            let shown = path.to_owned();
-            return Ok(Self { shown, text });
+            return Ok(Self {
+                shown: path.to_owned(),
+                text,
+                folder,
+                given_outside: Vec::new(),
+            });
         }
         let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
             let span = error.span().unwrap_or_default();
-            BadInput::new(path, &text, span, error.message().trim(), NOT_TOML)
+            BadInput::new(path, &text, span, plain(error.message()), NOT_TOML)
         })?;
         let mut shown = path.display().to_string();
+        let given_outside = overrides.iter().filter(|change| !change.is_in_file);
+        let given_outside = given_outside.map(|change| change.key.clone()).collect();
         for change in overrides {
             set(&mut document, &change.key, &change.value);
             shown = format!("{shown} --set {change}");
@@ -119,7 +150,25 @@ impl Source {
         Ok(Self {
             shown: shown.into(),
             text: document.to_string(),
+            folder,
+            given_outside,
         })
+    }
+
+    /// The path of a file that the field `key` names: relative to the scenario file's folder, or to the current folder if
+    /// the field was overridden from outside. A name without a folder and a dot is that of a shipped file, and unchanged.
+    #[must_use]
+    pub fn resolve(&self, key: &str, named: &Path) -> PathBuf {
+        if is_name(named) || self.is_given_outside(key) {
+            return named.to_owned();
+        }
+        self.folder.join(named)
+    }
+
+    /// Whether a field was overridden from outside the file.
+    #[must_use]
+    pub fn is_given_outside(&self, key: &str) -> bool {
+        self.given_outside.iter().any(|given| given == key)
     }
 
     /// Parses the fields.
@@ -129,17 +178,34 @@ impl Source {
     pub fn parse(&self) -> Result<Raw, BadInput> {
         toml::from_str(&self.text).map_err(|error| {
             let span = error.span().unwrap_or_default();
-            let message = error.message().trim().replace('\n', ", ");
-            self.error(span, &message)
+            self.error(span, &plain(error.message()))
         })
+    }
+
+    /// An error at `span` with its own help.
+    pub fn error_with(&self, span: Range<usize>, message: &str, help: String) -> BadInput {
+        BadInput::new(&self.shown, &self.text, span, message, help)
     }
 
     /// An error at `span`; the help is the description of the field there.
     pub fn error(&self, span: Range<usize>, message: &str) -> BadInput {
         let accepted = accepted(fields(), &self.text, &span, message);
         let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
-        BadInput::new(&self.shown, &self.text, span, message, help)
+        self.error_with(span, message, help)
     }
+
+    /// What the field at `span` accepts, in words.
+    #[must_use]
+    pub fn accepted_at(&self, span: Range<usize>) -> String {
+        accepted(fields(), &self.text, &span, "").unwrap_or_else(|| NOT_TOML.to_owned())
+    }
+}
+
+/// Whether this names a shipped scenario or mission, not a file: a single word without a dot.
+#[must_use]
+pub fn is_name(path: &Path) -> bool {
+    let text = path.as_os_str().as_encoded_bytes();
+    !text.is_empty() && !text.contains(&b'/') && !text.contains(&b'.')
 }
 
 /// Fields that are lists of tables.

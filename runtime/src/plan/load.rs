@@ -40,10 +40,10 @@ pub fn load_with(
 ) -> Result<Plan, BadInput> {
     let source = Source::new(path, read(path)?, &[])?;
     let raw = source.parse()?;
-    build_plan(path, (&source, &raw), read, Some(Agents::installed()))
+    build_plan((&source, &raw), read, Some(Agents::installed()))
 }
 
-/// The path of a scenario's mission file, relative to the scenario's folder.
+/// The path of a scenario's mission file.
 ///
 /// # Errors
 /// If the scenario file can't be used.
@@ -51,8 +51,9 @@ pub fn mission_file(
     (path, text): (&Path, &str),
     overrides: &[Override],
 ) -> Result<PathBuf, BadInput> {
-    let raw = Source::new(path, text.to_owned(), overrides)?.parse()?;
-    Ok(raw.mission.file.into_inner())
+    let source = Source::new(path, text.to_owned(), overrides)?;
+    let raw = source.parse()?;
+    Ok(source.resolve(MISSION_FILE, raw.mission.file.get_ref()))
 }
 
 /// Builds the plan from a scenario's parsed fields. Its agent is one of `agents`; `None` accepts any name, and the agent is
@@ -61,12 +62,11 @@ pub fn mission_file(
 /// # Errors
 /// As [`load_with`].
 pub fn build_plan(
-    path: &Path,
     (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
     agents: Option<&Agents>,
 ) -> Result<Plan, BadInput> {
-    let mission = read_mission(path, raw, read)?;
+    let mission = read_mission((source, raw), read)?;
     let waypoints: Arc<[Ned]> = mission.waypoints().into();
     let agent = agent(source, raw, &waypoints, altitude_max_m(raw), agents)?;
     // The swarm assembles at waypoint 0; from there on agents decide.
@@ -143,14 +143,24 @@ fn separation(raw: &Raw) -> Separation {
     }
 }
 
+/// The field with the mission's path.
+const MISSION_FILE: &str = "mission.file";
+
 fn read_mission(
-    scenario: &Path,
-    raw: &Raw,
+    (source, raw): (&Source, &Raw),
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Mission, BadInput> {
-    let folder = scenario.parent().unwrap_or(Path::new(""));
-    let path = folder.join(raw.mission.file.get_ref());
-    mission_file::parse(&path, &read(&path)?)
+    let file = &raw.mission.file;
+    let path = source.resolve(MISSION_FILE, file.get_ref());
+    let text = read(&path).map_err(|error| {
+        let base = match source.is_given_outside(MISSION_FILE) {
+            true => "; given with `--set`, a path starts at the current folder",
+            false => "",
+        };
+        let accepted = source.accepted_at(file.span());
+        source.error_with(file.span(), &error.to_string(), format!("{accepted}{base}"))
+    })?;
+    mission_file::parse(&path, &text)
 }
 
 /// Checks altitude layers, separation and fence. Returns the description of the fence.

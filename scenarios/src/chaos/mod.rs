@@ -16,4 +16,4 @@ pub use coverage::{Coverage, Row};
 pub use run::{Finding, Progress, RUN_LIMIT, SearchResult, run};
 pub use search::{Request, Search};
 pub use state::{BrokenPlan, CHAOS_JSON};
-pub use table::table;
+pub use table::{explanation, table};

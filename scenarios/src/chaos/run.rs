@@ -7,8 +7,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-use muster_runtime::diagnostic::read_text;
-
 use super::coverage::Coverage;
 use super::search::{DrawnPlan, Plan, Search};
 use super::shrink::shrink;
@@ -307,7 +305,7 @@ fn find(
     let text = search.written(&small, &mission_name)?;
     let text = format!("# Breaks a rule, as found by: {command}\n\n{text}");
     create_folder(dir)?;
-    CompleteFile::new(dir, &mission_name, read_text(&mission)?.as_bytes())?.publish()?;
+    CompleteFile::new(dir, &mission_name, scenario::read(&mission)?.as_bytes())?.publish()?;
     let path = CompleteFile::new(dir, FOUND_TOML, text.as_bytes())?.publish()?;
     // The written file must reproduce the violation, so it is read back.
     let reread = scenario::load(&path, &[])?;

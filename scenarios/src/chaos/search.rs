@@ -1,8 +1,8 @@
 //! The plans of a search: a scenario file, its varied fields, and one plan per seed.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use rand::SeedableRng;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
@@ -29,6 +29,8 @@ pub struct Request {
 #[derive(Debug, Clone)]
 pub struct Search {
     pub(super) request: Request,
+    /// The scenario file.
+    path: PathBuf,
     /// Text of the scenario file.
     text: String,
     chaos: Chaos,
@@ -92,9 +94,11 @@ impl Search {
             content.update(format!("{:?}", Scenario { name, ..scenario }).as_bytes());
         };
         add_to_hash(base.clone());
+        let file = scenario::scenario_file(path)?.into_owned();
         let mut search = Self {
             request: request.clone(),
-            text: read_text(path)?,
+            text: scenario::read(&file)?,
+            path: file,
             own_faults: base.faults.len(),
             chaos,
             content: String::new(),
@@ -183,22 +187,14 @@ impl Search {
     /// A plan as the text of a scenario file that refers to the mission file `mission`.
     pub(super) fn written(&self, plan: &Plan, mission: &str) -> Result<String, BadInput> {
         let set = self.set(plan.seed, &plan.values);
-        written(
-            (&self.request.scenario, &self.text),
-            &set,
-            &plan.faults,
-            mission,
-        )
+        written((&self.path, &self.text), &set, &plan.faults, mission)
     }
 
     /// Path of a plan's mission file.
     pub(super) fn mission(&self, plan: &Plan) -> Result<PathBuf, BadInput> {
-        let folder = self.request.scenario.parent().unwrap_or(Path::new(""));
         let set = self.set(plan.seed, &plan.values);
-        Ok(folder.join(scenario::mission_file(
-            (&self.request.scenario, &self.text),
-            &set,
-        )?))
+        let mission = scenario::mission_file((&self.path, &self.text), &set)?;
+        Ok(scenario::mission_path(&mission)?.into_owned())
     }
 
     fn varied(&self, seed: u64, values: &[usize]) -> Result<Scenario, BadInput> {
@@ -207,12 +203,11 @@ impl Search {
 
     /// The scenario with overrides.
     fn with(&self, set: &[Override]) -> Result<Scenario, BadInput> {
-        let path = &self.request.scenario;
-        scenario::load_from(path, set, &|file| {
-            if file == path {
+        scenario::load_from(&self.path, set, &|file| {
+            if file == self.path {
                 Ok(self.text.clone())
             } else {
-                read_text(file)
+                scenario::read(file)
             }
         })
     }

@@ -80,12 +80,25 @@ impl State {
     }
 }
 
+impl Search {
+    /// Whether a folder holds an earlier part of this search, so that it resumes there.
+    #[must_use]
+    pub fn is_in(&self, dir: &Path) -> bool {
+        dir.join(CHAOS_JSON).exists() && read(self, dir).is_ok()
+    }
+}
+
 /// Loads the progress of a search from the folder `dir`, which is created if needed.
 ///
 /// # Errors
 /// If the folder belongs to another search (it stays unchanged) or can't be created.
 pub(super) fn load(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
     create_folder(dir)?;
+    read(search, dir)
+}
+
+/// As [`load`], without creating the folder.
+fn read(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
     let path = dir.join(CHAOS_JSON);
     if !path.exists() {
         return Ok(Tally::default());

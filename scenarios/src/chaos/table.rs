@@ -10,11 +10,26 @@ use crate::report::figures::count;
 use crate::report::table::{GREEN, RED, STYLE, painted};
 use muster_runtime::text::{drones, figure, plural};
 
-/// The result of a search as text, with a final line feed.
+/// The verdict of a search as text, with a final line feed: whether a plan broke a rule, and which.
 #[must_use]
 pub fn table(searched: &SearchResult, colour: Colour) -> String {
-    let mut text = coverage(searched, colour);
-    text.push_str(&gaps(searched));
+    let SearchResult {
+        plans, completed, ..
+    } = *searched;
+    match &searched.finding {
+        Some(finding) => found(finding, colour),
+        None if searched.broken.is_empty() => {
+            let ok = format!("OK: {plans} plans, no rule broken");
+            format!("{}; mission completed in {completed}\n", painted(&ok, GREEN, colour))
+        }
+        None => listed(searched, colour),
+    }
+}
+
+/// What a search has covered, as text with a final line feed: faults by the state in which they were injected, values, and
+/// time.
+#[must_use]
+pub fn explanation(searched: &SearchResult, colour: Colour) -> String {
     let SearchResult {
         plans,
         completed,
@@ -27,42 +42,32 @@ pub fn table(searched: &SearchResult, colour: Colour) -> String {
     } = *searched;
     let hours = figure(simulated_s / 3_600.0, 1);
     let per_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
-    text.push_str(&format!(
-        "\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {} redraws of \
-         incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds \
-         per core-second\n",
+    format!(
+        "{}{}\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {redrawn} redraws \
+         of incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds per \
+         core-second\n",
+        coverage(searched, colour),
+        gaps(searched),
         plans - searched.broken.len() as u64,
         figure(count(combinations), 0),
-        redrawn,
         figure(core_s, 0),
         figure(count(plans) / core_s.max(f64::EPSILON), 1),
         per_second(drone_s),
-    ));
-    text.push_str(&match &searched.finding {
-        Some(finding) => found(finding, colour),
-        None if searched.broken.is_empty() => {
-            format!(" rules  {}\n", painted("none broken", GREEN, colour))
-        }
-        None => listed(&searched.broken, colour),
-    });
-    text
+    )
 }
 
 /// Maximum number of listed plans; the folder has all.
 const LISTED_MAX: usize = 20;
 
-fn listed(broken: &[BrokenPlan], colour: Colour) -> String {
-    let plans = format!("broken by {}", plural(broken.len(), "plan"));
-    let mut text = format!(" rules  {}\n", painted(&plans, RED, colour));
+fn listed(searched: &SearchResult, colour: Colour) -> String {
+    let broken = &searched.broken;
+    let verdict = format!("BROKEN: a rule, by {} of {}", broken.len(), searched.plans);
+    let mut text = format!("{}\n", painted(&format!("{verdict} plans"), RED, colour));
     for BrokenPlan { seed, rule, what } in broken.iter().take(LISTED_MAX) {
-        text.push_str(&format!("   seed {seed}: rule {rule}, {what}\n"));
+        text.push_str(&format!("  seed {seed}: rule {rule}, {what}\n"));
     }
-    if let Some(more) = broken
-        .len()
-        .checked_sub(LISTED_MAX)
-        .filter(|more| *more > 0)
-    {
-        text.push_str(&format!("   and {more} more\n"));
+    if let Some(more @ 1..) = broken.len().checked_sub(LISTED_MAX) {
+        text.push_str(&format!("  and {more} more\n"));
     }
     text
 }
@@ -109,14 +114,14 @@ fn found(finding: &Finding, colour: Colour) -> String {
     let violation = &finding.violation;
     let (before, after) = finding.faults;
     let broken = format!(
-        "rule {} broken at {} s by {}: {}",
+        "BROKEN: rule {} at {} s by {}: {}",
         violation.rule,
         figure(violation.at_s, 3),
         drones(&violation.drones),
         violation.what
     );
     format!(
-        " rules  {}\n   seed {}: {} of {before} left after {} smaller plans\n     {}\n     muster sim {}\n",
+        "{}\n  seed {}: {} of {before} left after {} smaller plans\n    {}\n    muster sim {}\n",
         painted(&broken, RED, colour),
         finding.seed,
         plural(after, "fault"),

@@ -60,10 +60,11 @@ impl FormationChange {
 }
 
 impl Report {
-    /// Whether all swarms of the run completed their missions.
+    /// Whether all swarms of the run completed their missions, each in contact.
     #[must_use]
     pub fn are_missions_completed(&self) -> bool {
-        self.swarms().all(|report| report.mission_completed)
+        let is_completed = |report: &Self| report.mission_completed && report.never_met.is_empty();
+        self.swarms().all(is_completed)
     }
 
     /// Reports of all swarms of the run, the scenario's own first.

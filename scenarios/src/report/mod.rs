@@ -2,6 +2,7 @@
 
 pub(crate) mod figures;
 mod flight;
+mod folder;
 mod following;
 pub(crate) mod html;
 #[cfg(test)]
@@ -15,6 +16,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 pub use figures::Kind;
+pub use folder::numbered;
 pub use html::page;
 pub use html::scaling::{Scaling, scaling};
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
@@ -71,11 +73,15 @@ pub struct Report {
     pub following: Option<FormationError>,
     /// Periods in which a network segment had no master, or more than one.
     pub elections: Vec<Election>,
-    /// The drones out of the master's range and their bridges, as the master knows them.
+    /// The drones out of their master's range and their bridges, by their last routes.
     pub bridges: Vec<Bridge>,
     /// Values that the drones' agents reported, in order of time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub observed: Vec<ObservedValue>,
+    /// Groups of drones that flew the mission and could never hear each other meanwhile, not even over others. Omitted if
+    /// all of the swarm were in contact at some time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub never_met: Vec<Vec<u32>>,
     /// Received frames that radios dropped, by reason.
     pub dropped: BTreeMap<String, u64>,
     /// Counters of the shared medium; `None` on an ideal medium.
@@ -290,7 +296,7 @@ pub struct FormationError {
     pub max_m: f64,
 }
 
-/// A neighbour of the master that relays for drones out of the master's range.
+/// A neighbour of a master that relays for drones out of the master's range.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Bridge {
     /// Id of the neighbour.

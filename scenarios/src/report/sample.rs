@@ -58,6 +58,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         .filter(|bridge| !bridge.out_of_range.is_empty())
         .collect(),
         observed: Vec::new(),
+        never_met: vec![],
         dropped: BTreeMap::new(),
         medium: None,
         unchecked: false,

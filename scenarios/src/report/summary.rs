@@ -84,6 +84,7 @@ impl Run<'_> {
             elections: elections(&flown.recorder),
             bridges: bridges(&flown.recorder),
             observed: observed(&flown.recorder),
+            never_met: never_met(&flown.recorder),
             dropped: dropped
                 .map(|(reason, count)| (reason.to_string(), *count))
                 .collect(),
@@ -122,17 +123,18 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
     let (record, traffic) = (recorder.of(id), recorder.traffic(id));
     let waits: Vec<Duration> = record.waits().collect();
     let routes = &record.routes;
+    let leads = recorder.leader_of(id) == id;
     DroneReport {
         id: id.0,
-        role: if id == recorder.centre() {
+        role: if leads {
             Role::Master
         } else {
             Role::Slave
         },
         hops: routes.hops,
         parent: routes.parent.map(|parent| parent.0),
-        relay: routes.relay && id != recorder.centre(),
-        out_of_range: routes.out_of_range,
+        relay: routes.relay && !leads,
+        out_of_range: routes.out_of_range && !leads,
         routing_list: routes.routing_list.iter().map(|id| id.0).collect(),
         flight_time_s: record
             .discovery()
@@ -334,7 +336,7 @@ fn observed(recorder: &Recorder) -> Vec<ObservedValue> {
 
 fn bridges(recorder: &Recorder) -> Vec<Bridge> {
     let mut bridges: Vec<Bridge> = Vec::new();
-    for (member, via) in recorder.out_of_range() {
+    for (member, via) in recorder.bridged() {
         match bridges.iter_mut().find(|bridge| bridge.bridge == via.0) {
             Some(bridge) => bridge.out_of_range.push(member.0),
             None => bridges.push(Bridge {
@@ -345,6 +347,15 @@ fn bridges(recorder: &Recorder) -> Vec<Bridge> {
     }
     bridges.sort_by_key(|bridge| bridge.bridge);
     bridges
+}
+
+fn never_met(recorder: &Recorder) -> Vec<Vec<u32>> {
+    let groups = recorder.groups();
+    if groups.len() < 2 {
+        return Vec::new();
+    }
+    let ids = |group: &Vec<NodeId>| group.iter().map(|id| id.0).collect();
+    groups.iter().map(ids).collect()
 }
 
 impl From<&crate::checkers::Violation> for Violation {

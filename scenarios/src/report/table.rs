@@ -228,10 +228,34 @@ fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
             .collect();
         lines.push(("dropped", format!("frames: {}", reasons.join(", "))));
     }
+    if !report.never_met.is_empty() {
+        lines.push(("network", describe_never_met(report)));
+    }
     if !report.mission_completed {
         lines.push(("mission", incomplete_mission(report).to_owned()));
+    } else if !report.never_met.is_empty() {
+        let segments = report.never_met.len();
+        let mission = format!("not completed by one swarm: {segments} segments flew it on their own");
+        lines.push(("mission", mission));
     }
     lines
+}
+
+/// Most segments that are listed.
+const LISTED_SEGMENTS_MAX: usize = 5;
+
+/// The segments that flew the mission without ever hearing each other.
+fn describe_never_met(report: &Report) -> String {
+    let listed = report.never_met.iter().take(LISTED_SEGMENTS_MAX);
+    let mut listed: Vec<_> = listed.map(|ids| drones(ids)).collect();
+    if let Some(more @ 1..) = report.never_met.len().checked_sub(LISTED_SEGMENTS_MAX) {
+        listed.push(format!("{more} more"));
+    }
+    format!(
+        "{} segments never heard each other in their slots: {}; raise `radio.range_m` or lower `formation.spacing_m`",
+        report.never_met.len(),
+        listed.join("; "),
+    )
 }
 
 /// Why a mission was not completed.
@@ -350,7 +374,12 @@ fn bridges(report: &Report) -> Option<String> {
         .sum();
     (out_of_range > 0).then(|| {
         let bridges = bridges.join("; ");
-        format!("{out_of_range} drones out of the master's range; bridges: {bridges}")
+        let masters = report.drones.iter().filter(|it| it.role == Role::Master);
+        let whose = if masters.count() > 1 { "their" } else { "the" };
+        format!(
+            "{} out of {whose} master's range; bridges: {bridges}",
+            plural(out_of_range, "drone")
+        )
     })
 }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use muster_machines::wire;
 use muster_runtime::agents::Agents;
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
 use muster_runtime::plan::{build_plan, to_usize};
@@ -12,14 +12,16 @@ use muster_transport::sim::{self, Access, Bursts, Propagation};
 
 use super::exposure::check_followers;
 use super::faults::faults;
+use super::shipped::{self, scenario_file, shown};
 use super::{Chaos, Scenario, Variation};
 
-/// Reads a scenario and its mission; `overrides` replace fields of the file.
+/// Reads a scenario and its mission; `overrides` replace fields of the file. A name without a folder and a dot is that of a
+/// shipped scenario.
 ///
 /// # Errors
 /// If a file can't be used. The error names the file, shows the place and tells what is accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    load_from(path, overrides, &read_text)
+    load_for(path, overrides, Some(Agents::installed()))
 }
 
 /// As [`load`], with each file's text from `read`.
@@ -31,26 +33,33 @@ pub fn load_from(
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
-    load_for(path, overrides, read, Some(Agents::installed()))
+    with_others(path, overrides, (read, Some(Agents::installed())))
 }
 
-/// As [`load_from`], with these agents instead of the program's. `None` accepts any name; the agent is given later
+/// As [`load`], with these agents instead of the program's. `None` accepts any name; the agent is given later
 /// ([`PlannedAgent::replace`](muster_runtime::agents::PlannedAgent::replace)).
 ///
 /// # Errors
-/// Those of [`load_from`].
+/// Those of [`load`].
 pub fn load_for(
     path: &Path,
     overrides: &[Override],
-    read: &dyn Fn(&Path) -> Result<String, BadInput>,
     agents: Option<&Agents>,
+) -> Result<Scenario, BadInput> {
+    with_others(&scenario_file(path)?, overrides, (&shipped::read, agents))
+}
+
+/// A scenario with its other swarms.
+fn with_others(
+    path: &Path,
+    overrides: &[Override],
+    (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
     let source = Source::new(path, read(path)?, overrides)?;
     let raw = source.parse()?;
-    let folder = path.parent().unwrap_or(Path::new(""));
     let mut scenario = alone(path, (&source, &raw), overrides, (read, agents))?;
     for joins in &raw.swarms {
-        let swarm = other((&source, &raw), joins, folder, (read, agents))?;
+        let swarm = other((&source, &raw), joins, (read, agents))?;
         let radio = scenario.radio;
         scenario
             .others
@@ -69,15 +78,12 @@ type Inputs<'a> = (
 fn other(
     (source, own): (&Source, &Raw),
     joins: &raw::Swarm,
-    folder: &Path,
     (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
     let file = &joins.scenario;
-    let path = folder.join(file.get_ref());
-    let Ok(text) = read(&path) else {
-        let message = format!("{} can't be read", path.display());
-        return Err(source.error(file.span(), &message));
-    };
+    let path = source.resolve("swarms", file.get_ref());
+    let text = scenario_file(&path).and_then(|path| Ok((read(&path)?, path)));
+    let (text, path) = text.map_err(|error| source.error(file.span(), &error.to_string()))?;
     if let (Some(span), Some(duration)) = (joins.after_s.span(), own.limits.duration_s)
         && joins.after_s.0 >= duration.0
     {
@@ -111,10 +117,10 @@ fn alone(
     overrides: &[Override],
     (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
-    let plan = build_plan(path, (source, raw), read, agents)?;
+    let plan = build_plan((source, raw), read, agents)?;
     let faults = faults(source, raw, plan.waypoints.len())?;
     let scenario = Scenario {
-        name: path.display().to_string(),
+        name: shown(path).display().to_string(),
         overrides: overrides
             .iter()
             .filter(|change| !change.is_seed())
@@ -136,7 +142,8 @@ fn alone(
 fn chaos(source: &Source, raw: &Raw) -> Result<Chaos, BadInput> {
     let vary = raw.chaos.vary.iter().map(|(key, values)| {
         let listed: Vec<_> = values.get_ref().iter().map(override_value).collect();
-        Variation::new(key, &listed).map_err(|error| source.error(values.span(), &error))
+        let variation = Variation::new(key, &listed).map(Variation::in_file);
+        variation.map_err(|error| source.error(values.span(), &error))
     });
     Ok(Chaos {
         faults_max: u32::try_from(raw.chaos.faults_max.0).unwrap_or(u32::MAX),

@@ -6,6 +6,7 @@ mod faults;
 mod load;
 mod preview;
 mod settling;
+mod shipped;
 mod variation;
 mod written;
 
@@ -23,6 +24,7 @@ pub use load::{load, load_for, load_from};
 pub use muster_runtime::plan::file::Override;
 pub use muster_runtime::plan::{describe_fence, mission_file};
 pub use settling::Settling;
+pub use shipped::{Shipped, is_shipped, mission_path, read, scenario_file, shipped};
 pub use variation::Variation;
 pub use written::side_by_side;
 pub(crate) use written::written;
@@ -30,7 +32,7 @@ pub(crate) use written::written;
 /// A scenario; its fields fit each other.
 #[derive(Debug, Clone)]
 pub struct Scenario {
-    /// Path of its file.
+    /// Path of its file, or the name of a shipped one.
     pub name: String,
     /// Overrides of fields, without the seed.
     pub overrides: Vec<Override>,

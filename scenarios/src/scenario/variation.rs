@@ -35,6 +35,13 @@ impl Variation {
         }
     }
 
+    /// The same values, given by the scenario file: paths in them start at the file's folder.
+    #[must_use]
+    pub(super) fn in_file(self) -> Self {
+        let values = self.values.into_iter().map(Override::in_file).collect();
+        Self { values }
+    }
+
     /// The field with its table, such as `radio.loss`.
     #[must_use]
     pub fn key(&self) -> &str {

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
-use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::raw::ActorName;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
+use super::shipped::{self, mission_path, scenario_file};
 use super::{
     Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
 };
@@ -53,13 +54,14 @@ pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
         let name = path.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     };
-    let text = read_text(path)?;
-    let mission = mission_file((path, &text), &[])?;
-    let mission = path.parent().unwrap_or(Path::new("")).join(mission);
-    let scenario = written((path, &text), &[], &[], &name(&mission))?;
+    let path = scenario_file(path)?;
+    let text = shipped::read(&path)?;
+    let mission = mission_file((&path, &text), &[])?;
+    let mission = mission_path(&mission)?;
+    let scenario = written((&path, &text), &[], &[], &name(&mission))?;
     Ok([
-        (name(path), scenario),
-        (name(&mission), read_text(&mission)?),
+        (name(&path), scenario),
+        (name(&mission), shipped::read(&mission)?),
     ])
 }
 

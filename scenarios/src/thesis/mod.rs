@@ -16,23 +16,13 @@ use std::path::Path;
 use muster_runtime::diagnostic::BadInput;
 
 use crate::engine::{self, Engine, RunError, Watcher};
-use crate::scenario::{Override, Scenario, load_from};
+use crate::scenario::{Override, Scenario, load};
 
 /// Tables 9 to 13 of the thesis.
 const TABLES: &str = include_str!("tables-9-13.csv");
 
-/// Scenarios of the experiments, in order.
-const SCENARIOS: [&str; 5] = [
-    include_str!("../../thesis-1.toml"),
-    include_str!("../../thesis-2.toml"),
-    include_str!("../../thesis-3.toml"),
-    include_str!("../../thesis-4.toml"),
-    include_str!("../../thesis-5.toml"),
-];
-/// The ancestor's swarm, with its settling time.
-const ANCESTOR: (&str, &str) = ("ancestor.toml", include_str!("../../ancestor.toml"));
-/// Mission of all scenarios.
-const MISSION: &str = include_str!("../../missions/albufera.plan");
+/// The shipped scenario of the ancestor's swarm, with its settling time.
+const ANCESTOR: &str = "ancestor";
 /// Index of the experiment with published waits, from 0.
 const WITH_WAITS: usize = 1;
 /// Default number of runs over which the waits are averaged, because waits of one run scatter.
@@ -43,7 +33,7 @@ pub const RUNS_MAX: u32 = 1_000;
 /// Published figures of one experiment. Times are in seconds.
 #[derive(Debug, Clone, PartialEq, serde::Deserialize)]
 pub struct Published {
-    /// File name of the shipped scenario.
+    /// Name of the shipped scenario.
     pub scenario: String,
     /// Description of the swarm.
     pub swarm: String,
@@ -103,19 +93,17 @@ impl Flights {
     pub fn load(overrides: &[Override], runs: u32) -> Result<Self, BadInput> {
         let experiments = published()
             .into_iter()
-            .zip(SCENARIOS)
-            .map(|(published, text)| {
-                let scenario = shipped(&published.scenario, text, overrides)?;
+            .map(|published| {
+                let scenario = load(Path::new(&published.scenario), overrides)?;
                 Ok((published, scenario))
             })
             .collect::<Result<Vec<_>, BadInput>>()?;
-        let ancestor = shipped(ANCESTOR.0, ANCESTOR.1, overrides)?;
+        let ancestor = load(Path::new(ANCESTOR), overrides)?;
         let with_waits = |fields: &[&str]| {
             let fields = fields.iter().map(|field| field.parse());
             let fields = fields.map(|field| field.expect("the field exists"));
             let overrides: Vec<_> = overrides.iter().cloned().chain(fields).collect();
-            let name = &experiments[WITH_WAITS].0.scenario;
-            shipped(name, SCENARIOS[WITH_WAITS], &overrides)
+            load(Path::new(&experiments[WITH_WAITS].0.scenario), &overrides)
         };
         let barrier = "protocol.barrier=neighbours";
         let settle = format!("vehicle.settle_ms={}", ancestor.plan.settle.as_millis());
@@ -216,15 +204,6 @@ impl Flights {
             .concat(),
         })
     }
-}
-
-/// Loads a built-in scenario from its text.
-fn shipped(name: &str, text: &str, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    let path = Path::new("scenarios").join(name);
-    load_from(&path, overrides, &|asked| {
-        let text = if asked == path { text } else { MISSION };
-        Ok(text.to_owned())
-    })
 }
 
 #[cfg(test)]

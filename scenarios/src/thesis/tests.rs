@@ -40,7 +40,7 @@ fn broken_rule_is_shown_with_the_command_that_repeats_it() {
     let text = table(&comparison, Colour::Never);
     assert!(!text.contains("none broken"), "{text}");
     assert!(
-        text.contains("muster sim scenarios/thesis-3.toml --seed 1 --engine events"),
+        text.contains("muster sim thesis-3 --seed 1 --engine events"),
         "{text}"
     );
     assert!(table(&comparison, Colour::Always).contains('\x1b'));

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use super::Comparison;
 use super::html::page;
 use crate::report::{CompleteFile, WriteError, create_folder, json};
@@ -20,4 +22,20 @@ pub fn write(dir: &Path, comparison: &Comparison) -> Result<[PathBuf; 2], WriteE
     let html = CompleteFile::new(dir, THESIS_HTML, page(comparison).as_bytes())?;
     let json = CompleteFile::new(dir, THESIS_JSON, &json(comparison))?;
     Ok([html.publish()?, json.publish()?])
+}
+
+impl Comparison {
+    /// Whether a folder holds this comparison: the same runs with the same flights.
+    #[must_use]
+    pub fn is_in(&self, dir: &Path) -> bool {
+        let text = std::fs::read(dir.join(THESIS_JSON)).unwrap_or_default();
+        let Ok(other) = serde_json::from_slice::<Value>(&text) else {
+            return false;
+        };
+        let experiments = other["experiments"].as_array().into_iter().flatten();
+        let theirs = experiments.map(|experiment| experiment["report"]["trace"].as_str());
+        let ours = self.experiments.iter().map(|it| it.report.trace.as_deref());
+        let waits = serde_json::to_value(&self.waits_runs).ok();
+        theirs.eq(ours) && waits.as_ref() == other.get("waits_runs")
+    }
 }

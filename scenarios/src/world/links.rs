@@ -73,6 +73,7 @@ impl LinkWatch {
                 *live = live.filter(|_| swarm.has(id));
             }
             swarm.segments.look(now, own, links.clone());
+            swarm.recorder.links(swarm.segments.links());
             let propagation = swarm.settled.settling().propagation(nodes);
             swarm.segments.forget_older(now, propagation);
         }

@@ -105,6 +105,16 @@ pub enum DaemonError {
     /// `--resume` was given, but the control channel does not begin with the vehicle's state.
     #[error("`--resume` needs the vehicle's state as the first line on standard input")]
     NoVehicle,
+    /// The flight of the drone's file is over; nothing was started.
+    #[error(
+        "this flight is over: by its journal, {}, the drone has landed; for another flight set a higher `flight` in the \
+         drone's file",
+        journal.display()
+    )]
+    FlightOver {
+        /// The flight's journal.
+        journal: PathBuf,
+    },
     /// An actor could not be started.
     #[error("an actor could not be started")]
     Spawn(#[from] Box<ractor::SpawnErr>),
@@ -148,12 +158,11 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         Incarnation::begin(&config, resources, vehicle, (clock, log.lost.clone()))?;
     let process = Arc::clone(&incarnation.process);
     if process.state().is_done() {
-        tracing::warn!(
-            "this flight is over; for another one set a higher `flight` in the drone's file"
-        );
-        // Without this message the service manager would take the exit for a failure and restart the process.
+        // Without this message the service manager would wait for it, and restart the process.
         service::ready();
-        return Ok(Ended::Completed);
+        return Err(DaemonError::FlightOver {
+            journal: config.journal,
+        });
     }
     let drone = start_actors(&config, drawn, &process).await?;
     process.start(drone.clone());

@@ -140,7 +140,7 @@ impl OperatorService {
             Upload::Scenario => self.scenario.clone(),
             Upload::Mission => {
                 let text = read_text(&self.scenario)?;
-                folder.join(plan::mission_file((&self.scenario, &text), &[])?)
+                plan::mission_file((&self.scenario, &text), &[])?
             }
         };
         let text = decode_text(&target, bytes)?;

@@ -162,7 +162,7 @@ pub struct Change {
 pub struct Mission {
     /// Mission file.
     #[schemars(extend(
-        "x-accepted" = "the path of a QGroundControl `.plan`, a `.waypoints` or a KML file, relative to the scenario file"
+        "x-accepted" = "the path of a QGroundControl `.plan`, a `.waypoints` or a KML file, relative to the scenario file, or the name of a shipped mission, such as \"river\""
     ))]
     pub file: Located<PathBuf>,
 }
@@ -190,7 +190,7 @@ pub struct Relay {
 pub struct Swarm {
     /// Its scenario.
     #[schemars(extend(
-        "x-accepted" = "the path of a scenario file without `faults` and `swarms`, relative to this file"
+        "x-accepted" = "the path of a scenario file without `faults` and `swarms`, relative to this file, or the name of a shipped one"
     ))]
     pub scenario: Located<PathBuf>,
     /// Distance of its home north of this one's.

@@ -124,7 +124,7 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                     tr {
                         @for variation in &campaign.vary { th.n { (variation.key()) } }
                         th.n { "Runs" }
-                        th.n { "BrokenRun" }
+                        th.n { "Broken" }
                         th.n { "Incomplete" }
                         th.n { "Elections" }
                         @for figure in &FIGURES {

@@ -42,6 +42,9 @@ struct PlotLayout<'a> {
 /// All plots, with their legend.
 pub(super) fn plots(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     let layout = PlotLayout::new(campaign, summaries);
+    let figures = FIGURES.iter().enumerate();
+    let (zero, plotted): (Vec<_>, Vec<_>) = figures.partition(|(place, _)| layout.is_zero(*place));
+    let zero: Vec<_> = zero.iter().map(|(_, figure)| figure.name).collect();
     html! {
         @if layout.series.len() > 1 {
             ul.legend {
@@ -50,7 +53,8 @@ pub(super) fn plots(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                 }
             }
         }
-        div.plots { @for (place, figure) in FIGURES.iter().enumerate() { (layout.plot(place, figure)) } }
+        div.plots { @for (place, figure) in plotted { (layout.plot(place, figure)) } }
+        @if !zero.is_empty() { p.none { "Zero in every run, and not plotted: " (zero.join("; ")) "." } }
     }
 }
 
@@ -123,11 +127,19 @@ impl<'a> PlotLayout<'a> {
         (gap / count(self.series.len() as u64 + 1)).min(16.0)
     }
 
+    fn estimates(&self, place: usize) -> impl Iterator<Item = &Estimate> {
+        let members = self.series.iter().flat_map(|(_, members)| members);
+        members.filter_map(move |(_, summary)| summary.estimates[place].as_ref())
+    }
+
+    /// Whether a figure is zero in every run that has it, and some have it.
+    fn is_zero(&self, place: usize) -> bool {
+        let mut values = self.estimates(place).flat_map(|it| &it.drawn).peekable();
+        values.peek().is_some() && values.all(|value| value.abs() <= 0.0)
+    }
+
     fn plot(&self, place: usize, figure: &Figure) -> Markup {
-        let estimates = || {
-            let members = self.series.iter().flat_map(|(_, members)| members);
-            members.filter_map(|(_, summary)| summary.estimates[place].as_ref())
-        };
+        let estimates = || self.estimates(place);
         let values = || estimates().flat_map(|estimate| estimate.drawn.iter().copied());
         let low = values().fold(f64::INFINITY, f64::min);
         let high = values().fold(f64::NEG_INFINITY, f64::max);

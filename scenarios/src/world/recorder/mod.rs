@@ -1,5 +1,6 @@
 //! Records of a swarm's flight.
 
+mod contact;
 mod elections;
 mod milestones;
 mod record;
@@ -14,6 +15,7 @@ use muster_machines::radio::{self, DropReason};
 use muster_machines::routing;
 use muster_machines::time::Timestamp;
 
+use self::contact::Contact;
 pub(crate) use self::elections::Election;
 use self::elections::Elections;
 use self::milestones::Milestones;
@@ -35,8 +37,7 @@ pub(crate) struct Recorder {
     traffic: Vec<Traffic>,
     milestones: Milestones,
     elections: Elections,
-    /// Members out of the master's range, and the neighbour that relays their acknowledgements to it.
-    out_of_range: BTreeMap<NodeId, NodeId>,
+    contact: Contact,
     frames: Frames,
     dropped: BTreeMap<DropReason, u64>,
     has_flown: bool,
@@ -81,7 +82,7 @@ impl Recorder {
             traffic: (0..nodes).map(traffic).collect(),
             milestones: Milestones::default(),
             elections: Elections::default(),
-            out_of_range: BTreeMap::new(),
+            contact: Contact::new(nodes),
             frames: Frames::default(),
             dropped: BTreeMap::new(),
             has_flown: false,
@@ -179,8 +180,11 @@ impl Recorder {
                 self.milestones.enters(now, before, state, sent);
             }
             mission::Event::Landing(reason) => self.record(id).reason = Some(reason),
-            mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == id => {
-                self.elections.led(now);
+            mission::Event::Obeys(ballot) => {
+                self.record(id).leader = Some(ballot.master);
+                if ballot.is_elected() && ballot.master == id {
+                    self.elections.led(now);
+                }
             }
             mission::Event::Observed(ref observed) if self.observed.len() < OBSERVED_MAX => {
                 self.observed.push((now, id, observed.clone()));
@@ -191,25 +195,23 @@ impl Recorder {
 
     /// A node's routing reports an event.
     pub(super) fn routing(&mut self, id: NodeId, event: &routing::Event) {
-        match event {
-            // Once the master goes to land, routes to it break; the last one before counts.
-            routing::Event::Routes(routes) if !self.is_landing(self.centre) => {
-                let record = self.record(id);
-                if routes.hops.is_some() || record.routes.hops.is_none() {
-                    record.routes = routes.clone();
-                }
+        // Once the leader goes to land, routes to it break; the last one before counts.
+        if let routing::Event::Routes(routes) = event
+            && !self.is_landing(self.leader_of(id))
+        {
+            let record = self.record(id);
+            if routes.hops.is_some() || record.routes.hops.is_none() {
+                record.routes = routes.clone();
             }
-            routing::Event::Reached {
-                member,
-                via,
-                out_of_range: true,
-            } => {
-                self.out_of_range.insert(*member, *via);
+        }
+    }
+
+    /// The links of the swarm, looked at from outside.
+    pub(super) fn links(&mut self, links: impl Iterator<Item = (NodeId, NodeId)>) {
+        for (a, b) in links {
+            if self.takes_part(a) && self.takes_part(b) {
+                self.contact.connect(self.index(a), self.index(b));
             }
-            routing::Event::Reached { member, .. } => {
-                self.out_of_range.remove(member);
-            }
-            _ => {}
         }
     }
 
@@ -226,12 +228,18 @@ impl Recorder {
         black_box(self.traffic(id).counts);
     }
 
+    fn index(&self, id: NodeId) -> usize {
+        (id.0 - self.first.0) as usize
+    }
+
     fn traffic_mut(&mut self, id: NodeId) -> &mut Traffic {
-        &mut self.traffic[(id.0 - self.first.0) as usize]
+        let index = self.index(id);
+        &mut self.traffic[index]
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {
-        &mut self.nodes[(id.0 - self.first.0) as usize]
+        let index = self.index(id);
+        &mut self.nodes[index]
     }
 }
 
@@ -258,12 +266,12 @@ impl Recorder {
 
     /// The record of a drone or relay.
     pub(crate) fn of(&self, id: NodeId) -> &Record {
-        &self.nodes[(id.0 - self.first.0) as usize]
+        &self.nodes[self.index(id)]
     }
 
     /// The traffic of a drone or relay.
     pub(crate) fn traffic(&self, id: NodeId) -> Traffic {
-        self.traffic[(id.0 - self.first.0) as usize]
+        self.traffic[self.index(id)]
     }
 
     /// A drone's present state.
@@ -281,11 +289,45 @@ impl Recorder {
         &self.milestones.changes
     }
 
-    /// Members that the master knows to be out of its range, and the neighbour through which it hears of each.
-    pub(crate) fn out_of_range(&self) -> impl Iterator<Item = (NodeId, NodeId)> + '_ {
-        self.out_of_range
-            .iter()
-            .map(|(member, via)| (*member, *via))
+    /// The drone that a drone followed last, which may be itself.
+    pub(crate) fn leader_of(&self, id: NodeId) -> NodeId {
+        self.of(id).leader.unwrap_or(self.centre)
+    }
+
+    /// Drones out of their leader's range that have a route to it, and the neighbour of the leader on that route.
+    pub(crate) fn bridged(&self) -> impl Iterator<Item = (NodeId, NodeId)> + '_ {
+        let away = self.drones().filter(|(id, record)| {
+            record.routes.out_of_range && self.leader_of(*id) != *id
+        });
+        away.filter_map(|(id, _)| Some((id, self.bridge_of(id)?)))
+    }
+
+    fn bridge_of(&self, id: NodeId) -> Option<NodeId> {
+        let leader = self.leader_of(id);
+        let mut at = id;
+        // Routes that were recorded at different times may form a loop.
+        for _ in 0..self.nodes.len() {
+            match self.of(at).routes.parent? {
+                parent if parent == leader => return Some(at),
+                parent => at = parent,
+            }
+        }
+        None
+    }
+
+    /// The drones that reached a waypoint, in groups that no link ever connected during the mission.
+    pub(crate) fn groups(&self) -> Vec<Vec<NodeId>> {
+        let mut groups: BTreeMap<usize, Vec<NodeId>> = BTreeMap::new();
+        for (id, _) in self.drones().filter(|(_, record)| record.waypoints() > 0) {
+            let group = self.contact.group(self.index(id));
+            groups.entry(group).or_default().push(id);
+        }
+        groups.into_values().collect()
+    }
+
+    /// Whether a drone flies the mission, from its slot until it goes to land; a relay always does.
+    fn takes_part(&self, id: NodeId) -> bool {
+        self.index(id) >= self.drones || is_in_discovery_or_beyond(self.state(id))
     }
 
     /// Frames that radios did not admit, by reason.

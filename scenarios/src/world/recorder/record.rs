@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::time::Duration;
 
+use muster_machines::identity::NodeId;
 use muster_machines::mission::{LandingReason, State};
 use muster_machines::routing::Routes;
 use muster_machines::time::Timestamp;
@@ -11,7 +12,9 @@ use muster_machines::time::Timestamp;
 pub(crate) struct Record {
     /// Its states, and when it entered each; never empty.
     pub(crate) states: Vec<(Timestamp, State)>,
-    /// Its routes, as they were until the master went to land.
+    /// The drone that it follows; `None` before it follows any.
+    pub(crate) leader: Option<NodeId>,
+    /// Its routes, as they were until its leader went to land.
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
     pub(crate) given_up: bool,
@@ -33,6 +36,7 @@ impl Record {
     pub(super) fn new() -> Self {
         Self {
             states: vec![(Timestamp::ZERO, State::Start)],
+            leader: None,
             routes: Routes::default(),
             reason: None,
             given_up: false,
