@@ -91,7 +91,7 @@ fn stimulate(
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
     let now = Timestamp::from_secs_f64(at_s);
     let is_timeout = stimulus == Stimulus::Timeout;
-    let Ok(deadline) = step(mission, now, stimulus, |emitted| match emitted {
+    let deadline = step(mission, now, stimulus, |emitted| match emitted {
         Emitted::Transmit(transmit) => transmits.push(transmit),
         Emitted::Event(event) => events.push(event),
     });

@@ -1,6 +1,5 @@
 //! How a drone's machines are built and stepped.
 
-use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -226,15 +225,14 @@ fn run<M>(
     effects: &mut Vec<Effect>,
 ) -> Option<Timestamp>
 where
-    M: Machine<Rejection = Infallible> + ?Sized,
+    M: Machine + ?Sized,
     M::Transmit: Into<Effect>,
     M::Event: Into<Effect>,
 {
-    let Ok(deadline) = step(machine, now, stimulus, |emitted: Emitted<M>| {
+    step(machine, now, stimulus, |emitted: Emitted<M>| {
         effects.push(match emitted {
             Emitted::Transmit(transmit) => transmit.into(),
             Emitted::Event(event) => event.into(),
         });
-    });
-    deadline
+    })
 }

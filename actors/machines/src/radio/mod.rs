@@ -10,7 +10,6 @@ mod intents;
 mod message;
 mod revocation;
 
-use std::convert::Infallible;
 use std::hint::black_box;
 use std::ops::Range;
 
@@ -387,9 +386,8 @@ impl<A: Authenticator> Machine for Radio<A> {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Send {
                 to,
@@ -437,7 +435,6 @@ impl<A: Authenticator> Machine for Radio<A> {
                 }
             }
         }
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

@@ -48,7 +48,7 @@ fn step_at<A: Authenticator>(
     stimulus: Stimulus<Input>,
 ) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
-    let Ok(_) = step(radio, at(now_ms), stimulus, |output| match output {
+    step(radio, at(now_ms), stimulus, |output| match output {
         Emitted::Transmit(transmit) => transmits.push(transmit),
         Emitted::Event(event) => events.push(event),
     });
