@@ -13,7 +13,6 @@ mod master;
 mod member;
 mod notices;
 
-
 pub use checkpoint::{
     Checkpoint, Deadlines, Followed, KnownPlan, Landing, Lead, Lockstep, Orders, Progress,
     RoutesPhase, State,

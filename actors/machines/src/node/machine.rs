@@ -48,13 +48,16 @@ impl Blueprint {
         checkpoints: &Checkpoints,
     ) -> NodeMachine {
         match address {
-            Address::Radio => NodeMachine::Radio(Box::new(Radio::new(
-                self.radio.clone(),
-                Arc::clone(&self.authenticator),
-                checkpoints.boot,
-                checkpoints.radio,
-                seed,
-            ))),
+            Address::Radio => {
+                let radio = Radio::new(
+                    self.radio.clone(),
+                    Arc::clone(&self.authenticator),
+                    checkpoints.boot,
+                    checkpoints.radio,
+                    seed,
+                );
+                NodeMachine::Radio(Box::new(radio.with_list(checkpoints.revoked.clone())))
+            }
             Address::Routing => NodeMachine::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),
                 seed,
