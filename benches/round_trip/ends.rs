@@ -280,6 +280,6 @@ fn authenticator(
     let roster = Roster::load(&folder.join("roster.toml"), &fleet)?;
     let revoked = RevocationList::load(&folder.join("revoked.toml"), &fleet)?;
     let authenticator =
-        Ed25519Authenticator::new(id, DroneKey::load(key)?, fleet, roster, revoked)?;
+        Ed25519Authenticator::new(id, DroneKey::load(key)?, fleet, roster, &revoked)?;
     Ok(Arc::new(authenticator))
 }

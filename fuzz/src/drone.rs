@@ -267,7 +267,7 @@ impl Drone {
                 Effect::StoreCheckpoint(checkpoint) => {
                     self.checkpoints.keep(checkpoint);
                 }
-                Effect::LearnAddress { .. } | Effect::Observe(_) => {}
+                Effect::LearnAddress { .. } | Effect::KeepList(_) | Effect::Observe(_) => {}
             }
         }
     }

@@ -194,7 +194,7 @@ impl Attacker {
         Self {
             socket,
             recorded,
-            captured: Ed25519Authenticator::new(NodeId(4), key, fleet, roster, revoked).unwrap(),
+            captured: Ed25519Authenticator::new(NodeId(4), key, fleet, roster, &revoked).unwrap(),
         }
     }
 

@@ -14,14 +14,9 @@ pub trait Machine {
     type Transmit;
     /// Observable outputs: telemetry, and the checkpoints from which a machine is rebuilt.
     type Event;
-    /// An input that breaks one of our own invariants. A peer's fault is an event instead.
-    type Rejection: std::error::Error;
 
-    /// Handles one input at `now`.
-    ///
-    /// # Errors
-    /// The input breaks one of our own invariants. The state is unchanged.
-    fn handle_input(&mut self, now: Timestamp, input: Self::Input) -> Result<(), Self::Rejection>;
+    /// Handles one input at `now`. A peer's fault is an event.
+    fn handle_input(&mut self, now: Timestamp, input: Self::Input);
 
     /// Fires every deadline `<= now`. The next deadline is then after `now`. Early or repeated calls do nothing.
     fn handle_timeout(&mut self, now: Timestamp);
@@ -55,24 +50,21 @@ pub enum Stimulus<I> {
 }
 
 /// Handles one stimulus, passes all outputs to `sink` and returns the next deadline.
-///
-/// # Errors
-/// As [`Machine::handle_input`]; `sink` was not called then.
 pub fn step<M: Machine + ?Sized>(
     machine: &mut M,
     now: Timestamp,
     stimulus: Stimulus<M::Input>,
     mut sink: impl FnMut(Emitted<M>),
-) -> Result<Option<Timestamp>, M::Rejection> {
+) -> Option<Timestamp> {
     match stimulus {
-        Stimulus::Input(input) => machine.handle_input(now, input)?,
+        Stimulus::Input(input) => machine.handle_input(now, input),
         Stimulus::Timeout => machine.handle_timeout(now),
     }
     loop {
         match machine.poll_output() {
             Output::Transmit(transmit) => sink(Emitted::Transmit(transmit)),
             Output::Event(event) => sink(Emitted::Event(event)),
-            Output::Idle { deadline } => return Ok(deadline),
+            Output::Idle { deadline } => return deadline,
         }
     }
 }

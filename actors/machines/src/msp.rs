@@ -120,18 +120,6 @@ pub struct Checkpoint {
 }
 
 /// A machine that can be a drone's flight-controller link.
-pub trait Link:
-    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = std::convert::Infallible>
-    + Send
-{
-}
+pub trait Link: Machine<Input = Input, Transmit = Transmit, Event = Event> + Send {}
 
-impl<T> Link for T where
-    T: Machine<
-            Input = Input,
-            Transmit = Transmit,
-            Event = Event,
-            Rejection = std::convert::Infallible,
-        > + Send
-{
-}
+impl<T> Link for T where T: Machine<Input = Input, Transmit = Transmit, Event = Event> + Send {}

@@ -5,20 +5,19 @@ use std::sync::Arc;
 use muster_machines::identity::NodeId;
 use muster_machines::radio::Authenticator;
 use muster_machines::wire::AUTHENTICATOR_LEN;
-use muster_runtime::identity::{Ed25519Authenticator, FleetKey, OperatorKey};
+use muster_runtime::identity::{Ed25519Authenticator, FleetKey, OperatorKey, RevocationList};
 use muster_transport::quic::{Distrust, Identities, Peer, PublicKey};
+use tokio::sync::watch;
 
 /// Identities as a drone knows them. Its roster maps keys to drones; the fleet's key is the operator's.
 pub(crate) struct DroneIdentities {
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
     pub(crate) fleet: FleetKey,
+    /// The list in force.
+    pub(crate) revoked: watch::Receiver<RevocationList>,
 }
 
 impl Authenticator for DroneIdentities {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        self.authenticator.is_trusted(sender)
-    }
-
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         self.authenticator.sign(covered)
     }
@@ -33,6 +32,10 @@ impl Identities for DroneIdentities {
         self.authenticator.public_key()
     }
 
+    fn is_trusted(&self, drone: NodeId) -> bool {
+        !self.revoked.borrow().has(drone)
+    }
+
     fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {
         if *key == self.fleet.to_bytes() {
             return Ok(Peer::Operator);
@@ -45,10 +48,6 @@ impl Identities for DroneIdentities {
 pub(crate) struct OperatorIdentities(pub(crate) OperatorKey);
 
 impl Authenticator for OperatorIdentities {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        self.0.is_trusted(sender)
-    }
-
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         self.0.sign(covered)
     }
@@ -63,12 +62,16 @@ impl Identities for OperatorIdentities {
         self.0.public_key()
     }
 
+    fn is_trusted(&self, drone: NodeId) -> bool {
+        self.0.is_trusted(drone)
+    }
+
     fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {
         drone(self.0.drone_with_key(key), self)
     }
 }
 
-fn drone(id: Option<NodeId>, trusted: &impl Authenticator) -> Result<Peer, Distrust> {
+fn drone(id: Option<NodeId>, trusted: &impl Identities) -> Result<Peer, Distrust> {
     match id {
         None => Err(Distrust::Stranger),
         Some(id) if !trusted.is_trusted(id) => Err(Distrust::Revoked),

@@ -1,10 +1,6 @@
-use std::cmp::Ordering;
-use std::sync::{PoisonError, RwLock, RwLockReadGuard};
-
-use bytes::Bytes;
 use ed25519_dalek::{Signature, Signer, SigningKey, VerifyingKey};
 use muster_machines::identity::NodeId;
-use muster_machines::radio::{Authenticator, Offer};
+use muster_machines::radio::{Authenticator, Revoked};
 use muster_machines::wire::AUTHENTICATOR_LEN;
 use thiserror::Error;
 
@@ -20,7 +16,6 @@ pub struct Ed25519Authenticator {
     /// The pinned key that verifies lists.
     fleet: FleetKey,
     roster: Roster,
-    revoked: RwLock<RevocationList>,
 }
 
 impl std::fmt::Debug for Ed25519Authenticator {
@@ -45,16 +40,6 @@ pub enum IdentityMismatch {
     Revoked(NodeId),
 }
 
-/// An offered revocation list is older than the known one, which is kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("revocation list {offered} is older than the known list {known}")]
-pub struct OutdatedList {
-    /// Number of the known list.
-    pub known: u64,
-    /// Number of the offered list.
-    pub offered: u64,
-}
-
 impl Ed25519Authenticator {
     /// Creates a drone's authenticator.
     ///
@@ -65,7 +50,7 @@ impl Ed25519Authenticator {
         key: DroneKey,
         fleet: FleetKey,
         roster: Roster,
-        revoked: RevocationList,
+        revoked: &RevocationList,
     ) -> Result<Self, IdentityMismatch> {
         let listed = roster.key(id).ok_or(IdentityMismatch::NotListed(id))?;
         if *listed != key.0.verifying_key() {
@@ -79,38 +64,7 @@ impl Ed25519Authenticator {
             key: key.0,
             fleet,
             roster,
-            revoked: RwLock::new(revoked),
         })
-    }
-
-    /// Replaces the revocation list by a newer one or the same one.
-    ///
-    /// # Errors
-    /// If the list is older than the known one, which is kept.
-    pub fn revoke(&self, list: RevocationList) -> Result<(), OutdatedList> {
-        let mut revoked = self.revoked.write().unwrap_or_else(PoisonError::into_inner);
-        let (known, offered) = (revoked.number(), list.number());
-        if offered < known {
-            return Err(OutdatedList { known, offered });
-        }
-        *revoked = list;
-        Ok(())
-    }
-
-    /// The known revocation list.
-    #[must_use]
-    pub fn revoked(&self) -> RevocationList {
-        self.read_revocation_list().clone()
-    }
-
-    /// Whether this drone itself is revoked.
-    #[must_use]
-    pub fn is_revoked(&self) -> bool {
-        self.read_revocation_list().has(self.id)
-    }
-
-    fn read_revocation_list(&self) -> RwLockReadGuard<'_, RevocationList> {
-        self.revoked.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The drone's own public key.
@@ -131,10 +85,6 @@ impl Ed25519Authenticator {
 }
 
 impl Authenticator for Ed25519Authenticator {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.read_revocation_list().has(sender)
-    }
-
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         self.key.sign(covered).to_bytes()
     }
@@ -150,24 +100,8 @@ impl Authenticator for Ed25519Authenticator {
             .is_some_and(|key| key.verify_strict(covered, &signature).is_ok())
     }
 
-    fn list_number(&self) -> u64 {
-        self.read_revocation_list().number()
-    }
-
-    fn list(&self) -> Option<Bytes> {
-        self.read_revocation_list().to_bytes()
-    }
-
-    fn take_list(&self, list: &[u8]) -> Offer {
-        let Some(offered) = RevocationList::from_bytes(list, &self.fleet) else {
-            return Offer::Unsigned;
-        };
-        let known = self.list_number();
-        match offered.number().cmp(&known) {
-            Ordering::Less => Offer::Older,
-            Ordering::Equal => Offer::Same,
-            Ordering::Greater if self.revoke(offered).is_ok() => Offer::Newer,
-            Ordering::Greater => Offer::Older,
-        }
+    fn read_list(&self, list: &[u8]) -> Option<Revoked> {
+        let list = RevocationList::from_bytes(list, &self.fleet)?;
+        Some(list.revoked())
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 use bytes::Bytes;
 use ed25519_dalek::{SigningKey, VerifyingKey};
 use muster_machines::identity::{NodeId, NodeSet};
+use muster_machines::radio::Revoked;
 use muster_machines::wire::PAYLOAD_MAX;
 use serde::Deserialize;
 use toml::Spanned;
@@ -175,7 +176,8 @@ impl RevocationList {
     }
 
     /// Decodes a list that another drone forwarded. `None` if it is malformed or not signed by the fleet's key.
-    pub(super) fn from_bytes(forwarded: &[u8], fleet: &FleetKey) -> Option<Self> {
+    #[must_use]
+    pub fn from_bytes(forwarded: &[u8], fleet: &FleetKey) -> Option<Self> {
         let (signature, list) = forwarded.split_first_chunk::<64>()?;
         let (number, drones): (u64, NodeSet) = postcard::from_bytes(list).ok()?;
         if drones.len() > FORWARDED_MAX {
@@ -212,6 +214,16 @@ impl RevocationList {
     #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
+    }
+
+    /// The list as a radio applies it and passes it on.
+    #[must_use]
+    pub fn revoked(&self) -> Revoked {
+        Revoked {
+            number: self.number,
+            drones: self.drones.iter().copied().collect(),
+            signed: self.to_bytes(),
+        }
     }
 
     /// Whether a drone is revoked.

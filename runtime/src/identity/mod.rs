@@ -19,7 +19,7 @@ mod key;
 mod lists;
 mod operator;
 
-pub use authenticator::{Ed25519Authenticator, IdentityMismatch, OutdatedList};
+pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
 pub use key::{DroneKey, FleetKey};
 pub use lists::{RevocationList, Roster};

@@ -48,13 +48,15 @@ impl OperatorKey {
     pub fn drone_with_key(&self, key: &[u8; 32]) -> Option<NodeId> {
         self.roster.drone_with_key(key)
     }
+
+    /// Whether a drone is not revoked.
+    #[must_use]
+    pub fn is_trusted(&self, drone: NodeId) -> bool {
+        !self.revoked.has(drone)
+    }
 }
 
 impl Authenticator for OperatorKey {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.revoked.has(sender)
-    }
-
     /// The covered bytes must not begin with the prefix of a roster or a revocation list, which the same key signs.
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         self.key.sign(covered).to_bytes()

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use miette::Diagnostic;
 use muster_machines::identity::NodeId;
-use muster_machines::radio::{Authenticator, Offer};
+use muster_machines::radio::Authenticator;
 use muster_machines::wire::PAYLOAD_MAX;
 use tempfile::TempDir;
 
@@ -53,7 +53,7 @@ fn identified(
     key: DroneKey,
 ) -> Result<Ed25519Authenticator, IdentityMismatch> {
     let (roster, revoked) = (roster(folder), revoked(folder));
-    Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, revoked)
+    Ed25519Authenticator::new(NodeId(id), key, public(folder), roster, &revoked)
 }
 
 #[test]
@@ -90,58 +90,32 @@ fn drone_that_does_not_match_the_roster_gets_no_authenticator() {
 }
 
 #[test]
-fn revoked_drone_is_distrusted_and_an_older_list_changes_nothing() {
-    let (folder, fleet) = fleet();
-    let load = || revoked(&folder);
-    let before = load();
-    let listener = authenticator(&folder, 0);
-    assert!(listener.is_trusted(NodeId(1)));
-    fleet.revoke(&[NodeId(1)]).unwrap();
-    let after = load();
-    assert!(after.number() > before.number());
-    assert_eq!(listener.revoke(after), Ok(()));
-    assert!(!listener.is_trusted(NodeId(1)) && !listener.is_revoked());
-    assert!(listener.is_trusted(NodeId(2)));
-    let refusal = listener.revoke(before).unwrap_err();
-    assert!(refusal.offered < refusal.known);
-    assert!(!listener.is_trusted(NodeId(1)));
-    fleet.revoke(&[NodeId(0)]).unwrap();
-    assert_eq!(listener.revoke(load()), Ok(()));
-    assert!(listener.is_revoked());
-}
-
-#[test]
-fn forwarded_list_is_taken_if_signed_by_the_fleet_and_newer() {
+fn forwarded_list_is_read_if_signed_by_the_fleet() {
     let (folder, fleet) = fleet();
     let listener = authenticator(&folder, 0);
-    let older = listener.list().unwrap();
-    assert_eq!(listener.take_list(&older), Offer::Same);
+    let older = revoked(&folder).revoked();
+    assert_eq!(
+        listener.read_list(&older.signed.clone().unwrap()),
+        Some(older)
+    );
     fleet.revoke(&[NodeId(2)]).unwrap();
-    let newer = authenticator(&folder, 1).list().unwrap();
-    for at in 0..newer.len() {
-        let mut altered = newer.to_vec();
+    let list = revoked(&folder).revoked();
+    assert_eq!((list.number, &list.drones), (2, &NodeId(2).into()));
+    let signed = list.signed.clone().unwrap();
+    for at in 0..signed.len() {
+        let mut altered = signed.to_vec();
         altered[at] ^= 1;
-        assert_eq!(listener.take_list(&altered), Offer::Unsigned, "{at}");
-        assert_eq!(listener.take_list(&newer[..at]), Offer::Unsigned, "{at}");
+        assert_eq!(listener.read_list(&altered), None, "{at}");
+        assert_eq!(listener.read_list(&signed[..at]), None, "{at}");
     }
-    assert_eq!(listener.take_list(&newer), Offer::Newer);
-    assert_eq!(listener.list_number(), 2);
-    assert!(!listener.is_trusted(NodeId(2)) && !listener.is_revoked());
-    assert_eq!(listener.take_list(&older), Offer::Older);
-    assert!(!listener.is_trusted(NodeId(2)));
     // A forwarded list equals the operator's file.
-    assert_eq!(listener.revoked(), revoked(&folder));
-    assert_eq!(listener.list(), Some(newer));
+    assert_eq!(listener.read_list(&signed), Some(list));
 
     let (theirs, _) = self::fleet();
-    let strange = authenticator(&theirs, 0).list().unwrap();
-    assert_eq!(listener.take_list(&strange), Offer::Unsigned);
+    let strange = revoked(&theirs).revoked().signed.unwrap();
+    assert_eq!(listener.read_list(&strange), None);
     let claims = [&[0; 64][..], &[1, 2, 0, 0xff, 0xff, 0xff, 0xff, 0x0f]].concat();
-    assert_eq!(
-        listener.take_list(&claims),
-        Offer::Unsigned,
-        "of all drones"
-    );
+    assert_eq!(listener.read_list(&claims), None, "of all drones");
 }
 
 #[test]

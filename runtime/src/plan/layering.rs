@@ -73,6 +73,7 @@ pub(super) fn assign_layers(
         Ok(layout.with_layers(layering))
     };
     let with_changes = |layout: Layout| {
+        let layout = layout.for_mission(waypoints);
         let changes = formation::changes(source, raw, &layout, waypoints.len())?;
         Ok((layout, changes))
     };

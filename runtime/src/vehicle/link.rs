@@ -1,9 +1,8 @@
-use std::convert::Infallible;
+use std::collections::VecDeque;
 
 use muster_machines::machine::{Machine, Output};
 use muster_machines::msp::{Checkpoint, Event, FlightCommand, Input, Transmit};
 use muster_machines::time::Timestamp;
-use std::collections::VecDeque;
 
 /// Replaces the link to a flight controller for simulated vehicles.
 #[derive(Debug)]
@@ -42,9 +41,8 @@ impl Machine for SimulatedLink {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, _now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, _now: Timestamp, input: Input) {
         match input {
             Input::FlightCommand(FlightCommand::Report) => {
                 self.transmit(Transmit::Command(FlightCommand::Report));
@@ -58,7 +56,6 @@ impl Machine for SimulatedLink {
                 self.transmit(Transmit::Command(FlightCommand::Land));
             }
         }
-        Ok(())
     }
 
     fn handle_timeout(&mut self, _now: Timestamp) {}

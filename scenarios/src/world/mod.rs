@@ -267,8 +267,8 @@ impl World {
                 let to = to.map(|member| swarm.number(member));
                 self.scene.air.send(&mut self.scene.core, drone, to, &frame);
             }
-            // The medium addresses drones by their numbers.
-            Effect::LearnAddress { .. } => {}
+            // The medium addresses drones by their numbers, and simulated fleets have no revocation lists.
+            Effect::LearnAddress { .. } | Effect::KeepList(_) => {}
             Effect::Command(command) => {
                 #[cfg(test)]
                 self.report(drone, crate::twin::ProcessReport::Commanded(command));

@@ -154,10 +154,6 @@ mod tests {
     }
 
     impl Authenticator for Summing {
-        fn is_trusted(&self, sender: NodeId) -> bool {
-            sender.0 < 7
-        }
-
         fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
             let mut signature = [self.0; AUTHENTICATOR_LEN];
             signature[0] = sum(covered);
@@ -172,6 +168,10 @@ mod tests {
     impl Identities for Summing {
         fn public_key(&self) -> PublicKey {
             [self.0; 32]
+        }
+
+        fn is_trusted(&self, drone: NodeId) -> bool {
+            drone.0 < 7
         }
 
         fn peer(&self, _: &PublicKey) -> Result<Peer, Distrust> {

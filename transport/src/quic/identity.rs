@@ -30,6 +30,9 @@ pub trait Identities: Authenticator + Send + Sync {
     /// The own public key.
     fn public_key(&self) -> PublicKey;
 
+    /// Whether connections and beacons of a drone are accepted: its key is not revoked.
+    fn is_trusted(&self, drone: NodeId) -> bool;
+
     /// The peer with this key.
     ///
     /// # Errors

@@ -1,9 +1,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
 
 use super::crossings::{Crossing, Overflight};
-use crate::geometry::Ned;
 
 /// Altitude layer and wave of each drone. Layer 0 is the height of the slots. A wave starts once all drones of the wave
 /// before have arrived.
@@ -40,7 +38,7 @@ impl LayerPlan {
         plan
     }
 
-    /// LayerCache up to `layers_max` and no exposed ends, in as few waves as possible. Each wave is a run of `order`, which
+    /// Layers up to `layers_max` and no exposed ends, in as few waves as possible. Each wave is a run of `order`, which
     /// holds each drone once. Later waves fly over drones that wait as `waiting` says. The first drone of `order` flies
     /// in the first wave. A wave that needs more layers gets them.
     pub(super) fn in_waves(
@@ -316,35 +314,5 @@ impl Graph {
             }
         }
         Some(next)
-    }
-}
-
-/// Cached layers of the last mission: all drones of a simulation ask for the same.
-#[derive(Debug, Default)]
-pub(super) struct LayerCache {
-    last: Mutex<Option<CachedLayers>>,
-}
-
-#[derive(Debug)]
-struct CachedLayers {
-    waypoints: Vec<Ned>,
-    layers_m: Arc<[f64]>,
-}
-
-impl LayerCache {
-    /// LayerCache for these waypoints, from the cache or from `compute`.
-    pub(super) fn of(&self, waypoints: &[Ned], compute: impl FnOnce() -> Arc<[f64]>) -> Arc<[f64]> {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(answer) = &*last
-            && answer.waypoints == waypoints
-        {
-            return Arc::clone(&answer.layers_m);
-        }
-        let layers_m = compute();
-        *last = Some(CachedLayers {
-            waypoints: waypoints.to_vec(),
-            layers_m: Arc::clone(&layers_m),
-        });
-        layers_m
     }
 }

@@ -1,11 +1,11 @@
+use std::borrow::Cow;
 use std::cmp::Ordering;
-use std::sync::Arc;
 
 use nalgebra::Vector2;
 
 use super::crossings::slot_passes;
 use super::ground::GroundPlaces;
-use super::layers::{LayerCache, LayerPlan};
+use super::layers::LayerPlan;
 use super::{Formation, Ground};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
@@ -67,7 +67,15 @@ pub struct Layout {
     layering: Layering,
     /// The first master, with the lowest layer if there is one layer per drone.
     lowest: NodeId,
-    layers: LayerCache,
+    /// Computed beforehand; `None` if there is no mission yet.
+    for_mission: Option<MissionLayers>,
+}
+
+/// The layers of a mission.
+#[derive(Debug)]
+struct MissionLayers {
+    waypoints: Vec<Ned>,
+    layers_m: Vec<f64>,
 }
 
 /// Limits for paths that cross.
@@ -82,7 +90,7 @@ pub(super) struct Limits {
 #[derive(Debug)]
 struct GroundPaths {
     places: GroundPlaces,
-    layers_m: Arc<[f64]>,
+    layers_m: Vec<f64>,
 }
 
 impl GroundPaths {
@@ -118,7 +126,7 @@ impl Layout {
             take_off_ground: Ground::Gathered,
             layering: Layering::Shared,
             lowest: formation.centre(),
-            layers: LayerCache::default(),
+            for_mission: None,
             formation,
             limits,
             gap_m,
@@ -150,16 +158,29 @@ impl Layout {
     #[must_use]
     pub fn with_layers(mut self, layering: Layering) -> Self {
         self.layering = layering;
-        self.layers = LayerCache::default();
+        self.for_mission = None;
         self
     }
 
-    /// Takes the layers of `before`, so that drones of either layout are separated.
+    /// Computes the layers of a mission beforehand: a swarm asks for them again and again. Must come last.
+    #[must_use]
+    pub fn for_mission(mut self, waypoints: &[Ned]) -> Self {
+        self.for_mission = Some(MissionLayers {
+            layers_m: self.computed_layers_m(waypoints),
+            waypoints: waypoints.to_vec(),
+        });
+        self
+    }
+
+    /// Takes the layers of `before`, so that drones of either layout are separated, and its mission.
     pub(super) fn layered_like(mut self, before: &Self) -> Self {
         self.layering = before.layering;
         self.lowest = before.lowest;
-        self.layers = LayerCache::default();
-        self
+        self.for_mission = None;
+        match &before.for_mission {
+            Some(it) => self.for_mission(&it.waypoints),
+            None => self,
+        }
     }
 
     /// Number of layers.
@@ -270,27 +291,31 @@ impl Layout {
     /// if their paths to the landing places cross, unless they land below their slots. The layer is 0 for a drone
     /// without such a pair.
     #[must_use]
-    pub fn layers_m(&self, waypoints: &[Ned]) -> Arc<[f64]> {
-        self.layers.of(waypoints, || {
-            let slots = self.formation.slots();
-            if self.layering == Layering::PerDrone {
-                let layers = (0..self.formation.drones()).map(|id| self.own_layer(NodeId(id)));
-                return layers
-                    .map(|layer| f64::from(layer) * self.layer_spacing_m())
-                    .collect();
-            }
-            let legs: Vec<Vector2<f64>> = waypoints
-                .windows(2)
-                .map(|pair| (pair[1] - pair[0]).0.xy())
+    pub fn layers_m(&self, waypoints: &[Ned]) -> Cow<'_, [f64]> {
+        match &self.for_mission {
+            Some(known) if known.waypoints == waypoints => Cow::Borrowed(&known.layers_m),
+            _ => Cow::Owned(self.computed_layers_m(waypoints)),
+        }
+    }
+
+    fn computed_layers_m(&self, waypoints: &[Ned]) -> Vec<f64> {
+        let slots = self.formation.slots();
+        if self.layering == Layering::PerDrone {
+            let layers = (0..self.formation.drones()).map(|id| self.own_layer(NodeId(id)));
+            return layers
+                .map(|layer| f64::from(layer) * self.layer_spacing_m())
                 .collect();
-            let mut crossings =
-                slot_passes(slots, &legs, self.separation().horizontal_with_margin_m());
-            if !self.lands_below_slot() {
-                crossings.extend_from_slice(&self.landing.places.crossings);
-            }
-            let plan = LayerPlan::of(slots.len(), &crossings, 1);
-            self.separation().heights_m(&plan).collect()
-        })
+        }
+        let legs: Vec<Vector2<f64>> = waypoints
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).0.xy())
+            .collect();
+        let mut crossings = slot_passes(slots, &legs, self.separation().horizontal_with_margin_m());
+        if !self.lands_below_slot() {
+            crossings.extend_from_slice(&self.landing.places.crossings);
+        }
+        let plan = LayerPlan::of(slots.len(), &crossings, 1);
+        self.separation().heights_m(&plan).collect()
     }
 
     /// Whether drones out of lockstep land below their slots, because their layers don't separate the paths to the

@@ -14,8 +14,6 @@ mod member;
 mod notices;
 mod task;
 
-use std::convert::Infallible;
-
 pub use checkpoint::{
     Checkpoint, Deadlines, Followed, KnownPlan, Landing, Lead, Lockstep, Orders, Progress,
     RoutesPhase, State,
@@ -353,9 +351,8 @@ impl Machine for Mission {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         self.extend_limits_after_stall(now);
         match input {
             Input::Fly => self.start_mission(now),
@@ -383,7 +380,6 @@ impl Machine for Mission {
         }
         self.checkpoint();
         self.stall_detector.expect_step(now, self.deadline());
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

@@ -8,7 +8,6 @@ mod health;
 mod message;
 
 use std::collections::VecDeque;
-use std::convert::Infallible;
 use std::time::Duration;
 
 pub use self::config::Config;
@@ -442,9 +441,8 @@ impl Machine for Navigation {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Goal(goal) => self.accept_goal(now, goal),
             Input::Locate => {
@@ -460,7 +458,6 @@ impl Machine for Navigation {
                 }
             }
         }
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

@@ -52,7 +52,7 @@ fn step_at(
     stimulus: Stimulus<Input>,
 ) -> Vec<Transmit> {
     let mut transmits = Vec::new();
-    let Ok(_) = step(navigation, now, stimulus, |output| {
+    step(navigation, now, stimulus, |output| {
         if let Emitted::Transmit(transmit) = output {
             transmits.push(transmit);
         }

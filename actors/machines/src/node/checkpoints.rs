@@ -22,10 +22,11 @@ pub enum Checkpoint {
     Agent(Box<agent::Checkpoint>),
 }
 
-/// The newest checkpoint of each machine of a drone, and the incarnation of its process.
+/// The newest checkpoint of each machine of a drone, the revocation list in force, and the incarnation of its process.
 #[derive(Debug, Clone)]
 pub struct Checkpoints {
     pub(super) boot: u32,
+    pub(super) revoked: radio::Revoked,
     pub(super) radio: radio::Checkpoint,
     pub(super) routing: Option<Box<routing::Checkpoint>>,
     pub(super) mission: Option<Box<mission::Checkpoint>>,
@@ -39,6 +40,7 @@ impl Default for Checkpoints {
     fn default() -> Self {
         Self {
             boot: 1,
+            revoked: radio::Revoked::default(),
             radio: radio::Checkpoint::default(),
             routing: None,
             mission: None,
@@ -88,6 +90,11 @@ impl Checkpoints {
                 kept(&before) != kept(&self.agent)
             }
         }
+    }
+
+    /// Sets the revocation list that the next radio starts with. It is not part of the journal.
+    pub fn set_revoked(&mut self, list: radio::Revoked) {
+        self.revoked = list;
     }
 
     /// The current leader's ballot: the mission's, or on a relay, whose mission has none, the routing's.

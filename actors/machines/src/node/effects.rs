@@ -28,6 +28,8 @@ pub enum Effect {
         /// Source of an authenticated frame of the drone.
         source: radio::Source,
     },
+    /// Keep this signed revocation list, which radios are built with from now on.
+    KeepList(Bytes),
     /// Send this to the flight controller.
     Command(msp::FlightCommand),
     /// Store this checkpoint, from which the machine can be rebuilt.
@@ -78,6 +80,7 @@ impl From<radio::Transmit> for Effect {
                 keep_alive,
             },
             radio::Transmit::Locate { sender, source } => Self::LearnAddress { sender, source },
+            radio::Transmit::KeepList(list) => Self::KeepList(list),
             radio::Transmit::Traffic { sender, intent } => {
                 Self::Post(Envelope::Navigation(Box::new(navigation::Input::Traffic {
                     sender,

@@ -1,6 +1,5 @@
 //! How a drone's machines are built and stepped.
 
-use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -52,13 +51,16 @@ impl Blueprint {
         checkpoints: &Checkpoints,
     ) -> NodeMachine {
         match address {
-            Address::Radio => NodeMachine::Radio(Box::new(Radio::new(
-                self.radio.clone(),
-                Arc::clone(&self.authenticator),
-                checkpoints.boot,
-                checkpoints.radio,
-                seed,
-            ))),
+            Address::Radio => {
+                let radio = Radio::new(
+                    self.radio.clone(),
+                    Arc::clone(&self.authenticator),
+                    checkpoints.boot,
+                    checkpoints.radio,
+                    seed,
+                );
+                NodeMachine::Radio(Box::new(radio.with_list(checkpoints.revoked.clone())))
+            }
             Address::Routing => NodeMachine::Routing(Box::new(routing::Routing::new(
                 self.routing.clone(),
                 seed,
@@ -241,15 +243,14 @@ fn run<M>(
     effects: &mut Vec<Effect>,
 ) -> Option<Timestamp>
 where
-    M: Machine<Rejection = Infallible> + ?Sized,
+    M: Machine + ?Sized,
     M::Transmit: Into<Effect>,
     M::Event: Into<Effect>,
 {
-    let Ok(deadline) = step(machine, now, stimulus, |emitted: Emitted<M>| {
+    step(machine, now, stimulus, |emitted: Emitted<M>| {
         effects.push(match emitted {
             Emitted::Transmit(transmit) => transmit.into(),
             Emitted::Event(event) => event.into(),
         });
-    });
-    deadline
+    })
 }

@@ -1,4 +1,3 @@
-use std::convert::Infallible;
 use std::time::Duration;
 
 use super::*;
@@ -12,11 +11,8 @@ impl Machine for Stuck {
     type Input = msp::Input;
     type Transmit = msp::Transmit;
     type Event = msp::Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, _: Timestamp, _: msp::Input) -> Result<(), Infallible> {
-        Ok(())
-    }
+    fn handle_input(&mut self, _: Timestamp, _: msp::Input) {}
 
     fn handle_timeout(&mut self, _: Timestamp) {}
 

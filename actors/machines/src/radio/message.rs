@@ -3,7 +3,7 @@ use std::num::NonZeroU16;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::{Checkpoint, DropReason};
+use super::{Checkpoint, DropReason, Revoked};
 use crate::identity::{Ballot, NodeId};
 use crate::traffic::Intent;
 #[cfg(doc)]
@@ -59,6 +59,8 @@ pub enum Input {
         /// Whether it arrived, as far as known.
         delivered: bool,
     },
+    /// From the operator: a revocation list, in force from now on. An older one than the known one is ignored.
+    Revoked(Box<Revoked>),
 }
 
 /// Output of a radio.
@@ -98,6 +100,8 @@ pub enum Transmit {
         /// Source of the frame.
         source: Source,
     },
+    /// To the process: a newer revocation list of a peer is in force. It must be kept for later radios.
+    KeepList(Bytes),
     /// To the routing: delivery of a unicast payload.
     Delivery {
         /// Receiver.

@@ -10,18 +10,19 @@ mod intents;
 mod message;
 mod revocation;
 
-use std::convert::Infallible;
+use std::cmp::Ordering;
 use std::hint::black_box;
 use std::ops::Range;
 
 use bytes::{Buf, Bytes};
 
 pub use admission::{Admission, DropReason, ProofPolicy, SenderLookup};
-pub use authenticator::{Authenticator, IdealAuthenticator, Offer};
+pub use authenticator::{Authenticator, IdealAuthenticator};
 pub use budget::Budget;
 pub use config::{Config, Incarnations};
 pub use counters::Checkpoint;
 pub use message::{Event, Input, Source, Transmit};
+pub use revocation::Revoked;
 
 use self::counters::Counters;
 use self::freshness::{Challenger, Responder};
@@ -60,7 +61,7 @@ pub struct Radio<A> {
     challenger: Option<Box<Challenger>>,
     /// `None` until the first challenge.
     responder: Option<Box<Responder>>,
-    /// `None` without revocation lists.
+    /// The revocation list in force. `None` without lists.
     gossip: Option<Box<ListGossip>>,
     intents: Intents,
 }
@@ -85,7 +86,6 @@ impl<A: Authenticator> Radio<A> {
             Incarnations::Counted if has_earlier_incarnation => (boot, ProofPolicy::UnknownSenders),
             Incarnations::Counted => (boot, ProofPolicy::NotRequired),
         };
-        let list = authenticator.list_number();
         let mut outbox = Outbox::new();
         if has_earlier_incarnation {
             outbox.transmit(Transmit::Resync);
@@ -100,10 +100,17 @@ impl<A: Authenticator> Radio<A> {
             challenger: (proof_policy != ProofPolicy::NotRequired)
                 .then(|| Box::new(Challenger::new(nonce))),
             responder: None,
-            gossip: (list > 0).then(|| Box::new(ListGossip::new(list))),
+            gossip: None,
             intents: Intents::default(),
             config,
         }
+    }
+
+    /// Puts a revocation list in force from the start; number 0 is none.
+    #[must_use]
+    pub fn with_list(mut self, list: Revoked) -> Self {
+        self.gossip = (list.number > 0).then(|| Box::new(ListGossip::new(list)));
+        self
     }
 
     /// Used and maximum entries of the sender table.
@@ -172,7 +179,7 @@ impl<A: Authenticator> Radio<A> {
         let header = frame.header;
         let sender = header.sender;
         self.check_header(&header, peer)?;
-        if !self.authenticator.is_trusted(sender) {
+        if self.gossip.as_ref().is_some_and(|it| it.revokes(sender)) {
             self.handle_revoked_sender(now);
             return Err(DropReason::Revoked);
         }
@@ -266,28 +273,51 @@ impl<A: Authenticator> Radio<A> {
             // The proof and the intent were already handled.
             RadioPacket::Response(_) | RadioPacket::Intent => {}
             RadioPacket::ListNumber(theirs) => {
-                let own = self.authenticator.list_number();
                 if let Some(gossip) = &mut self.gossip {
-                    gossip.update_peer_number(theirs, own);
+                    gossip.update_peer_number(theirs);
                 }
                 self.gossip_lists(now);
             }
-            RadioPacket::List(list) => match self.authenticator.take_list(&list) {
-                Offer::Unsigned => return Err(DropReason::UnsignedList),
-                Offer::Older => {}
-                Offer::Same => {
-                    if let Some(gossip) = &mut self.gossip {
-                        gossip.list_received(now);
-                    }
-                }
-                Offer::Newer => {
-                    let list = self.authenticator.list_number();
-                    self.outbox.event(Event::RevocationList { list });
-                    self.gossip_lists(now);
-                }
-            },
+            RadioPacket::List(list) => {
+                let Some(offered) = self.authenticator.read_list(&list) else {
+                    return Err(DropReason::UnsignedList);
+                };
+                self.handle_list(now, list, offered);
+            }
         }
         Ok(())
+    }
+
+    /// Handles a list of a peer, signed by the fleet.
+    fn handle_list(&mut self, now: Timestamp, signed: Bytes, offered: Revoked) {
+        match offered.number.cmp(&self.list_number()) {
+            Ordering::Less => {}
+            Ordering::Equal => {
+                if let Some(gossip) = &mut self.gossip {
+                    gossip.list_received(now);
+                }
+            }
+            Ordering::Greater => {
+                let list = offered.number;
+                self.outbox.transmit(Transmit::KeepList(signed));
+                self.outbox.event(Event::RevocationList { list });
+                self.put_in_force(now, offered);
+            }
+        }
+    }
+
+    /// Number of the revocation list in force; 0 without lists.
+    fn list_number(&self) -> u64 {
+        (self.gossip.as_ref()).map_or(0, |it| it.in_force().number)
+    }
+
+    /// Puts a list in force and passes it on.
+    fn put_in_force(&mut self, now: Timestamp, list: Revoked) {
+        match &mut self.gossip {
+            Some(gossip) => gossip.replace(list),
+            None => self.gossip = Some(Box::new(ListGossip::new(list))),
+        }
+        self.gossip_lists(now);
     }
 
     fn handle_intent(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
@@ -350,11 +380,13 @@ impl<A: Authenticator> Radio<A> {
 
     /// Sends the number or content of the revocation list, if it is time.
     fn gossip_lists(&mut self, now: Timestamp) {
-        let own = self.authenticator.list_number();
-        while let Some(message) = self.gossip.as_mut().and_then(|it| it.take_due(now, own)) {
+        while let Some(gossip) = &mut self.gossip
+            && let Some(message) = gossip.take_due(now)
+        {
+            let list = gossip.in_force();
             let packet = match message {
-                ListMessage::Number => Some(RadioPacket::ListNumber(own)),
-                ListMessage::List => self.authenticator.list().map(RadioPacket::List),
+                ListMessage::Number => Some(RadioPacket::ListNumber(list.number)),
+                ListMessage::List => list.signed.clone().map(RadioPacket::List),
             };
             if let Some(packet) = packet {
                 self.broadcast(&packet);
@@ -387,9 +419,8 @@ impl<A: Authenticator> Machine for Radio<A> {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Send {
                 to,
@@ -427,6 +458,7 @@ impl<A: Authenticator> Machine for Radio<A> {
                     });
                 }
             }
+            Input::Revoked(list) => self.put_in_force(now, *list),
             Input::Received {
                 datagram,
                 source,
@@ -437,7 +469,6 @@ impl<A: Authenticator> Machine for Radio<A> {
                 }
             }
         }
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

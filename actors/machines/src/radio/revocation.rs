@@ -2,7 +2,21 @@
 
 use std::time::Duration;
 
+use bytes::Bytes;
+
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
+
+/// What a revocation list says.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Revoked {
+    /// Number of the list, which rises with each one; 0 without lists.
+    pub number: u64,
+    /// The drones whose frames are dropped.
+    pub drones: NodeSet,
+    /// The list with the fleet's signature, for other radios; `None` if it does not fit a datagram.
+    pub signed: Option<Bytes>,
+}
 
 /// Interval of list numbers; shorter as long as a peer has a newer list.
 const NUMBER_INTERVAL: Duration = Duration::from_secs(10);
@@ -22,9 +36,12 @@ pub(super) enum ListMessage {
     List,
 }
 
-/// Schedule of list numbers and lists.
+/// The list in force, and the schedule of list numbers and lists.
+///
+/// Invariant: the number of the list in force never falls.
 #[derive(Debug)]
 pub(super) struct ListGossip {
+    in_force: Revoked,
     /// Number of the newest list that was passed on or known at the start.
     passed_on: u64,
     /// Time of the last list number.
@@ -39,9 +56,10 @@ pub(super) struct ListGossip {
 
 impl ListGossip {
     /// For a radio that starts with list `known`; it sends the number at once.
-    pub(super) const fn new(known: u64) -> Self {
+    pub(super) const fn new(known: Revoked) -> Self {
         Self {
-            passed_on: known,
+            passed_on: known.number,
+            in_force: known,
             number_sent_at: None,
             list_sent_at: None,
             is_outdated: false,
@@ -49,10 +67,27 @@ impl ListGossip {
         }
     }
 
+    /// Whether the list in force names a drone.
+    pub(super) fn revokes(&self, drone: NodeId) -> bool {
+        self.in_force.drones.contains(drone)
+    }
+
+    /// The list in force.
+    pub(super) const fn in_force(&self) -> &Revoked {
+        &self.in_force
+    }
+
+    /// Puts a list in force. An older one changes nothing.
+    pub(super) fn replace(&mut self, list: Revoked) {
+        if list.number >= self.in_force.number {
+            self.in_force = list;
+        }
+    }
+
     /// A peer has sent its list number.
-    pub(super) const fn update_peer_number(&mut self, theirs: u64, own: u64) {
-        self.is_outdated |= theirs > own;
-        self.is_list_due |= theirs < own;
+    pub(super) const fn update_peer_number(&mut self, theirs: u64) {
+        self.is_outdated |= theirs > self.in_force.number;
+        self.is_list_due |= theirs < self.in_force.number;
     }
 
     /// A peer has sent the list that this radio has.
@@ -87,8 +122,9 @@ impl ListGossip {
         list_at.map_or(number_at, |at| at.min(number_at))
     }
 
-    /// The message to send now, if any, about the list with number `own`.
-    pub(super) fn take_due(&mut self, now: Timestamp, own: u64) -> Option<ListMessage> {
+    /// The message to send now, if any.
+    pub(super) fn take_due(&mut self, now: Timestamp) -> Option<ListMessage> {
+        let own = self.in_force.number;
         let (number_at, list_at) = self.times();
         if own > self.passed_on || list_at.is_some_and(|at| at <= now) {
             self.passed_on = own;

@@ -48,7 +48,7 @@ fn step_at<A: Authenticator>(
     stimulus: Stimulus<Input>,
 ) -> (Vec<Transmit>, Vec<Event>) {
     let (mut transmits, mut events) = (Vec::new(), Vec::new());
-    let Ok(_) = step(radio, at(now_ms), stimulus, |output| match output {
+    step(radio, at(now_ms), stimulus, |output| match output {
         Emitted::Transmit(transmit) => transmits.push(transmit),
         Emitted::Event(event) => events.push(event),
     });
@@ -339,27 +339,29 @@ fn only_admitted_frames_locate_their_sender() {
     assert_eq!(located(transmits), Some(found));
 }
 
-/// Trusts no sender.
-struct TrustsNone;
+/// Verifies no frame.
+struct VerifiesNone;
 
-impl Authenticator for TrustsNone {
-    fn is_trusted(&self, _: NodeId) -> bool {
-        false
-    }
-
+impl Authenticator for VerifiesNone {
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         IdealAuthenticator.sign(covered)
     }
 
     fn verify(&self, _: NodeId, _: &[u8], _: &[u8; AUTHENTICATOR_LEN]) -> bool {
-        panic!("the signature of an untrusted sender is not checked")
+        panic!("the signature of a revoked sender is not checked")
     }
 }
 
 #[test]
 fn frames_of_revoked_senders_are_dropped_before_the_signature_check() {
     let frame = sent_by(&mut radio(0), b"hello");
-    let mut receiver = Radio::new(config(1), TrustsNone, 1, Checkpoint::default(), 0);
+    let list = Revoked {
+        number: 1,
+        drones: NodeId(0).into(),
+        signed: None,
+    };
+    let receiver = Radio::new(config(1), VerifiesNone, 1, Checkpoint::default(), 0);
+    let mut receiver = receiver.with_list(list);
     let (transmits, events) = handle(&mut receiver, 0, received(&frame, None));
     assert_eq!(transmits, []);
     assert_eq!(events, [Event::Dropped(DropReason::Revoked)]);

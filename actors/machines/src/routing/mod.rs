@@ -12,7 +12,6 @@ mod policy;
 mod shared;
 pub mod tree;
 
-use std::convert::Infallible;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -318,9 +317,8 @@ impl Machine for Routing {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match &mut self.0 {
             PolicyKind::Flood(routing) => routing.handle_input(now, input),
             PolicyKind::Tree(routing) => routing.handle_input(now, input),

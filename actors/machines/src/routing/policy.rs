@@ -1,6 +1,5 @@
 //! What a policy implements, and the machine that runs one.
 
-use std::convert::Infallible;
 use std::hint::black_box;
 
 use bytes::Bytes;
@@ -158,9 +157,8 @@ impl<P: Policy> Machine for Dissemination<P> {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         self.reset_timeouts_if_stalled(now);
         let (shared, policy) = (&mut self.shared, &mut self.policy);
         match input {
@@ -213,7 +211,6 @@ impl<P: Policy> Machine for Dissemination<P> {
             }
         }
         self.end_step(now);
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

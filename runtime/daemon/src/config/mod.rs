@@ -79,6 +79,8 @@ pub struct DroneConfig {
     pub(crate) id: NodeId,
     pub(crate) swarm: SwarmId,
     pub(crate) authenticator: Arc<Ed25519Authenticator>,
+    /// The newest known revocation list.
+    pub(crate) revoked: RevocationList,
     /// Key that signs the roster and revocation lists. Constant while the process runs.
     pub(crate) fleet: FleetKey,
     pub(crate) transport: TransportName,
@@ -128,14 +130,17 @@ impl DroneConfig {
         let journal = file.journal(&journals)?;
         let (plan, origin) = flight::scenario(&journal, &scenario_path, read)?;
         file.check_plan(&plan)?;
+        let fleet = file.fleet()?;
+        let revoked = file.revoked(&fleet)?;
         let id = NodeId(*raw.id.get_ref());
         Ok(Self {
             path: path.to_owned(),
             scenario_path,
             id,
             swarm: file.swarm()?,
-            authenticator: Arc::new(file.authenticator(id)?),
-            fleet: file.fleet()?,
+            authenticator: Arc::new(file.authenticator(id, &revoked)?),
+            revoked,
+            fleet,
             transport: *raw.transport.get_ref(),
             network: file.network(id)?,
             journal,
@@ -323,11 +328,14 @@ impl File {
         FleetKey::load(&self.0.resolve(&self.0.raw.keys.fleet))
     }
 
-    fn authenticator(&self, id: NodeId) -> Result<Ed25519Authenticator, BadInput> {
+    fn authenticator(
+        &self,
+        id: NodeId,
+        revoked: &RevocationList,
+    ) -> Result<Ed25519Authenticator, BadInput> {
         let keys = &self.0.raw.keys;
         let fleet = self.fleet()?;
         let roster = Roster::load(&self.0.resolve(&keys.roster), &fleet)?;
-        let revoked = self.revoked(&fleet)?;
         let key = DroneKey::load(&self.0.resolve(keys.drone.get_ref()))?;
         Ed25519Authenticator::new(id, key, fleet, roster, revoked)
             .map_err(|error| self.0.error(keys.drone.span(), &error.to_string()))

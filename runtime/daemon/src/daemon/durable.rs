@@ -3,6 +3,7 @@
 use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use muster_machines::node::{Checkpoint, Checkpoints};
+use muster_machines::radio::Revoked;
 use muster_runtime::journal::{WriteReport, Writer};
 
 use super::held::Held;
@@ -41,6 +42,11 @@ impl Durable {
 
     pub(super) const fn checkpoints(&self) -> &Checkpoints {
         &self.checkpoints
+    }
+
+    /// Sets the revocation list that the next radio starts with.
+    pub(super) fn set_revoked(&mut self, list: Revoked) {
+        self.checkpoints.set_revoked(list);
     }
 
     /// Keeps a checkpoint, in the journal too. If it must be durable, later frames wait for it.

@@ -31,12 +31,14 @@ use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::node::{Blueprint, Checkpoints, Envelope};
 use muster_machines::radio::{self, Incarnations};
+use muster_runtime::identity::RevocationList;
 use muster_runtime::journal::{Folder, FolderError, Journal, WriteReport, Writer, flights};
 use muster_runtime::vehicle::SimulatedVehicle;
 use muster_transport::sockets::OpenError;
 use thiserror::Error;
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle, JoinSet};
 
 use self::endpoint::Endpoint;
@@ -193,6 +195,8 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
 struct Resources {
     folder: Folder,
     network: Network,
+    /// The revocation list in force, which the network watches.
+    in_force: watch::Sender<RevocationList>,
     endpoint: Option<Endpoint>,
     recall: [Signal; 2],
     reload: Signal,
@@ -204,11 +208,13 @@ struct Resources {
 impl Resources {
     async fn open(config: &DroneConfig, clock: Clock) -> Result<Self, DaemonError> {
         let folder = Folder::open(&config.journal)?;
-        let network = Network::open(config, Arc::new(move || clock.now()))?;
+        let (in_force, revoked) = watch::channel(config.revoked.clone());
+        let network = Network::open(config, revoked, Arc::new(move || clock.now()))?;
         let endpoint = open_endpoint(config).await?;
         Ok(Self {
             folder,
             network,
+            in_force,
             endpoint,
             recall: tasks::recall_signals().map_err(DaemonError::Runtime)?,
             reload: tasks::reload_signal().map_err(DaemonError::Runtime)?,
@@ -275,7 +281,8 @@ impl Incarnation {
     ) -> Result<(Self, Interfaces), DaemonError> {
         let (store, stored) = Store::start(config.kept_list());
         let in_air = vehicle.is_armed();
-        let (journal, checkpoints) = open_journal(resources.folder, config, in_air)?;
+        let (journal, mut checkpoints) = open_journal(resources.folder, config, in_air)?;
+        checkpoints.set_revoked(config.revoked.revoked());
         let number = checkpoints.boot();
         let is_known = journal.is_intact() && config.knows_its_flight() && number > 1;
         let (report, reports) = unbounded_channel();
@@ -298,7 +305,7 @@ impl Incarnation {
             checkpoints,
             journal,
             network,
-            revocations: Revocations::new(Arc::clone(&config.authenticator), store),
+            revocations: Revocations::new((config.id, config.fleet), resources.in_force, store),
             vehicle,
             for_programs: config.log == Format::Json,
             lines_lost,
@@ -363,7 +370,6 @@ fn start_tasks(
         signal: interfaces.reload,
         path: config.path.clone(),
         volume: log.volume.clone(),
-        authenticator: Arc::clone(&config.authenticator),
         fleet: config.fleet,
     };
     tokio::spawn(tasks::reload_on(reload, Arc::clone(process)));

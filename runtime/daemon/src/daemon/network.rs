@@ -4,11 +4,13 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use muster_runtime::identity::RevocationList;
 use muster_transport::Transport;
 use muster_transport::quic::{self, Connections, QuicTransport, Stream};
 use muster_transport::sockets::{Clock, Counters, OpenError};
 use muster_transport::udp::{self, UdpTransport};
 use tokio::sync::mpsc::Receiver;
+use tokio::sync::watch;
 
 use crate::config::{DroneConfig, TransportName};
 use crate::identities::DroneIdentities;
@@ -19,11 +21,15 @@ pub(super) enum Network {
 }
 
 impl Network {
-    /// Opens the network.
+    /// Opens the network. `revoked` is the list in force.
     ///
     /// # Errors
     /// If it can't be opened as configured. Nothing is left open.
-    pub(super) fn open(config: &DroneConfig, clock: Clock) -> Result<Self, OpenError> {
+    pub(super) fn open(
+        config: &DroneConfig,
+        revoked: watch::Receiver<RevocationList>,
+        clock: Clock,
+    ) -> Result<Self, OpenError> {
         let network = config.network.clone();
         Ok(match config.transport {
             TransportName::Udp => Self::Udp(Box::new(UdpTransport::open(network, clock)?)),
@@ -31,6 +37,7 @@ impl Network {
                 let identities = DroneIdentities {
                     authenticator: Arc::clone(&config.authenticator),
                     fleet: config.fleet,
+                    revoked,
                 };
                 let config = quic::Config {
                     network,

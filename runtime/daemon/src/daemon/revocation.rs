@@ -4,39 +4,98 @@
 //! drones give the list to the next incarnation.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
+use muster_machines::identity::NodeId;
+use muster_machines::radio::Revoked;
 use muster_runtime::file;
-use muster_runtime::identity::{Ed25519Authenticator, RevocationList};
+use muster_runtime::identity::{FleetKey, RevocationList};
+use thiserror::Error;
 use tokio::sync::watch;
 use tokio::task::{JoinHandle, spawn_blocking};
 
-/// The drone's revocation list.
+/// The drone's revocation list. The radio has its own copy, which is given to it as an input.
+///
+/// Invariant: the number of the list in force never falls.
 pub(super) struct Revocations {
-    authenticator: Arc<Ed25519Authenticator>,
+    /// The drone itself.
+    id: NodeId,
+    fleet: FleetKey,
+    /// The list in force, which the network watches.
+    in_force: watch::Sender<RevocationList>,
+    /// Whether the radio has yet to get the list in force.
+    is_due: bool,
     /// `None` once the process ends.
     store: Option<Store>,
 }
 
+/// An offered revocation list is older than the known one, which is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("revocation list {offered} is older than the known list {known}")]
+pub(super) struct OutdatedList {
+    known: u64,
+    offered: u64,
+}
+
 impl Revocations {
-    pub(super) const fn new(authenticator: Arc<Ed25519Authenticator>, store: Store) -> Self {
+    /// For drone `id` of a fleet.
+    pub(super) const fn new(
+        (id, fleet): (NodeId, FleetKey),
+        in_force: watch::Sender<RevocationList>,
+        store: Store,
+    ) -> Self {
         Self {
-            authenticator,
+            id,
+            fleet,
+            in_force,
+            is_due: false,
             store: Some(store),
         }
     }
 
-    /// A newer list is in force: stores it. Returns whether this drone itself is on it.
-    pub(super) fn store_newest(&self) -> bool {
-        let list = self.authenticator.revoked();
+    /// The list in force, as the radio applies it.
+    pub(super) fn revoked(&self) -> Revoked {
+        self.in_force.borrow().revoked()
+    }
+
+    /// Puts the operator's list in force, if it is newer or the same one. Returns whether this drone itself is on it.
+    ///
+    /// # Errors
+    /// If the list is older than the known one, which is kept.
+    pub(super) fn replace(&mut self, list: RevocationList) -> Result<bool, OutdatedList> {
+        let (known, offered) = (self.in_force.borrow().number(), list.number());
+        if offered < known {
+            return Err(OutdatedList { known, offered });
+        }
+        self.is_due = true;
+        Ok(self.put_in_force(list))
+    }
+
+    /// Keeps a newer list that the radio has from another drone, in the form in which drones forward it. Returns whether
+    /// this drone itself is on it.
+    pub(super) fn keep(&mut self, forwarded: &[u8]) -> bool {
+        let list = RevocationList::from_bytes(forwarded, &self.fleet);
+        let known = self.in_force.borrow().number();
+        let newer = list.filter(|it| it.number() > known);
+        newer.is_some_and(|list| self.put_in_force(list))
+    }
+
+    /// The list that the radio has yet to get, for `deliver`, which returns whether the radio had room.
+    pub(super) fn deliver(&mut self, deliver: impl FnOnce(Revoked) -> bool) {
+        if self.is_due && deliver(self.revoked()) {
+            self.is_due = false;
+        }
+    }
+
+    fn put_in_force(&self, list: RevocationList) -> bool {
         let number = list.number();
         if !list.fits_datagram() {
             tracing::warn!(number, "the revocation list is too long to be forwarded");
         }
+        let is_revoked = list.has(self.id);
         if let Some(store) = &self.store {
-            store.replace(list);
+            store.replace(list.clone());
         }
-        let is_revoked = self.authenticator.is_revoked();
+        self.in_force.send_replace(list);
         if is_revoked {
             tracing::error!(number, "the key of this drone is revoked: it lands");
         }

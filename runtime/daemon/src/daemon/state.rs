@@ -7,6 +7,7 @@ use muster_machines::msp::{self, FlightCommand, Telemetry};
 use muster_machines::node::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
 use muster_machines::time::Timestamp;
 use muster_machines::{radio, routing};
+use muster_runtime::identity::RevocationList;
 use muster_runtime::journal::{WriteReport, Writer};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use muster_transport::quic::Stream;
@@ -18,7 +19,7 @@ use super::monitor::Monitor;
 use super::outcome::Outcome;
 use super::process::Components;
 use super::radio_link::{Polled, RadioLink};
-use super::revocation::Revocations;
+use super::revocation::{OutdatedList, Revocations};
 use super::service;
 use crate::clock::Clock;
 use crate::control::Losses;
@@ -142,6 +143,10 @@ impl State {
                 self.report_telemetry(now, telemetry);
             }
             Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
+            Effect::KeepList(list) => {
+                let is_revoked = self.revocations.keep(&list);
+                self.list_in_force(is_revoked);
+            }
             Effect::Observe(seen) => self.observe(now, &seen),
         }
     }
@@ -200,7 +205,6 @@ impl State {
 
     fn observe(&mut self, now: Timestamp, seen: &Observation) {
         match seen {
-            Observation::Radio(radio::Event::RevocationList { .. }) => self.revocation_changed(),
             Observation::Mission(mission::Event::State(state)) => {
                 service::status(&state.to_string());
                 self.outcome.is_finished |= *state == mission::State::Finished;
@@ -211,13 +215,31 @@ impl State {
         self.monitor.observe(now, seen);
     }
 
-    /// A newer revocation list is in force: stores and forwards it.
-    pub(super) fn revocation_changed(&mut self) {
-        if self.revocations.store_newest() {
+    /// Puts the operator's revocation list in force. The radio gets it as soon as it runs and has room.
+    ///
+    /// # Errors
+    /// If the list is older than the known one, which is kept.
+    pub(super) fn replace_list(&mut self, list: RevocationList) -> Result<(), OutdatedList> {
+        let is_revoked = self.revocations.replace(list)?;
+        self.list_in_force(is_revoked);
+        self.deliver_list(self.clock.now());
+        Ok(())
+    }
+
+    /// A revocation list is in force, for radios that start from now on, too. `is_revoked`: the drone itself is on it.
+    fn list_in_force(&mut self, is_revoked: bool) {
+        self.durable.set_revoked(self.revocations.revoked());
+        if is_revoked {
             self.order_landing(LandingReason::Recalled);
         }
-        // The radio forwards it on its next step.
-        self.actors.poke(self.clock.now(), Address::Radio);
+    }
+
+    fn deliver_list(&mut self, now: Timestamp) {
+        let actors = &mut self.actors;
+        self.revocations.deliver(|list| {
+            let list = radio::Input::Revoked(Box::new(list));
+            actors.post(now, Envelope::Radio(list))
+        });
     }
 
     /// Logs for programs how many frames were sent and admitted since the last time.
@@ -271,6 +293,7 @@ impl State {
     pub(super) fn wake(&mut self, now: Timestamp) -> Option<Timestamp> {
         self.actors.fire_timers(now);
         self.deliver_landing_order(now);
+        self.deliver_list(now);
         let telemetry = self.vehicle.handle_timeout(now);
         self.report_telemetry(now, telemetry);
         self.actors.restart_due(now);

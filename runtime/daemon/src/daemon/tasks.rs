@@ -8,7 +8,7 @@ use std::time::Duration;
 use muster_actors::{Message, Stall};
 use muster_machines::mission::LandingReason;
 use muster_machines::node::Address;
-use muster_runtime::identity::{Ed25519Authenticator, FleetKey};
+use muster_runtime::identity::FleetKey;
 use muster_runtime::journal::WriteReport;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc;
@@ -157,7 +157,6 @@ pub(super) struct Reload {
     pub(super) signal: Signal,
     pub(super) path: PathBuf,
     pub(super) volume: Volume,
-    pub(super) authenticator: Arc<Ed25519Authenticator>,
     pub(super) fleet: FleetKey,
 }
 
@@ -186,13 +185,13 @@ impl Reload {
         };
         self.volume.set(reloaded.level);
         let number = reloaded.revoked.number();
-        match self.authenticator.revoke(reloaded.revoked) {
+        let replaced = process.state().replace_list(reloaded.revoked);
+        match replaced {
             Ok(()) => {
                 tracing::info!(
                     number,
                     "reloaded log_level and the revocation list; other fields need a restart"
                 );
-                process.state().revocation_changed();
                 process.notify();
             }
             Err(error) => {

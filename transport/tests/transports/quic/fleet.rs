@@ -77,10 +77,6 @@ struct Keys {
 }
 
 impl Authenticator for Keys {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        !self.revoked.lock().unwrap().contains(&sender)
-    }
-
     fn sign(&self, covered: &[u8]) -> [u8; 64] {
         self.key.sign(covered).to_bytes()
     }
@@ -95,6 +91,10 @@ impl Authenticator for Keys {
 impl Identities for Keys {
     fn public_key(&self) -> PublicKey {
         self.shown.to_bytes()
+    }
+
+    fn is_trusted(&self, drone: NodeId) -> bool {
+        !self.revoked.lock().unwrap().contains(&drone)
     }
 
     fn peer(&self, key: &PublicKey) -> Result<Peer, Distrust> {

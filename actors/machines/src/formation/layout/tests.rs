@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::super::assignment::Assignment;
 use super::super::tests::kinds;
-use super::super::{Kind, OPTIMAL_MAX};
+use super::super::{Change, Kind, OPTIMAL_MAX};
 use super::*;
 
 const SEPARATION: Separation = Separation {
@@ -70,6 +70,29 @@ fn master_has_the_lowest_layer() {
     let layout = Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION).with_layers(Layering::PerDrone);
     assert_eq!(layout.formation().centre(), NodeId(2));
     assert_eq!(*layout.layers_m(&[]), [11.0, 16.5, 5.5, 22.0]);
+}
+
+#[test]
+fn layers_computed_beforehand_are_those_of_their_mission_only() {
+    let fresh = || Layout::new(line(4, 160.0, 0.0), 10.0, SEPARATION);
+    let east = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 170.0, -25.0)];
+    let farther = [Ned::new(0.0, 0.0, -25.0), Ned::new(0.0, 1_000.0, -25.0)];
+    assert_ne!(fresh().layers_m(&east), fresh().layers_m(&farther));
+    let layout = fresh().for_mission(&east);
+    for waypoints in [&east, &farther] {
+        assert_eq!(layout.layers_m(waypoints), fresh().layers_m(waypoints));
+    }
+    let mesh = || formation(Kind::CompactMesh, 4, 40.0, 0.0);
+    let (known, unknown) = (
+        Change::new(1, &layout, mesh()),
+        Change::new(1, &fresh(), mesh()),
+    );
+    assert_eq!(
+        known.layout().layers_m(&east),
+        unknown.layout().layers_m(&east)
+    );
+    let each = layout.with_layers(Layering::PerDrone);
+    assert_eq!(*each.layers_m(&east), [11.0, 16.5, 5.5, 22.0]);
 }
 
 #[test]

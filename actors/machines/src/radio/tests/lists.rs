@@ -1,16 +1,18 @@
-use std::cell::Cell;
-
 use super::*;
 
 /// The content of a list is its number; the fleet signs no odd ones.
-struct Listed(Cell<u8>);
+struct Listed;
+
+/// Drone 2 is revoked by list 6.
+fn revoked(number: u8) -> Revoked {
+    Revoked {
+        number: number.into(),
+        drones: (number >= 6).then_some(NodeId(2)).into_iter().collect(),
+        signed: Some(Bytes::copy_from_slice(&[number])),
+    }
+}
 
 impl Authenticator for Listed {
-    fn is_trusted(&self, sender: NodeId) -> bool {
-        // Drone 2 is revoked by list 6.
-        self.0.get() < 6 || sender != NodeId(2)
-    }
-
     fn sign(&self, covered: &[u8]) -> [u8; AUTHENTICATOR_LEN] {
         IdealAuthenticator.sign(covered)
     }
@@ -19,31 +21,16 @@ impl Authenticator for Listed {
         IdealAuthenticator.verify(sender, covered, with)
     }
 
-    fn list_number(&self) -> u64 {
-        self.0.get().into()
-    }
-
-    fn list(&self) -> Option<Bytes> {
-        Some(Bytes::copy_from_slice(&[self.0.get()]))
-    }
-
-    fn take_list(&self, list: &[u8]) -> Offer {
+    fn read_list(&self, list: &[u8]) -> Option<Revoked> {
         match list {
-            [number] if number % 2 == 1 => Offer::Unsigned,
-            [number] if *number < self.0.get() => Offer::Older,
-            [number] if *number == self.0.get() => Offer::Same,
-            [number] => {
-                self.0.set(*number);
-                Offer::Newer
-            }
-            _ => Offer::Unsigned,
+            [number] if number % 2 == 0 => Some(revoked(*number)),
+            _ => None,
         }
     }
 }
 
 fn with_list(id: u32, list: u8) -> Radio<Listed> {
-    let listed = Listed(Cell::new(list));
-    Radio::new(config(id), listed, 1, Checkpoint::default(), 0)
+    Radio::new(config(id), Listed, 1, Checkpoint::default(), 0).with_list(revoked(list))
 }
 
 fn list(number: u8) -> RadioPacket {
@@ -76,8 +63,9 @@ fn radio_that_starts_with_an_older_list_receives_the_newer_one() {
     assert_eq!(packets(&number), [RadioPacket::ListNumber(2)]);
     let given = give(&mut newer, 0, &number);
     assert!(packets(&given).contains(&list(4)));
-    let (_, events) = handle(&mut older, 0, received(&given[0], None));
+    let (transmits, events) = handle(&mut older, 0, received(&given[0], None));
     assert_eq!(events, [Event::RevocationList { list: 4 }]);
+    assert!(transmits.contains(&Transmit::KeepList(Bytes::from_static(&[4]))));
 }
 
 #[test]
@@ -92,7 +80,7 @@ fn radio_that_hears_of_a_newer_list_receives_it() {
     let given = give(&mut newer, 2_000, &wants);
     assert_eq!(packets(&given), [list(4)]);
     give(&mut older, 2_000, &given);
-    assert_eq!(older.authenticator.list_number(), 4);
+    assert_eq!(older.list_number(), 4);
 }
 
 #[test]
@@ -105,8 +93,11 @@ fn new_list_is_passed_on_immediately_and_once() {
     assert_eq!(packets(&give(&mut radio, 5_000, &[frame])), [list(4)]);
     assert_eq!(timeout_frames(&mut radio, 9_000), Vec::<Bytes>::new());
     // The same holds for a list from the operator.
-    radio.authenticator.0.set(8);
-    assert_eq!(packets(&timeout_frames(&mut radio, 9_000)), [list(8)]);
+    let (transmits, _) = handle(&mut radio, 9_000, Input::Revoked(Box::new(revoked(8))));
+    assert_eq!(packets(&frames(transmits)), [list(8)]);
+    // An older one of the operator changes nothing.
+    handle(&mut radio, 9_000, Input::Revoked(Box::new(revoked(4))));
+    assert_eq!(radio.list_number(), 8);
 }
 
 #[test]
@@ -117,7 +108,7 @@ fn unsigned_list_is_counted_and_not_taken() {
         dropped(&mut radio, 0, &frame),
         Some(DropReason::UnsignedList)
     );
-    assert_eq!(radio.authenticator.list_number(), 2);
+    assert_eq!(radio.list_number(), 2);
 }
 
 #[test]
@@ -135,7 +126,7 @@ fn revoked_sender_receives_the_list_at_intervals() {
     // It still accepts frames of the others, so it receives the list.
     let frame = sent_by(&mut with_list(0, 6), &wire::encode_radio_packet(&list(6)));
     assert_eq!(dropped(&mut revoked, 0, &frame), None);
-    assert_eq!(revoked.authenticator.list_number(), 6);
+    assert_eq!(revoked.list_number(), 6);
 }
 
 #[test]

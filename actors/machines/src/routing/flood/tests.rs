@@ -56,7 +56,7 @@ fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Inpu
         notices: Vec::new(),
         events: Vec::new(),
     };
-    let Ok(_) = step(routing, now, stimulus, |emitted| match emitted {
+    step(routing, now, stimulus, |emitted| match emitted {
         Emitted::Transmit(Transmit::Send { payload, .. }) => {
             outputs.sent.push(wire::decode_packet(&payload).unwrap());
         }

@@ -78,7 +78,7 @@ impl Node {
     /// The frames sent in response to `stimulus`.
     fn stimulate(&mut self, stimulus: Stimulus<Input>) -> Vec<Tree> {
         let (sent, notices) = (&mut self.sent, &mut self.notices);
-        let Ok(deadline) = step(
+        self.deadline = step(
             &mut self.routing,
             self.now,
             stimulus,
@@ -94,7 +94,6 @@ impl Node {
                 Emitted::Event(_) => {}
             },
         );
-        self.deadline = deadline;
         std::mem::take(&mut self.sent)
     }
 

@@ -209,7 +209,7 @@ impl Drone {
         };
         let (mut messages, mut checkpoint) = (Vec::new(), None);
         let mission = Arc::make_mut(mission);
-        let Ok(_) = step(mission, Timestamp::ZERO, stimulus, |output| match output {
+        step(mission, Timestamp::ZERO, stimulus, |output| match output {
             Emitted::Transmit(transmit) => messages.extend(to_routing(transmit)),
             Emitted::Event(mission::Event::Checkpoint(it)) => checkpoint = Some(*it),
             Emitted::Event(_) => {}

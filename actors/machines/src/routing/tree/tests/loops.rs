@@ -169,7 +169,7 @@ impl Swarm {
         };
         let mut sent = Vec::new();
         let checkpoint = &mut drone.checkpoint;
-        let Ok(deadline) = step(routing, self.now, stimulus, |emitted| match emitted {
+        drone.deadline = step(routing, self.now, stimulus, |emitted| match emitted {
             Emitted::Transmit(Transmit::Send {
                 to,
                 ballot,
@@ -179,7 +179,6 @@ impl Swarm {
             Emitted::Event(Event::Checkpoint(it)) => *checkpoint = Some(*it),
             Emitted::Transmit(Transmit::Inform(_)) | Emitted::Event(_) => {}
         });
-        drone.deadline = deadline;
         for (to, ballot, payload) in sent {
             let header = wire::decode_tree(&payload).unwrap().header;
             if header.hops.is_some() {

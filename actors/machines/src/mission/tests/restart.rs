@@ -1,0 +1,69 @@
+//! What is known after a restart.
+
+use super::*;
+
+#[test]
+fn restarted_mission_resumes_its_leg() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    deliver(&mut member, 5, &open_waypoint(1));
+    let checkpoint = member.durable.clone();
+    let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
+    let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
+    let to = Ned::new(100.0, -100.0, -25.0);
+    assert_eq!(transmits, [Transmit::Resync, Transmit::Goal(fly_to(to))]);
+    let arrived = arrive(&mut restarted, 40.0);
+    assert!(arrived.contains(&acknowledgement(5)));
+}
+
+#[test]
+fn restarted_process_resumes_a_leg_in_lockstep_but_waits_in_its_layer() {
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    let (waypoint, apart) = (1, false);
+    let goal_after_restart = |member: &Mission| {
+        let mut checkpoint = member.durable.clone();
+        checkpoint.begin_incarnation();
+        let mut restarted = Mission::new(config(0, Liveness::Heartbeat), Some(checkpoint));
+        let (transmits, _) = stimulate(&mut restarted, 35.0, Stimulus::Timeout);
+        goal(&transmits)
+    };
+    assert!(matches!(
+        goal_after_restart(&member),
+        Some(Goal::TransitTo { .. })
+    ));
+    deliver(&mut member, 5, &Order::Move { waypoint, apart });
+    let to = Ned::new(100.0, -100.0, -25.0);
+    assert_eq!(goal_after_restart(&member), Some(fly_to(to)));
+    // In its slot, with the next waypoint open before routes are ready.
+    let mut member = mission(0, Liveness::Heartbeat);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    arrive(&mut member, 20.0);
+    notify(&mut member, 21.0, RoutingNotice::HopUpdateStarted);
+    deliver(&mut member, 3, &Order::Move { waypoint, apart });
+    assert_eq!(member.durable.state, State::HopUpdate);
+    assert!(matches!(
+        goal_after_restart(&member),
+        Some(Goal::TransitTo { .. })
+    ));
+}
+
+#[test]
+fn restarted_routing_is_told_leader_order_and_landing_again() {
+    let mut master = master_taking_off();
+    let transmits = notify(&mut master, 15.0, RoutingNotice::Resync);
+    assert!(matches!(transmits[0], Transmit::Lead(_)));
+    assert_eq!(orders(&transmits), [Order::TakeOff { wave: 0 }]);
+    assert!(transmits.contains(&acknowledgement(1)));
+    let mut member = member_at_waypoint_0(Liveness::Heartbeat);
+    send(&mut member, 35.0, Input::GiveUp);
+    let transmits = notify(&mut member, 36.0, RoutingNotice::Resync);
+    assert!(transmits.contains(&acknowledgement(2)));
+    assert!(transmits.contains(&Transmit::Land));
+    send(
+        &mut member,
+        60.0,
+        Input::Navigation(NavigationNotice::Landed),
+    );
+    let transmits = notify(&mut member, 61.0, RoutingNotice::Resync);
+    assert!(transmits.contains(&Transmit::Stop));
+}
