@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Checkpoint, State};
 use crate::identity::{Ballot, NodeId};
 use crate::navigation::{Goal, Notice as NavigationNotice};
-use crate::routing::Notice as RoutingNotice;
+use crate::routing::{Notice as RoutingNotice, Outgoing};
 
 /// Inputs of a mission.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +56,8 @@ pub enum Transmit {
     Stop,
     /// To the routing: repeat the current leader, the newest order and the state of the routes.
     Resync,
+    /// To the routing: send this message.
+    Message(Outgoing),
     /// To the navigation: the new goal.
     Goal(Goal),
     /// To the navigation: report position and velocity.

@@ -47,6 +47,8 @@ impl Mission {
             RoutingNotice::HopUpdateStarted => self.advance_routes(RoutesPhase::HopUpdate),
             RoutingNotice::RoutesReady => self.advance_routes(RoutesPhase::Ready),
             RoutingNotice::Resync => self.resync_routing(),
+            // It sends no messages, and nobody sends it any.
+            RoutingNotice::Message { .. } | RoutingNotice::Sent { .. } => {}
         }
     }
 

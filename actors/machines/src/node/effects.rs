@@ -150,6 +150,7 @@ impl From<mission::Transmit> for Effect {
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,
+            Transmit::Message(outgoing) => routing::Input::Message(outgoing),
             Transmit::Goal(goal) => {
                 return Self::Post(Envelope::Navigation(Box::new(navigation::Input::Goal(
                     goal,
