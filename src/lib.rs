@@ -61,7 +61,7 @@ pub fn daemon(agents: Agents) -> ExitCode {
 }
 
 fn install(agents: Agents) {
-    agents
-        .install()
-        .expect("a program's main function installs its agents once, and nothing reads scenarios before");
+    agents.install().expect(
+        "a program's main function installs its agents once, and nothing reads scenarios before",
+    );
 }

@@ -124,8 +124,9 @@ impl Sim {
             let drones = scenario.plan.layout.formation().drones();
             let Some(agent) = &mut scenario.plan.agent else {
                 let path = self.path.display();
-                let message =
-                    format!("{path}: agents need `protocol.kind = \"agent\"` and a table `[agent]`");
+                let message = format!(
+                    "{path}: agents need `protocol.kind = \"agent\"` and a table `[agent]`"
+                );
                 return Err(Error::BadInput(message));
             };
             agent

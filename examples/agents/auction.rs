@@ -70,7 +70,11 @@ impl Auction {
     /// What a task costs this drone, in metres. `None` while it does another one.
     fn cost(&self, task: u32, context: &Context<'_>) -> Option<u32> {
         let place = self.above(task, context)?;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates"
+        )]
         let metres = context.position().horizontal_distance_m(place) as u32;
         match self.own {
             None => Some(metres),
@@ -133,7 +137,10 @@ impl Auction {
 
     fn finish(&mut self, task: u32, context: &mut Context<'_>) {
         self.done.insert(task);
-        context.observe("done", f64::from(u32::try_from(self.done.len()).unwrap_or(u32::MAX)));
+        context.observe(
+            "done",
+            f64::from(u32::try_from(self.done.len()).unwrap_or(u32::MAX)),
+        );
         if self.done.len() == self.parameters.tasks_m.len() {
             context.go_to(context.slot().at_altitude(context.position().altitude_m()));
         }

@@ -69,7 +69,8 @@ impl Flocking {
             if distance_m < apart_m {
                 sum -= to_it / distance_m * (apart_m / distance_m - 1.0) * speed_mps;
             } else {
-                sum += (to_it / distance_m * (distance_m / apart_m - 1.0)).cap_magnitude(1.0) * share;
+                sum +=
+                    (to_it / distance_m * (distance_m / apart_m - 1.0)).cap_magnitude(1.0) * share;
             }
             sum += (neighbour.velocity.0 - telemetry.velocity.0) * 0.3 * share;
         }
@@ -88,7 +89,10 @@ impl Agent for Flocking {
             .retain(|_, neighbour| now.since(neighbour.heard) < FORGOTTEN_AFTER);
         let mut payload = Vec::with_capacity(24);
         for value in telemetry.position.0.iter().chain(&telemetry.velocity.0) {
-            #[expect(clippy::cast_possible_truncation, reason = "a message needs no more digits")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "a message needs no more digits"
+            )]
             payload.extend((*value as f32).to_le_bytes());
         }
         let _ = context.send(Destination::Neighbours, &payload, Reliability::BestEffort);

@@ -5,9 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use muster::agent::{
-    Agent, Context, Destination, MessageId, Reliability, SwarmEvent, Telemetry,
-};
+use muster::agent::{Agent, Context, Destination, MessageId, Reliability, SwarmEvent, Telemetry};
 use muster::{AgentSpec, Ned, NodeId};
 use serde::{Deserialize, Serialize};
 
@@ -145,7 +143,10 @@ fn send(context: &mut Context<'_>, to: Destination, message: &Message) -> Option
 
 impl Agent for Lanes {
     fn start(&mut self, context: &mut Context<'_>) {
-        if let Some(state) = context.kept().and_then(|kept| postcard::from_bytes(kept).ok()) {
+        if let Some(state) = context
+            .kept()
+            .and_then(|kept| postcard::from_bytes(kept).ok())
+        {
             self.state = state;
         }
         context.go_to(context.slot().at_altitude(Self::altitude_m(context)));
@@ -182,7 +183,11 @@ impl Agent for Lanes {
     fn swarm(&mut self, event: SwarmEvent, context: &mut Context<'_>) {
         match event {
             SwarmEvent::MessageSent { id, outcome } => {
-                let sent = self.unconfirmed.iter().find(|(sent, _)| *sent == id).copied();
+                let sent = self
+                    .unconfirmed
+                    .iter()
+                    .find(|(sent, _)| *sent == id)
+                    .copied();
                 if let Some(entry) = sent {
                     self.unconfirmed.remove(&entry);
                     if outcome != muster::agent::Outcome::Delivered {

@@ -82,7 +82,11 @@ impl Mule {
         if self.count == 0 || self.sent.is_some() {
             return;
         }
-        let sent = send(context, Destination::Drone(to), Message::Measurements(self.count));
+        let sent = send(
+            context,
+            Destination::Drone(to),
+            Message::Measurements(self.count),
+        );
         self.sent = sent.map(|id| (id, self.count));
     }
 }

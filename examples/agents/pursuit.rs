@@ -102,7 +102,10 @@ impl Pursuit {
             return;
         }
         self.reported = Some(context.now());
-        #[expect(clippy::cast_possible_truncation, reason = "a message needs no more digits")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a message needs no more digits"
+        )]
         let message = Message {
             place_m: [seen.at.north_m() as f32, seen.at.east_m() as f32],
             velocity_mps: [seen.velocity.0.x as f32, seen.velocity.0.y as f32],

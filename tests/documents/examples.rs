@@ -88,8 +88,8 @@ fn every_example_says_how_it_is_run() {
                 "{place}: `{}`",
                 block.info
             );
-            let is_tested = !block.info.starts_with("rust")
-                || WITH_RUST.contains(&document.path.as_str());
+            let is_tested =
+                !block.info.starts_with("rust") || WITH_RUST.contains(&document.path.as_str());
             assert!(is_tested, "{place}: only {WITH_RUST:?} are doc tests");
         }
     }

@@ -18,6 +18,7 @@
 mod frame;
 mod intent;
 mod kind;
+mod message;
 mod order;
 mod packet;
 mod radio;
@@ -33,10 +34,19 @@ pub use self::frame::{
 };
 pub use self::intent::Intent;
 pub use self::kind::PacketKind;
-pub use self::order::{HOLD_MAX, Order, PLAN_PART_MAX, ROSTER_RUNS_MAX, Step, decode_order, encode_order};
+pub use self::message::{
+    Accepted, Destination, MESSAGE_FRAME_MAX, MESSAGE_HOPS_MAX, MESSAGE_MAX, Message, MessageBody,
+    MessageFrame, message_pieces,
+};
+pub use self::order::{
+    HOLD_MAX, Order, PLAN_PART_MAX, ROSTER_RUNS_MAX, Step, decode_order, encode_order,
+};
 pub use self::packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 pub use self::radio::{RadioPacket, decode_radio_packet, encode_radio_packet};
-pub use self::routing::{decode_packet, decode_tree, encode_packet, encode_tree, split_tree};
+pub use self::routing::{
+    decode_message, decode_packet, decode_tree, encode_message, encode_packet, encode_tree,
+    is_message, split_tree,
+};
 pub use self::tree::{EncodedSet, TreeFrame, TreeHeader};
 
 /// Largest datagram in bytes: an Ethernet frame of 1,500 bytes without the headers of IPv4 and UDP (the ancestor's

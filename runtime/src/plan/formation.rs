@@ -100,7 +100,9 @@ pub(super) fn changes(
                     "with the protocol \"follow\" the formation changes at waypoint 0 only"
                         .to_owned()
                 }
-                ProtocolKind::Muscop | ProtocolKind::Agent => format!("the mission's last waypoint is {last}"),
+                ProtocolKind::Muscop | ProtocolKind::Agent => {
+                    format!("the mission's last waypoint is {last}")
+                }
             });
         }
         let waypoint = u16::try_from(waypoint).unwrap_or(u16::MAX);

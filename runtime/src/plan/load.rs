@@ -13,10 +13,10 @@ use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
 use muster_machines::wire;
 
+use super::agent::{EXPECTED, agent};
 use super::failsafe::failsafe;
 use super::fence::Fenced;
 use super::file::{Override, Source};
-use super::agent::{EXPECTED, agent};
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
@@ -285,7 +285,8 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
     };
     let barrier = Barrier::from(*name.get_ref());
     if barrier == Barrier::Neighbours && raw.protocol.kind != ProtocolKind::Muscop {
-        let message = "`barrier = \"neighbours\"` needs the protocol \"muscop\": others have no barrier";
+        let message =
+            "`barrier = \"neighbours\"` needs the protocol \"muscop\": others have no barrier";
         return Err(source.error(name.span(), message));
     }
     if barrier == Barrier::Neighbours && !raw.changes.is_empty() {

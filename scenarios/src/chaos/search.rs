@@ -230,6 +230,8 @@ impl Search {
 mod tests {
     use std::collections::BTreeSet;
 
+    use std::path::Path;
+
     use super::*;
 
     fn search(set: &[&str]) -> Search {

@@ -29,7 +29,9 @@ impl Scenario {
     #[must_use]
     pub fn verdict(&self) -> String {
         let connected = self.connected();
-        let warnings = connected.as_ref().map_or_else(Vec::new, |in_slots| self.warnings(in_slots));
+        let warnings = connected
+            .as_ref()
+            .map_or_else(Vec::new, |in_slots| self.warnings(in_slots));
         let mut facts = vec![
             plural(self.plan.layout.formation().drones() as usize, "drone"),
             about(self.plan.limits.flight),
@@ -39,7 +41,10 @@ impl Scenario {
             Some(relayed) => facts.push(format!("{relayed} need relays")),
             None => {}
         }
-        let (word, facts) = (if warnings.is_empty() { "OK" } else { "WARNING" }, facts.join(", "));
+        let (word, facts) = (
+            if warnings.is_empty() { "OK" } else { "WARNING" },
+            facts.join(", "),
+        );
         let warnings: String = warnings.iter().map(|it| format!("; {it}")).collect();
         format!("{word}: {facts}{warnings}")
     }
@@ -59,7 +64,9 @@ impl Scenario {
                 drones(&apart)
             ));
         }
-        let diameter = self.masters_segment(in_slots).map_or(0, |it| in_slots.diameter(it));
+        let diameter = self
+            .masters_segment(in_slots)
+            .map_or(0, |it| in_slots.diameter(it));
         if self.settling().hops_max.is_some_and(|hops| diameter > hops) {
             warnings.push(format!(
                 "with these losses, policy `flood` does not carry heartbeats over {}: set `protocol.policy` to \"tree\"",
@@ -76,8 +83,13 @@ impl Scenario {
         let Some(segment) = self.masters_segment(in_slots) else {
             return 0;
         };
-        let members = segment.members.iter().filter(|id| id.0 < drones && **id != master);
-        members.filter(|id| !in_slots.are_neighbours(**id, master)).count()
+        let members = segment
+            .members
+            .iter()
+            .filter(|id| id.0 < drones && **id != master);
+        members
+            .filter(|id| !in_slots.are_neighbours(**id, master))
+            .count()
     }
 
     /// Separation, time to re-elect, bound of the run, holds, altitude layers, waves, fence and drones out of reach: one line each.

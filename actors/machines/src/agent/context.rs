@@ -7,13 +7,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::host::State;
 use super::{
-    ALTITUDE_MIN_M, Destination, KEPT_MAX, MESSAGES_PER_STEP_MAX, MessageId,
-    OBSERVATIONS_PER_STEP_MAX, Observed, Reliability, TIMER_MIN, TimerId, TooMuch,
+    ALTITUDE_MIN_M, Destination, KEPT_MAX, MESSAGE_FRAME_MAX, MESSAGE_MAX, MESSAGES_PER_STEP_MAX,
+    MessageId, OBSERVATIONS_PER_STEP_MAX, Observed, Reliability, TIMER_MIN, TimerId, TooMuch,
 };
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
-use crate::routing::{MESSAGE_MAX, Outgoing};
+use crate::routing::Outgoing;
 use crate::time::Timestamp;
 
 /// What an agent can read and do. Positions are relative to home: north, east, down, in metres.
@@ -134,7 +134,8 @@ impl Context<'_> {
         self.state.lands = true;
     }
 
-    /// Sends a message.
+    /// Sends a message of at most [`MESSAGE_MAX`] bytes, to neighbours or to all of at most [`MESSAGE_FRAME_MAX`]. A message
+    /// to all can't be acknowledged: each hop repeats it, whatever `reliability` says.
     ///
     /// # Errors
     /// The message is too long, or this step has sent too many. Nothing is sent.
@@ -144,7 +145,12 @@ impl Context<'_> {
         payload: &[u8],
         reliability: Reliability,
     ) -> Result<MessageId, TooMuch> {
-        check_len(payload, MESSAGE_MAX)?;
+        let (max, reliability) = match to {
+            Destination::All => (MESSAGE_FRAME_MAX, Reliability::BestEffort),
+            Destination::Neighbours => (MESSAGE_FRAME_MAX, reliability),
+            Destination::Leader | Destination::Drone(_) => (MESSAGE_MAX, reliability),
+        };
+        check_len(payload, max)?;
         if self.state.outgoing.len() >= MESSAGES_PER_STEP_MAX {
             let max = MESSAGES_PER_STEP_MAX;
             return Err(TooMuch::Messages { max });
@@ -164,7 +170,9 @@ impl Context<'_> {
     /// # Panics
     /// [`TIMERS_MAX`](super::TIMERS_MAX) other timers run, which counts as a failure of the agent.
     pub fn set_timer(&mut self, timer: TimerId, after: Duration) {
-        self.state.timers.set(timer, self.now + after.max(TIMER_MIN));
+        self.state
+            .timers
+            .set(timer, self.now + after.max(TIMER_MIN));
     }
 
     /// Stops a timer. Does nothing if it does not run.

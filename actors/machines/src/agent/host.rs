@@ -1,6 +1,5 @@
 //! Runs a drone's agent inside the swarm protocol.
 
-use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,9 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::timers::Timers;
-use super::{
-    Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry, next_period,
-};
+use super::{Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry, next_period};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
@@ -308,9 +305,8 @@ impl Machine for Host {
     type Input = Input;
     type Transmit = Transmit;
     type Event = Event;
-    type Rejection = Infallible;
 
-    fn handle_input(&mut self, now: Timestamp, input: Input) -> Result<(), Infallible> {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Routing(RoutingNotice::Message { from, payload }) => {
                 self.handle_message(now, from, &payload);
@@ -337,11 +333,10 @@ impl Machine for Host {
                 }
             }
             input => {
-                let Ok(()) = self.mission.handle_input(now, input);
+                self.mission.handle_input(now, input);
             }
         }
         self.follow_mission(now);
-        Ok(())
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {

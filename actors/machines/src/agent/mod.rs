@@ -27,8 +27,9 @@ pub use self::host::{Config, Factory, Host};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
+pub use crate::routing::{Outcome, Reliability};
 use crate::time::Timestamp;
-pub use crate::routing::{Destination, Outcome, Reliability};
+pub use crate::wire::{Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX};
 
 /// Largest state that an agent may keep, in bytes.
 pub const KEPT_MAX: usize = 16 * 1024;

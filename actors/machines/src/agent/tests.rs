@@ -128,7 +128,7 @@ impl Drone {
 
     fn step(&mut self, stimulus: Stimulus<Input>) -> (Vec<Transmit>, Vec<Event>) {
         let (mut transmits, mut events) = (Vec::new(), Vec::new());
-        let Ok(_) = step(
+        step(
             &mut self.host,
             self.now,
             stimulus,
@@ -269,7 +269,7 @@ fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
         sequence: 3,
         order: wire::encode_order(&order).into(),
     });
-    let Ok(_) = step(
+    step(
         &mut drone.host,
         drone.now,
         Stimulus::Input(input),
@@ -457,17 +457,12 @@ fn limits_of_messages_and_kept_states_are_errors() {
     struct Greedy(Calls);
     impl Agent for Greedy {
         fn start(&mut self, context: &mut Context<'_>) {
-            let long = vec![0; crate::routing::MESSAGE_MAX + 1];
+            let long = vec![0; MESSAGE_MAX + 1];
             let to = Destination::Leader;
             let error = context.send(to, &long, Reliability::BestEffort);
             let mut calls = self.0.lock().unwrap();
             calls.push(error.unwrap_err().to_string());
-            calls.push(
-                context
-                    .keep(&long[..=KEPT_MAX])
-                    .unwrap_err()
-                    .to_string(),
-            );
+            calls.push(context.keep(&long[..=KEPT_MAX]).unwrap_err().to_string());
             let sent = (0..100).filter(|_| context.send(to, b"x", Reliability::BestEffort).is_ok());
             calls.push(sent.count().to_string());
         }

@@ -57,12 +57,12 @@ pub enum Transmit {
     Stop,
     /// To the routing: repeat the current leader, the newest order and the state of the routes.
     Resync,
+    /// To the routing: send this message.
+    Message(Outgoing),
     /// To the navigation: the new goal.
     Goal(Goal),
     /// To the navigation: report position and velocity.
     Locate,
-    /// To the routing: a message to other drones' agents.
-    Message(Outgoing),
 }
 
 /// Why a drone lands.

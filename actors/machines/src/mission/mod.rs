@@ -36,9 +36,7 @@ pub use crate::wire::{Order, Step};
 /// an agent.
 ///
 /// It must lead to the ground whatever happens: only [`Goal::Land`](crate::navigation::Goal::Land) disarms.
-pub trait Protocol:
-    Machine<Input = Input, Transmit = Transmit, Event = Event, Rejection = Infallible> + Send
-{
+pub trait Protocol: Machine<Input = Input, Transmit = Transmit, Event = Event> + Send {
     /// Number of entries in the fullest table, and that table's limit.
     fn occupancy(&self) -> (usize, usize);
 }

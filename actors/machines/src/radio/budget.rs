@@ -14,20 +14,20 @@ pub struct Budget {
 
 /// Token bucket.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TokenBucket {
+pub(crate) struct TokenBucket {
     /// Time when the bucket will be full.
     full_at: Timestamp,
 }
 
 impl TokenBucket {
     /// A full bucket.
-    pub(super) const FULL: Self = Self {
+    pub(crate) const FULL: Self = Self {
         full_at: Timestamp::ZERO,
     };
 
     /// Whether a token is left.
     #[inline]
-    pub(super) fn has_tokens(&self, now: Timestamp, budget: &Budget) -> bool {
+    pub(crate) fn has_tokens(&self, now: Timestamp, budget: &Budget) -> bool {
         if self.full_at <= now {
             return budget.burst > 0;
         }
@@ -36,13 +36,13 @@ impl TokenBucket {
     }
 
     /// Latest time at which a token is available.
-    pub(super) fn available_at(&self, budget: &Budget) -> Timestamp {
+    pub(crate) fn available_at(&self, budget: &Budget) -> Timestamp {
         let rest = budget.interval * budget.burst.saturating_sub(1);
         Timestamp::ZERO + self.full_at.since(Timestamp::ZERO + rest)
     }
 
     #[inline]
-    pub(super) fn charge(&mut self, now: Timestamp, budget: &Budget) {
+    pub(crate) fn charge(&mut self, now: Timestamp, budget: &Budget) {
         self.full_at = self.full_at.max(now) + budget.interval;
     }
 }

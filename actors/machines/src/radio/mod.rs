@@ -19,6 +19,7 @@ use bytes::{Buf, Bytes};
 pub use admission::{Admission, DropReason, ProofPolicy, SenderLookup};
 pub use authenticator::{Authenticator, IdealAuthenticator};
 pub use budget::Budget;
+pub(crate) use budget::TokenBucket;
 pub use config::{Config, Incarnations};
 pub use counters::Checkpoint;
 pub use message::{Event, Input, Source, Transmit};

@@ -7,7 +7,7 @@ mod checkpoint;
 mod epoch;
 pub mod flood;
 mod heartbeat;
-mod messages;
+pub mod messages;
 mod policy;
 mod shared;
 pub mod tree;
@@ -20,13 +20,15 @@ use serde::{Deserialize, Serialize};
 pub use self::checkpoint::{Checkpoint, Durable, PolicyCheckpoint};
 pub use self::epoch::LeaderEpoch;
 pub use self::heartbeat::Heartbeats;
-pub use self::messages::{Destination, MESSAGE_MAX, Outcome, Outgoing, Reliability};
+pub use self::messages::{DropReason, Outcome, Outgoing, Reliability};
 use self::policy::{Dissemination, Policy};
 use self::shared::SharedState;
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
-pub use crate::wire::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
+pub use crate::wire::{
+    Destination, ETX_UNIT, Flood, MESSAGE_FRAME_MAX, MESSAGE_MAX, Member, Packet, Reception, Tree,
+};
 
 /// Configuration of a routing: its policy.
 #[derive(Debug, Clone)]
@@ -125,7 +127,7 @@ pub enum Input {
     Stop,
     /// From the protocol, after its restart: repeat the notices that still apply.
     Resync,
-    /// From the protocol: a message to other drones.
+    /// From the protocol: send this message.
     Message(Outgoing),
 }
 
@@ -188,20 +190,22 @@ pub enum Notice {
     HopUpdateStarted,
     /// Routes are up.
     RoutesReady,
-    /// This routing restarted: repeat the inputs that still apply.
+    /// This routing restarted: repeat the inputs that still apply. It has forgotten the messages that were not sent or
+    /// not acknowledged; their outcomes do not follow.
     Resync,
-    /// A message from another drone.
+    /// A message of another drone, or of this one to itself. At most once for each message, unless this routing
+    /// restarted.
     Message {
-        /// The drone that sent it.
+        /// The drone that sent it, as the neighbour says that passed it on.
         from: NodeId,
-        /// Its content.
+        /// The message.
         payload: Bytes,
     },
-    /// What became of a message of this drone.
+    /// What became of a message that was to be acknowledged. Of a best-effort message only that it was not sent.
     Sent {
-        /// The message.
+        /// The protocol's number of the message.
         id: u32,
-        /// The outcome.
+        /// What became of it.
         outcome: Outcome,
     },
 }
@@ -223,7 +227,8 @@ pub enum Event {
         /// Whether the member does not hear the master itself.
         out_of_range: bool,
     },
-    /// A frame of this sender was dropped: malformed payload, unknown sender or older ballot.
+    /// A frame of this sender was dropped: malformed payload, unknown sender or older ballot, or a message of an origin
+    /// over its budget.
     Ignored(NodeId),
     /// State from which a restarted routing resumes.
     Checkpoint(Box<Checkpoint>),

@@ -4,14 +4,16 @@ use std::hint::black_box;
 
 use bytes::Bytes;
 
+use super::messages::{Context, Messages, Neighbourhood};
 use super::{Checkpoint, Event, Input, PolicyCheckpoint, SharedState, Transmit};
 use crate::identity::{Ballot, NodeId};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Machine, Output};
-use crate::time::Timestamp;
+use crate::time::{Timestamp, first_of};
+use crate::wire;
 
 /// How orders and acknowledgements spread.
-pub(super) trait Policy: std::fmt::Debug {
+pub(super) trait Policy: Neighbourhood + std::fmt::Debug {
     /// Handles [`Input::Received`].
     fn receive(
         &mut self,
@@ -88,6 +90,8 @@ pub(super) trait Policy: std::fmt::Debug {
 pub(super) struct Dissemination<P> {
     pub(super) shared: SharedState,
     pub(super) policy: P,
+    /// `None` until the first message.
+    messages: Option<Box<Messages>>,
     /// The next deadline, as of the end of the last step.
     deadline: Option<Timestamp>,
 }
@@ -99,13 +103,20 @@ impl<P: Policy> Dissemination<P> {
             deadline: policy.deadline(&shared),
             shared,
             policy,
+            messages: None,
         };
         routing.emit_checkpoint();
         routing
     }
 
     pub(super) fn occupancy(&self) -> (usize, usize) {
-        self.policy.occupancy()
+        let of_policy = self.policy.occupancy();
+        let Some(messages) = &self.messages else {
+            return of_policy;
+        };
+        let of_messages = messages.occupancy();
+        let is_fuller = of_messages.0 * of_policy.1 > of_policy.0 * of_messages.1;
+        if is_fuller { of_messages } else { of_policy }
     }
 
     pub(super) fn read_ahead(&self) {
@@ -134,9 +145,72 @@ impl<P: Policy> Dissemination<P> {
         self.policy.lead(&mut self.shared, now, ballot);
     }
 
+    /// The messages, which exist from the first one on, and what they work with.
+    fn messages(&mut self, now: Timestamp) -> (&mut Messages, Context<'_>) {
+        let shared = &mut self.shared;
+        let messages = (self.messages).get_or_insert_with(|| Box::new(Messages::new(shared)));
+        let cx = Context {
+            shared,
+            neighbourhood: &self.policy,
+            now,
+        };
+        (messages, cx)
+    }
+
+    fn receive_message(&mut self, now: Timestamp, sender: NodeId, payload: &Bytes) {
+        if !self.shared.durable.stopped {
+            let (messages, mut cx) = self.messages(now);
+            messages.receive(&mut cx, sender, payload);
+            messages.run(&mut cx);
+        }
+    }
+
+    fn record_delivery(&mut self, now: Timestamp, to: NodeId, payload: &[u8], is_delivered: bool) {
+        if !wire::is_message(payload) {
+            let (shared, policy) = (&mut self.shared, &mut self.policy);
+            return policy.record_delivery(shared, now, to, payload, is_delivered);
+        }
+        if self.shared.durable.stopped || self.messages.is_none() {
+            return;
+        }
+        if !is_delivered {
+            (self.policy).record_lost_message(&mut self.shared, now, to);
+        }
+        let (messages, mut cx) = self.messages(now);
+        messages.record_delivery(&mut cx, to, payload, is_delivered);
+        messages.run(&mut cx);
+    }
+
+    /// Sends the messages that are due, within what the policy has left of the budget.
+    fn run_messages(&mut self, now: Timestamp) {
+        let sent = self.shared.take_sent();
+        if let Some(messages) = &mut self.messages {
+            messages.record_sent(now, sent);
+            if messages.deadline().is_some_and(|due| due <= now) {
+                let (messages, mut cx) = self.messages(now);
+                messages.run(&mut cx);
+            }
+        }
+    }
+
+    fn stop(&mut self, now: Timestamp) {
+        if self.shared.durable.stopped {
+            return;
+        }
+        self.shared.start_landing(now);
+        self.policy.stop(&mut self.shared, now);
+        self.shared.durable.stopped = true;
+        if self.messages.is_some() {
+            let (messages, mut cx) = self.messages(now);
+            messages.stop(&mut cx);
+        }
+    }
+
     fn end_step(&mut self, now: Timestamp) {
+        self.run_messages(now);
         self.emit_checkpoint();
-        self.deadline = self.policy.deadline(&self.shared);
+        let messages = self.messages.as_ref().and_then(|it| it.deadline());
+        self.deadline = first_of([self.policy.deadline(&self.shared), messages]);
         self.shared.expect_step(now, self.deadline);
     }
 
@@ -163,6 +237,9 @@ impl<P: Policy> Machine for Dissemination<P> {
         let (shared, policy) = (&mut self.shared, &mut self.policy);
         match input {
             Input::Received {
+                sender, payload, ..
+            } if wire::is_message(&payload) => self.receive_message(now, sender, &payload),
+            Input::Received {
                 sender,
                 ballot,
                 payload,
@@ -171,7 +248,7 @@ impl<P: Policy> Machine for Dissemination<P> {
                 to,
                 payload,
                 delivered,
-            } => policy.record_delivery(shared, now, to, &payload, delivered),
+            } => self.record_delivery(now, to, &payload, delivered),
             Input::Lead(ballot) => self.lead(now, ballot),
             Input::Publish {
                 ballot,
@@ -196,14 +273,12 @@ impl<P: Policy> Machine for Dissemination<P> {
                 policy.land(shared, now);
             }
             Input::TopologyChanges => policy.topology_changes(shared, now),
-            Input::Stop => {
-                if !shared.durable.stopped {
-                    shared.start_landing(now);
-                    policy.stop(shared, now);
-                    shared.durable.stopped = true;
-                }
+            Input::Stop => self.stop(now),
+            Input::Message(outgoing) => {
+                let (messages, mut cx) = self.messages(now);
+                messages.submit(&mut cx, outgoing);
+                messages.run(&mut cx);
             }
-            Input::Message(_) => {}
             Input::Resync => {
                 shared.resync();
                 policy.resync(shared, now);

@@ -15,6 +15,13 @@ use crate::machine::{Outbox, Output};
 use crate::stall::StallDetector;
 use crate::time::Timestamp;
 
+/// Ballot in messages of a drone that knows no leader.
+const NO_BALLOT: Ballot = Ballot {
+    term: 0,
+    rank: 0,
+    master: NodeId(0),
+};
+
 /// State of a routing with any policy.
 ///
 /// Invariant: orders and acknowledgements belong to the current leader epoch. A step that changes durable state marks
@@ -33,6 +40,8 @@ pub(super) struct SharedState {
     rng: Box<ChaCha8Rng>,
     stall_detector: StallDetector,
     outbox: Outbox<Transmit, Event>,
+    /// Number of frames sent in this step, without messages.
+    sent: u32,
 }
 
 impl SharedState {
@@ -47,6 +56,7 @@ impl SharedState {
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             stall_detector: StallDetector::default(),
             outbox: Outbox::new(),
+            sent: 0,
         }
     }
 
@@ -106,6 +116,7 @@ impl SharedState {
     /// Sends a packet to the radio. Does nothing before there is a leader.
     pub(super) fn send(&mut self, to: Option<NodeId>, payload: Vec<u8>, keep_alive: bool) {
         if let Some(ballot) = self.durable.epoch.ballot() {
+            self.sent += 1;
             self.outbox.transmit(Transmit::Send {
                 to,
                 ballot,
@@ -113,6 +124,26 @@ impl SharedState {
                 keep_alive,
             });
         }
+    }
+
+    /// Sends a packet of the messages, also before there is a leader: no one adopts its ballot.
+    pub(super) fn send_message(&mut self, to: Option<NodeId>, payload: Vec<u8>) {
+        self.outbox.transmit(Transmit::Send {
+            to,
+            ballot: self.durable.epoch.ballot().unwrap_or(NO_BALLOT),
+            payload,
+            keep_alive: false,
+        });
+    }
+
+    /// Number of frames sent since the last call, without messages.
+    pub(super) const fn take_sent(&mut self) -> u32 {
+        std::mem::replace(&mut self.sent, 0)
+    }
+
+    /// A random number.
+    pub(super) fn draw(&mut self) -> u32 {
+        self.rng.random()
     }
 
     /// Observes the ballot of a received frame, or of this drone's own protocol.

@@ -1,5 +1,6 @@
 use std::fmt;
 
+use super::message::MESSAGE;
 use super::radio::{CHALLENGE, INTENT};
 use super::routing::{FLOOD, HELLO, HOP_UPDATE, TREE};
 
@@ -18,6 +19,8 @@ pub enum PacketKind {
     Radio,
     /// Unknown in this version.
     Other,
+    /// Messages between drones.
+    Message,
 }
 
 impl PacketKind {
@@ -30,6 +33,7 @@ impl PacketKind {
             [FLOOD, ..] => Self::Flood,
             [TREE, ..] => Self::Tree,
             [CHALLENGE..=INTENT, ..] => Self::Radio,
+            [MESSAGE, ..] => Self::Message,
             _ => Self::Other,
         }
     }
@@ -44,6 +48,7 @@ impl fmt::Display for PacketKind {
             Self::Tree => "tree",
             Self::Radio => "radio",
             Self::Other => "other",
+            Self::Message => "message",
         })
     }
 }

@@ -3,6 +3,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
+use super::Message;
 use crate::identity::{NodeId, NodeSet};
 
 /// A packet between routings.
@@ -24,6 +25,8 @@ pub enum Packet {
     Flood(Flood),
     /// State of a drone with policy `tree`, sent on change, for repair, and as heartbeat.
     Tree(Tree),
+    /// Messages between drones, and their acknowledgements.
+    Message(Message),
 }
 
 /// A drone's state in policy `flood`: the thesis's MOVE, WAYPOINT_REACHED and LAND in one.

@@ -2,13 +2,15 @@
 
 use std::time::Duration;
 
+use super::message::MESSAGE;
 use super::reader::Reader;
 use super::writer::Writer;
-use super::{Flood, Member, Packet, PayloadError, Tree, TreeFrame, TreeHeader, tree};
+use super::{Flood, Member, Message, Packet, PayloadError, Tree, TreeFrame, TreeHeader};
+use super::{message, tree};
 use crate::identity::NodeId;
 
-/// Kinds of packets, in the first byte; numbered as postcard numbers the variants of an enum. Numbers from 4 on are the
-/// radio's.
+/// Kinds of packets, in the first byte; numbered as postcard numbers the variants of an enum. Numbers 4 to 8 are the
+/// radio's, 9 is for messages.
 pub(super) const HELLO: u8 = 0;
 pub(super) const HOP_UPDATE: u8 = 1;
 pub(super) const FLOOD: u8 = 2;
@@ -41,6 +43,7 @@ pub fn encode_packet(packet: &Packet) -> Vec<u8> {
             write_flood(flood, &mut writer);
         }
         Packet::Tree(tree) => return encode_tree(tree),
+        Packet::Message(message) => return encode_message(message),
     }
     writer.0
 }
@@ -54,6 +57,31 @@ pub fn encode_tree(tree: &Tree) -> Vec<u8> {
     writer.0
 }
 
+/// Encodes a packet of the messages; see [`encode_packet`].
+#[must_use]
+pub fn encode_message(message: &Message) -> Vec<u8> {
+    let mut writer = Writer(Vec::with_capacity(96));
+    writer.u8(MESSAGE);
+    message::write(message, &mut writer);
+    writer.0
+}
+
+/// Whether a payload is a packet of the messages, by its kind; the rest is not checked.
+#[inline]
+#[must_use]
+pub const fn is_message(payload: &[u8]) -> bool {
+    matches!(payload, [MESSAGE, ..])
+}
+
+/// Decodes a packet of the messages.
+///
+/// # Errors
+/// The bytes are no such packet, exceed a limit, or bytes follow it.
+pub fn decode_message(payload: &[u8]) -> Result<Message, PayloadError> {
+    let packet = payload.strip_prefix(&[MESSAGE]).ok_or(PayloadError)?;
+    message::read(packet).ok_or(PayloadError)
+}
+
 /// Decodes a packet between routings.
 ///
 /// # Errors
@@ -64,6 +92,7 @@ pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
         [HOP_UPDATE, hop_update @ ..] => read_hop_update(hop_update),
         [FLOOD, flood @ ..] => read_flood(flood).map(Packet::Flood),
         [TREE, ..] => return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree())),
+        [MESSAGE, ..] => return decode_message(payload).map(Packet::Message),
         _ => None,
     }
     .ok_or(PayloadError)

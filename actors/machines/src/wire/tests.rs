@@ -1,3 +1,5 @@
+mod message;
+
 use std::time::Duration;
 
 use proptest::prelude::*;
@@ -406,7 +408,7 @@ fn any_packet() -> impl Strategy<Value = Packet> {
                 order: order.map(Into::into),
             })
         });
-    prop_oneof![hello, hop_update, flood, tree]
+    prop_oneof![hello, hop_update, flood, tree, message::any_message()]
 }
 
 fn any_radio_packet() -> impl Strategy<Value = RadioPacket> {

@@ -7,6 +7,7 @@ mod durable;
 mod exchange;
 mod members;
 mod neighbours;
+mod routes;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -182,7 +183,7 @@ impl Policy for FloodPolicy {
                 self.receive_hop_update(shared, now, sender, hops, &routing_list);
             }
             Packet::Flood(flood) => self.receive_flood(shared, now, sender, &flood),
-            Packet::Tree(_) => shared.emit(Event::Ignored(sender)),
+            Packet::Tree(_) | Packet::Message(_) => shared.emit(Event::Ignored(sender)),
         }
     }
 

@@ -25,6 +25,7 @@ mod probe;
 mod quality;
 mod recipients;
 mod retransmission;
+mod routes;
 mod topology;
 mod transmitter;
 

@@ -8,7 +8,9 @@ use muster_machines::formation::{Formation, Kind, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::leader::LinkSymmetry;
-use muster_machines::mission::{Alone, Barrier, Conduct, Config, Holds, Input, Liveness, Succession};
+use muster_machines::mission::{
+    Alone, Barrier, Conduct, Config, Holds, Input, Liveness, Succession,
+};
 use muster_machines::navigation;
 use muster_machines::routing::Notice;
 

@@ -1,0 +1,34 @@
+use std::time::Duration;
+
+use smallvec::SmallVec;
+
+use crate::identity::{NodeId, NodeSet};
+use crate::routing::SharedState;
+use crate::time::Timestamp;
+
+/// What a policy knows of routes, for messages.
+pub(in crate::routing) trait Neighbourhood {
+    /// Number of drones and pure relays.
+    fn nodes(&self) -> u32;
+
+    /// First wait for a neighbour's acknowledgement of a frame.
+    fn repair(&self) -> Duration;
+
+    /// Whether routes to the leader come back by themselves, so that it is worth to wait for one.
+    fn restores_routes(&self) -> bool;
+
+    /// Neighbours that hear this drone and that it hears well enough.
+    fn neighbours(&self, now: Timestamp) -> NodeSet;
+
+    /// Next hops towards the leader, the best first.
+    fn inwards(&self, now: Timestamp) -> SmallVec<[NodeId; 4]>;
+
+    /// The next hop away from the leader to a drone; `None` if it is not known.
+    fn outwards(&self, to: NodeId) -> Option<NodeId>;
+
+    /// The neighbours along which a message to all reaches every drone; `None` without routes.
+    fn branches(&self) -> Option<NodeSet>;
+
+    /// The medium did not deliver a message to a neighbour.
+    fn record_lost_message(&mut self, _shared: &mut SharedState, _now: Timestamp, _to: NodeId) {}
+}

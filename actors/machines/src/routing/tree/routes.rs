@@ -1,0 +1,81 @@
+//! What policy `tree` knows of routes, for messages.
+
+use std::time::Duration;
+
+use smallvec::SmallVec;
+
+use super::TreePolicy;
+use super::link::Link;
+use crate::identity::{NodeId, NodeSet};
+use crate::routing::SharedState;
+use crate::routing::messages::Neighbourhood;
+use crate::time::Timestamp;
+
+impl TreePolicy {
+    /// Whether a neighbour is worth a frame: both hear each other, and more than a few frames arrive.
+    fn is_usable(&self, link: &Link, now: Timestamp) -> bool {
+        let time_to_live = self.topology.config.link_time_to_live;
+        link.symmetric
+            && link.is_reachable()
+            && !link.quality.is_poor()
+            && self.topology.links.is_heard(link, now, time_to_live)
+    }
+}
+
+impl Neighbourhood for TreePolicy {
+    fn nodes(&self) -> u32 {
+        self.topology.config.drones + self.topology.config.relays
+    }
+
+    fn repair(&self) -> Duration {
+        self.topology.config.repair
+    }
+
+    fn restores_routes(&self) -> bool {
+        true
+    }
+
+    fn neighbours(&self, now: Timestamp) -> NodeSet {
+        let links = self.topology.links.iter();
+        let usable = links.filter(|link| self.is_usable(link, now));
+        usable.map(|link| link.id).collect()
+    }
+
+    /// The parent, then neighbours that are nearer to the leader than this drone.
+    fn inwards(&self, now: Timestamp) -> SmallVec<[NodeId; 4]> {
+        let (route, own) = (&self.topology.route, self.topology.config.id);
+        let mut next: SmallVec<[NodeId; 4]> = route.parent().into_iter().collect();
+        if route.routes().hops == Some(0) {
+            return next;
+        }
+        let is_nearer = |link: &&Link| {
+            Some(link.id) != route.parent()
+                && link.has_route_past(own)
+                && (route.parent().is_none() || link.report.cost < route.cost())
+                && self.is_usable(link, now)
+        };
+        let mut others: SmallVec<[(u16, NodeId); 4]> = (self.topology.links.iter())
+            .filter(is_nearer)
+            .filter_map(|link| Some((link.cost_through()?, link.id)))
+            .collect();
+        others.sort_unstable();
+        next.extend(others.into_iter().map(|(_, id)| id));
+        next
+    }
+
+    fn outwards(&self, to: NodeId) -> Option<NodeId> {
+        let mut children = self.topology.links.children();
+        let via = children.find(|link| link.sets().alive.contains(to));
+        via.map(|link| link.id)
+    }
+
+    fn branches(&self) -> Option<NodeSet> {
+        self.topology.route.routes().hops?;
+        let children = self.topology.links.children().map(|link| link.id);
+        Some(children.chain(self.topology.route.parent()).collect())
+    }
+
+    fn record_lost_message(&mut self, shared: &mut SharedState, now: Timestamp, to: NodeId) {
+        self.topology.record_failure(shared, now, to);
+    }
+}
