@@ -33,6 +33,8 @@ enum Message {
     Bid(u32, u32),
     /// Do this task.
     Award(u32),
+    /// This drone does another one by now.
+    Decline(u32),
     /// This task is done.
     Done(u32),
 }
@@ -63,18 +65,15 @@ impl Auction {
     /// Above a task, at an altitude of the drone's own.
     fn above(&self, task: u32, context: &Context<'_>) -> Option<Ned> {
         let [north_m, east_m] = *self.parameters.tasks_m.get(task as usize)?;
-        let altitude_m = context.slot().altitude_m() + 6.0 * f64::from(context.id().0);
-        Some(Ned::new(north_m, east_m, -altitude_m))
+        Some(super::at_own_altitude(
+            Ned::new(north_m, east_m, 0.0),
+            context,
+        ))
     }
 
     /// What a task costs this drone, in metres. `None` while it does another one.
     fn cost(&self, task: u32, context: &Context<'_>) -> Option<u32> {
         let place = self.above(task, context)?;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "saturates"
-        )]
         let metres = context.position().horizontal_distance_m(place) as u32;
         match self.own {
             None => Some(metres),
@@ -130,7 +129,13 @@ impl Auction {
                     context.go_to(place);
                 }
             }
+            Message::Award(task) if self.own != Some(task) => {
+                self.tell(context, Destination::Leader, Message::Decline(task));
+            }
             Message::Award(_) => {}
+            Message::Decline(task) => {
+                self.awarded.remove(&task);
+            }
             Message::Done(task) => self.finish(task, context),
         }
     }
@@ -142,7 +147,7 @@ impl Auction {
             f64::from(u32::try_from(self.done.len()).unwrap_or(u32::MAX)),
         );
         if self.done.len() == self.parameters.tasks_m.len() {
-            context.go_to(context.slot().at_altitude(context.position().altitude_m()));
+            context.go_to(super::at_own_altitude(context.slot(), context));
         }
     }
 }

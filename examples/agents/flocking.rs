@@ -60,7 +60,6 @@ impl Flocking {
         if self.neighbours.is_empty() {
             return Velocity(sum);
         }
-        #[expect(clippy::cast_precision_loss, reason = "neighbours are few")]
         let share = 1.0 / self.neighbours.len() as f64;
         for neighbour in self.neighbours.values() {
             let to_it = (neighbour.at.at_altitude(0.0) - here).0;
@@ -89,10 +88,6 @@ impl Agent for Flocking {
             .retain(|_, neighbour| now.since(neighbour.heard) < FORGOTTEN_AFTER);
         let mut payload = Vec::with_capacity(24);
         for value in telemetry.position.0.iter().chain(&telemetry.velocity.0) {
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "a message needs no more digits"
-            )]
             payload.extend((*value as f32).to_le_bytes());
         }
         let _ = context.send(Destination::Neighbours, &payload, Reliability::BestEffort);

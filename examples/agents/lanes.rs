@@ -1,18 +1,18 @@
 //! A search in lanes that reports what it finds.
 //!
-//! The area is cut into lanes, which the drones of the roster share. Everybody is told which lanes are done, so the lanes
-//! of a lost drone are flown by others. Finds go to the leader, and again to the next one if it is lost.
+//! The drones of the roster share the lanes. All are told which lanes are done, so others fly those of a lost drone. Finds
+//! go to the leader, and again to the next one if it is lost.
 
 use std::collections::BTreeSet;
 
-use muster::agent::{Agent, Context, Destination, MessageId, Reliability, SwarmEvent, Telemetry};
+use muster::agent::{Agent, Context, Destination, Outcome, Reliability, SwarmEvent, Telemetry};
 use muster::{AgentSpec, Ned, NodeId};
 use serde::{Deserialize, Serialize};
 
 /// The fields of `[agent.parameters]`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Parameters {
+struct Parameters {
     /// Corner of the area, metres north and east of home.
     corner_m: [f64; 2],
     /// Length of a lane to the north, in metres.
@@ -21,7 +21,7 @@ pub(crate) struct Parameters {
     lanes: u32,
     /// Distance between lanes, in metres.
     lane_m: f64,
-    /// Distance at which a drone sees a target, over ground, in metres.
+    /// Distance over ground at which a drone sees a target, in metres.
     sight_m: f64,
     /// What there is to find, metres north and east of home.
     targets_m: Vec<[f64; 2]>,
@@ -31,16 +31,17 @@ pub(crate) struct Parameters {
 enum Message {
     /// This lane is flown.
     Done(u32),
-    /// This target is here.
+    /// This target was seen.
     Found(u32),
 }
 
+/// What outlives a restart.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct State {
     done: BTreeSet<u32>,
     /// Targets that this drone has seen.
     seen: BTreeSet<u32>,
-    /// Targets that this drone knows of, as leader.
+    /// Targets that this drone knows of as leader.
     reported: BTreeSet<u32>,
 }
 
@@ -48,10 +49,9 @@ struct State {
 pub(crate) struct Lanes {
     parameters: Parameters,
     state: State,
-    /// The lane that it flies, and the ends that it has yet to reach.
-    lane: Option<(u32, Vec<Ned>)>,
-    unconfirmed: BTreeSet<(MessageId, u32)>,
-    is_going_home: bool,
+    lane: Option<u32>,
+    /// Where the drone flies next. Empty once it may land.
+    route: Vec<Ned>,
 }
 
 impl Lanes {
@@ -60,72 +60,47 @@ impl Lanes {
             parameters: spec.parameters()?,
             state: State::default(),
             lane: None,
-            unconfirmed: BTreeSet::new(),
-            is_going_home: false,
+            route: Vec::new(),
         }))
     }
 
-    /// Each drone searches at an altitude of its own, so that paths may cross.
-    fn altitude_m(context: &Context<'_>) -> f64 {
-        context.slot().altitude_m() + 6.0 * f64::from(context.id().0)
-    }
-
-    fn ends(&self, lane: u32, altitude_m: f64) -> Vec<Ned> {
-        let [north_m, east_m] = self.parameters.corner_m;
-        let east_m = east_m + f64::from(lane) * self.parameters.lane_m;
-        let end = |north_m| Ned::new(north_m, east_m, -altitude_m);
-        vec![end(north_m + self.parameters.length_m), end(north_m)]
-    }
-
-    /// Flies to the next end, to the next lane, or home and down if all are done.
-    fn advance(&mut self, context: &mut Context<'_>) {
-        let altitude_m = Self::altitude_m(context);
-        if let Some((lane, mut ends)) = self.lane.take() {
-            if ends.pop().is_some() && !ends.is_empty() {
-                context.go_to(ends[ends.len() - 1]);
-                self.lane = Some((lane, ends));
-                return;
-            }
-            self.finish(lane, context);
-        }
-        let own: Vec<_> = context.roster().iter().collect();
-        let place = own.iter().position(|id| *id == context.id()).unwrap_or(0);
+    /// After the end of a route: the next lane, or home and down.
+    fn choose(&mut self, context: &mut Context<'_>) {
+        let had_lane = self.lane.take().map(|lane| self.finish(lane, context));
+        let roster: Vec<_> = context.roster().iter().collect();
+        let place = roster.iter().position(|id| *id == context.id());
         let left = (0..self.parameters.lanes).filter(|lane| !self.state.done.contains(lane));
         let left: Vec<_> = left.collect();
-        let next = left.get(place * left.len() / own.len()).copied();
-        if let Some(lane) = next {
-            let ends = self.ends(lane, altitude_m);
-            context.go_to(ends[ends.len() - 1]);
-            self.lane = Some((lane, ends));
-            self.is_going_home = false;
-        } else if self.is_going_home {
-            context.land();
-        } else {
-            self.is_going_home = true;
-            context.go_to(context.slot().at_altitude(altitude_m));
-        }
+        self.lane = left
+            .get(place.unwrap_or(0) * left.len() / roster.len())
+            .copied();
+        let above = |place: Ned| super::at_own_altitude(place, context);
+        self.route = match self.lane {
+            Some(lane) => {
+                let [north_m, west_m] = self.parameters.corner_m;
+                let east_m = west_m + f64::from(lane) * self.parameters.lane_m;
+                let ends = [north_m + self.parameters.length_m, north_m];
+                ends.map(|north_m| above(Ned::new(north_m, east_m, 0.0)))
+                    .into()
+            }
+            None if had_lane.is_some() => vec![above(context.slot())],
+            None => return context.land(),
+        };
+        context.go_to(self.route[self.route.len() - 1]);
     }
 
     fn finish(&mut self, lane: u32, context: &mut Context<'_>) {
         self.state.done.insert(lane);
-        send(context, Destination::All, &Message::Done(lane));
         self.keep(context);
+        send(context, Destination::All, &Message::Done(lane));
     }
 
     fn report(&mut self, target: u32, context: &mut Context<'_>) {
-        if context.is_leader() {
-            self.record(target, context);
-        } else if let Some(id) = send(context, Destination::Leader, &Message::Found(target)) {
-            self.unconfirmed.insert((id, target));
-        }
-    }
-
-    /// As leader: knows of a target from now on.
-    fn record(&mut self, target: u32, context: &mut Context<'_>) {
-        if self.state.reported.insert(target) {
-            let count = u32::try_from(self.state.reported.len()).unwrap_or(u32::MAX);
-            context.observe("finds", f64::from(count));
+        if !context.is_leader() {
+            send(context, Destination::Leader, &Message::Found(target));
+        } else if self.state.reported.insert(target) {
             self.keep(context);
+            context.observe("finds", self.state.reported.len() as f64);
         }
     }
 
@@ -136,72 +111,54 @@ impl Lanes {
     }
 }
 
-fn send(context: &mut Context<'_>, to: Destination, message: &Message) -> Option<MessageId> {
-    let payload = postcard::to_allocvec(message).ok()?;
-    context.send(to, &payload, Reliability::Acknowledged).ok()
+fn send(context: &mut Context<'_>, to: Destination, message: &Message) {
+    if let Ok(payload) = postcard::to_allocvec(message) {
+        let _ = context.send(to, &payload, Reliability::Acknowledged);
+    }
 }
 
 impl Agent for Lanes {
     fn start(&mut self, context: &mut Context<'_>) {
-        if let Some(state) = context
-            .kept()
-            .and_then(|kept| postcard::from_bytes(kept).ok())
-        {
-            self.state = state;
-        }
-        context.go_to(context.slot().at_altitude(Self::altitude_m(context)));
+        let kept = context.kept().map(postcard::from_bytes);
+        self.state = kept.and_then(Result::ok).unwrap_or_default();
+        self.route = vec![super::at_own_altitude(context.slot(), context)];
+        context.go_to(self.route[0]);
     }
 
     fn telemetry(&mut self, telemetry: &Telemetry, context: &mut Context<'_>) {
-        let sees = |target: &[f64; 2]| {
-            let place = Ned::new(target[0], target[1], 0.0);
-            telemetry.position.horizontal_distance_m(place) <= self.parameters.sight_m
-        };
-        let seen: Vec<u32> = (0_u32..)
-            .zip(&self.parameters.targets_m)
-            .filter(|(id, target)| sees(target) && !self.state.seen.contains(id))
-            .map(|(id, _)| id)
-            .collect();
-        for target in seen {
-            self.state.seen.insert(target);
-            self.keep(context);
-            self.report(target, context);
+        for (id, target_m) in (0_u32..).zip(self.parameters.targets_m.clone()) {
+            let target = Ned::new(target_m[0], target_m[1], 0.0);
+            let distance_m = telemetry.position.horizontal_distance_m(target);
+            if distance_m <= self.parameters.sight_m && self.state.seen.insert(id) {
+                self.keep(context);
+                self.report(id, context);
+            }
         }
         if telemetry.has_arrived {
-            self.advance(context);
+            self.route.pop();
+            match self.route.last() {
+                Some(next) => context.go_to(*next),
+                None => self.choose(context),
+            }
         }
     }
 
     fn message(&mut self, _from: NodeId, payload: &[u8], context: &mut Context<'_>) {
         match postcard::from_bytes(payload) {
             Ok(Message::Done(lane)) if self.state.done.insert(lane) => self.keep(context),
-            Ok(Message::Found(target)) => self.record(target, context),
+            Ok(Message::Found(target)) => self.report(target, context),
             _ => {}
         }
     }
 
     fn swarm(&mut self, event: SwarmEvent, context: &mut Context<'_>) {
-        match event {
-            SwarmEvent::MessageSent { id, outcome } => {
-                let sent = self
-                    .unconfirmed
-                    .iter()
-                    .find(|(sent, _)| *sent == id)
-                    .copied();
-                if let Some(entry) = sent {
-                    self.unconfirmed.remove(&entry);
-                    if outcome != muster::agent::Outcome::Delivered {
-                        self.report(entry.1, context);
-                    }
-                }
+        let is_lost = |outcome| outcome == Outcome::Expired;
+        if matches!(event, SwarmEvent::LeaderChanged(_))
+            || matches!(event, SwarmEvent::MessageSent { outcome, .. } if is_lost(outcome))
+        {
+            for target in self.state.seen.clone() {
+                self.report(target, context);
             }
-            SwarmEvent::LeaderChanged(_) => {
-                self.unconfirmed.clear();
-                for target in self.state.seen.clone() {
-                    self.report(target, context);
-                }
-            }
-            _ => {}
         }
     }
 }

@@ -73,8 +73,7 @@ impl Mule {
     /// Above a place, at an altitude of the drone's own.
     fn above(&self, place: usize, context: &Context<'_>) -> Ned {
         let [north_m, east_m] = self.parameters.places_m[place % self.parameters.places_m.len()];
-        let altitude_m = context.slot().altitude_m() + 6.0 * f64::from(context.id().0);
-        Ned::new(north_m, east_m, -altitude_m)
+        super::at_own_altitude(Ned::new(north_m, east_m, 0.0), context)
     }
 
     /// Hands everything over, and forgets it once it has arrived.

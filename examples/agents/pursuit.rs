@@ -90,9 +90,8 @@ impl Pursuit {
     /// The drone's place in the ring around `at`, at an altitude of its own.
     fn place(context: &Context<'_>, at: Ned, ring_m: f64) -> Ned {
         let angle = TAU * f64::from(context.id().0) / f64::from(context.drones());
-        let altitude_m = context.slot().altitude_m() + 6.0 * f64::from(context.id().0);
         let offset = Ned::new(ring_m * angle.cos(), ring_m * angle.sin(), 0.0);
-        (at + offset).at_altitude(altitude_m)
+        super::at_own_altitude(at + offset, context)
     }
 
     /// Tells the others what this drone sees, unless they have just been told.
@@ -102,10 +101,6 @@ impl Pursuit {
             return;
         }
         self.reported = Some(context.now());
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "a message needs no more digits"
-        )]
         let message = Message {
             place_m: [seen.at.north_m() as f32, seen.at.east_m() as f32],
             velocity_mps: [seen.velocity.0.x as f32, seen.velocity.0.y as f32],

@@ -75,6 +75,13 @@ impl Agents {
         self
     }
 
+    /// Adds all agents of others; those of the same name are replaced.
+    #[must_use]
+    pub fn and(mut self, others: Self) -> Self {
+        self.0.extend(others.0);
+        self
+    }
+
     /// The names, in alphabetical order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)

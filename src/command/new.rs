@@ -1,3 +1,5 @@
+mod agent;
+
 use std::fs::File;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,8 +16,9 @@ const NAME: &str = "NAME";
 
 /// Write files to start from.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
-  muster new scenario my-first")]
+#[command(after_help = "Examples:
+  muster new scenario my-first
+  muster new agent search")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     what: What,
@@ -29,10 +32,24 @@ enum What {
         #[arg(default_value = "my-flight")]
         name: PathBuf,
     },
+    /// Write a crate with an agent of your own, a scenario and a test. It builds and flies as it is.
+    Agent {
+        /// Name of the crate and its folder: lower-case letters, digits, - and _. An existing folder is not touched.
+        name: PathBuf,
+        /// Where muster's sources are [default: where this program was built from]
+        #[arg(long, value_name = "DIR")]
+        muster: Option<PathBuf>,
+    },
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let What::Scenario { name } = &arguments.what;
+    match &arguments.what {
+        What::Scenario { name } => new_scenario(name),
+        What::Agent { name, muster } => agent::run(name, muster.as_deref()),
+    }
+}
+
+fn new_scenario(name: &Path) -> Result<Outcome, Failure> {
     let stem = name.file_name().unwrap_or_default().to_string_lossy();
     if stem.is_empty()
         || !stem

@@ -296,8 +296,10 @@ impl Host {
     }
 
     fn deadline(&self, mission: Option<Timestamp>) -> Option<Timestamp> {
-        let deadlines = [mission, self.next_telemetry, self.state.timers.next()];
-        deadlines.into_iter().flatten().min()
+        let own = [self.next_telemetry, self.state.timers.next()];
+        // The agent may have landed the drone in this step.
+        let own = own.into_iter().filter(|_| self.is_running());
+        own.chain([mission]).flatten().min()
     }
 }
 

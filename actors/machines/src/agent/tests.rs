@@ -51,6 +51,7 @@ impl Agent for Recorder {
     fn message(&mut self, from: NodeId, payload: &[u8], context: &mut Context<'_>) {
         self.record(format!("message from {from}: {}", payload.len()));
         match payload {
+            b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
             b"panic" => panic!("told to"),
             _ => {}
@@ -59,6 +60,9 @@ impl Agent for Recorder {
 
     fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
         self.record(format!("timer {}", timer.0));
+        if timer == TimerId(8) {
+            context.land();
+        }
         context.observe("ticks", 1.0);
     }
 
@@ -128,7 +132,8 @@ impl Drone {
 
     fn step(&mut self, stimulus: Stimulus<Input>) -> (Vec<Transmit>, Vec<Event>) {
         let (mut transmits, mut events) = (Vec::new(), Vec::new());
-        step(
+        let is_timeout = stimulus == Stimulus::Timeout;
+        let deadline = step(
             &mut self.host,
             self.now,
             stimulus,
@@ -136,6 +141,12 @@ impl Drone {
                 Emitted::Transmit(transmit) => transmits.push(transmit),
                 Emitted::Event(event) => events.push(event),
             },
+        );
+        let is_overdue = is_timeout && deadline.is_some_and(|deadline| deadline <= self.now);
+        assert!(
+            !is_overdue,
+            "deadline {deadline:?} is not after {}",
+            self.now
         );
         for event in &events {
             match event {
@@ -339,6 +350,14 @@ fn landing_agent_announces_the_landing_and_is_not_called_again() {
     drone.message(b"hello");
     drone.wait(10 * SECOND);
     assert_eq!(drone.calls(), Vec::<String>::new());
+}
+
+#[test]
+fn agent_that_lands_when_a_timer_expires_has_no_deadline_left() {
+    let mut drone = member_on_task();
+    drone.message(b"land later");
+    let (_, events) = drone.wait(SECOND);
+    assert!(events.contains(&Event::Landing(LandingReason::MissionOver)));
 }
 
 #[test]

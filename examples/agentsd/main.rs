@@ -1,0 +1,10 @@
+//! One drone as a process, with the agents of the example `agents`. `muster swarm --musterd` takes its path.
+
+#[path = "../agents/all.rs"]
+mod all;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    muster::daemon(all::agents())
+}

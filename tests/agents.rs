@@ -1,0 +1,228 @@
+//! Agents: the examples and the crate that `muster new agent` writes do what they are for, with both engines alike.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[path = "../examples/agents/all.rs"]
+mod examples;
+#[path = "../src/command/new/agent/lib.rs.txt"]
+mod template;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use assert_cmd::Command;
+use muster::agent::{Agent, Context, Destination, Reliability, Telemetry, TimerId};
+use muster::report::Report;
+use muster::{Engine, Ned, NodeId, Sim, Velocity};
+
+/// The agents of the examples, and of the crate that `muster new agent` writes.
+fn install() {
+    // Another test of this program may have installed them.
+    let _ = examples::agents().and(template::agents()).install();
+}
+
+fn scenario(name: &str) -> Sim {
+    install();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/agents");
+    Sim::load(folder.join(name).with_extension("toml")).unwrap()
+}
+
+/// Flies with both engines; returns what both report.
+fn fly(sim: &Sim) -> Report {
+    let report = sim.run().unwrap().report;
+    let with_actors = sim.clone().engine(Engine::Actors).run().unwrap().report;
+    assert_eq!(report.trace, with_actors.trace);
+    assert!(report.violations.is_empty(), "{:?}", report.violations);
+    report
+}
+
+/// The largest value of a name that a drone reported.
+fn highest(report: &Report, name: &str) -> f64 {
+    let values = report.observed.iter().filter(|it| it.name == name);
+    values.map(|it| it.value).fold(0.0, f64::max)
+}
+
+#[test]
+fn lanes_report_all_finds_although_the_leader_is_lost() {
+    for seed in 1..=5 {
+        let report = fly(&scenario("lanes").seed(seed));
+        assert!(report.mission_completed, "seed {seed}");
+        let last = report.observed.last().unwrap();
+        assert_eq!((highest(&report, "finds"), report.elections.len()), (3.0, 1), "{last:?}");
+    }
+}
+
+#[test]
+fn pursuers_surround_the_target() {
+    let report = fly(&scenario("pursuit"));
+    assert!(report.mission_completed);
+    let before_landing = |at_s: &f64| *at_s > 200.0;
+    let distances = report.observed.iter().filter(|it| before_landing(&it.at_s));
+    let (near, all) = distances.fold((0, 0), |(near, all), it| {
+        (near + u32::from(it.value < 45.0), all + 1)
+    });
+    assert!(near * 10 > all * 8, "{near} of {all} looks are near the ring of 30 m");
+}
+
+#[test]
+fn flock_reaches_its_place_together() {
+    let report = fly(&scenario("flocking"));
+    assert!(report.mission_completed);
+    assert!(report.min_separation_m.unwrap() > 5.0);
+}
+
+#[test]
+fn mule_carries_the_measurements_of_lonely_sensors_to_the_base() {
+    let report = fly(&scenario("mule"));
+    let delivered = report.observed.iter().filter(|it| it.drone == 0);
+    let delivered = delivered.map(|it| it.value).fold(0.0, f64::max);
+    assert!(delivered > 300.0, "{delivered} measurements");
+}
+
+#[test]
+fn auctioned_tasks_are_done_although_a_member_is_lost() {
+    for seed in 1..=5 {
+        let report = fly(&scenario("auction").seed(seed));
+        assert!(report.mission_completed, "seed {seed}");
+        assert_eq!(highest(&report, "done"), 8.0, "seed {seed}");
+    }
+}
+
+#[test]
+fn crate_that_muster_new_agent_writes_flies() {
+    let folder = tempfile::tempdir().unwrap();
+    Command::cargo_bin("muster")
+        .unwrap()
+        .current_dir(folder.path())
+        .args(["new", "agent", "my-search"])
+        .assert()
+        .success();
+    let created = folder.path().join("my-search");
+    let source = fs::read_to_string(created.join("src/lib.rs")).unwrap();
+    assert!(source.contains("my-search.toml") && !source.contains("NAME"));
+    assert!(created.join("src/bin/my-searchd.rs").is_file());
+    // The agent of the crate is compiled as a part of this test, under the name that stands for all.
+    install();
+    let scenario = created.join("my-search.toml");
+    let unknown = Sim::load(&scenario).unwrap_err().to_string();
+    assert!(unknown.contains("no agent `my-search`"), "{unknown}");
+    let text = fs::read_to_string(&scenario).unwrap();
+    fs::write(&scenario, text.replace("name = \"my-search\"", "name = \"NAME\"")).unwrap();
+    let report = fly(&Sim::load(&scenario).unwrap());
+    assert!(report.mission_completed);
+    let corners = report.observed.iter().map(|it| it.value as u32);
+    assert_eq!(corners.collect::<BTreeSet<_>>().len(), 5);
+    fs::write(&scenario, text.replace("name = \"my-search\"", "name = \"lanes\"")).unwrap();
+    let refused = Sim::load(&scenario).unwrap_err().to_string();
+    assert!(refused.contains("refuses its parameters"), "{refused}");
+}
+
+#[test]
+fn existing_folder_is_not_touched_by_muster_new_agent() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in [".", "Search", "1st", "muster"] {
+        let run = Command::cargo_bin("muster")
+            .unwrap()
+            .current_dir(folder.path())
+            .args(["new", "agent", name])
+            .assert();
+        run.code(2);
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A scenario for agents that a test builds.
+fn plain() -> Sim {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
+    Sim::load(folder.join("plain.toml")).unwrap()
+}
+
+struct Lazy;
+
+impl Agent for Lazy {
+    fn start(&mut self, _context: &mut Context<'_>) {}
+}
+
+#[test]
+fn agent_that_does_nothing_is_landed_when_the_flight_time_is_over() {
+    let sim = plain().agents(|_| Box::new(Lazy)).unwrap();
+    let report = fly(&sim);
+    assert!(!report.mission_completed);
+}
+
+/// Fails on each telemetry.
+struct Failing;
+
+impl Agent for Failing {
+    fn start(&mut self, _context: &mut Context<'_>) {}
+
+    fn telemetry(&mut self, _telemetry: &Telemetry, context: &mut Context<'_>) {
+        context.go_to(Ned::new(f64::NAN, 0.0, 0.0));
+    }
+}
+
+#[test]
+fn agent_that_keeps_failing_is_given_up_and_the_others_fly_on() {
+    let sim = plain().agents(|id| {
+        if id == NodeId(1) {
+            Box::new(Failing)
+        } else {
+            Box::new(Lazy)
+        }
+    });
+    let report = fly(&sim.unwrap());
+    let given_up = report.drones.iter().filter(|drone| drone.restarts > 0);
+    assert_eq!(given_up.map(|drone| drone.id).collect::<Vec<_>>(), [1]);
+}
+
+/// Sends as much as it may to everybody, all the time.
+struct Flooding;
+
+impl Agent for Flooding {
+    fn start(&mut self, context: &mut Context<'_>) {
+        self.timer(TimerId(0), context);
+    }
+
+    fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
+        while context
+            .send(Destination::All, &[7; 1_000], Reliability::BestEffort)
+            .is_ok()
+        {}
+        context.set_timer(timer, Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn agent_that_floods_the_swarm_breaks_no_rule_and_elects_nobody() {
+    let sim = plain().set("limits.flight_time_s", 90).unwrap().agents(|id| {
+        if id == NodeId(1) {
+            Box::new(Flooding)
+        } else {
+            Box::new(Lazy)
+        }
+    });
+    let report = fly(&sim.unwrap());
+    assert!(report.elections.is_empty(), "{:?}", report.elections);
+}
+
+/// Follows a place that moves north, and reports from a slot.
+struct Tracking;
+
+impl Agent for Tracking {
+    fn start(&mut self, _context: &mut Context<'_>) {}
+
+    fn telemetry(&mut self, telemetry: &Telemetry, context: &mut Context<'_>) {
+        if telemetry.position.north_m() > 200.0 {
+            context.land();
+        }
+        context.track(telemetry.position, Velocity::new(5.0, 0.0, 0.0));
+    }
+}
+
+#[test]
+fn tracked_place_leads_the_drones_away_and_they_land_there() {
+    let report = fly(&plain().agents(|_| Box::new(Tracking)).unwrap());
+    assert!(report.mission_completed);
+}
