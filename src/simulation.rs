@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use muster_machines::agent::Agent;
 use muster_machines::identity::NodeId;
-use muster_runtime::agents::{AgentFactory, AgentSpec, Agents};
+use muster_runtime::agents::{AgentFactory, AgentSpec};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::engine::{self, Engine, RunError};
 use muster_scenarios::report::{self, Flight, Report, ReportFiles, WriteError};
@@ -29,8 +29,8 @@ pub enum Error {
     /// There is no such field.
     #[error("{0}")]
     Field(String),
-    /// The scenario names an agent, and none was given.
-    #[error("the scenario needs the agent `{0}`; give one with `Sim::agents`")]
+    /// The scenario names an agent that the program does not have.
+    #[error("the scenario needs the agent `{0}`; install it, or give one with `Sim::agents`")]
     NoAgent(String),
     /// The machine could not start the run.
     #[error(transparent)]
@@ -115,11 +115,7 @@ impl Sim {
     /// # Errors
     /// As [`Self::set`] and [`Self::agents_from`].
     pub fn scenario(&self) -> Result<Scenario, Error> {
-        let agents = match &self.factory {
-            None => Some(Agents::installed()).filter(|it| it.names().next().is_some()),
-            Some(_) => None,
-        };
-        let mut scenario = scenario::load_for(&self.path, &self.overrides, agents)?;
+        let mut scenario = scenario::load_for(&self.path, &self.overrides, None)?;
         if let Some(factory) = &self.factory {
             let drones = scenario.plan.layout.formation().drones();
             let Some(agent) = &mut scenario.plan.agent else {

@@ -5,6 +5,7 @@
 #[path = "../examples/agents/all.rs"]
 mod examples;
 #[path = "../src/command/new/agent/lib.rs.txt"]
+#[allow(unreachable_pub, reason = "in its own crate it is reachable")]
 mod template;
 
 use std::collections::BTreeSet;
@@ -50,7 +51,11 @@ fn lanes_report_all_finds_although_the_leader_is_lost() {
         let report = fly(&scenario("lanes").seed(seed));
         assert!(report.mission_completed, "seed {seed}");
         let last = report.observed.last().unwrap();
-        assert_eq!((highest(&report, "finds"), report.elections.len()), (3.0, 1), "{last:?}");
+        assert_eq!(
+            (highest(&report, "finds"), report.elections.len()),
+            (3.0, 1),
+            "{last:?}"
+        );
     }
 }
 
@@ -63,7 +68,10 @@ fn pursuers_surround_the_target() {
     let (near, all) = distances.fold((0, 0), |(near, all), it| {
         (near + u32::from(it.value < 45.0), all + 1)
     });
-    assert!(near * 10 > all * 8, "{near} of {all} looks are near the ring of 30 m");
+    assert!(
+        near * 10 > all * 8,
+        "{near} of {all} looks are near the ring of 30 m"
+    );
 }
 
 #[test]
@@ -106,15 +114,23 @@ fn crate_that_muster_new_agent_writes_flies() {
     // The agent of the crate is compiled as a part of this test, under the name that stands for all.
     install();
     let scenario = created.join("my-search.toml");
-    let unknown = Sim::load(&scenario).unwrap_err().to_string();
-    assert!(unknown.contains("no agent `my-search`"), "{unknown}");
+    let unknown = Sim::load(&scenario).unwrap().run().unwrap_err().to_string();
+    assert!(unknown.contains("needs the agent `my-search`"), "{unknown}");
     let text = fs::read_to_string(&scenario).unwrap();
-    fs::write(&scenario, text.replace("name = \"my-search\"", "name = \"NAME\"")).unwrap();
+    fs::write(
+        &scenario,
+        text.replace("name = \"my-search\"", "name = \"NAME\""),
+    )
+    .unwrap();
     let report = fly(&Sim::load(&scenario).unwrap());
     assert!(report.mission_completed);
     let corners = report.observed.iter().map(|it| it.value as u32);
     assert_eq!(corners.collect::<BTreeSet<_>>().len(), 5);
-    fs::write(&scenario, text.replace("name = \"my-search\"", "name = \"lanes\"")).unwrap();
+    fs::write(
+        &scenario,
+        text.replace("name = \"my-search\"", "name = \"lanes\""),
+    )
+    .unwrap();
     let refused = Sim::load(&scenario).unwrap_err().to_string();
     assert!(refused.contains("refuses its parameters"), "{refused}");
 }
@@ -173,8 +189,10 @@ fn agent_that_keeps_failing_is_given_up_and_the_others_fly_on() {
         }
     });
     let report = fly(&sim.unwrap());
-    let given_up = report.drones.iter().filter(|drone| drone.restarts > 0);
-    assert_eq!(given_up.map(|drone| drone.id).collect::<Vec<_>>(), [1]);
+    let failures = report.agent_failures.iter();
+    let failures: Vec<_> = failures.map(|it| (it.drone, it.what.as_str())).collect();
+    let expected = "the destination Ned([[NaN, 0.0, 0.0]]) is not finite";
+    assert_eq!(failures, [(1, expected); 6]);
 }
 
 /// Sends as much as it may to everybody, all the time.
@@ -196,13 +214,16 @@ impl Agent for Flooding {
 
 #[test]
 fn agent_that_floods_the_swarm_breaks_no_rule_and_elects_nobody() {
-    let sim = plain().set("limits.flight_time_s", 90).unwrap().agents(|id| {
-        if id == NodeId(1) {
-            Box::new(Flooding)
-        } else {
-            Box::new(Lazy)
-        }
-    });
+    let sim = plain()
+        .set("limits.flight_time_s", 90)
+        .unwrap()
+        .agents(|id| {
+            if id == NodeId(1) {
+                Box::new(Flooding)
+            } else {
+                Box::new(Lazy)
+            }
+        });
     let report = fly(&sim.unwrap());
     assert!(report.elections.is_empty(), "{:?}", report.elections);
 }

@@ -97,7 +97,8 @@ impl Agents {
 
     /// The agents of the program.
     pub fn installed() -> &'static Self {
-        INSTALLED.get_or_init(Self::default)
+        static NONE: Agents = Agents(BTreeMap::new());
+        INSTALLED.get().unwrap_or(&NONE)
     }
 
     fn find(&self, name: &str) -> Option<AgentFactory> {

@@ -45,7 +45,7 @@ pub(super) fn agent(
             altitude_max_m,
         ),
         (table.parameters.as_ref()).map_or_else(Default::default, |it| it.get_ref().clone()),
-        agents.unwrap_or(&Agents::default()),
+        agents.unwrap_or(Agents::installed()),
     );
     if let Some(agents) = agents.filter(|_| !agent.is_available()) {
         return Err(source.error(table.name.span(), &unavailable(&agent.name, agents)));

@@ -283,6 +283,7 @@ impl Plan {
             altitude_max_m: agent.altitude_max_m,
             telemetry: agent.telemetry,
             factory: agent.factory(id, drones),
+            restarts: self.limits.restarts,
         })
     }
 }

@@ -1,5 +1,6 @@
 //! The report of a run: figures for programs, a page and tables for people.
 
+mod agents;
 pub(crate) mod figures;
 mod flight;
 mod folder;
@@ -75,6 +76,9 @@ pub struct Report {
     pub elections: Vec<Election>,
     /// The drones out of their master's range and their bridges, by their last routes.
     pub bridges: Vec<Bridge>,
+    /// Failures of agents, in order of time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub agent_failures: Vec<AgentFailure>,
     /// Values that the drones' agents reported, in order of time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub observed: Vec<ObservedValue>,
@@ -98,6 +102,17 @@ pub struct Report {
     /// Reports of the scenario's other swarms in the same run. Their ids continue those of this swarm.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<Self>,
+}
+
+/// A failure of a drone's agent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AgentFailure {
+    /// Time, in simulated seconds.
+    pub at_s: f64,
+    /// The drone.
+    pub drone: u32,
+    /// What went wrong.
+    pub what: String,
 }
 
 /// A value that a drone's agent reported.

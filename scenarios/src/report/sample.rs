@@ -57,6 +57,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         })
         .filter(|bridge| !bridge.out_of_range.is_empty())
         .collect(),
+        agent_failures: Vec::new(),
         observed: Vec::new(),
         never_met: vec![],
         dropped: BTreeMap::new(),

@@ -7,8 +7,8 @@ use muster_transport::sim::Access;
 use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, Means,
-    MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
+    AgentFailure, Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone,
+    FormationChange, Means, MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
 use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
@@ -83,6 +83,7 @@ impl Run<'_> {
             following: error(distances_m.concat()),
             elections: elections(&flown.recorder),
             bridges: bridges(&flown.recorder),
+            agent_failures: agent_failures(&flown.recorder),
             observed: observed(&flown.recorder),
             never_met: never_met(&flown.recorder),
             dropped: dropped
@@ -316,6 +317,17 @@ pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     let last = u16::try_from(scenario.plan.waypoints.len() - 1).ok();
     let crossing = last.and_then(|last| recorder.barriers().get(&last));
     crossing.is_some_and(|crossing| crossing.moving.is_some())
+}
+
+fn agent_failures(recorder: &Recorder) -> Vec<AgentFailure> {
+    let failures = recorder.agent_failures().iter();
+    failures
+        .map(|(at, drone, what)| AgentFailure {
+            at_s: at.as_secs_f64(),
+            drone: drone.0,
+            what: what.clone(),
+        })
+        .collect()
 }
 
 fn observed(recorder: &Recorder) -> Vec<ObservedValue> {

@@ -5,6 +5,7 @@ use comfy_table::{
     Table, TableStyle, Width,
 };
 
+use super::agents;
 use super::figures::{count, speedup_text};
 use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
 use muster_runtime::text::{NO_VALUE, drones, figure, figure_or_dash, plural, ranges};
@@ -189,6 +190,7 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
         ));
     }
     lines.extend(swarm_summary(report));
+    lines.extend(agents::lines(report));
     lines.extend(report.trace.clone().map(|trace| ("trace", trace)));
     lines
 }

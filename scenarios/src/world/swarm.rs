@@ -88,6 +88,7 @@ impl Swarm {
                 | mission::Event::Refused
                 | mission::Event::Checkpoint(_)
                 | mission::Event::AgentCheckpoint(_)
+                | mission::Event::AgentFailed(_)
                 | mission::Event::Observed(_) => {}
             },
             Observation::Routing(event) => match event {

@@ -65,7 +65,9 @@ fn dependency(muster: Option<&Path>) -> Result<String, Failure> {
     let is_muster = |folder: &Path| folder.join("src/simulation.rs").is_file();
     let found: io::Result<PathBuf> = fs::canonicalize(folder);
     match found {
-        Ok(folder) if is_muster(&folder) => Ok(format!("{{ path = {:?} }}", folder.display().to_string())),
+        Ok(folder) if is_muster(&folder) => {
+            Ok(format!("{{ path = {:?} }}", folder.display().to_string()))
+        }
         _ => {
             let help = "give the folder of muster's sources: `muster new agent NAME --muster DIR`";
             Err(BadInput::without_excerpt(folder, "has no sources of muster", help).into())

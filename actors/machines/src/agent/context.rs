@@ -187,15 +187,15 @@ impl Context<'_> {
     /// It is longer than [`KEPT_MAX`]. The last one stays.
     pub fn keep(&mut self, kept: &[u8]) -> Result<(), TooMuch> {
         check_len(kept, KEPT_MAX)?;
-        self.state.durable.kept = Some(kept.to_vec());
-        self.state.has_changed = true;
+        self.state.new_kept = Some(kept.to_vec());
         Ok(())
     }
 
     /// The kept state; `None` if there is none.
     #[must_use]
     pub fn kept(&self) -> Option<&[u8]> {
-        self.state.durable.kept.as_deref()
+        let kept = self.state.new_kept.as_ref();
+        kept.or(self.state.durable.kept.as_ref()).map(Vec::as_slice)
     }
 
     /// Reports a named value to observers: the report, the log and recordings show it. More than

@@ -8,6 +8,7 @@ use bytes::Bytes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::runner::{Failed, Runner};
 use super::timers::Timers;
 use super::{Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry, next_period};
 use crate::geometry::{Ned, Velocity};
@@ -16,6 +17,7 @@ use crate::machine::{Machine, Outbox, Output};
 use crate::mission::{Event, Input, LandingReason, Mission, Protocol, Transmit};
 use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::{Notice as RoutingNotice, Outgoing};
+use crate::supervision::RestartLimits;
 use crate::time::Timestamp;
 
 /// Builds an agent.
@@ -26,6 +28,10 @@ impl Factory {
     /// A factory that calls `new` for each start of the agent.
     pub fn new(new: impl Fn() -> Box<dyn Agent> + Send + Sync + 'static) -> Self {
         Self(Arc::new(new))
+    }
+
+    pub(super) fn build(&self) -> Box<dyn Agent> {
+        (self.0)()
     }
 }
 
@@ -52,6 +58,8 @@ pub struct Config {
     pub telemetry: Duration,
     /// Builds the agent.
     pub factory: Factory,
+    /// How often the agent may fail.
+    pub restarts: RestartLimits,
 }
 
 /// What the context shows and changes.
@@ -59,8 +67,6 @@ pub struct Config {
 pub(super) struct State {
     pub(super) config: Config,
     pub(super) durable: Checkpoint,
-    /// Whether `durable` has changed in this step.
-    pub(super) has_changed: bool,
     pub(super) rng: ChaCha8Rng,
     pub(super) timers: Timers,
     pub(super) roster: NodeSet,
@@ -70,6 +76,7 @@ pub(super) struct State {
     last_message: u32,
     /// What the agent asked for in this step.
     pub(super) new_goal: Option<Goal>,
+    pub(super) new_kept: Option<Vec<u8>>,
     pub(super) lands: bool,
     pub(super) outgoing: Vec<Outgoing>,
     pub(super) observed: Vec<Observed>,
@@ -80,6 +87,16 @@ impl State {
         self.last_message = self.last_message.wrapping_add(1);
         MessageId(self.last_message)
     }
+
+    /// Forgets what a failed agent asked for.
+    fn discard(&mut self) {
+        self.new_goal = None;
+        self.new_kept = None;
+        self.lands = false;
+        self.outgoing.clear();
+        self.observed.clear();
+        self.timers.clear();
+    }
 }
 
 /// The swarm protocol, and the agent that flies the drone while it is on task.
@@ -87,9 +104,10 @@ impl State {
 /// Invariant: the agent runs on task only; its checkpoint is emitted before whatever its step sends.
 pub struct Host {
     mission: Mission,
-    agent: Box<dyn Agent>,
+    runner: Runner,
     state: State,
-    is_started: bool,
+    /// Whether the agent was told of the leader and the roster.
+    is_informed: bool,
     is_leader_silent: bool,
     next_telemetry: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -115,10 +133,9 @@ impl Host {
         seed: u64,
     ) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let agent = (config.factory.0)();
+        let runner = Runner::new(config.factory.clone(), config.restarts);
         let state = State {
             durable: checkpoint.unwrap_or_default(),
-            has_changed: false,
             timers: Timers::default(),
             roster: config.id.into(),
             leader: config.id,
@@ -127,6 +144,7 @@ impl Host {
             last_message: rng.random(),
             rng,
             new_goal: None,
+            new_kept: None,
             lands: false,
             outgoing: Vec::new(),
             observed: Vec::new(),
@@ -134,9 +152,9 @@ impl Host {
         };
         Self {
             mission,
-            agent,
+            runner,
             state,
-            is_started: false,
+            is_informed: false,
             is_leader_silent: false,
             next_telemetry: None,
             outbox: Outbox::new(),
@@ -144,8 +162,8 @@ impl Host {
     }
 
     #[cfg(test)]
-    pub(super) fn replace_agent(&mut self, agent: Box<dyn Agent>) {
-        self.agent = agent;
+    pub(super) fn replace_factory(&mut self, factory: Factory) {
+        self.runner.replace_factory(factory);
     }
 
     #[cfg(test)]
@@ -155,25 +173,54 @@ impl Host {
 
     /// Calls the agent, then carries out what it asked for.
     fn call(&mut self, now: Timestamp, call: impl FnOnce(&mut dyn Agent, &mut Context<'_>)) {
-        let mut context = Context {
-            state: &mut self.state,
-            now,
-        };
-        call(self.agent.as_mut(), &mut context);
-        if let Some(goal) = self.state.new_goal.take() {
+        match self.runner.call(now, &mut self.state, call) {
+            Ok(()) => self.carry_out(),
+            Err(failed) => self.fail(failed),
+        }
+    }
+
+    /// Starts the agent if that is due.
+    fn start_if_due(&mut self, now: Timestamp) {
+        match self.runner.start_if_due(now, &mut self.state) {
+            Ok(true) => {
+                self.next_telemetry = Some(now);
+                self.carry_out();
+            }
+            Ok(false) => {}
+            Err(failed) => self.fail(failed),
+        }
+    }
+
+    /// Reports a failed agent. Lands the drone if it failed too often.
+    fn fail(&mut self, failed: Failed) {
+        self.state.discard();
+        self.next_telemetry = None;
+        self.outbox.event(Event::AgentFailed(failed.what));
+        if failed.is_given_up {
+            self.mission.end_task(LandingReason::ActorGivenUp);
+            self.take_mission_outputs();
+        }
+    }
+
+    /// Carries out what the agent asked for.
+    fn carry_out(&mut self) {
+        let goal = self.state.new_goal.take();
+        let kept = self.state.new_kept.take();
+        if let Some(goal) = goal {
             self.state.durable.goal = Some(goal);
-            self.state.has_changed = true;
             self.outbox.transmit(Transmit::Goal(goal));
         }
-        if std::mem::take(&mut self.state.has_changed) {
+        if goal.is_some() || kept.is_some() {
+            self.state.durable.kept = kept.or(self.state.durable.kept.take());
             let checkpoint = Box::new(self.state.durable.clone());
             self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
         }
         for observed in self.state.observed.drain(..) {
             self.outbox.event(Event::Observed(observed));
         }
-        for outgoing in self.state.outgoing.drain(..) {
-            self.outbox.transmit(Transmit::Message(outgoing));
+        if !self.state.outgoing.is_empty() {
+            let outgoing = std::mem::take(&mut self.state.outgoing);
+            self.outbox.transmit(Transmit::Messages(outgoing));
         }
         if std::mem::take(&mut self.state.lands) {
             self.mission.end_task(LandingReason::MissionOver);
@@ -196,22 +243,22 @@ impl Host {
     fn follow_mission(&mut self, now: Timestamp) {
         self.take_mission_outputs();
         if !self.mission.is_on_task() {
-            self.state.timers.clear();
-            self.next_telemetry = None;
+            if self.is_informed {
+                self.runner.stop();
+            }
             return;
         }
         let is_silent = self.mission.is_master_silent();
         let leader = self.mission.leader().unwrap_or(self.state.leader);
-        if !self.is_started {
-            self.is_started = true;
+        if !self.is_informed {
+            self.is_informed = true;
             self.is_leader_silent = is_silent;
             self.state.leader = leader;
             self.state.roster = self.mission.roster().clone();
-            self.next_telemetry = Some(now);
             if let Some(goal) = self.state.durable.goal {
                 self.outbox.transmit(Transmit::Goal(goal));
             }
-            return self.call(now, |agent, context| agent.start(context));
+            return self.start_if_due(now);
         }
         if leader != std::mem::replace(&mut self.state.leader, leader) {
             self.swarm(now, SwarmEvent::LeaderChanged(leader));
@@ -253,7 +300,7 @@ impl Host {
     }
 
     fn is_running(&self) -> bool {
-        self.is_started && self.mission.is_on_task()
+        self.runner.is_running() && self.mission.is_on_task()
     }
 
     fn handle_telemetry(
@@ -299,7 +346,8 @@ impl Host {
         let own = [self.next_telemetry, self.state.timers.next()];
         // The agent may have landed the drone in this step.
         let own = own.into_iter().filter(|_| self.is_running());
-        own.chain([mission]).flatten().min()
+        let start = (self.runner.starts_at()).filter(|_| self.mission.is_on_task());
+        own.chain([mission, start]).flatten().min()
     }
 }
 
@@ -344,6 +392,9 @@ impl Machine for Host {
     fn handle_timeout(&mut self, now: Timestamp) {
         self.mission.handle_timeout(now);
         self.follow_mission(now);
+        if self.mission.is_on_task() {
+            self.start_if_due(now);
+        }
         while self.is_running()
             && let Some(timer) = self.state.timers.pop_expired(now)
         {

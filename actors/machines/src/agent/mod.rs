@@ -14,6 +14,7 @@
 
 mod context;
 mod host;
+mod runner;
 mod timers;
 
 use std::fmt;
@@ -47,8 +48,8 @@ pub const OBSERVATIONS_PER_STEP_MAX: usize = 64;
 /// Decides where one drone flies and what it tells others. Each drone has one.
 ///
 /// All methods run in the drone's mission actor, one at a time, while the drone is on task. They must return within
-/// milliseconds. A panic restarts the actor: the agent is built anew and continues from the state that it kept. An agent
-/// that keeps failing is given up, and its drone lands.
+/// milliseconds. After a panic the agent is built anew and continues from the state that it kept; what the failed call asked
+/// for is not done, its timers are gone. An agent that keeps failing is given up, and its drone lands.
 ///
 /// An agent must use no clock, thread or random source of the host: only then is a simulation repeatable. [`Context`] has
 /// a clock, timers and a random generator.

@@ -13,6 +13,7 @@ use crate::mission::{
 };
 use crate::navigation::{Failure, Notice as NavigationNotice};
 use crate::routing::{Notice, Outcome};
+use crate::supervision::RestartLimits;
 use crate::wire;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -53,7 +54,11 @@ impl Agent for Recorder {
         match payload {
             b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
-            b"panic" => panic!("told to"),
+            b"panic" => {
+                context.keep(b"two").unwrap();
+                context.hold();
+                panic!("told to");
+            }
             _ => {}
         }
     }
@@ -210,6 +215,12 @@ fn host(
         waypoints: Arc::default(),
         altitude_max_m: 100.0,
         telemetry: SECOND,
+        restarts: RestartLimits {
+            restarts_max: 2,
+            window: 60 * SECOND,
+            back_off: SECOND,
+            back_off_max: SECOND,
+        },
         factory: Factory::new(move || {
             Box::new(Recorder {
                 calls: Arc::clone(&calls),
@@ -264,8 +275,11 @@ fn goals(transmits: &[Transmit]) -> Vec<Goal> {
 }
 
 fn messages(transmits: &[Transmit]) -> usize {
-    let is_message = |it: &&Transmit| matches!(it, Transmit::Message(_));
-    transmits.iter().filter(is_message).count()
+    let messages = transmits.iter().map(|it| match it {
+        Transmit::Messages(messages) => messages.len(),
+        _ => 0,
+    });
+    messages.sum()
 }
 
 #[test]
@@ -290,7 +304,7 @@ fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
         },
     );
     let place = |what: &str| emitted.iter().position(|it| it.starts_with(what)).unwrap();
-    assert!(place("AgentCheckpoint") < place("Message"));
+    assert!(place("AgentCheckpoint") < place("Messages"));
     assert!(place("AgentCheckpoint") < place("Goal(FlyTo"));
     assert!(emitted.iter().any(|it| it.starts_with("Acknowledge")));
 }
@@ -410,6 +424,31 @@ fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
 }
 
 #[test]
+fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
+    let mut drone = member_on_task();
+    let (transmits, events) = drone.message(b"panic");
+    assert_eq!(transmits, []);
+    let failed = Event::AgentFailed("told to".to_owned());
+    assert_eq!(events, [failed.clone()]);
+    drone.calls();
+    drone.wait(Duration::ZERO);
+    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
+    let (_, events) = drone.message(b"panic");
+    assert_eq!(events, [failed.clone()]);
+    drone.calls();
+    drone.wait(SECOND / 2);
+    assert_eq!(
+        drone.calls(),
+        Vec::<String>::new(),
+        "the second restart backs off"
+    );
+    drone.wait(SECOND / 2);
+    let (transmits, events) = drone.message(b"panic");
+    assert!(events.contains(&Event::Landing(LandingReason::ActorGivenUp)));
+    assert_eq!(goals(&transmits), [Goal::Land]);
+}
+
+#[test]
 fn restarted_navigation_is_given_the_goal_again() {
     let mut drone = member_on_task();
     let (transmits, _) = drone.input(Input::Navigation(NavigationNotice::Resync));
@@ -488,7 +527,8 @@ fn limits_of_messages_and_kept_states_are_errors() {
     }
     let mut drone = member_in_slot();
     let calls = Arc::clone(&drone.calls);
-    drone.host.replace_agent(Box::new(Greedy(calls)));
+    let factory = Factory::new(move || Box::new(Greedy(Arc::clone(&calls))));
+    drone.host.replace_factory(factory);
     let (transmits, _) = drone.order(
         3,
         &Order::Task {
@@ -516,7 +556,8 @@ fn destinations_are_kept_above_the_ground_and_below_the_limit() {
             }
         }
         let mut drone = member_in_slot();
-        drone.host.replace_agent(Box::new(To(altitude_m)));
+        let factory = Factory::new(move || Box::new(To(altitude_m)));
+        drone.host.replace_factory(factory);
         let (transmits, _) = drone.order(
             3,
             &Order::Task {

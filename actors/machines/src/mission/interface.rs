@@ -57,8 +57,8 @@ pub enum Transmit {
     Stop,
     /// To the routing: repeat the current leader, the newest order and the state of the routes.
     Resync,
-    /// To the routing: send this message.
-    Message(Outgoing),
+    /// To the routing: send these messages.
+    Messages(Vec<Outgoing>),
     /// To the navigation: the new goal.
     Goal(Goal),
     /// To the navigation: report position and velocity.
@@ -124,6 +124,8 @@ pub enum Event {
     Checkpoint(Box<Checkpoint>),
     /// The state from which a restarted agent is built.
     AgentCheckpoint(Box<agent::Checkpoint>),
+    /// The drone's agent failed with this message. It is restarted, or given up if it failed too often.
+    AgentFailed(String),
     /// A value that the drone's agent reports.
     Observed(agent::Observed),
 }

@@ -153,7 +153,7 @@ impl From<mission::Transmit> for Effect {
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,
-            Transmit::Message(message) => routing::Input::Message(message),
+            Transmit::Messages(messages) => routing::Input::Messages(messages),
             Transmit::Goal(goal) => {
                 return Self::Post(Envelope::Navigation(Box::new(navigation::Input::Goal(
                     goal,

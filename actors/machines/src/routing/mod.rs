@@ -127,8 +127,8 @@ pub enum Input {
     Stop,
     /// From the protocol, after its restart: repeat the notices that still apply.
     Resync,
-    /// From the protocol: send this message.
-    Message(Outgoing),
+    /// From the protocol: send these messages.
+    Messages(Vec<Outgoing>),
 }
 
 /// Output of a routing to other machines.

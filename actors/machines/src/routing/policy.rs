@@ -274,9 +274,11 @@ impl<P: Policy> Machine for Dissemination<P> {
             }
             Input::TopologyChanges => policy.topology_changes(shared, now),
             Input::Stop => self.stop(now),
-            Input::Message(outgoing) => {
+            Input::Messages(outgoing) => {
                 let (messages, mut cx) = self.messages(now);
-                messages.submit(&mut cx, outgoing);
+                for outgoing in outgoing {
+                    messages.submit(&mut cx, outgoing);
+                }
                 messages.run(&mut cx);
             }
             Input::Resync => {

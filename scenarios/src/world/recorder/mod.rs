@@ -43,6 +43,8 @@ pub(crate) struct Recorder {
     has_flown: bool,
     /// Values that agents have reported, in order of time; at most [`OBSERVED_MAX`].
     observed: Vec<(Timestamp, NodeId, Observed)>,
+    /// Failures of agents, in order of time; at most [`OBSERVED_MAX`].
+    agent_failures: Vec<(Timestamp, NodeId, String)>,
 }
 
 /// Frames sent by all nodes of a swarm.
@@ -87,15 +89,21 @@ impl Recorder {
             dropped: BTreeMap::new(),
             has_flown: false,
             observed: Vec::new(),
+            agent_failures: Vec::new(),
         }
     }
 }
 
-/// Most values of agents that a recorder keeps. More are dropped.
+/// Most values, and most failures, of agents that a recorder keeps. More are dropped.
 const OBSERVED_MAX: usize = 100_000;
 
 /// What happens.
 impl Recorder {
+    /// Failures of agents, in order of time.
+    pub(crate) fn agent_failures(&self) -> &[(Timestamp, NodeId, String)] {
+        &self.agent_failures
+    }
+
     /// Values that agents have reported, in order of time.
     pub(crate) fn observed(&self) -> &[(Timestamp, NodeId, Observed)] {
         &self.observed
@@ -185,6 +193,9 @@ impl Recorder {
                 if ballot.is_elected() && ballot.master == id {
                     self.elections.led(now);
                 }
+            }
+            mission::Event::AgentFailed(ref what) if self.agent_failures.len() < OBSERVED_MAX => {
+                self.agent_failures.push((now, id, what.clone()));
             }
             mission::Event::Observed(ref observed) if self.observed.len() < OBSERVED_MAX => {
                 self.observed.push((now, id, observed.clone()));

@@ -173,12 +173,12 @@ impl Net {
         let payload = Bytes::copy_from_slice(payload);
         self.input(
             at,
-            Input::Message(Outgoing {
+            Input::Messages(vec![Outgoing {
                 id,
                 to,
                 reliability,
                 payload,
-            }),
+            }]),
         );
     }
 

@@ -1,0 +1,126 @@
+//! Runs the agent: builds it, calls it, and builds it anew when it fails.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::host::State;
+use super::{Agent, Context, Factory};
+use crate::node::Address;
+use crate::supervision::{RestartDecision, RestartLimits, Supervision};
+use crate::time::Timestamp;
+
+/// Longest description of a failure, in bytes.
+const FAILURE_MAX: usize = 1_000;
+
+/// An agent under supervision.
+///
+/// Invariant: while `agent` is `None` the agent is not built yet, has failed and waits for its restart, or is given up.
+pub(super) struct Runner {
+    factory: Factory,
+    agent: Option<Box<dyn Agent>>,
+    supervision: Supervision,
+    /// When the agent is started. `None` while it runs, and once it is given up.
+    starts_at: Option<Timestamp>,
+}
+
+/// What became of a failed agent.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Failed {
+    /// What went wrong.
+    pub(super) what: String,
+    /// Whether it failed too often, so that it is not restarted.
+    pub(super) is_given_up: bool,
+}
+
+impl Runner {
+    pub(super) const fn new(factory: Factory, limits: RestartLimits) -> Self {
+        Self {
+            factory,
+            agent: None,
+            supervision: Supervision::new(limits),
+            starts_at: Some(Timestamp::ZERO),
+        }
+    }
+
+    pub(super) const fn is_running(&self) -> bool {
+        self.agent.is_some()
+    }
+
+    pub(super) const fn starts_at(&self) -> Option<Timestamp> {
+        self.starts_at
+    }
+
+    /// Ends the agent for good.
+    pub(super) fn stop(&mut self) {
+        self.agent = None;
+        self.starts_at = None;
+    }
+
+    /// Builds and starts the agent if that is due. Returns whether it did.
+    ///
+    /// # Errors
+    /// The agent failed.
+    pub(super) fn start_if_due(
+        &mut self,
+        now: Timestamp,
+        state: &mut State,
+    ) -> Result<bool, Failed> {
+        if self.starts_at.is_none_or(|at| at > now) {
+            return Ok(false);
+        }
+        self.starts_at = None;
+        let factory = self.factory.clone();
+        let built = catch_unwind(AssertUnwindSafe(|| factory.build()));
+        self.agent = Some(built.map_err(|panic| self.fail(now, panic))?);
+        self.call(now, state, |agent, context| agent.start(context))?;
+        Ok(true)
+    }
+
+    /// Calls the agent if it runs.
+    ///
+    /// # Errors
+    /// The agent failed. What it asked for in this call must not be carried out.
+    pub(super) fn call(
+        &mut self,
+        now: Timestamp,
+        state: &mut State,
+        call: impl FnOnce(&mut dyn Agent, &mut Context<'_>),
+    ) -> Result<(), Failed> {
+        let Some(agent) = &mut self.agent else {
+            return Ok(());
+        };
+        let mut context = Context { state, now };
+        // A failed agent is dropped, and what it asked for is discarded.
+        let called = catch_unwind(AssertUnwindSafe(|| call(agent.as_mut(), &mut context)));
+        called.map_err(|panic| self.fail(now, panic))
+    }
+
+    fn fail(&mut self, now: Timestamp, panic: Box<dyn Any + Send>) -> Failed {
+        self.agent = None;
+        self.starts_at = match self.supervision.failed(now, Address::Mission) {
+            RestartDecision::Restart { at } => Some(at),
+            RestartDecision::GiveUp => None,
+        };
+        Failed {
+            what: describe(panic),
+            is_given_up: self.starts_at.is_none(),
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn replace_factory(&mut self, factory: Factory) {
+        self.factory = factory;
+    }
+}
+
+fn describe(panic: Box<dyn Any + Send>) -> String {
+    let text = match panic.downcast::<String>() {
+        Ok(text) => *text,
+        Err(panic) => panic
+            .downcast_ref::<&str>()
+            .map_or("a panic without a message", |text| text)
+            .to_owned(),
+    };
+    let end = text.floor_char_boundary(FAILURE_MAX);
+    text[..end].to_owned()
+}
