@@ -5,9 +5,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::diagnostic::{BadInput, accepted};
+use crate::schema::from_toml;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-use super::fields;
+use super::FIELDS;
 use super::raw::Raw;
 
 /// A field that overrides a scenario file's.
@@ -67,7 +68,7 @@ impl std::str::FromStr for Override {
                 "`{list}` is a list, and single entries can't be set; write them into the scenario file"
             ));
         }
-        if fields().iter().any(|known| known.path == key) {
+        if FIELDS.iter().any(|(known, _)| known == key) {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
@@ -81,9 +82,9 @@ impl std::str::FromStr for Override {
 /// A hint at a field of the same name in a table; empty if there is none.
 fn suggestion(key: &str) -> String {
     let field = key.rsplit('.').next().unwrap_or(key);
-    fields()
+    FIELDS
         .iter()
-        .map(|known| &*known.path)
+        .map(|(known, _)| known)
         .find(|known| known.rsplit('.').next() == Some(field))
         .map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
 }
@@ -97,14 +98,20 @@ pub struct Source {
 }
 
 impl Source {
+    /// A file as it is.
+    #[must_use]
+    pub fn new(path: &Path, text: String) -> Self {
+        let shown = path.to_owned();
+        Self { shown, text }
+    }
+
     /// Writes overrides into a file's text.
     ///
     /// # Errors
     /// If there are overrides and the text is not TOML.
-    pub fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
+    pub fn overridden(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
         if overrides.is_empty() {
-            let shown = path.to_owned();
-            return Ok(Self { shown, text });
+            return Ok(Self::new(path, text));
         }
         let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
             let span = error.span().unwrap_or_default();
@@ -126,16 +133,12 @@ impl Source {
     /// # Errors
     /// If a field is missing, unknown or of the wrong type.
     pub fn parse(&self) -> Result<Raw, BadInput> {
-        toml::from_str(&self.text).map_err(|error| {
-            let span = error.span().unwrap_or_default();
-            let message = error.message().trim().replace('\n', ", ");
-            self.error(span, &message)
-        })
+        from_toml(&self.text).map_err(|error| self.error(error.span(), error.message()))
     }
 
     /// An error at `span`; the help is the description of the field there.
     pub fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        let accepted = accepted(fields(), &self.text, &span, message);
+        let accepted = accepted(FIELDS, &self.text, &span, message);
         let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
         BadInput::new(&self.shown, &self.text, span, message, help)
     }

@@ -15,7 +15,7 @@ use muster_machines::wire;
 
 use super::failsafe::failsafe;
 use super::fence::Fenced;
-use super::file::{Override, Source};
+use super::file::Source;
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
@@ -36,7 +36,7 @@ pub fn load_with(
     path: &Path,
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Plan, BadInput> {
-    let source = Source::new(path, read(path)?, &[])?;
+    let source = Source::new(path, read(path)?);
     let raw = source.parse()?;
     build_plan(path, (&source, &raw), read)
 }
@@ -45,12 +45,8 @@ pub fn load_with(
 ///
 /// # Errors
 /// If the scenario file can't be used.
-pub fn mission_file(
-    (path, text): (&Path, &str),
-    overrides: &[Override],
-) -> Result<PathBuf, BadInput> {
-    let raw = Source::new(path, text.to_owned(), overrides)?.parse()?;
-    Ok(raw.mission.file.into_inner())
+pub fn mission_file(source: &Source) -> Result<PathBuf, BadInput> {
+    Ok(source.parse()?.mission.file.into_inner())
 }
 
 /// Builds the plan from a scenario's parsed fields.

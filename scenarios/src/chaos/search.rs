@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::plan::file::Source;
 use rand::SeedableRng;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
@@ -195,10 +196,8 @@ impl Search {
     pub(super) fn mission(&self, plan: &Plan) -> Result<PathBuf, BadInput> {
         let folder = self.request.scenario.parent().unwrap_or(Path::new(""));
         let set = self.set(plan.seed, &plan.values);
-        Ok(folder.join(scenario::mission_file(
-            (&self.request.scenario, &self.text),
-            &set,
-        )?))
+        let source = Source::overridden(&self.request.scenario, self.text.clone(), &set)?;
+        Ok(folder.join(scenario::mission_file(&source)?))
     }
 
     fn varied(&self, seed: u64, values: &[usize]) -> Result<Scenario, BadInput> {

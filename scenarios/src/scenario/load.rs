@@ -30,7 +30,7 @@ pub fn load_from(
     overrides: &[Override],
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Scenario, BadInput> {
-    let source = Source::new(path, read(path)?, overrides)?;
+    let source = Source::overridden(path, read(path)?, overrides)?;
     let raw = source.parse()?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut scenario = alone(path, (&source, &raw), overrides, read)?;
@@ -66,7 +66,7 @@ fn other(
         );
         return Err(source.error(span, &message));
     }
-    let others = Source::new(&path, text, &[])?;
+    let others = Source::new(&path, text);
     let mut raw = others.parse()?;
     *raw.seed.get_mut() = *own.seed.get_ref();
     raw.limits.separation_horizontal_m = own.limits.separation_horizontal_m.clone();

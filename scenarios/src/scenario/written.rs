@@ -25,7 +25,7 @@ pub(crate) fn written(
     faults: &[Fault],
     mission: &str,
 ) -> Result<String, BadInput> {
-    let source = Source::new(path, text.to_owned(), set)?;
+    let source = Source::overridden(path, text.to_owned(), set)?;
     let mut document: DocumentMut =
         (source.text.parse()).map_err(|_| source.error(0..0, "this is not TOML"))?;
     document.remove("chaos");
@@ -54,7 +54,7 @@ pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
         name.to_string_lossy().into_owned()
     };
     let text = read_text(path)?;
-    let mission = mission_file((path, &text), &[])?;
+    let mission = mission_file(&Source::new(path, text.clone()))?;
     let mission = path.parent().unwrap_or(Path::new("")).join(mission);
     let scenario = written((path, &text), &[], &[], &name(&mission))?;
     Ok([
