@@ -14,7 +14,7 @@ use serde::de::{
 };
 use serde::forward_to_deserialize_any;
 use toml::Spanned;
-use toml::de::{DeInteger, DeString, DeTable, DeValue};
+use toml::de::{DeFloat, DeInteger, DeString, DeTable, DeValue};
 
 /// The name of a newtype that asks for the place of its value, too: start, end and value, as a sequence.
 pub(super) const LOCATED: &str = "$muster::Located";
@@ -113,11 +113,8 @@ impl<'a> Node<'a> {
         };
         match value {
             DeValue::String(text) => visitor.visit_str(text),
-            DeValue::Integer(number) => visitor.visit_i64(whole(number)?),
-            DeValue::Float(number) => match number.as_str().parse::<f64>() {
-                Ok(number) => visitor.visit_f64(number),
-                Err(error) => Err(ReadError::custom(error)),
-            },
+            DeValue::Integer(number) => visit_whole(number, visitor),
+            DeValue::Float(number) => visitor.visit_f64(fraction(number)?),
             DeValue::Boolean(it) => visitor.visit_bool(*it),
             DeValue::Datetime(_) => {
                 Err(ReadError::invalid_type(Unexpected::Other("date"), &visitor))
@@ -131,9 +128,30 @@ impl<'a> Node<'a> {
     }
 }
 
-fn whole(number: &DeInteger<'_>) -> Result<i64, ReadError> {
-    i64::from_str_radix(number.as_str(), number.radix())
-        .map_err(|_| ReadError::custom("integer number overflowed"))
+fn visit_whole<'de, V: Visitor<'de>>(
+    number: &DeInteger<'_>,
+    visitor: V,
+) -> Result<V::Value, ReadError> {
+    let (digits, radix) = (number.as_str(), number.radix());
+    if let Ok(number) = i64::from_str_radix(digits, radix) {
+        visitor.visit_i64(number)
+    } else if let Ok(number) = u64::from_str_radix(digits, radix) {
+        visitor.visit_u64(number)
+    } else if let Ok(number) = i128::from_str_radix(digits, radix) {
+        // No field is as large: the error names the number.
+        visitor.visit_i128(number)
+    } else {
+        Err(ReadError::custom("integer number overflowed"))
+    }
+}
+
+fn fraction(number: &DeFloat<'_>) -> Result<f64, ReadError> {
+    let overflowed = || ReadError::custom("floating-point number overflowed");
+    let fraction: f64 = number.as_str().parse().map_err(|_| overflowed())?;
+    if fraction.is_infinite() && !number.as_str().contains("inf") {
+        return Err(overflowed());
+    }
+    Ok(fraction)
 }
 
 impl<'de> Deserializer<'de> for Node<'_> {
@@ -329,7 +347,8 @@ mod tests {
                 "numbers = [1, true]",
                 "invalid type: boolean `true`, expected i64",
             ),
-            ("numbers = [99999999999999999999]", "overflowed"),
+            ("numbers = [99999999999999999999]", "99999999999999999999"),
+            ("share = 1e999", "floating-point number overflowed"),
             ("[[tables]]\nlevel = \"high\"", "unknown variant `high`"),
             ("[[tables]]\nlavel = 3", "unknown field `lavel`"),
             ("name = 1\nname = 2", "duplicate key"),
