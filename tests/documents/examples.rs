@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
@@ -32,6 +32,12 @@ const KILLED_IN_REAL_TIME: &str = "muster swarm scenarios/hardware/swarm-kill-ma
 
 pub(crate) fn muster() -> Command {
     Command::cargo_bin("muster").unwrap()
+}
+
+/// The daemon's program: that of the environment variable `MUSTERD`, or the one that is built next to `muster`.
+pub(crate) fn musterd() -> PathBuf {
+    let beside = || assert_cmd::cargo::cargo_bin("musterd");
+    std::env::var_os("MUSTERD").map_or_else(beside, PathBuf::from)
 }
 
 /// The folder in which examples run: the shipped scenarios, and nothing else.
@@ -122,8 +128,7 @@ fn drone_files_in_documents_are_accepted() {
     for (place, mut file) in examples("toml drone") {
         file.extend(tables.iter().map(|(_, table)| table.as_str()));
         fs::write(folder.path().join("drone-2.toml"), &file).unwrap();
-        let check = Command::cargo_bin("musterd")
-            .unwrap()
+        let check = Command::new(musterd())
             .current_dir(folder.path())
             .args(["--config", "drone-2.toml", "--check"])
             .output()
@@ -185,11 +190,13 @@ mod real_time {
                 if !done.insert(arguments.to_owned()) {
                     continue;
                 }
-                let run = muster()
-                    .current_dir(folder.path())
-                    .args(arguments.split_whitespace())
-                    .output()
-                    .unwrap();
+                let mut run = muster();
+                run.current_dir(folder.path())
+                    .args(arguments.split_whitespace());
+                if arguments.starts_with("swarm ") {
+                    run.arg("--musterd").arg(musterd());
+                }
+                let run = run.output().unwrap();
                 let error = String::from_utf8_lossy(&run.stderr);
                 assert!(run.status.success(), "{place}: `{command}`: {error}");
             }
@@ -231,11 +238,13 @@ mod real_time {
                         "scenarios/thesis-1.toml scenarios/thesis-2.toml",
                     )
                     .replace("missions/*", "missions/albufera.plan");
-                muster()
-                    .current_dir(folder.path())
-                    .args(example.split_whitespace())
-                    .assert()
-                    .success();
+                let mut run = muster();
+                run.current_dir(folder.path())
+                    .args(example.split_whitespace());
+                if subcommand == "swarm" {
+                    run.arg("--musterd").arg(musterd());
+                }
+                run.assert().success();
             }
         }
     }

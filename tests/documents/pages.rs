@@ -6,12 +6,18 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
+use muster_daemon::config;
+use muster_deploy::swarm;
+use muster_runtime::plan;
 
-use super::examples::muster;
+use super::examples::{muster, musterd};
 use super::{Document, ROOT, assert_generated, documents, files};
 
 fn help(program: &str, arguments: &[&str]) -> String {
-    let mut command = Command::cargo_bin(program).unwrap();
+    let mut command = match program {
+        "musterd" => Command::new(musterd()),
+        _ => muster(),
+    };
     let run = command.args(arguments).arg("--help").output().unwrap();
     String::from_utf8(run.stdout).unwrap()
 }
@@ -174,8 +180,14 @@ fn list_of_public_missions_agrees_with_its_page() {
 
 /// `.ci/schemas` holds the schemas against shipped files.
 #[test]
-fn schemas_and_pages_of_fields_are_those_printed() {
-    for kind in ["scenario", "drone", "hosts"] {
+fn schemas_lists_and_pages_of_fields_are_those_declared() {
+    let lists = [
+        ("scenario", "runtime/src/plan/raw", plan::schema()),
+        ("drone", "runtime/daemon/src/config", config::schema()),
+        ("hosts", "deploy/src/swarm/hosts", swarm::schema()),
+    ];
+    for (kind, folder, schema) in lists {
+        assert_generated(&format!("{folder}/fields.txt"), &schema.list());
         let printed = muster().args(["schema", kind]).output().unwrap();
         let printed = String::from_utf8(printed.stdout).unwrap();
         assert_generated(&format!("docs/schemas/{kind}.schema.json"), &printed);
@@ -231,7 +243,7 @@ mod real_time {
              [observe]\nhttp = \"{address}\"\n"
         );
         fs::write(folder.path().join("drone.toml"), file).unwrap();
-        let drone = Command::new(assert_cmd::cargo::cargo_bin("musterd"))
+        let drone = Command::new(musterd())
             .current_dir(folder.path())
             .args(["--config", "drone.toml"])
             .stderr(Stdio::null())

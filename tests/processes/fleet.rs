@@ -17,9 +17,11 @@ use super::network::{GROUP, Network};
 /// Time limit for a condition that must come true; several times the usual time.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(120);
 
-/// The daemon's program, which `cargo test --workspace` builds next to `muster`.
+/// The daemon's program: that of the environment variable `MUSTERD`, or the one that `cargo test --workspace` builds next to
+/// `muster`.
 pub(crate) static MUSTERD: LazyLock<String> = LazyLock::new(|| {
-    let program = Path::new(env!("CARGO_BIN_EXE_muster")).with_file_name("musterd");
+    let beside = || Path::new(env!("CARGO_BIN_EXE_muster")).with_file_name("musterd");
+    let program = std::env::var_os("MUSTERD").map_or_else(beside, PathBuf::from);
     assert!(program.is_file(), "build it with: cargo build --workspace");
     program.to_str().unwrap().to_owned()
 });

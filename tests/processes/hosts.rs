@@ -116,6 +116,7 @@ impl Fleet {
             .arg("--out")
             .arg(self.path("out"));
         command.arg("--hosts").arg(self.path("hosts.toml"));
+        command.arg("--musterd").arg(&*MUSTERD);
         command
     }
 

@@ -6,6 +6,18 @@ use std::time::Duration;
 
 use super::fleet::{Fleet, Process};
 
+/// A program has the symbol if flaws can be planted in it, as `flights` of muster-scenarios finds for its own.
+#[test]
+fn tested_musterd_has_no_planted_flaws() {
+    let has = |symbol| {
+        let mut search = Command::new("grep");
+        let found = search.args(["-qaF", symbol, &*super::fleet::MUSTERD]);
+        found.status().unwrap().success()
+    };
+    assert!(has("15muster_machines"), "musterd has no symbols to search");
+    assert!(!has("4flaw7planted"));
+}
+
 #[test]
 fn service_manager_is_notified_of_readiness_status_and_watchdog() {
     let fleet = Fleet::new();

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use muster_runtime::journal::{Folder, MAGIC, Storage, frame_record};
 use serde_json::Value;
 
-use super::fleet::{SCENARIO, assert_refused, replace};
+use super::fleet::{MUSTERD, SCENARIO, assert_refused, replace};
 
 /// Time limit for a condition that must come true.
 const TIMEOUT: Duration = Duration::from_secs(60);
@@ -26,6 +26,7 @@ pub(crate) fn swarm(scenario: &str, out: &Path) -> Command {
         .arg(scenarios.join(scenario))
         .arg("--out")
         .arg(out);
+    command.arg("--musterd").arg(&*MUSTERD);
     command
 }
 

@@ -1,7 +1,7 @@
 //! Flaws that tests plant: each disables one guard of the protocol, to check that a scenario detects it.
 //!
-//! Only the feature `flaws` allows that, and only tests enable it. Without it `has` is a constant, so flight code
-//! contains no flaw.
+//! Only the feature `flaws` allows that, and only tests of this crate and of muster-scenarios enable it. Without it `has` is
+//! a constant, so flight code contains no flaw.
 
 /// What a drone does wrong while a guard is disabled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,19 +68,19 @@ pub enum Flaw {
     SetsPastDeadline,
 }
 
-#[cfg(feature = "flaws")]
+#[cfg(any(test, feature = "flaws"))]
 pub use planted::{Planted, plant};
 
-#[cfg(feature = "flaws")]
+#[cfg(any(test, feature = "flaws"))]
 pub(crate) use planted::has;
 
 /// Whether this flaw is planted: never.
-#[cfg(not(feature = "flaws"))]
+#[cfg(not(any(test, feature = "flaws")))]
 pub(crate) const fn has(_: Flaw) -> bool {
     false
 }
 
-#[cfg(feature = "flaws")]
+#[cfg(any(test, feature = "flaws"))]
 mod planted {
     use std::cell::Cell;
     use std::marker::PhantomData;

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use toml_edit::{Item, TableLike, Value};
+use toml::de::{DeTable, DeValue};
 
-use crate::schema::Field;
+use crate::schema::FieldList;
 
 /// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML.
 #[must_use]
 pub fn accepted(
-    fields: &[Field],
+    fields: FieldList,
     text: &str,
     span: &Range<usize>,
     message: &str,
@@ -17,19 +17,19 @@ pub fn accepted(
     let missing = message
         .strip_prefix("missing field `")
         .and_then(|rest| rest.strip_suffix('`'));
-    let document = toml_edit::Document::parse(text).ok()?;
+    let document = DeTable::parse(text).ok()?;
     let mut path = Vec::new();
-    find_path(document.as_table(), span, &mut path);
+    find_path(document.get_ref(), span, &mut path);
     path.extend(missing.map(str::to_owned));
     let key = path.join(".");
     // A place inside a field that has no fields of its own is described by that field.
     let mut ancestors = (1..=path.len()).rev().map(|depth| path[..depth].join("."));
     let known = ancestors.find_map(|ancestor| {
-        let field = fields.iter().find(|it| it.path == ancestor);
+        let field = fields.iter().find(|(path, _)| *path == ancestor);
         field.filter(|_| ancestor == key || fields_of(fields, &ancestor).is_empty())
     });
     Some(match known {
-        Some(field) => format!("`{}` takes {}", field.path, field.accepted),
+        Some((path, accepted)) => format!("`{path}` takes {accepted}"),
         None => {
             let tables = (0..=path.len()).rev().map(|depth| path[..depth].join("."));
             let mut listed = tables.map(|table| fields_of(fields, &table));
@@ -40,34 +40,28 @@ pub fn accepted(
 }
 
 /// The names of a table's fields; of the top-level fields if `table` is empty.
-fn fields_of<'a>(fields: &'a [Field], table: &str) -> Vec<&'a str> {
-    let own_name = |field: &'a str| match table {
+fn fields_of(fields: FieldList, table: &str) -> Vec<&'static str> {
+    let own_name = |field: &'static str| match table {
         "" => Some(field),
         _ => field.strip_prefix(table)?.strip_prefix('.'),
     };
-    let names = fields.iter().filter_map(|field| own_name(&field.path));
+    let names = fields.iter().filter_map(|(path, _)| own_name(path));
     names.filter(|field| !field.contains('.')).collect()
 }
 
 /// Writes the keys of the innermost value around `span` to `path`. Returns whether there is one.
-fn find_path(table: &dyn TableLike, span: &Range<usize>, path: &mut Vec<String>) -> bool {
-    let contains = |outer: Option<Range<usize>>| {
-        outer.is_some_and(|outer| outer.start <= span.start && span.end <= outer.end)
-    };
-    for (key, item) in table.iter() {
-        let inner: Vec<&dyn TableLike> = match item {
-            Item::ArrayOfTables(tables) => tables.iter().map(|it| it as _).collect(),
-            Item::Value(Value::Array(values)) => {
-                let tables = values.iter().filter_map(Value::as_inline_table);
-                tables.map(|it| it as _).collect()
-            }
-            _ => item.as_table_like().into_iter().collect(),
+fn find_path(table: &DeTable<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+    let contains = |outer: Range<usize>| outer.start <= span.start && span.end <= outer.end;
+    for (key, value) in table {
+        let tables = match value.get_ref() {
+            DeValue::Array(values) => &values[..],
+            _ => std::slice::from_ref(value),
         };
-        path.push(key.to_owned());
-        let key_span = table.key(key).and_then(toml_edit::Key::span);
-        if inner.into_iter().any(|inner| find_path(inner, span, path))
-            || contains(item.span())
-            || contains(key_span)
+        let mut inner = tables.iter().filter_map(|it| it.get_ref().as_table());
+        path.push(key.get_ref().to_string());
+        if inner.any(|inner| find_path(inner, span, path))
+            || contains(value.span())
+            || contains(key.span())
         {
             return true;
         }

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use super::{BadInput, accepted, plain, read_text};
-use crate::schema::Field;
+use crate::schema::{FieldList, from_toml};
 
 /// Description of a file format, for error messages.
 #[derive(Debug, Clone, Copy)]
 pub struct FileFormat {
-    /// Returns every field. Empty for files that only programs write.
-    pub fields: fn() -> &'static [Field],
+    /// Every field. Empty for files that only programs write.
+    pub fields: FieldList,
     /// One sentence on the format, shown if no field matches.
     pub description: &'static str,
 }
@@ -41,7 +41,7 @@ impl<T: DeserializeOwned> TomlFile<T> {
     /// # Errors
     /// As [`Self::read`], except for missing files.
     pub fn parse(path: &Path, text: String, format: FileFormat) -> Result<Self, BadInput> {
-        match toml::from_str(&text) {
+        match from_toml(&text) {
             Ok(raw) => Ok(Self {
                 path: path.to_owned(),
                 text,
@@ -49,9 +49,8 @@ impl<T: DeserializeOwned> TomlFile<T> {
                 raw,
             }),
             Err(error) => {
-                let span = error.span().unwrap_or_default();
                 let message = plain(error.message());
-                Err(format.refusal(path, &text, span, &message))
+                Err(format.refusal(path, &text, error.span(), &message))
             }
         }
     }
@@ -77,7 +76,7 @@ impl<T> TomlFile<T> {
 
 impl FileFormat {
     fn refusal(self, path: &Path, text: &str, span: Range<usize>, message: &str) -> BadInput {
-        let fields = (self.fields)();
+        let fields = self.fields;
         let accepted = (!fields.is_empty()).then(|| accepted(fields, text, &span, message));
         let help = accepted
             .flatten()

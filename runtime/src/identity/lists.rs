@@ -11,11 +11,11 @@ use muster_machines::identity::{NodeId, NodeSet};
 use muster_machines::radio::Revoked;
 use muster_machines::wire::PAYLOAD_MAX;
 use serde::Deserialize;
-use toml::Spanned;
 
 use super::FleetKey;
 use super::key::{hex, public_key, read_public, sign};
 use crate::diagnostic::{BadInput, FileFormat, TomlFile};
+use crate::schema::{FieldList, Located};
 
 /// Prefix of a signed roster, so that its signature fits no other message.
 const ROSTER: &[u8] = b"muster roster 1\0";
@@ -23,12 +23,12 @@ const ROSTER: &[u8] = b"muster roster 1\0";
 const REVOCATION_LIST: &[u8] = b"muster revoked 1\0";
 
 const ROSTER_FORMAT: FileFormat = FileFormat {
-    fields: || &[],
+    fields: FieldList::EMPTY,
     description: "a roster has `number`, `signature` and, for each drone, `[[drones]]` with `id` and `key`, as `muster keys` writes \
          it",
 };
 const REVOCATION_LIST_FORMAT: FileFormat = FileFormat {
-    fields: || &[],
+    fields: FieldList::EMPTY,
     description: "a revocation list has `number`, `drones` and `signature`, as `muster keys` writes it",
 };
 
@@ -43,7 +43,7 @@ pub struct Roster {
 #[serde(deny_unknown_fields)]
 struct RawRoster {
     number: u64,
-    signature: Spanned<String>,
+    signature: Located<String>,
     #[serde(default)]
     drones: Vec<RawDrone>,
 }
@@ -51,8 +51,8 @@ struct RawRoster {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawDrone {
-    id: Spanned<u32>,
-    key: Spanned<String>,
+    id: Located<u32>,
+    key: Located<String>,
 }
 
 impl Roster {
@@ -144,7 +144,7 @@ pub struct RevocationList {
 struct RawRevocationList {
     number: u64,
     drones: Vec<u32>,
-    signature: Spanned<String>,
+    signature: Located<String>,
 }
 
 impl RevocationList {
@@ -281,7 +281,7 @@ fn verify<T>(
     file: &TomlFile<T>,
     fleet: &FleetKey,
     message: &[u8],
-    signature: &Spanned<String>,
+    signature: &Located<String>,
 ) -> Result<[u8; 64], BadInput> {
     let bytes = super::key::bytes::<64>(signature.get_ref());
     if let Some(bytes) = bytes.filter(|it| fleet.has_signed(message, it)) {

@@ -5,9 +5,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::diagnostic::{BadInput, accepted, did_you_mean, nearest, plain};
+use crate::schema::from_toml;
 use toml_edit::{DocumentMut, Item, TableLike, Value};
 
-use super::fields;
+use super::FIELDS;
 use super::raw::Raw;
 
 /// A field that overrides a scenario file's.
@@ -80,7 +81,7 @@ impl std::str::FromStr for Override {
             ));
         }
         let is_parameter = key.starts_with("agent.parameters.");
-        if is_parameter || fields().iter().any(|known| known.path == key) {
+        if is_parameter || FIELDS.iter().any(|(known, _)| known == key) {
             Ok(Self {
                 key: key.to_owned(),
                 value: value.trim().to_owned(),
@@ -96,7 +97,7 @@ impl std::str::FromStr for Override {
 fn suggestion(key: &str) -> String {
     let own_name = |path: &'static str| path.rsplit('.').next().unwrap_or(path);
     let field = key.rsplit('.').next().unwrap_or(key);
-    let paths = || fields().iter().map(|known| &*known.path);
+    let paths = || FIELDS.iter().map(|(known, _)| known);
     if let Some(same) = paths().find(|path| own_name(path) == field) {
         return format!("; did you mean `{same}`?");
     }
@@ -122,20 +123,27 @@ pub struct Source {
 }
 
 impl Source {
+    /// A file as it is.
+    #[must_use]
+    pub fn new(path: &Path, text: String) -> Self {
+        Self {
+            shown: path.to_owned(),
+            text,
+            folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+            given_outside: Vec::new(),
+        }
+    }
+
     /// Writes overrides into a file's text.
     ///
     /// # Errors
     /// If there are overrides and the text is not TOML.
-    pub fn new(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    pub fn overridden(path: &Path, text: String, overrides: &[Override]) -> Result<Self, BadInput> {
+        let file = Self::new(path, text);
         if overrides.is_empty() {
-            return Ok(Self {
-                shown: path.to_owned(),
-                text,
-                folder,
-                given_outside: Vec::new(),
-            });
+            return Ok(file);
         }
+        let (text, folder) = (file.text, file.folder);
         let mut document: DocumentMut = text.parse().map_err(|error: toml_edit::TomlError| {
             let span = error.span().unwrap_or_default();
             BadInput::new(path, &text, span, plain(error.message()), NOT_TOML)
@@ -176,10 +184,7 @@ impl Source {
     /// # Errors
     /// If a field is missing, unknown or of the wrong type.
     pub fn parse(&self) -> Result<Raw, BadInput> {
-        toml::from_str(&self.text).map_err(|error| {
-            let span = error.span().unwrap_or_default();
-            self.error(span, &plain(error.message()))
-        })
+        from_toml(&self.text).map_err(|error| self.error(error.span(), &plain(error.message())))
     }
 
     /// An error at `span` with its own help.
@@ -189,7 +194,7 @@ impl Source {
 
     /// An error at `span`; the help is the description of the field there.
     pub fn error(&self, span: Range<usize>, message: &str) -> BadInput {
-        let accepted = accepted(fields(), &self.text, &span, message);
+        let accepted = accepted(FIELDS, &self.text, &span, message);
         let help = accepted.unwrap_or_else(|| NOT_TOML.to_owned());
         self.error_with(span, message, help)
     }
@@ -197,7 +202,7 @@ impl Source {
     /// What the field at `span` accepts, in words.
     #[must_use]
     pub fn accepted_at(&self, span: Range<usize>) -> String {
-        accepted(fields(), &self.text, &span, "").unwrap_or_else(|| NOT_TOML.to_owned())
+        accepted(FIELDS, &self.text, &span, "").unwrap_or_else(|| NOT_TOML.to_owned())
     }
 }
 

@@ -16,7 +16,7 @@ use muster_machines::wire;
 use super::agent::{EXPECTED, agent};
 use super::failsafe::failsafe;
 use super::fence::Fenced;
-use super::file::{Override, Source};
+use super::file::Source;
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
@@ -38,7 +38,7 @@ pub fn load_with(
     path: &Path,
     read: &dyn Fn(&Path) -> Result<String, BadInput>,
 ) -> Result<Plan, BadInput> {
-    let source = Source::new(path, read(path)?, &[])?;
+    let source = Source::new(path, read(path)?);
     let raw = source.parse()?;
     build_plan((&source, &raw), read, Some(Agents::installed()))
 }
@@ -47,11 +47,7 @@ pub fn load_with(
 ///
 /// # Errors
 /// If the scenario file can't be used.
-pub fn mission_file(
-    (path, text): (&Path, &str),
-    overrides: &[Override],
-) -> Result<PathBuf, BadInput> {
-    let source = Source::new(path, text.to_owned(), overrides)?;
+pub fn mission_file(source: &Source) -> Result<PathBuf, BadInput> {
     let raw = source.parse()?;
     Ok(source.resolve(MISSION_FILE, raw.mission.file.get_ref()))
 }

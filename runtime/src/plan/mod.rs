@@ -28,7 +28,7 @@ use muster_machines::supervision::RestartLimits;
 use muster_machines::{agent as machine_agent, mission, navigation, routing};
 
 use crate::agents::PlannedAgent;
-use crate::schema::{Field, FileSchema};
+use crate::schema::{FieldList, FileSchema};
 use crate::text::plural;
 use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
 
@@ -43,15 +43,13 @@ pub fn schema() -> &'static FileSchema {
     &SCHEMA
 }
 
-/// Every field of a scenario file, tables included.
-pub(crate) fn fields() -> &'static [Field] {
-    &schema().fields
-}
+/// Every field of a scenario file, tables included, and what it accepts.
+pub(crate) const FIELDS: FieldList = FieldList::new(include_str!("raw/fields.txt"));
 
 /// The reference of scenario files as a page in Markdown.
 #[must_use]
 pub fn reference() -> String {
-    raw::reference(fields())
+    raw::reference(&schema().fields)
 }
 
 /// Flight plan of a swarm. Its fields are checked against each other.

@@ -1,36 +1,69 @@
 //! Values of a TOML file with their place in it.
 
 use std::borrow::Cow;
+use std::fmt;
+use std::marker::PhantomData;
 use std::ops::{Deref, Range};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use toml::Spanned;
+
+use super::read::LOCATED;
 
 /// A value that is in the file, with its place. In a JSON Schema it is the value alone.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(bound = "T: Deserialize<'de>", transparent)]
-pub struct Located<T>(Spanned<T>);
+#[derive(Debug, Clone)]
+pub struct Located<T> {
+    value: T,
+    span: Range<usize>,
+}
 
 impl<T> Located<T> {
     /// The place in the file, in bytes.
     pub fn span(&self) -> Range<usize> {
-        self.0.span()
+        self.span.clone()
     }
 
     /// The value.
-    pub fn get_ref(&self) -> &T {
-        self.0.get_ref()
+    pub const fn get_ref(&self) -> &T {
+        &self.value
     }
 
     /// The value, to be replaced.
-    pub fn get_mut(&mut self) -> &mut T {
-        self.0.get_mut()
+    pub const fn get_mut(&mut self) -> &mut T {
+        &mut self.value
     }
 
     /// The value alone.
     pub fn into_inner(self) -> T {
-        self.0.into_inner()
+        self.value
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Located<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_newtype_struct(LOCATED, Parts(PhantomData))
+    }
+}
+
+/// Reads start, end and value.
+struct Parts<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for Parts<T> {
+    type Value = Located<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a value with its place")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut parts: A) -> Result<Located<T>, A::Error> {
+        let missing = || A::Error::custom("a value without its place");
+        let start = parts.next_element()?.ok_or_else(missing)?;
+        let end = parts.next_element()?.ok_or_else(missing)?;
+        Ok(Located {
+            value: parts.next_element()?.ok_or_else(missing)?,
+            span: start..end,
+        })
     }
 }
 
@@ -97,7 +130,7 @@ impl<T: FromRatio, const N: u64, const D: u64> Default for Or<T, N, D> {
 
 impl<'de, T: Deserialize<'de>, const N: u64, const D: u64> Deserialize<'de> for Or<T, N, D> {
     fn deserialize<F: Deserializer<'de>>(deserializer: F) -> Result<Self, F::Error> {
-        let value = Spanned::<T>::deserialize(deserializer)?;
+        let value = Located::<T>::deserialize(deserializer)?;
         Ok(Self {
             span: Some(value.span()),
             value: value.into_inner(),

@@ -1,18 +1,23 @@
 //! What a kind of file may hold. It is declared once, by the serde structure that the file is read into: types give the
 //! accepted values and the defaults, doc comments the descriptions. The list of fields, the JSON Schema and the reference
 //! follow from that.
+//! Errors read a list that is generated from it.
 
 mod fields;
+mod list;
 mod located;
 mod page;
+mod read;
 
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
 pub use self::fields::Field;
+pub use self::list::FieldList;
 pub use self::located::{FromRatio, Located, Or};
 pub use self::page::{Row, page, table};
+pub use self::read::{ReadError, from_toml};
 
 /// What a kind of file may hold.
 #[derive(Debug)]
@@ -37,6 +42,13 @@ impl FileSchema {
         }
         remove_extensions(&mut json);
         Self { fields, json }
+    }
+
+    /// The text of the [`FieldList`] of this kind of file.
+    #[must_use]
+    pub fn list(&self) -> String {
+        let line = |field: &Field| format!("{}\t{}\n", field.path, field.accepted);
+        self.fields.iter().map(line).collect()
     }
 }
 

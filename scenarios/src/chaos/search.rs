@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use muster_runtime::diagnostic::BadInput;
+use muster_runtime::plan::file::Source;
 use rand::SeedableRng;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
@@ -193,7 +194,8 @@ impl Search {
     /// Path of a plan's mission file.
     pub(super) fn mission(&self, plan: &Plan) -> Result<PathBuf, BadInput> {
         let set = self.set(plan.seed, &plan.values);
-        let mission = scenario::mission_file((&self.path, &self.text), &set)?;
+        let source = Source::overridden(&self.path, self.text.clone(), &set)?;
+        let mission = scenario::mission_file(&source)?;
         Ok(scenario::mission_path(&mission)?.into_owned())
     }
 

@@ -55,7 +55,7 @@ fn with_others(
     overrides: &[Override],
     (read, agents): Inputs<'_>,
 ) -> Result<Scenario, BadInput> {
-    let source = Source::new(path, read(path)?, overrides)?;
+    let source = Source::overridden(path, read(path)?, overrides)?;
     let raw = source.parse()?;
     let mut scenario = alone(path, (&source, &raw), overrides, (read, agents))?;
     for joins in &raw.swarms {
@@ -93,7 +93,7 @@ fn other(
         );
         return Err(source.error(span, &message));
     }
-    let others = Source::new(&path, text, &[])?;
+    let others = Source::new(&path, text);
     let mut raw = others.parse()?;
     *raw.seed.get_mut() = *own.seed.get_ref();
     raw.limits.separation_horizontal_m = own.limits.separation_horizontal_m.clone();

@@ -26,7 +26,7 @@ pub(crate) fn written(
     faults: &[Fault],
     mission: &str,
 ) -> Result<String, BadInput> {
-    let source = Source::new(path, text.to_owned(), set)?;
+    let source = Source::overridden(path, text.to_owned(), set)?;
     let mut document: DocumentMut =
         (source.text.parse()).map_err(|_| source.error(0..0, "this is not TOML"))?;
     document.remove("chaos");
@@ -56,7 +56,7 @@ pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
     };
     let path = scenario_file(path)?;
     let text = shipped::read(&path)?;
-    let mission = mission_file((&path, &text), &[])?;
+    let mission = mission_file(&Source::new(&path, text.clone()))?;
     let mission = mission_path(&mission)?;
     let scenario = written((&path, &text), &[], &[], &name(&mission))?;
     Ok([

@@ -22,6 +22,15 @@ fn assert_found(flaw: Flaw, test: fn(), expected: &[&str]) {
     );
 }
 
+/// `tests/processes` checks that the same symbol is not in the `musterd` that it runs.
+#[test]
+fn program_with_planted_flaws_has_their_symbol() {
+    let own = std::env::current_exe().unwrap();
+    let mut search = std::process::Command::new("grep");
+    let found = search.args(["-qaF", "4flaw7planted"]).arg(own).status();
+    assert!(found.unwrap().success());
+}
+
 #[test]
 fn defect_1_hung_master_is_not_replaced() {
     assert_found(

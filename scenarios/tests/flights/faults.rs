@@ -190,3 +190,16 @@ fn delayed_and_reordered_frames_and_clock_drift_have_no_effect() {
         assert_finished(&fly_with(faults), &[], faults);
     }
 }
+
+#[test]
+fn deadlines_of_a_drone_are_checked_by_its_own_clock() {
+    for ppm in [-50_000, 50_000] {
+        let skews = (0..7)
+            .map(|drone| format!("{{ at_s = 0, kind = \"skew\", drone = {drone}, ppm = {ppm} }}"));
+        let faults = format!("faults=[{}]", skews.collect::<Vec<_>>().join(", "));
+        let skewed = scenario("kill-at-waypoint.toml", &["protocol.policy=flood", &faults]);
+        for engine in [Engine::Actors, Engine::Events] {
+            assert_eq!(fly(&skewed, engine).violations, [], "{ppm}");
+        }
+    }
+}

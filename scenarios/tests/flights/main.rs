@@ -5,6 +5,7 @@
 mod any;
 mod avoid;
 mod changes;
+#[cfg(feature = "flaws")]
 mod defects;
 mod election;
 mod engines;
@@ -14,10 +15,12 @@ mod follow;
 mod formations;
 mod found;
 mod holds;
+#[cfg(feature = "flaws")]
 mod planted;
 mod relay;
 mod settling;
 mod shipped;
+#[cfg(feature = "flaws")]
 mod spinning;
 mod support;
 mod thesis;

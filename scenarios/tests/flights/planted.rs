@@ -50,7 +50,7 @@ fn search_finds_and_shrinks_every_planted_flaw() {
 
 /// Flaws of the altitude layers, tested without deconfliction.
 #[test]
-#[ignore = "takes a minute: cargo test --release -p muster-scenarios --test flights layers -- --ignored"]
+#[ignore = "takes a minute: cargo test --release -p muster-scenarios --features flaws --test flights layers -- --ignored"]
 fn search_finds_every_flaw_of_the_altitude_layers() {
     let layers = [
         Flaw::TakesOffInOneLayer,
@@ -78,7 +78,7 @@ fn search_finds_every_flaw_of_the_altitude_layers() {
 }
 
 #[test]
-#[ignore = "takes minutes: cargo test --release -p muster-scenarios --test flights hidden -- --ignored"]
+#[ignore = "takes minutes: cargo test --release -p muster-scenarios --features flaws --test flights hidden -- --ignored"]
 fn search_finds_hidden_flaws() {
     assert_found("tests/data/planted.toml", &[], PLANS, &HIDDEN);
 }

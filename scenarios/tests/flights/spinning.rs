@@ -46,16 +46,3 @@ fn unchecked_run_stops_at_the_limit_of_steps_per_instant() {
     assert_breaks_rule_10(&report, "steps at one instant");
     assert!(!report.are_missions_completed());
 }
-
-#[test]
-fn deadlines_of_a_drone_are_checked_by_its_own_clock() {
-    for ppm in [-50_000, 50_000] {
-        let skews = (0..7)
-            .map(|drone| format!("{{ at_s = 0, kind = \"skew\", drone = {drone}, ppm = {ppm} }}"));
-        let faults = format!("faults=[{}]", skews.collect::<Vec<_>>().join(", "));
-        let skewed = scenario("kill-at-waypoint.toml", &["protocol.policy=flood", &faults]);
-        for engine in [Engine::Actors, Engine::Events] {
-            assert_eq!(fly(&skewed, engine).violations, [], "{ppm}");
-        }
-    }
-}

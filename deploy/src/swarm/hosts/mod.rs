@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile};
-use muster_runtime::schema::{self, Field, FileSchema, Located};
+use muster_runtime::schema::{self, FieldList, FileSchema, Located};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -19,17 +19,13 @@ pub fn schema() -> &'static FileSchema {
     &SCHEMA
 }
 
-fn fields() -> &'static [Field] {
-    &schema().fields
-}
-
 /// The reference of hosts files as a page in Markdown.
 #[must_use]
 pub fn reference() -> String {
     let introduction = "A hosts file tells `muster swarm --hosts` which drones run on which host, and how their \
                         frames reach each other. It is a TOML file. Without `group` and `broadcast`, a frame for all is \
                         sent to each drone's address.";
-    schema::page("Hosts file", introduction, fields())
+    schema::page("Hosts file", introduction, &schema().fields)
 }
 
 /// The hosts of a swarm. Each drone runs on exactly one.
@@ -297,6 +293,6 @@ fn port_after(mut address: SocketAddr, nth: u16) -> Option<SocketAddr> {
 }
 
 const FORMAT: FileFormat = FileFormat {
-    fields,
+    fields: FieldList::new(include_str!("fields.txt")),
     description: "a hosts file is a TOML file with a line `group = …` and tables `[[hosts]]`",
 };

@@ -15,7 +15,7 @@ use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
-use muster_runtime::schema::{self, Field, FileSchema, Located};
+use muster_runtime::schema::{self, FieldList, FileSchema, Located};
 use muster_transport::sockets::{self, Reach};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -44,16 +44,12 @@ pub fn schema() -> &'static FileSchema {
     &SCHEMA
 }
 
-fn fields() -> &'static [Field] {
-    &schema().fields
-}
-
 /// The reference of a drone's file, as Markdown.
 #[must_use]
 pub fn reference() -> String {
     let introduction = "A drone's file tells `musterd` which drone it is and how it reaches the others. It is a TOML \
                         file; paths are relative to its folder.";
-    schema::page("Drone file", introduction, fields())
+    schema::page("Drone file", introduction, &schema().fields)
 }
 
 /// How frames are sent.
@@ -448,6 +444,6 @@ impl File {
 }
 
 const FORMAT: FileFormat = FileFormat {
-    fields,
+    fields: FieldList::new(include_str!("fields.txt")),
     description: "a drone's file is a TOML file: lines `key = value`, then tables like `[keys]`",
 };

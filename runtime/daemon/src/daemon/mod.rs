@@ -8,6 +8,7 @@ mod counts;
 mod durable;
 mod endpoint;
 mod held;
+mod http;
 mod metrics;
 mod monitor;
 mod network;

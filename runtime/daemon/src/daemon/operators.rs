@@ -8,6 +8,7 @@ use std::time::Duration;
 use muster_runtime::diagnostic::{BadInput, decode_text, read_text};
 use muster_runtime::file::replace;
 use muster_runtime::plan;
+use muster_runtime::plan::file::Source;
 use muster_transport::quic::Stream;
 use tokio::sync::Semaphore;
 use tokio::sync::mpsc::Receiver;
@@ -139,8 +140,7 @@ impl OperatorService {
         let target = match what {
             Upload::Scenario => self.scenario.clone(),
             Upload::Mission => {
-                let text = read_text(&self.scenario)?;
-                plan::mission_file((&self.scenario, &text), &[])?
+                plan::mission_file(&Source::new(&self.scenario, read_text(&self.scenario)?))?
             }
         };
         let text = decode_text(&target, bytes)?;

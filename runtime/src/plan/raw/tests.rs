@@ -1,16 +1,16 @@
 use serde::Deserialize;
 
-use super::super::fields;
+use super::super::schema;
 use super::{ActorName, FaultKindName, ParametersName};
 use crate::schema::Field;
 
 fn field(path: &str) -> &'static Field {
-    fields().iter().find(|it| it.path == path).unwrap()
+    schema().fields.iter().find(|it| it.path == path).unwrap()
 }
 
 #[test]
 fn every_field_has_a_description_and_accepted_values() {
-    for field in fields() {
+    for field in &schema().fields {
         let Field {
             path,
             description,
@@ -29,7 +29,7 @@ fn every_field_has_a_description_and_accepted_values() {
 
 #[test]
 fn fields_have_the_order_of_their_declaration() {
-    let first: Vec<&str> = fields().iter().take(5).map(|it| &*it.path).collect();
+    let first: Vec<&str> = schema().fields.iter().take(5).map(|it| &*it.path).collect();
     let expected = [
         "seed",
         "formation",

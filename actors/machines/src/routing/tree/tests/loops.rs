@@ -4,7 +4,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-#[cfg(feature = "flaws")]
 use crate::flaw::{self, Flaw};
 use crate::routing::Checkpoint;
 
@@ -374,7 +373,6 @@ proptest! {
 }
 
 /// The same networks without the condition.
-#[cfg(feature = "flaws")]
 #[test]
 fn without_feasibility_condition_routes_form_loops() {
     use proptest::strategy::ValueTree;
