@@ -158,9 +158,12 @@ impl<P: Policy> Dissemination<P> {
     }
 
     fn receive_message(&mut self, now: Timestamp, sender: NodeId, payload: &Bytes) {
+        let Ok(message) = wire::decode_message(payload) else {
+            return self.shared.emit(Event::Ignored(sender));
+        };
         if !self.shared.durable.stopped {
             let (messages, mut cx) = self.messages(now);
-            messages.receive(&mut cx, sender, payload);
+            messages.receive(&mut cx, sender, message);
             messages.run(&mut cx);
         }
     }

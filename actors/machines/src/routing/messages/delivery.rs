@@ -9,7 +9,7 @@ use super::queue::{Entry, FrameId, Reach, Report};
 use super::{Context, Messages, Outcome};
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::{Event, Notice};
-use crate::wire::{self, Destination, MESSAGE_HOPS_MAX, MessageBody, MessageFrame};
+use crate::wire::{Destination, MESSAGE_HOPS_MAX, Message, MessageBody, MessageFrame};
 
 impl Messages {
     /// Handles a packet of a neighbour.
@@ -17,13 +17,13 @@ impl Messages {
         &mut self,
         cx: &mut Context<'_>,
         sender: NodeId,
-        payload: &Bytes,
+        message: Message,
     ) {
         let nodes = cx.neighbourhood.nodes();
-        let message = wire::decode_message(payload).ok();
-        let Some(message) = message.filter(|_| sender.0 < nodes && sender != self.id) else {
+        let is_member = sender.0 < nodes && sender != self.id;
+        if !is_member {
             return cx.shared.emit(Event::Ignored(sender));
-        };
+        }
         let Some(node) = self.nodes.entry(sender, cx.now) else {
             return cx.shared.emit(Event::Ignored(sender));
         };

@@ -55,6 +55,8 @@ pub(super) const REASSEMBLY_IDLE: Duration = Duration::from_secs(5);
 pub const BEST_EFFORT_LIFETIME: Duration = Duration::from_secs(5);
 /// Time after which a message to be acknowledged is given up; one in pieces after this time without progress.
 pub const ACKNOWLEDGED_LIFETIME: Duration = Duration::from_secs(30);
+/// Time after which a message in pieces is given up in any case.
+pub const TRANSFER_LIFETIME: Duration = Duration::from_secs(600);
 /// Lifetime of one try of a message to be acknowledged.
 pub(super) const TRY_LIFETIME: Duration = Duration::from_secs(3);
 /// Longest lifetime that is believed of a frame of another drone.

@@ -217,14 +217,14 @@ impl Messages {
     /// Does what is due: expires, starts and sends frames. Call at the end of each step.
     pub(super) fn run(&mut self, cx: &mut Context<'_>) {
         self.expire(cx);
-        // A frame that was sent may make room for another one. Each costs a token, so the loop ends.
+        // A frame that was sent or given up may make room for another one. Sending costs tokens, so the loop ends.
         loop {
-            let tokens = self.sending.available_at();
+            let before = (self.sending.available_at(), self.queue.len());
             self.start_receipts(cx);
             self.start_own(cx);
             self.send_due(cx);
             self.send_owed(cx);
-            if self.sending.available_at() == tokens {
+            if (self.sending.available_at(), self.queue.len()) == before {
                 break;
             }
         }

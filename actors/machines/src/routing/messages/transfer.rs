@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-use super::limits::{ACKNOWLEDGED_LIFETIME, PIECES_WINDOW, RETRY_MAX, RETRY_MIN};
+use super::limits::{
+    ACKNOWLEDGED_LIFETIME, PIECES_WINDOW, RETRY_MAX, RETRY_MIN, TRANSFER_LIFETIME,
+};
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::wire::{MESSAGE_FRAME_MAX, MessageBody, message_pieces};
@@ -21,13 +23,14 @@ pub(super) struct Transfer {
     receiver: Option<(NodeId, u32)>,
     arrived: Vec<bool>,
     missing: u32,
-    /// First piece that was not sent yet.
+    /// First piece that was neither sent nor acknowledged.
     next: u32,
     under_way: BTreeMap<u32, UnderWay>,
     /// Smoothed time from a piece to its acknowledgement.
     round_trip: Duration,
     /// Number of repetitions since the last acknowledgement.
     repetitions: u32,
+    started_at: Timestamp,
     progress_at: Timestamp,
 }
 
@@ -52,6 +55,7 @@ impl Transfer {
             under_way: BTreeMap::new(),
             round_trip: RETRY_MIN / 2,
             repetitions: 0,
+            started_at: now,
             progress_at: now,
         }
     }
@@ -63,7 +67,8 @@ impl Transfer {
 
     /// When it is given up, unless a piece is acknowledged before.
     pub(super) fn expires_at(&self) -> Timestamp {
-        self.progress_at + ACKNOWLEDGED_LIFETIME
+        let last = self.started_at + TRANSFER_LIFETIME;
+        last.min(self.progress_at + ACKNOWLEDGED_LIFETIME)
     }
 
     /// When the next piece may be sent.
@@ -106,6 +111,7 @@ impl Transfer {
             None if self.has_new_piece() => {
                 let index = self.next;
                 self.next += 1;
+                self.skip_arrived();
                 index
             }
             None => return None,
@@ -145,19 +151,29 @@ impl Transfer {
         if below as usize >= self.arrived.len() {
             return true;
         }
+        self.record_arrivals(now, (below, beyond));
         if self.missing == 0 {
-            // The receiver had no room to keep what it had acknowledged.
+            // The receiver had no room to keep what it had acknowledged, and has only what it reports now.
             self.start_over();
+            self.record_arrivals(now, (below, beyond));
         }
+        false
+    }
+
+    fn record_arrivals(&mut self, now: Timestamp, (below, beyond): (u32, u64)) {
         let beyond = (0..64).filter(|bit| beyond & (1 << bit) != 0);
         let beyond = beyond.map(|bit| below as usize + 1 + bit);
         for index in (0..below as usize).chain(beyond) {
             self.record_arrival(now, index);
         }
+        self.skip_arrived();
+    }
+
+    /// Keeps `next` at a piece that has not arrived.
+    fn skip_arrived(&mut self) {
         while self.arrived.get(self.next as usize) == Some(&true) {
             self.next += 1;
         }
-        false
     }
 
     fn start_over(&mut self) {
@@ -238,5 +254,17 @@ mod tests {
             Some(0)
         );
         assert!(transfer.record_progress(Timestamp::ZERO, other, (2, 0), true));
+    }
+
+    #[test]
+    fn pieces_that_the_receiver_could_not_keep_are_sent_again() {
+        let mut transfer = transfer(4);
+        while transfer.take_piece(Timestamp::ZERO, |_| false).is_some() {}
+        assert!(!transfer.record_progress(Timestamp::ZERO, RECEIVER, (2, 0), false));
+        assert!(!transfer.record_progress(Timestamp::ZERO, RECEIVER, (0, 0b110), false));
+        let again: Vec<_> =
+            std::iter::from_fn(|| index(transfer.take_piece(Timestamp::ZERO, |_| false))).collect();
+        assert_eq!(again, [0, 1]);
+        assert!(transfer.record_progress(Timestamp::ZERO, RECEIVER, (4, 0), false));
     }
 }
