@@ -25,13 +25,20 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
         // The root's other files change often, and a new scenario there comes with a row of the README.
-        let watched = if folder == Path::new(&root) { folder.join("README.md") } else { folder };
+        let watched = if folder == Path::new(&root) {
+            folder.join("README.md")
+        } else {
+            folder
+        };
         println!("cargo::rerun-if-changed={}", watched.display());
     }
     files.sort();
     let mut list = String::from("[\n");
     for path in files {
-        let name = path.strip_prefix(&root)?.to_str().ok_or("a name is not UTF-8")?;
+        let name = path
+            .strip_prefix(&root)?
+            .to_str()
+            .ok_or("a name is not UTF-8")?;
         let path = path.to_str().ok_or("a name is not UTF-8")?;
         writeln!(list, "    ({name:?}, include_str!({path:?})),")?;
     }

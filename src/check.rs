@@ -105,7 +105,9 @@ fn check_mission(file: &Path) -> Result<Checked, BadInput> {
         altitudes.fold(0.0, f64::max),
     );
     let holds = scenario::describe_holds(mission.holds());
-    let lines = holds.into_iter().chain(scenario::describe_fence(mission.fence()));
+    let lines = holds
+        .into_iter()
+        .chain(scenario::describe_fence(mission.fence()));
     Ok(Checked {
         verdict,
         lines: lines.collect(),

@@ -34,16 +34,29 @@ enum What {
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let What::Scenario { name } = &arguments.what;
     let stem = name.file_name().unwrap_or_default().to_string_lossy();
-    if stem.is_empty() || !stem.chars().all(|c| c.is_alphanumeric() || "-_".contains(c)) {
+    if stem.is_empty()
+        || !stem
+            .chars()
+            .all(|c| c.is_alphanumeric() || "-_".contains(c))
+    {
         let help = "a name has letters, digits, - and _; the extensions are added";
-        return Err(BadInput::without_excerpt(name, "can't be the name of a scenario", help).into());
+        return Err(
+            BadInput::without_excerpt(name, "can't be the name of a scenario", help).into(),
+        );
     }
     let [scenario, mission] = ["toml", "waypoints"].map(|it| name.with_extension(it));
-    if let Some(existing) = [&scenario, &mission].into_iter().find(|it| it.symlink_metadata().is_ok()) {
+    if let Some(existing) = [&scenario, &mission]
+        .into_iter()
+        .find(|it| it.symlink_metadata().is_ok())
+    {
         let help = "give another name";
-        return Err(BadInput::without_excerpt(existing, "exists and is not overwritten", help).into());
+        return Err(
+            BadInput::without_excerpt(existing, "exists and is not overwritten", help).into(),
+        );
     }
-    let folder = name.parent().filter(|it| *it != Path::new("") && !it.is_dir());
+    let folder = name
+        .parent()
+        .filter(|it| *it != Path::new("") && !it.is_dir());
     if let Some(folder) = folder {
         let help = "create the folder first";
         return Err(BadInput::without_excerpt(folder, "there is no such folder", help).into());

@@ -81,13 +81,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     if let Some(folder) = &arguments.prepare {
         return prepare(arguments, &scenario, (folder, hosts.as_ref()));
     }
-    let out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| {
-            // No flight in real time repeats, so each gets a folder.
-            report::numbered(&folder::default_for(&arguments.scenario, "swarm"), |_| false)
-        });
+    let out = arguments.out.clone().unwrap_or_else(|| {
+        // No flight in real time repeats, so each gets a folder.
+        report::numbered(&folder::default_for(&arguments.scenario, "swarm"), |_| {
+            false
+        })
+    });
     folder::check_writable(&out)?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
@@ -146,7 +145,10 @@ fn prepare(
         let fly = if *id == leader { " --fly" } else { "" };
         text.push_str(&format!("  musterd --config {}{fly}\n", file.display()));
     }
-    text.push_str(&format!("Watch them with: muster status {} --watch\n", folder.display()));
+    text.push_str(&format!(
+        "Watch them with: muster status {} --watch\n",
+        folder.display()
+    ));
     terminal::print(&text)?;
     Ok(Outcome::Success)
 }

@@ -50,8 +50,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let flights = Flights::load(&[Override::seed(&arguments.seed)], arguments.runs)?;
-    let default =
-        folder::default_for(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
+    let default = folder::default_for(Path::new("thesis"), format_args!("seed-{}", flights.seed()));
     folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;
     let bar = terminal::progress_bar(
         "{msg:>32} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",

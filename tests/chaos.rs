@@ -23,8 +23,15 @@ fn search_without_a_finding_shows_its_coverage_and_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let (code, output) = chaos(folder.path(), &["--seeds", "0..6", "--out", "out"]);
     assert_eq!(code, Some(0), "{output}");
-    assert!(output.starts_with("OK: 6 plans, no rule broken; "), "{output}");
-    assert_eq!(output.lines().count(), 3, "the rest is for --explain: {output}");
+    assert!(
+        output.starts_with("OK: 6 plans, no rule broken; "),
+        "{output}"
+    );
+    assert_eq!(
+        output.lines().count(),
+        3,
+        "the rest is for --explain: {output}"
+    );
     let explained = ["--seeds", "0..6", "--out", "out", "--explain"];
     let (code, output) = chaos(folder.path(), &explained);
     assert_eq!(code, Some(0), "{output}");
@@ -88,7 +95,10 @@ fn search_with_keep_going_lists_all_findings() {
     ];
     let (code, output) = chaos(folder.path(), &[&short[..], &["--out", "out"]].concat());
     assert_eq!(code, Some(3), "{output}");
-    assert!(output.starts_with("BROKEN: a rule, by 4 of 4 plans\n"), "{output}");
+    assert!(
+        output.starts_with("BROKEN: a rule, by 4 of 4 plans\n"),
+        "{output}"
+    );
     for words in ["seed 0: rule 5, ", "seed 3: rule 5, "] {
         assert!(output.contains(words), "{words}: {output}");
     }
@@ -107,7 +117,10 @@ fn another_search_gets_a_folder_of_its_own() {
     ] {
         let (code, output) = chaos(folder.path(), arguments);
         assert_eq!(code, Some(0), "{output}");
-        assert!(output.contains(&format!("wrote {out}/chaos.json")), "{output}");
+        assert!(
+            output.contains(&format!("wrote {out}/chaos.json")),
+            "{output}"
+        );
     }
 }
 

@@ -257,8 +257,14 @@ fn check_says_the_verdict_first_and_the_rest_on_request() {
     };
     let verdicts = check(&[]);
     assert_eq!(verdicts.lines().count(), files.len(), "{verdicts}");
-    assert!(verdicts.lines().all(|line| line.contains(": OK: ")), "{verdicts}");
-    assert!(verdicts.contains("thesis-2.toml: OK: 15 drones, about "), "{verdicts}");
+    assert!(
+        verdicts.lines().all(|line| line.contains(": OK: ")),
+        "{verdicts}"
+    );
+    assert!(
+        verdicts.contains("thesis-2.toml: OK: 15 drones, about "),
+        "{verdicts}"
+    );
     assert!(verdicts.contains("min, 12 need relays"), "{verdicts}");
     let explained = check(&["--explain"]);
     for line in [
@@ -282,22 +288,37 @@ fn swarm_that_is_not_connected_is_told_and_its_mission_is_not_completed() {
         .replace("spacing_m = 160", "spacing_m = 350")
         .replace("missions/albufera.plan", &mission);
     fs::write(&apart, text).unwrap();
-    let check = muster(folder.path()).args(["check", "apart.toml"]).assert().success();
+    let check = muster(folder.path())
+        .args(["check", "apart.toml"])
+        .assert()
+        .success();
     let checked = String::from_utf8_lossy(&check.get_output().stdout).into_owned();
-    assert!(checked.starts_with("apart.toml: WARNING: 5 drones"), "{checked}");
-    assert!(checked.contains("drones 0, 1, 3, 4 can't reach the master"), "{checked}");
+    assert!(
+        checked.starts_with("apart.toml: WARNING: 5 drones"),
+        "{checked}"
+    );
+    assert!(
+        checked.contains("drones 0, 1, 3, 4 can't reach the master"),
+        "{checked}"
+    );
     for engine in ["events", "actors"] {
         let run = muster(folder.path())
             .args(["sim", "apart.toml", "--engine", engine])
             .assert()
             .code(4);
         let table = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
-        assert!(table.contains("5 segments never heard each other"), "{table}");
+        assert!(
+            table.contains("5 segments never heard each other"),
+            "{table}"
+        );
         assert!(table.contains("raise `radio.range_m`"), "{table}");
     }
     let report = fs::read(folder.path().join("runs/apart-1/report.json")).unwrap();
     let report: Value = serde_json::from_slice(&report).unwrap();
-    assert_eq!(report["never_met"], serde_json::json!([[0], [1], [2], [3], [4]]));
+    assert_eq!(
+        report["never_met"],
+        serde_json::json!([[0], [1], [2], [3], [4]])
+    );
 }
 
 #[test]
@@ -310,15 +331,27 @@ fn runs_with_other_fields_get_folders_of_their_own() {
             .assert()
             .success();
         let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-        let written = printed.lines().find_map(|line| line.strip_prefix(" wrote "));
+        let written = printed
+            .lines()
+            .find_map(|line| line.strip_prefix(" wrote "));
         written.unwrap().to_owned()
     };
     let first = sim(&[]);
     assert_eq!(first, "runs/thesis-1-1/report.html");
     let kept = fs::read(folder.path().join(&first)).unwrap();
-    assert_eq!(sim(&["--set", "radio.loss=0.2"]), "runs/thesis-1-1-2/report.html");
-    assert_eq!(sim(&["--set", "radio.loss=0.1"]), "runs/thesis-1-1-3/report.html");
-    assert_eq!(fs::read(folder.path().join(&first)).unwrap(), kept, "nothing is lost");
+    assert_eq!(
+        sim(&["--set", "radio.loss=0.2"]),
+        "runs/thesis-1-1-2/report.html"
+    );
+    assert_eq!(
+        sim(&["--set", "radio.loss=0.1"]),
+        "runs/thesis-1-1-3/report.html"
+    );
+    assert_eq!(
+        fs::read(folder.path().join(&first)).unwrap(),
+        kept,
+        "nothing is lost"
+    );
     assert_eq!(sim(&[]), first, "the same run has its folder");
 }
 
@@ -334,7 +367,10 @@ fn shipped_scenarios_and_missions_fly_by_name_anywhere() {
             .assert()
             .success();
         let report: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
-        (report["trace"].clone(), report["command"].as_str().unwrap().to_owned())
+        (
+            report["trace"].clone(),
+            report["command"].as_str().unwrap().to_owned(),
+        )
     };
     let (by_name, command) = trace("thesis-1", &[]);
     assert_eq!(command, "muster sim thesis-1 --seed 1 --engine events");
@@ -342,13 +378,24 @@ fn shipped_scenarios_and_missions_fly_by_name_anywhere() {
     let river = format!("mission.file={}", scenario("missions/river.waypoints"));
     let (by_name, _) = trace("thesis-1", &["--set", "mission.file=river"]);
     assert_eq!(by_name, trace("thesis-1", &["--set", &river]).0);
-    for more in [&["check", "two-swarms", "river", "swarm-short"][..], &["list"]] {
+    for more in [
+        &["check", "two-swarms", "river", "swarm-short"][..],
+        &["list"],
+    ] {
         muster(folder.path()).args(more).assert().success();
     }
     let campaign = ["campaign", "thesis-1", "--seeds", "0..1"];
     muster(folder.path()).args(campaign).assert().success();
-    assert!(folder.path().join("runs/thesis-1-campaign/runs.csv").exists());
-    let refused = muster(folder.path()).args(["sim", "thesis2"]).assert().code(2);
+    assert!(
+        folder
+            .path()
+            .join("runs/thesis-1-campaign/runs.csv")
+            .exists()
+    );
+    let refused = muster(folder.path())
+        .args(["sim", "thesis2"])
+        .assert()
+        .code(2);
     let refused = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
     assert!(refused.contains("did you mean `thesis-2`?"), "{refused}");
 }
@@ -358,7 +405,11 @@ fn paths_that_are_set_start_at_the_current_folder() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("here");
     fs::create_dir(&place).unwrap();
-    fs::copy(scenario("missions/river.waypoints"), place.join("mine.waypoints")).unwrap();
+    fs::copy(
+        scenario("missions/river.waypoints"),
+        place.join("mine.waypoints"),
+    )
+    .unwrap();
     let sim = |mission: &str| {
         let mut command = muster(&place);
         command.args(["sim", &scenario("thesis-1.toml"), "--engine", "events"]);
@@ -368,7 +419,11 @@ fn paths_that_are_set_start_at_the_current_folder() {
     sim("mine.waypoints").success();
     let refused = sim("mine.waypoint").code(2);
     let refused = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
-    for words in ["did you mean `mine.waypoints`?", "current folder", "[mission]"] {
+    for words in [
+        "did you mean `mine.waypoints`?",
+        "current folder",
+        "[mission]",
+    ] {
         assert!(refused.contains(words), "{words}: {refused}");
     }
 }
@@ -381,20 +436,35 @@ fn new_scenario_is_written_once_and_flies() {
     let again = muster(folder.path()).args(new).assert().code(2);
     let again = String::from_utf8_lossy(&again.get_output().stderr).into_owned();
     assert!(again.contains("is not overwritten"), "{again}");
-    let checked = muster(folder.path()).args(["check", "my-first.toml"]).assert().success();
+    let checked = muster(folder.path())
+        .args(["check", "my-first.toml"])
+        .assert()
+        .success();
     let checked = String::from_utf8_lossy(&checked.get_output().stdout).into_owned();
-    assert!(checked.starts_with("my-first.toml: OK: 9 drones"), "{checked}");
-    muster(folder.path()).args(["sim", "my-first.toml"]).assert().success();
+    assert!(
+        checked.starts_with("my-first.toml: OK: 9 drones"),
+        "{checked}"
+    );
+    muster(folder.path())
+        .args(["sim", "my-first.toml"])
+        .assert()
+        .success();
     let path = folder.path().join("my-first.toml");
     let text = fs::read_to_string(&path).unwrap();
     let with_fault = text.replace("# [[faults]]\n# at_s", "[[faults]]\nat_s");
     let with_fault = with_fault.replace("# kind = \"kill", "kind = \"kill");
     fs::write(&path, with_fault.replace("# drone = ", "drone = ")).unwrap();
-    let killed = muster(folder.path()).args(["sim", "my-first.toml"]).assert().success();
+    let killed = muster(folder.path())
+        .args(["sim", "my-first.toml"])
+        .assert()
+        .success();
     let killed = String::from_utf8_lossy(&killed.get_output().stdout).into_owned();
     assert!(killed.contains(" election "), "{killed}");
     for bad in ["a.b", "", "no-such-folder/x"] {
-        muster(folder.path()).args(["new", "scenario", bad]).assert().code(2);
+        muster(folder.path())
+            .args(["new", "scenario", bad])
+            .assert()
+            .code(2);
     }
 }
 
@@ -467,5 +537,8 @@ fn unchecked_run_is_marked_everywhere() {
 fn release_builds_are_stripped() {
     let manifest = fs::read_to_string(format!("{ROOT}/Cargo.toml")).unwrap();
     let manifest: toml::Table = toml::from_str(&manifest).unwrap();
-    assert_eq!(manifest["profile"]["release"]["strip"].as_bool(), Some(true));
+    assert_eq!(
+        manifest["profile"]["release"]["strip"].as_bool(),
+        Some(true)
+    );
 }

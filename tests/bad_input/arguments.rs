@@ -33,7 +33,12 @@ fn wrong_argument_is_refused_with_what_is_accepted() {
         (&["--set", "radio.range_m"], &["key=value"]),
         (
             &["--set", "mission.file=nowhere.plan"],
-            &["nowhere.plan", "there is no such file", "current folder", "help:"],
+            &[
+                "nowhere.plan",
+                "there is no such file",
+                "current folder",
+                "help:",
+            ],
         ),
         (
             &["--set", "mission.file=missions/albufera.pln"],
@@ -79,10 +84,19 @@ fn misspelt_names_of_scenarios_and_files_are_suggested() {
     let folder = Folder::new();
     for (arguments, says) in [
         (&["sim", "thesis2"][..], "did you mean `thesis-2`?"),
-        (&["check", "./scenaro.toml"], "did you mean `./scenario.toml`?"),
+        (
+            &["check", "./scenaro.toml"],
+            "did you mean `./scenario.toml`?",
+        ),
         (&["swarm", "swarm-shrt"], "did you mean `swarm-short`?"),
-        (&["chaos", "chas", "--seeds", "0..1"], "did you mean `chaos`?"),
-        (&["campaign", "thesis1", "--seeds", "0..1"], "did you mean `thesis-1`?"),
+        (
+            &["chaos", "chas", "--seeds", "0..1"],
+            "did you mean `chaos`?",
+        ),
+        (
+            &["campaign", "thesis1", "--seeds", "0..1"],
+            "did you mean `thesis-1`?",
+        ),
         (&["smi", "thesis-1"], "sim"),
         (&["keys", "drone", "ours", "one"], "a whole number"),
     ] {

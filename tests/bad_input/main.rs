@@ -77,14 +77,19 @@ impl Folder {
 /// Words of the language that muster is written in, which mean nothing to who wrote a file.
 const WORDS_OF_RUST: [&str; 24] = [
     "f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32", "u64", "usize", "isize", "bool",
-    "boolean", "struct", "enum", "variant", "tuple", "untagged", "serde", "Vec", "Option", "newtype",
-    "spanned",
+    "boolean", "struct", "enum", "variant", "tuple", "untagged", "serde", "Vec", "Option",
+    "newtype", "spanned",
 ];
 
 /// Whether an error has a word of [`WORDS_OF_RUST`], or an expression of the parser's.
 fn names_a_type(error: &str) -> bool {
     let mut words = error.split(|c: char| !c.is_alphanumeric() && c != '_');
-    let expressions = ["invalid type", "literal string", "basic string", "invalid digit"];
+    let expressions = [
+        "invalid type",
+        "literal string",
+        "basic string",
+        "invalid digit",
+    ];
     words.any(|word| WORDS_OF_RUST.contains(&word))
         || expressions.iter().any(|it| error.contains(it))
 }

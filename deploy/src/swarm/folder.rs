@@ -103,7 +103,9 @@ pub(super) fn prepare_by_hand(
     };
     if is_used {
         let help = "name a new folder; keys are never overwritten";
-        return Err(BadInput::without_excerpt(folder, "exists and is not an empty folder", help).into());
+        return Err(
+            BadInput::without_excerpt(folder, "exists and is not an empty folder", help).into(),
+        );
     }
     write_files(request, hosts, LogFormat::Human)
 }

@@ -172,7 +172,9 @@ pub fn fly(
 pub fn prepare(request: &Request<'_>) -> Result<Vec<(NodeId, PathBuf)>, SwarmError> {
     check(request)?;
     let drones = folder::prepare_by_hand(request, &*hosts(request)?)?;
-    let files = drones.into_iter().map(|drone| (drone.id, request.folder.join(drone.config)));
+    let files = drones
+        .into_iter()
+        .map(|drone| (drone.id, request.folder.join(drone.config)));
     Ok(files.collect())
 }
 

@@ -27,10 +27,7 @@ pub fn nearest<S: AsRef<str>>(name: &str, candidates: impl IntoIterator<Item = S
 
 /// A suggestion to end an error message with: "; did you mean `radio.loss`?". Empty if no candidate is similar.
 #[must_use]
-pub fn did_you_mean<S: AsRef<str>>(
-    name: &str,
-    candidates: impl IntoIterator<Item = S>,
-) -> String {
+pub fn did_you_mean<S: AsRef<str>>(name: &str, candidates: impl IntoIterator<Item = S>) -> String {
     nearest(name, candidates).map_or_else(String::new, |candidate| {
         format!("; did you mean `{}`?", candidate.as_ref())
     })

@@ -8,7 +8,10 @@ use super::near::did_you_mean;
 pub(crate) fn plain(message: &str) -> String {
     let message = message.trim().replace('\n', ", ");
     if let Some((name, accepted)) = unknown(&message, "unknown field `") {
-        return format!("unknown field `{name}`{}", did_you_mean(name, names(accepted)));
+        return format!(
+            "unknown field `{name}`{}",
+            did_you_mean(name, names(accepted))
+        );
     }
     if let Some((name, accepted)) = unknown(&message, "unknown variant `") {
         let suggestion = did_you_mean(name, names(accepted));
@@ -16,10 +19,16 @@ pub(crate) fn plain(message: &str) -> String {
     }
     for kind in ["invalid type: ", "invalid value: "] {
         if let Some((found, wanted)) = (message.strip_prefix(kind)).and_then(found_and_wanted) {
-            return format!("found {}, expected {}", found_in_words(found), wanted_in_words(wanted));
+            return format!(
+                "found {}, expected {}",
+                found_in_words(found),
+                wanted_in_words(wanted)
+            );
         }
     }
-    let known = LIBRARY_WORDS.iter().find(|(theirs, _)| message.starts_with(theirs));
+    let known = LIBRARY_WORDS
+        .iter()
+        .find(|(theirs, _)| message.starts_with(theirs));
     match known {
         Some((_, ours)) => (*ours).to_owned(),
         None => message,
@@ -28,19 +37,43 @@ pub(crate) fn plain(message: &str) -> String {
 
 /// Beginnings of messages of the TOML parser, and what is said instead.
 const LIBRARY_WORDS: [(&str, &str); 13] = [
-    ("string values must be quoted", "text must be in quotes, as in \"text\""),
-    ("invalid boolean", "neither `true` nor `false`; text must be in quotes, as in \"text\""),
-    ("invalid integer", "not a number; text must be in quotes, as in \"text\""),
-    ("invalid float", "not a number; text must be in quotes, as in \"text\""),
-    ("invalid unquoted key", "a name can't have this character; put the name in quotes"),
+    (
+        "string values must be quoted",
+        "text must be in quotes, as in \"text\"",
+    ),
+    (
+        "invalid boolean",
+        "neither `true` nor `false`; text must be in quotes, as in \"text\"",
+    ),
+    (
+        "invalid integer",
+        "not a number; text must be in quotes, as in \"text\"",
+    ),
+    (
+        "invalid float",
+        "not a number; text must be in quotes, as in \"text\"",
+    ),
+    (
+        "invalid unquoted key",
+        "a name can't have this character; put the name in quotes",
+    ),
     ("wanted string or table", "expected text in quotes"),
     ("integer number overflowed", "the number is too large"),
-    ("floating-point number overflowed", "the number is too large"),
+    (
+        "floating-point number overflowed",
+        "the number is too large",
+    ),
     ("u64 value was too large", "the number is too large"),
     ("cannot recurse further", "nested too deeply"),
     ("recursion limit", "nested too deeply"),
-    ("data did not match any variant", "the value has none of the accepted forms"),
-    ("expected tuple with length", "the list has the wrong number of values"),
+    (
+        "data did not match any variant",
+        "the value has none of the accepted forms",
+    ),
+    (
+        "expected tuple with length",
+        "the list has the wrong number of values",
+    ),
 ];
 
 /// The name that a message calls unknown, and the rest, which lists accepted ones.
@@ -125,28 +158,61 @@ mod tests {
     #[test]
     fn wrong_types_are_told_without_names_of_types() {
         for (text, expected) in [
-            ("speed = \"fast\"", "found the text \"fast\", expected a number"),
+            (
+                "speed = \"fast\"",
+                "found the text \"fast\", expected a number",
+            ),
             ("speed = [1]", "found a list, expected a number"),
-            ("id = 1.5", "found the number 1.5, expected a whole number from 0 to 4294967295"),
-            ("id = -1", "found the whole number -1, expected a whole number from 0 to 4294967295"),
-            ("name = 5", "found the whole number 5, expected text in quotes"),
+            (
+                "id = 1.5",
+                "found the number 1.5, expected a whole number from 0 to 4294967295",
+            ),
+            (
+                "id = -1",
+                "found the whole number -1, expected a whole number from 0 to 4294967295",
+            ),
+            (
+                "name = 5",
+                "found the whole number 5, expected text in quotes",
+            ),
             ("name = true", "found `true`, expected text in quotes"),
-            ("avoid = 1", "found the whole number 1, expected `true` or `false`"),
+            (
+                "avoid = 1",
+                "found the whole number 1, expected `true` or `false`",
+            ),
             ("list = \"a\"", "found the text \"a\", expected a list"),
-            ("speed = \"a, expected b\"", "found the text \"a, expected b\", expected a number"),
+            (
+                "speed = \"a, expected b\"",
+                "found the text \"a, expected b\", expected a number",
+            ),
         ] {
             assert_eq!(refused(text), expected, "{text}");
         }
-        for text in ["id = two", "id = fast", "id = x", "id = 99999999999999999999", "policy = 3", "pair = [1]"] {
+        for text in [
+            "id = two",
+            "id = fast",
+            "id = x",
+            "id = 99999999999999999999",
+            "policy = 3",
+            "pair = [1]",
+        ] {
             let told = refused(text);
-            let has_types = ["u32", "enum", "tuple", "boolean", "literal", "variant", "invalid"];
-            assert!(!has_types.iter().any(|it| told.contains(it)), "{text}: {told}");
+            let has_types = [
+                "u32", "enum", "tuple", "boolean", "literal", "variant", "invalid",
+            ];
+            assert!(
+                !has_types.iter().any(|it| told.contains(it)),
+                "{text}: {told}"
+            );
         }
     }
 
     #[test]
     fn misspelt_names_get_a_suggestion() {
-        assert_eq!(refused("sped = 1"), "unknown field `sped`; did you mean `speed`?");
+        assert_eq!(
+            refused("sped = 1"),
+            "unknown field `sped`; did you mean `speed`?"
+        );
         assert_eq!(refused("zzz = 1"), "unknown field `zzz`");
         assert_eq!(
             refused("policy = \"tre\""),

@@ -20,7 +20,10 @@ pub fn table(searched: &SearchResult, colour: Colour) -> String {
         Some(finding) => found(finding, colour),
         None if searched.broken.is_empty() => {
             let ok = format!("OK: {plans} plans, no rule broken");
-            format!("{}; mission completed in {completed}\n", painted(&ok, GREEN, colour))
+            format!(
+                "{}; mission completed in {completed}\n",
+                painted(&ok, GREEN, colour)
+            )
         }
         None => listed(searched, colour),
     }

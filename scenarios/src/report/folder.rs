@@ -63,12 +63,19 @@ mod tests {
             folder.file_name().unwrap().to_string_lossy().into_owned()
         };
         let written = [&report, &other, &report, &other].map(folder);
-        assert_eq!(written, ["thesis-2-7", "thesis-2-7-2", "thesis-2-7", "thesis-2-7-2"]);
+        assert_eq!(
+            written,
+            ["thesis-2-7", "thesis-2-7-2", "thesis-2-7", "thesis-2-7-2"]
+        );
         let kept = fs::read_to_string(base.join(REPORT_JSON)).unwrap();
         assert!(!kept.contains("radio.loss"), "nothing is lost");
         let mut real = report;
         real.trace = None;
-        assert_eq!(folder(&real), "thesis-2-7-3", "a flight in real time never repeats");
+        assert_eq!(
+            folder(&real),
+            "thesis-2-7-3",
+            "a flight in real time never repeats"
+        );
     }
 
     #[test]

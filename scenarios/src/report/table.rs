@@ -235,7 +235,8 @@ fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("mission", incomplete_mission(report).to_owned()));
     } else if !report.never_met.is_empty() {
         let segments = report.never_met.len();
-        let mission = format!("not completed by one swarm: {segments} segments flew it on their own");
+        let mission =
+            format!("not completed by one swarm: {segments} segments flew it on their own");
         lines.push(("mission", mission));
     }
     lines

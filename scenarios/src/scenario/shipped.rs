@@ -37,7 +37,9 @@ pub fn shipped() -> Vec<(String, Vec<Shipped>)> {
         if let Some(heading) = line.strip_prefix("## ") {
             groups.push((heading.to_owned(), Vec::new()));
         }
-        let row = line.strip_prefix("| `").and_then(|row| row.split_once("` | "));
+        let row = line
+            .strip_prefix("| `")
+            .and_then(|row| row.split_once("` | "));
         if let (Some((path, about)), Some((_, group))) = (row, groups.last_mut()) {
             group.push(Shipped {
                 name: stem(path),
@@ -107,7 +109,10 @@ fn find<'a>(
         return Ok(Cow::Borrowed(named));
     }
     let name = named.to_string_lossy();
-    let mut paths = FILES.iter().map(|(path, _)| *path).filter(|path| is_one(path));
+    let mut paths = FILES
+        .iter()
+        .map(|(path, _)| *path)
+        .filter(|path| is_one(path));
     match paths.clone().find(|path| stem(path) == name) {
         Some(path) => Ok(Cow::Owned(Path::new(FOLDER).join(path))),
         None => {
@@ -163,7 +168,10 @@ mod tests {
     #[test]
     fn names_are_unique_and_all_listed() {
         let listed: Vec<_> = shipped().into_iter().flat_map(|(_, group)| group).collect();
-        let names: BTreeSet<_> = listed.iter().map(|it| (it.is_mission, it.name.clone())).collect();
+        let names: BTreeSet<_> = listed
+            .iter()
+            .map(|it| (it.is_mission, it.name.clone()))
+            .collect();
         let files: BTreeSet<_> = FILES
             .iter()
             .map(|(path, _)| (!is_scenario(path), stem(path)))
@@ -171,13 +179,20 @@ mod tests {
         assert_eq!((names.len(), files.len()), (listed.len(), FILES.len()));
         assert_eq!(names, files);
         assert!(listed.iter().all(|it| is_name(Path::new(&it.name))));
-        assert!(listed.iter().all(|it| it.about.len() > 10 && !it.about.contains(['[', '`', '…'])));
+        assert!(
+            listed
+                .iter()
+                .all(|it| it.about.len() > 10 && !it.about.contains(['[', '`', '…']))
+        );
     }
 
     #[test]
     fn single_word_is_a_shipped_file_and_a_path_is_not() {
         let path = |named: &str| scenario_file(Path::new(named)).unwrap().into_owned();
-        assert_eq!(path("swarm-short"), Path::new("shipped:/hardware/swarm-short.toml"));
+        assert_eq!(
+            path("swarm-short"),
+            Path::new("shipped:/hardware/swarm-short.toml")
+        );
         assert_eq!(shown(&path("swarm-short")), Path::new("swarm-short"));
         for file in ["./thesis-2", "thesis-2.toml", "scenarios/thesis-2.toml"] {
             assert_eq!(path(file), Path::new(file));

@@ -103,7 +103,8 @@ fn load(path: &Path, arguments: &Arguments) -> Result<DroneConfig, BadInput> {
     let config = DroneConfig::load(path)?;
     if arguments.fly && !config.leads() {
         let message = "this drone does not lead its swarm; only the leader accepts `--fly`";
-        let help = "`musterd --check` prints which drone leads, and so does `muster check --explain`";
+        let help =
+            "`musterd --check` prints which drone leads, and so does `muster check --explain`";
         return Err(BadInput::without_excerpt(path, message, help));
     }
     Ok(config)

@@ -281,9 +281,9 @@ impl Recorder {
 
     /// Drones out of their leader's range that have a route to it, and the neighbour of the leader on that route.
     pub(crate) fn bridged(&self) -> impl Iterator<Item = (NodeId, NodeId)> + '_ {
-        let away = self.drones().filter(|(id, record)| {
-            record.routes.out_of_range && self.leader_of(*id) != *id
-        });
+        let away = self
+            .drones()
+            .filter(|(id, record)| record.routes.out_of_range && self.leader_of(*id) != *id);
         away.filter_map(|(id, _)| Some((id, self.bridge_of(id)?)))
     }
 
