@@ -37,22 +37,10 @@ pub(crate) fn plain(message: &str) -> String {
 
 /// Beginnings of messages of the TOML parser, and what is said instead.
 const LIBRARY_WORDS: [(&str, &str); 13] = [
-    (
-        "string values must be quoted",
-        "text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid boolean",
-        "neither `true` nor `false`; text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid integer",
-        "not a number; text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid float",
-        "not a number; text must be in quotes, as in \"text\"",
-    ),
+    ("string values must be quoted", NO_VALUE),
+    ("invalid boolean", NO_VALUE),
+    ("invalid integer", NO_VALUE),
+    ("invalid float", NO_VALUE),
     (
         "invalid unquoted key",
         "a name can't have this character; put the name in quotes",
@@ -75,6 +63,9 @@ const LIBRARY_WORDS: [(&str, &str); 13] = [
         "the list has the wrong number of values",
     ),
 ];
+
+/// The parser takes a word without quotes for a misspelt number or boolean, by its first letter.
+const NO_VALUE: &str = "not a number, `true` or `false`; text must be in quotes, as in \"text\"";
 
 /// The name that a message calls unknown, and the rest, which lists accepted ones.
 fn unknown<'a>(message: &'a str, start: &str) -> Option<(&'a str, &'a str)> {

@@ -28,6 +28,7 @@ impl Scenario {
             about(self.expected()),
         ];
         match connected.as_ref().map(|in_slots| self.relayed(in_slots)) {
+            Some(0) if !warnings.is_empty() => {}
             Some(0) => facts.push("all in the master's range".to_owned()),
             Some(relayed) => facts.push(format!("{relayed} need relays")),
             None => {}
