@@ -19,6 +19,10 @@ pub(crate) fn plain(message: &str) -> String {
     }
     for kind in ["invalid type: ", "invalid value: "] {
         if let Some((found, wanted)) = (message.strip_prefix(kind)).and_then(found_and_wanted) {
+            // A number that needs more than 64 bits.
+            if found.ends_with("128") && found.starts_with("integer ") {
+                return "the number is too large".to_owned();
+            }
             return format!(
                 "found {}, expected {}",
                 found_in_words(found),
@@ -36,7 +40,7 @@ pub(crate) fn plain(message: &str) -> String {
 }
 
 /// Beginnings of messages of the TOML parser, and what is said instead.
-const LIBRARY_WORDS: [(&str, &str); 13] = [
+const LIBRARY_WORDS: [(&str, &str); 14] = [
     ("string values must be quoted", NO_VALUE),
     ("invalid boolean", NO_VALUE),
     ("invalid integer", NO_VALUE),
@@ -58,6 +62,7 @@ const LIBRARY_WORDS: [(&str, &str); 13] = [
         "data did not match any variant",
         "the value has none of the accepted forms",
     ),
+    ("invalid length", "the list has the wrong number of values"),
     (
         "expected tuple with length",
         "the list has the wrong number of values",
