@@ -239,6 +239,30 @@ fn completions_are_printed_for_every_shell() {
 }
 
 #[test]
+fn path_after_set_is_completed_as_a_file_in_bash() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = muster(folder.path())
+        .args(["completions", "bash"])
+        .output()
+        .unwrap()
+        .stdout;
+    fs::write(folder.path().join("muster.bash"), script).unwrap();
+    // Readline splits words at `=`. No reply of the script's own means bash's names of files.
+    let asked = "source muster.bash; COMP_WORDS=(muster sim thesis-1 --set mission.file = ri); COMP_CWORD=6; \
+                 _muster muster ri =; echo \"${#COMPREPLY[@]}\"; complete -p muster";
+    let bash = std::process::Command::new("bash")
+        .current_dir(folder.path())
+        .args(["-c", asked])
+        .output()
+        .unwrap();
+    let answer = String::from_utf8(bash.stdout).unwrap();
+    assert!(
+        answer.starts_with("0\n") && answer.contains("-o default"),
+        "{answer}"
+    );
+}
+
+#[test]
 fn check_says_the_verdict_first_and_the_rest_on_request() {
     let files = [
         "thesis-1.toml",

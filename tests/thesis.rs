@@ -36,6 +36,7 @@ fn all_experiments_run_in_any_folder_and_write_to_the_default_folder() {
         .assert()
         .success();
     let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(printed.contains("waits  1 run\n"), "{printed}");
     for table in 9..=13 {
         assert!(
             printed.contains(&format!("thesis, table {table}")),
@@ -53,6 +54,33 @@ fn all_experiments_run_in_any_folder_and_write_to_the_default_folder() {
                 .is_file()
         );
     }
+}
+
+#[test]
+fn number_of_runs_is_that_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |runs: &str, folder_is: &str| {
+        let run = thesis(folder.path(), &["--runs", runs]).assert().success();
+        let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+        assert!(
+            printed.contains(&format!("wrote {folder_is}/thesis.html")),
+            "{printed}"
+        );
+        printed
+    };
+    let printed = run("4", "runs/thesis-seed-1");
+    assert!(
+        printed.contains("waits  4 runs, seeds 1 to 4,"),
+        "{printed}"
+    );
+    assert_eq!(
+        printed.matches("4 runs ").count(),
+        2,
+        "both headings: {printed}"
+    );
+    assert!(!printed.contains("20 runs"), "{printed}");
+    run("2", "runs/thesis-seed-1-2");
+    run("4", "runs/thesis-seed-1");
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn wrong_argument_is_refused_with_what_is_accepted() {
         ),
         (
             &["--set", "mission.file=rivers"],
-            &["did you mean `river`?", "`muster list`"],
+            &["did you mean `river`?", "such as \"river\""],
         ),
         (&["--engine", "steam"], &["actors", "events"]),
         (&["--out", "scenario.toml"], &["scenario.toml"]),
@@ -97,7 +97,7 @@ fn misspelt_names_of_scenarios_and_files_are_suggested() {
             &["campaign", "thesis1", "--seeds", "0..1"],
             "did you mean `thesis-1`?",
         ),
-        (&["smi", "thesis-1"], "sim"),
+        (&["simm", "thesis-1"], "'sim'"),
         (&["keys", "drone", "ours", "one"], "a whole number"),
     ] {
         let (code, [output, error]) = folder.muster(arguments);

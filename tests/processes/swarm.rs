@@ -366,3 +366,45 @@ fn scenarios_for_simulation_only_are_refused() {
     );
     assert_eq!(fs::read_to_string(own).unwrap(), "mine");
 }
+
+#[test]
+fn prepared_drones_start_by_hand_and_fly() {
+    let folder = tempfile::tempdir().unwrap();
+    let prepare = || {
+        Command::new(env!("CARGO_BIN_EXE_muster"))
+            .current_dir(folder.path())
+            .args(["swarm", "swarm-short", "--prepare", "five"])
+            .output()
+            .unwrap()
+    };
+    let prepared = prepare();
+    let printed = String::from_utf8(prepared.stdout).unwrap();
+    let commands: Vec<_> = (printed.lines())
+        .filter_map(|line| line.trim().strip_prefix("musterd "))
+        .collect();
+    assert_eq!(commands.len(), 5, "{printed}");
+    assert!(
+        commands[4].ends_with("drone-2/drone.toml --fly"),
+        "the leader is last: {printed}"
+    );
+    let mut drones: Vec<_> = commands
+        .iter()
+        .map(|arguments| {
+            let mut command = Command::new(&*super::fleet::MUSTERD);
+            command
+                .current_dir(folder.path())
+                .args(arguments.split(' '));
+            std::thread::sleep(Duration::from_millis(300));
+            command.stderr(Stdio::null()).spawn().unwrap()
+        })
+        .collect();
+    for drone in &mut drones {
+        assert_eq!(
+            drone.wait().unwrap().code(),
+            Some(0),
+            "it has flown and landed"
+        );
+    }
+    let again = prepare();
+    assert_eq!(again.status.code(), Some(2), "keys are not overwritten");
+}

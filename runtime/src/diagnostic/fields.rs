@@ -6,7 +6,8 @@ use toml::de::{DeTable, DeValue};
 
 use crate::schema::FieldList;
 
-/// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML.
+/// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML and
+/// the line has no known field.
 #[must_use]
 pub fn accepted(
     fields: FieldList,
@@ -17,7 +18,9 @@ pub fn accepted(
     let missing = message
         .strip_prefix("missing field `")
         .and_then(|rest| rest.strip_suffix('`'));
-    let document = DeTable::parse(text).ok()?;
+    let Ok(document) = DeTable::parse(text) else {
+        return accepted_on_line(fields, text, span.start);
+    };
     let mut path = Vec::new();
     find_path(document.get_ref(), span, &mut path);
     path.extend(missing.map(str::to_owned));
@@ -37,6 +40,22 @@ pub fn accepted(
             format!("the fields are {}", listed.join(", "))
         }
     })
+}
+
+/// Describes the field on the line of a file that is not TOML, by its name and the table above it.
+fn accepted_on_line(fields: FieldList, text: &str, place: usize) -> Option<String> {
+    let line_start = text
+        .get(..place)?
+        .rfind('\n')
+        .map_or(0, |newline| newline + 1);
+    let line = text[line_start..].lines().next()?;
+    let key = line.split_once('=')?.0.trim();
+    let tables = text[..line_start].lines().map(str::trim);
+    let table = tables.filter(|line| line.starts_with('[')).next_back();
+    let table = table.and_then(|line| line.split(']').next()?.rsplit('[').next());
+    let path = table.map_or_else(|| key.to_owned(), |table| format!("{}.{key}", table.trim()));
+    let (_, accepted) = fields.iter().find(|(known, _)| *known == path)?;
+    Some(format!("`{path}` takes {accepted}"))
 }
 
 /// The names of a table's fields; of the top-level fields if `table` is empty.

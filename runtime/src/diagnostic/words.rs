@@ -19,6 +19,10 @@ pub(crate) fn plain(message: &str) -> String {
     }
     for kind in ["invalid type: ", "invalid value: "] {
         if let Some((found, wanted)) = (message.strip_prefix(kind)).and_then(found_and_wanted) {
+            // A number that needs more than 64 bits.
+            if found.ends_with("128") && found.starts_with("integer ") {
+                return "the number is too large".to_owned();
+            }
             return format!(
                 "found {}, expected {}",
                 found_in_words(found),
@@ -36,23 +40,11 @@ pub(crate) fn plain(message: &str) -> String {
 }
 
 /// Beginnings of messages of the TOML parser, and what is said instead.
-const LIBRARY_WORDS: [(&str, &str); 13] = [
-    (
-        "string values must be quoted",
-        "text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid boolean",
-        "neither `true` nor `false`; text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid integer",
-        "not a number; text must be in quotes, as in \"text\"",
-    ),
-    (
-        "invalid float",
-        "not a number; text must be in quotes, as in \"text\"",
-    ),
+const LIBRARY_WORDS: [(&str, &str); 14] = [
+    ("string values must be quoted", NO_VALUE),
+    ("invalid boolean", NO_VALUE),
+    ("invalid integer", NO_VALUE),
+    ("invalid float", NO_VALUE),
     (
         "invalid unquoted key",
         "a name can't have this character; put the name in quotes",
@@ -70,11 +62,15 @@ const LIBRARY_WORDS: [(&str, &str); 13] = [
         "data did not match any variant",
         "the value has none of the accepted forms",
     ),
+    ("invalid length", "the list has the wrong number of values"),
     (
         "expected tuple with length",
         "the list has the wrong number of values",
     ),
 ];
+
+/// The parser takes a word without quotes for a misspelt number or boolean, by its first letter.
+const NO_VALUE: &str = "not a number, `true` or `false`; text must be in quotes, as in \"text\"";
 
 /// The name that a message calls unknown, and the rest, which lists accepted ones.
 fn unknown<'a>(message: &'a str, start: &str) -> Option<(&'a str, &'a str)> {

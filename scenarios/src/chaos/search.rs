@@ -231,6 +231,7 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
+    use std::path::Path;
 
     use std::path::Path;
 

@@ -8,6 +8,7 @@ mod preview;
 mod settling;
 mod shipped;
 mod variation;
+mod verdict;
 mod written;
 
 use std::time::Duration;

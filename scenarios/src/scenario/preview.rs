@@ -20,78 +20,7 @@ use muster_runtime::text::{drones, figure, plural};
 /// Largest swarm whose connectivity is computed. Larger ones are taken to have the largest possible diameter.
 const DIAMETER_NODES_MAX: u32 = 1_000;
 
-/// Longest time that is told in seconds.
-const SECONDS_MAX: f64 = 120.0;
-
 impl Scenario {
-    /// The verdict of `muster check` in one line: whether the swarm is connected, how many drones fly for how long, and how
-    /// many need relays.
-    #[must_use]
-    pub fn verdict(&self) -> String {
-        let connected = self.connected();
-        let warnings = connected
-            .as_ref()
-            .map_or_else(Vec::new, |in_slots| self.warnings(in_slots));
-        let mut facts = vec![
-            plural(self.plan.layout.formation().drones() as usize, "drone"),
-            about(self.plan.limits.flight),
-        ];
-        match connected.as_ref().map(|in_slots| self.relayed(in_slots)) {
-            Some(0) => facts.push("all in the master's range".to_owned()),
-            Some(relayed) => facts.push(format!("{relayed} need relays")),
-            None => {}
-        }
-        let (word, facts) = (
-            if warnings.is_empty() { "OK" } else { "WARNING" },
-            facts.join(", "),
-        );
-        let warnings: String = warnings.iter().map(|it| format!("; {it}")).collect();
-        format!("{word}: {facts}{warnings}")
-    }
-
-    /// What may surprise an operator, though it can be flown.
-    fn warnings(&self, in_slots: &Segments) -> Vec<String> {
-        let mut warnings = Vec::new();
-        let apart = self.out_of_reach(in_slots).unwrap_or_default();
-        if !apart.is_empty() {
-            let will = match self.plan.protocol.succession {
-                Succession::Elect => "will fly on their own",
-                Succession::Land => "will land",
-            };
-            warnings.push(format!(
-                "{} can't reach the master, not even over others, and {will}: raise `radio.range_m` or lower \
-                 `formation.spacing_m`",
-                drones(&apart)
-            ));
-        }
-        let diameter = self
-            .masters_segment(in_slots)
-            .map_or(0, |it| in_slots.diameter(it));
-        if self.settling().hops_max.is_some_and(|hops| diameter > hops) {
-            warnings.push(format!(
-                "with these losses, policy `flood` does not carry heartbeats over {}: set `protocol.policy` to \"tree\"",
-                plural(diameter as usize, "hop")
-            ));
-        }
-        warnings
-    }
-
-    /// Number of drones that reach the master only over others.
-    fn relayed(&self, in_slots: &Segments) -> usize {
-        let master = self.plan.layout.formation().centre();
-        let drones = self.plan.layout.formation().drones();
-        let Some(segment) = self.masters_segment(in_slots) else {
-            return 0;
-        };
-        let members = segment
-            .members
-            .iter()
-            .filter(|id| id.0 < drones && **id != master);
-        members
-            .filter(|id| !in_slots.are_neighbours(**id, master))
-            .count()
-    }
-
     /// Separation, time to re-elect, bound of the run, holds, altitude layers, waves, fence and drones out of reach: one line each.
     #[must_use]
     pub fn preview(&self) -> Vec<String> {
@@ -161,7 +90,7 @@ impl Scenario {
     }
 
     /// The segments with all drones in their slots; `None` if the swarm is too large.
-    fn connected(&self) -> Option<Segments> {
+    pub(super) fn connected(&self) -> Option<Segments> {
         let nodes = self.plan.nodes();
         (nodes <= DIAMETER_NODES_MAX)
             .then(|| self.connected_at(|_| self.plan.waypoints[0].altitude_m()))
@@ -210,7 +139,7 @@ impl Scenario {
         segments
     }
 
-    fn masters_segment<'a>(&self, segments: &'a Segments) -> Option<&'a Segment> {
+    pub(super) fn masters_segment<'a>(&self, segments: &'a Segments) -> Option<&'a Segment> {
         let master = self.plan.layout.formation().centre();
         segments
             .iter()
@@ -218,7 +147,7 @@ impl Scenario {
     }
 
     /// The drones that no links that are up connect with the master, in ascending order.
-    fn out_of_reach(&self, segments: &Segments) -> Option<Vec<u32>> {
+    pub(super) fn out_of_reach(&self, segments: &Segments) -> Option<Vec<u32>> {
         let with_master = self.masters_segment(segments)?;
         let all = (0..self.plan.layout.formation().drones()).map(NodeId);
         let apart = all.filter(|id| !with_master.members.contains(id));
@@ -350,16 +279,6 @@ impl Scenario {
                 figure(extra_s, 0)
             )
         })
-    }
-}
-
-/// A duration in words, rounded.
-fn about(duration: Duration) -> String {
-    let seconds = duration.as_secs_f64();
-    if seconds <= SECONDS_MAX {
-        format!("about {} s", figure((seconds / 10.0).ceil() * 10.0, 0))
-    } else {
-        format!("about {} min", figure(seconds / 60.0, 0))
     }
 }
 

@@ -54,7 +54,7 @@ fn broken_rule_in_a_further_run_is_shown() {
     comparison.further[7].violations = faulty.violations;
     let text = table(&comparison, Colour::Never);
     assert!(
-        text.contains("muster sim scenarios/ancestor.toml --seed 3 --engine events"),
+        text.contains("muster sim ancestor --seed 3 --engine events"),
         "{text}"
     );
     assert!(!html::page(&comparison).contains("✓"));

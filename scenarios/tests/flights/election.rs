@@ -1,7 +1,7 @@
 //! The master is killed; the remaining drones elect new masters, continue and land.
 
 use muster_scenarios::engine::Engine;
-use muster_scenarios::report::Report;
+use muster_scenarios::report::{Report, Role};
 
 use crate::support::{assert_finished, fly, scenario};
 
@@ -167,5 +167,64 @@ fn ten_masters_killed_in_sequence_in_a_grid_are_all_replaced() {
     for election in &report.elections {
         assert!(election.settled_after_s.is_some(), "{election:?}");
         assert_eq!(election.masters.len(), 1, "{election:?}");
+    }
+}
+
+/// Masters of a report, and its bridges with the drones behind each.
+fn led(report: &Report) -> (Vec<u32>, Vec<(u32, Vec<u32>)>) {
+    let masters = report.drones.iter().filter(|it| it.role == Role::Master);
+    let bridges = report.bridges.iter();
+    (
+        masters.map(|it| it.id).collect(),
+        bridges
+            .map(|it| (it.bridge, it.out_of_range.clone()))
+            .collect(),
+    )
+}
+
+#[test]
+fn report_shows_who_leads_and_relays_after_elections() {
+    let report = |name: &str, fields: &[&str]| fly(&scenario(name, fields), Engine::Events);
+    // The killed master led until then.
+    let halves = led(&report("election-line.toml", &[]));
+    let bridges = vec![(5, (0..5).collect()), (9, (10..15).collect())];
+    assert_eq!(halves, (vec![6, 7, 8], bridges));
+    let (masters, _) = led(&report("cut-two-apart.toml", &[]));
+    assert_eq!(masters, [2], "the parts have met");
+    for name in [
+        "election-line.toml",
+        "cut-two-apart.toml",
+        "split-up-3.toml",
+    ] {
+        for drone in report(name, &[]).drones {
+            let leads = drone.role == Role::Master;
+            assert_eq!(drone.hops == Some(0), leads, "{name}, drone {}", drone.id);
+        }
+    }
+}
+
+#[test]
+fn bridges_are_those_of_the_flight_with_either_policy() {
+    for policy in ["flood", "tree"] {
+        let policy = format!("protocol.policy={policy}");
+        let report = fly(&scenario("thesis-2.toml", &[&policy]), Engine::Events);
+        let bridges = vec![(6, (0..6).collect()), (8, (9..15).collect())];
+        assert_eq!(led(&report), (vec![7], bridges), "{policy}");
+    }
+}
+
+#[test]
+fn drones_that_never_hear_each_other_do_not_complete_the_mission() {
+    for policy in ["flood", "tree"] {
+        let policy = format!("protocol.policy={policy}");
+        let apart = ["formation.spacing_m=350", &policy];
+        let report = fly(&scenario("thesis-1.toml", &apart), Engine::Events);
+        assert!(
+            report.mission_completed && !report.are_missions_completed(),
+            "{policy}"
+        );
+        assert_eq!(report.never_met.len(), 5, "{policy}");
+        let connected = fly(&scenario("thesis-1.toml", &[&policy]), Engine::Events);
+        assert!(connected.never_met.is_empty() && connected.are_missions_completed());
     }
 }

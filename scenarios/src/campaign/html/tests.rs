@@ -3,6 +3,7 @@ use scraper::{Html, Selector};
 use super::page;
 use crate::campaign::plan::{self, Campaign};
 use crate::campaign::row;
+use crate::campaign::statistics::Estimate;
 use crate::campaign::summary::{BrokenRun, FIGURES, Summary, Tally};
 
 fn summaries(campaign: &Campaign, broken: u64) -> (Vec<Summary>, Vec<BrokenRun>) {
@@ -10,7 +11,8 @@ fn summaries(campaign: &Campaign, broken: u64) -> (Vec<Summary>, Vec<BrokenRun>)
     let summaries = (0..campaign.combinations()).map(|combination| {
         let mut tally = Tally::default();
         for seed in 0..8 {
-            let row = row::tests::row(campaign, combination, seed < broken);
+            let mut row = row::tests::row(campaign, combination, seed < broken);
+            row.retries_per_barrier = Some(2.0);
             if row.is_broken() {
                 listed.push(BrokenRun::new(campaign, &row));
             }
@@ -55,6 +57,24 @@ fn campaign_without_varied_fields_has_plots() {
     assert_eq!(number(&html, ".median"), FIGURES.len());
     assert_eq!(number(&html, ".run"), 8 * FIGURES.len());
     assert_eq!(number(&html, ".legend"), 0);
+}
+
+#[test]
+fn figures_that_are_zero_in_every_run_are_named_and_not_plotted() {
+    let campaign = plan::tests::campaign();
+    let mut summaries = summaries(&campaign, 0).0;
+    let zero = FIGURES
+        .iter()
+        .position(|it| it.column == "retries_per_barrier");
+    for summary in &mut summaries {
+        summary.estimates[zero.unwrap()] = Estimate::of(vec![0.0; 8]);
+    }
+    let page = page(&campaign, &summaries, &[]);
+    assert_eq!(
+        number(&Html::parse_document(&page), ".plots svg"),
+        FIGURES.len() - 1
+    );
+    assert!(page.contains("Zero in every run, and not plotted: Retries per barrier, mean."));
 }
 
 #[test]

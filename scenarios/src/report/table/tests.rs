@@ -1,0 +1,70 @@
+use super::*;
+use crate::report::sample;
+
+#[test]
+fn table_of_fifteen_drones_fits_in_100_columns() {
+    let (report, _) = sample::swarm(15);
+    let text = table(&report, Some(100), Colour::Never);
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 100),
+        "{text}"
+    );
+    insta::assert_snapshot!(text);
+}
+
+#[test]
+fn table_shows_restarts_early_landings_and_violations() {
+    let (report, _) = sample::faulty();
+    insta::assert_snapshot!(table(&report, None, Colour::Never));
+}
+
+#[test]
+fn incomplete_mission_says_landed_only_if_drones_landed() {
+    let (mut report, _) = sample::faulty();
+    report.violations.clear();
+    assert!(incomplete_mission(&report).contains("landed"));
+    let (broken, _) = sample::faulty();
+    assert!(!broken.violations.is_empty() && !incomplete_mission(&broken).contains("landed"));
+    for drone in &mut report.drones {
+        (drone.waypoints, drone.landed_because) = (0, None);
+    }
+    assert!(incomplete_mission(&report).starts_with("not flown"));
+}
+
+#[test]
+fn table_of_one_drone_has_no_separation_and_no_barrier() {
+    let (mut report, _) = sample::swarm(1);
+    report.barriers.clear();
+    insta::assert_snapshot!(table(&report, Some(80), Colour::Never));
+}
+
+#[test]
+fn narrow_terminal_wraps_states_but_not_numbers() {
+    let (report, _) = sample::faulty();
+    let narrow = table(&report, Some(70), Colour::Never);
+    for drone in &report.drones {
+        assert!(
+            narrow.contains(&figure(count(drone.messages_received), 0)),
+            "{narrow}"
+        );
+    }
+}
+
+#[test]
+fn plain_table_has_no_escapes() {
+    let (report, _) = sample::faulty();
+    assert!(!table(&report, None, Colour::Never).contains('\x1b'));
+    assert!(table(&report, None, Colour::Always).contains('\x1b'));
+}
+
+#[test]
+fn table_tells_that_segments_never_met_and_the_mission_was_not_one() {
+    let (mut report, _) = sample::swarm(7);
+    report.never_met = (0..7).map(|id| vec![id]).collect();
+    let text = table(&report, None, Colour::Never);
+    let network = "network      7 segments never heard each other in their slots: drone 0; drone 1; drone 2; drone 3; \
+                   drone 4; 2 more; raise `radio.range_m` or lower `formation.spacing_m`";
+    assert!(text.contains(network), "{text}");
+    assert!(text.contains("not completed by one swarm"), "{text}");
+    assert!(!report.are_missions_completed());
+}
