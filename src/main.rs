@@ -7,6 +7,7 @@ mod completions;
 mod drone;
 mod folder;
 mod keys;
+mod recordings;
 mod schema;
 mod sim;
 mod status;

@@ -7,17 +7,19 @@ use muster_scenarios::engine::{self, Engine, Watcher};
 use muster_scenarios::report::{self, Report, ReportFiles};
 use muster_scenarios::scenario::{self, Override};
 
+use crate::recordings::Recordings;
 use crate::{Failure, Outcome, folder, terminal};
 
 /// Simulate a scenario and show the result.
 ///
-/// Prints a table of the drones and writes a report into a folder: report.html for people, report.json and tracks.csv
-/// for programs. A progress bar is shown on a terminal.
+/// Prints a table of the drones and writes a report into a folder: report.html, which replays the flight, for people,
+/// report.json and tracks.csv for programs. A progress bar is shown on a terminal.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster sim scenarios/thesis-2.toml
   muster sim scenarios/thesis-1.toml --seed 7 --set radio.loss=0.2 --set formation.drones=9
-  muster sim scenarios/thesis-2.toml --engine events --json | jq .means")]
+  muster sim scenarios/thesis-2.toml --engine events --json | jq .means
+  muster sim scenarios/kill-at-waypoint.toml --mcap flight.mcap --kml flight.kml --geojson flight.geojson")]
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
@@ -39,6 +41,8 @@ pub(crate) struct Arguments {
     /// Output folder [default: runs/SCENARIO-SEED]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: Recordings,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -68,17 +72,19 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .clone()
         .unwrap_or_else(|| folder::default_for(Path::new(&scenario.name), scenario.seed));
     folder::check_writable(&out)?;
+    arguments.recordings.check()?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
     let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
     bar.finish_and_clear();
     let written = report::write(&out, &report, &flight)?;
+    let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;
         terminal::print(&format!("{json}\n"))?;
     } else {
-        print(&report, &written)?;
+        print(&report, &written, &recordings)?;
     }
     Ok(Outcome::from(&report))
 }
@@ -92,11 +98,16 @@ fn watch(bar: &ProgressBar) -> Watcher {
     })
 }
 
-pub(crate) fn print(report: &Report, written: &ReportFiles) -> io::Result<()> {
+pub(crate) fn print(
+    report: &Report,
+    written: &ReportFiles,
+    recordings: &[PathBuf],
+) -> io::Result<()> {
     let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
     let mut text = report::table(report, width, colour);
-    for path in [&written.html, &written.json, &written.tracks] {
+    let files = [&written.html, &written.json, &written.tracks];
+    for path in files.into_iter().chain(recordings) {
         text.push_str(&format!("\n wrote {}", path.display()));
     }
     text.push('\n');

@@ -72,7 +72,9 @@ impl LinkWatch {
             for (id, live) in (0..).map(NodeId).zip(&mut own) {
                 *live = live.filter(|_| swarm.has(id));
             }
-            swarm.segments.look(now, own, links.clone());
+            if swarm.segments.look(now, own, links.clone()) {
+                swarm.recorder.looked(now, &swarm.segments);
+            }
             let propagation = swarm.settled.settling().propagation(nodes);
             swarm.segments.forget_older(now, propagation);
         }
