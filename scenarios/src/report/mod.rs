@@ -9,6 +9,7 @@ pub(crate) mod html;
 mod recordings;
 #[cfg(test)]
 pub(crate) mod sample;
+mod simplify;
 mod summary;
 pub(crate) mod table;
 mod tracks;

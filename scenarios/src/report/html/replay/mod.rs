@@ -1,7 +1,6 @@
 //! The replay of a run: its record as JSON, and a script that plays it.
 
 mod record;
-mod simplify;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;

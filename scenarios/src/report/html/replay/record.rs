@@ -7,8 +7,8 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use serde::Serialize;
 
-use super::simplify::simplified;
 use crate::report::closest::closest;
+use crate::report::simplify::simplified;
 use crate::report::{
     Condition, Flight, FlightOfDrone, History, LinkChange, LinkState, MarkKind, NodeHistory, Report,
 };
