@@ -322,13 +322,15 @@ mod tests {
     fn place_in_the_local_frame_is_found_again_within_a_millimetre() {
         for case in golden() {
             let local = local_ned(case.home, case.place).unwrap();
-            let [latitude, longitude, altitude_m] =
-                latitude_longitude_altitude(case.home, local);
+            let [latitude, longitude, altitude_m] = latitude_longitude_altitude(case.home, local);
             let found = Geodetic::new(latitude, longitude, altitude_m).unwrap();
             let again = local_ned(case.home, found).unwrap();
             let error_m = again.distance_m(local);
             assert!(error_m < 0.002, "{error_m} m in {case:?}");
-            assert!((latitude - case.place.latitude_deg()).abs() < 2e-8, "{case:?}");
+            assert!(
+                (latitude - case.place.latitude_deg()).abs() < 2e-8,
+                "{case:?}"
+            );
         }
     }
 

@@ -40,7 +40,11 @@ pub(super) fn closest(report: &Report, flight: &Flight) -> Closest {
     for time_s in times.take_while(|time_s| *time_s <= end_s) {
         let at = Timestamp::from_secs_f64(time_s);
         flying.clear();
-        flying.extend(drones.iter().filter_map(|(id, drone)| Some((*id, place(drone, at)?))));
+        flying.extend(
+            drones
+                .iter()
+                .filter_map(|(id, drone)| Some((*id, place(drone, at)?))),
+        );
         pairs.push(nearest(&mut flying));
     }
     Closest { step_s, pairs }
@@ -105,6 +109,9 @@ mod tests {
         let (report, flight) = sample::swarm(5);
         let closest = closest(&report, &flight);
         let (distance_m, a, b) = closest.pairs[closest.pairs.len() / 2].unwrap();
-        assert!((159.0..=161.0).contains(&distance_m) && b == a + 1, "{distance_m}");
+        assert!(
+            (159.0..=161.0).contains(&distance_m) && b == a + 1,
+            "{distance_m}"
+        );
     }
 }

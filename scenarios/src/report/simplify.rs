@@ -59,14 +59,21 @@ mod tests {
 
     #[test]
     fn constant_speed_needs_two_points() {
-        let track: Vec<_> = (0..60).map(|s| point(f64::from(s), f64::from(s) * 5.0)).collect();
+        let track: Vec<_> = (0..60)
+            .map(|s| point(f64::from(s), f64::from(s) * 5.0))
+            .collect();
         assert_eq!(simplified(&track), [track[0], track[59]]);
         assert_eq!(simplified(&[]), []);
     }
 
     #[test]
     fn stop_on_a_straight_line_is_kept() {
-        let track = [point(0.0, 0.0), point(5.0, 50.0), point(9.0, 50.0), point(14.0, 100.0)];
+        let track = [
+            point(0.0, 0.0),
+            point(5.0, 50.0),
+            point(9.0, 50.0),
+            point(14.0, 100.0),
+        ];
         assert_eq!(simplified(&track), track);
     }
 }

@@ -7,8 +7,8 @@ use muster_transport::sim::Access;
 use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
-    Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange, History, Means,
-    MediumCounters, RelayReport, Report, Role, Violation,
+    Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone, FormationChange,
+    History, Means, MediumCounters, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
 use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};

@@ -5,7 +5,7 @@ use muster_machines::time::Timestamp;
 
 use super::{Condition, Epoch, History, Jam, LinkChange, LinkState, NodeHistory, Route, marks};
 use crate::scenario::{FaultKind, Scenario};
-use crate::world::{LINKED_NODES_MAX, Record, Recorder, SwarmOutcome, Incident};
+use crate::world::{Incident, LINKED_NODES_MAX, Record, Recorder, SwarmOutcome};
 
 impl History {
     /// The history of a swarm. Faults affect the scenario's own swarm only; `own` says whether it is that.

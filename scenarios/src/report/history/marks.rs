@@ -10,7 +10,7 @@ use super::{History, Mark, MarkKind};
 use crate::checkers::Violation;
 use crate::report::summary::unplanned;
 use crate::scenario::Fault;
-use crate::world::{Recorder, Incident};
+use crate::world::{Incident, Recorder};
 
 impl History {
     /// Adds a mark for each broken rule.
@@ -70,45 +70,44 @@ fn happenings(recorder: &Recorder, history: &History) -> Vec<Mark> {
     let all = recorder.history().happenings().iter();
     all.filter_map(|happening| {
         let id = happening.node.0;
-        let whose = if leads(history, id, happening.at) {
-            format!("drone {id}, a master,")
-        } else {
-            format!("drone {id}")
-        };
-        let actor = |actor| ActorName::from(actor).name();
-        let (kind, text) = match happening.what {
-            Incident::Killed => (
-                MarkKind::Death,
-                format!("{whose} is dead: its computer failed, its flight controller lands it"),
-            ),
-            Incident::RanEmpty => (MarkKind::Death, format!("{whose} has an empty battery")),
-            Incident::Fell => (MarkKind::Death, format!("{whose} falls")),
-            Incident::Stopped => (
-                MarkKind::Death,
-                format!("{whose} is off: its process ended"),
-            ),
-            Incident::Hangs(None) => (MarkKind::Death, format!("{whose} hangs")),
-            Incident::GivenUp(failed) => (
-                MarkKind::Death,
-                format!("{whose} gives up: {} failed for good", actor(failed)),
-            ),
-            Incident::Rebooted => (MarkKind::Return, format!("{whose} is on again")),
-            Incident::Resumed => (MarkKind::Return, format!("{whose} does not hang any more")),
-            Incident::Restarts(failed) => (
-                MarkKind::Restart,
-                format!("{whose} restarts its actor {}", actor(failed)),
-            ),
-            Incident::Lands(reason) if reason != LandingReason::MissionOver => (
-                MarkKind::Landing,
-                format!("{whose} lands early: {}", unplanned(reason)?),
-            ),
-            Incident::Hangs(Some(_)) | Incident::Routes { .. } | Incident::Follows(_) | Incident::Lands(_) => {
-                return None;
-            }
-        };
+        let (kind, text) = incident(id, leads(history, id, happening.at), happening.what)?;
         Some(Mark::new(happening.at, kind, vec![id], text))
     })
     .collect()
+}
+
+/// An incident of a node, which may have led until then, in words. `None` if it is no mark of its own.
+fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> {
+    let name = format!("drone {id}");
+    let whose = if leads {
+        format!("{name}, a master,")
+    } else {
+        name.clone()
+    };
+    let actor = |actor| ActorName::from(actor).name();
+    let death = |what: &str| (MarkKind::Death, format!("{whose} {what}"));
+    Some(match what {
+        Incident::Killed => death("is dead: its computer failed, its flight controller lands it"),
+        Incident::RanEmpty => death("has an empty battery"),
+        Incident::Fell => death("falls"),
+        Incident::Stopped => death("is off: its process ended"),
+        Incident::Hangs(None) => death("hangs"),
+        Incident::GivenUp(failed) => death(&format!("gives up: {} failed for good", actor(failed))),
+        Incident::Rebooted => (MarkKind::Return, format!("{name} is on again")),
+        Incident::Resumed => (MarkKind::Return, format!("{name} does not hang any more")),
+        Incident::Restarts(failed) => (
+            MarkKind::Restart,
+            format!("{name} restarts its actor {}", actor(failed)),
+        ),
+        Incident::Lands(LandingReason::MissionOver)
+        | Incident::Hangs(Some(_))
+        | Incident::Routes { .. }
+        | Incident::Follows(_) => return None,
+        Incident::Lands(reason) => (
+            MarkKind::Landing,
+            format!("{whose} lands early: {}", unplanned(reason)?),
+        ),
+    })
 }
 
 /// Whether a node follows its own ballot.

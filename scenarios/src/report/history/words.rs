@@ -27,7 +27,11 @@ pub(super) fn masters(elected: impl Iterator<Item = u32>) -> String {
     if names.is_empty() {
         return "nobody".to_owned();
     }
-    let plural = if names.contains([',', '–']) { "s" } else { "" };
+    let plural = if names.contains([',', '–']) {
+        "s"
+    } else {
+        ""
+    };
     format!("drone{plural} {names}")
 }
 

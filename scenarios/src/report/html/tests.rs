@@ -58,7 +58,8 @@ fn page_loads_nothing_from_the_network() {
     let (report, flight) = sample::faulty();
     let page = page(&report, &flight);
     for outside in [
-        "http://", "https://", "//cdn", "@import", "import(", "fetch(", "XMLHttp", "url(", " src=", "<link",
+        "http://", "https://", "//cdn", "@import", "import(", "fetch(", "XMLHttp", "url(", " src=",
+        "<link",
     ] {
         assert!(!page.contains(outside), "{outside}");
     }

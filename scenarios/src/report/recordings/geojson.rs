@@ -21,7 +21,11 @@ pub(super) fn geojson(report: &Report, flight: &Flight) -> Vec<u8> {
     let drones = swarms.flat_map(|(report, flight)| report.drones.iter().zip(&flight.drones));
     let drones = drones.map(|(drone, flown)| {
         let positions: Vec<Value> = flown.track.iter().map(|(_, at)| position(*at)).collect();
-        let times: Vec<f64> = flown.track.iter().map(|(at, _)| rounded(at.as_secs_f64(), 1e3)).collect();
+        let times: Vec<f64> = flown
+            .track
+            .iter()
+            .map(|(at, _)| rounded(at.as_secs_f64(), 1e3))
+            .collect();
         // A line has two positions at least.
         let geometry = match &positions[..] {
             [] => Value::Null,

@@ -48,7 +48,8 @@ impl Recording {
             let source = io::Error::new(io::ErrorKind::IsADirectory, "this is a folder");
             WriteError::file(path, source)
         })?;
-        let mut draft = DraftFile::create(folder.unwrap_or(Path::new(".")), &name.to_string_lossy())?;
+        let mut draft =
+            DraftFile::create(folder.unwrap_or(Path::new(".")), &name.to_string_lossy())?;
         let written = match self {
             Self::Mcap => mcap::write(&mut draft, report, flight),
             Self::Kml => draft.write_all(kml::kml(report, flight).as_bytes()),

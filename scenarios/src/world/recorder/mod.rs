@@ -17,8 +17,8 @@ use muster_machines::time::Timestamp;
 
 pub(crate) use self::elections::Election;
 use self::elections::Elections;
-use self::milestones::Milestones;
 pub(crate) use self::history::{History, Incident, InjectedFault, LINKED_NODES_MAX};
+use self::milestones::Milestones;
 pub(crate) use self::milestones::{Change, Crossing};
 pub(crate) use self::record::Record;
 use self::record::is_in_discovery_or_beyond;

@@ -37,14 +37,19 @@ class Ground {
     return this.size.width / 2 + (east - this.camera.east) * this.camera.scale;
   }
 
+  /** The vertical middle of what the buttons leave free. */
+  middle() {
+    return this.size.height / 2 + 16;
+  }
+
   y(north) {
-    return this.size.height / 2 - (north - this.camera.north) * this.camera.scale;
+    return this.middle() - (north - this.camera.north) * this.camera.scale;
   }
 
   /** Zooms by a factor about a point of the canvas. */
-  zoom(factor, px = this.size.width / 2, py = this.size.height / 2) {
+  zoom(factor, px = this.size.width / 2, py = this.middle()) {
     const scale = Math.min(Math.max(this.camera.scale * factor, 0.005), 60);
-    const [dx, dy] = [px - this.size.width / 2, py - this.size.height / 2];
+    const [dx, dy] = [px - this.size.width / 2, py - this.middle()];
     this.camera.east += dx / this.camera.scale - dx / scale;
     this.camera.north -= dy / this.camera.scale - dy / scale;
     this.camera.scale = scale;
@@ -64,7 +69,7 @@ class Ground {
     context.lineWidth = 1;
     context.beginPath();
     const west = this.camera.east - size.width / 2 / this.camera.scale;
-    const south = this.camera.north - size.height / 2 / this.camera.scale;
+    const south = this.camera.north - (size.height - this.middle()) / this.camera.scale;
     for (let east = Math.ceil(west / step) * step; this.x(east) < size.width; east += step) {
       context.moveTo(Math.round(this.x(east)) + 0.5, 0);
       context.lineTo(Math.round(this.x(east)) + 0.5, size.height);

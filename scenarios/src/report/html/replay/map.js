@@ -13,6 +13,7 @@ class SwarmMap extends Ground {
     super(canvas, record, theme);
     this.shows = { links: true, tree: true, trails: true, names: true };
     this.selected = null;
+    this.markTimes = record.marks.map((mark) => mark.at);
   }
 
   /** The node drawn nearest to a point of the canvas, within a finger's width. */
@@ -74,9 +75,9 @@ class SwarmMap extends Ground {
   /** All links at the time: weak ones dotted. */
   drawLinks(time) {
     const { context, record } = this;
-    const many = record.links.length > 400;
     context.strokeStyle = this.theme.get("--soft");
-    context.globalAlpha = many ? 0.16 : 0.38;
+    // Thousands of links are a mesh, not a grey area.
+    context.globalAlpha = Math.min(0.38, Math.max(0.05, 40 / record.links.length));
     context.lineWidth = 1;
     for (const quality of [2, 1]) {
       context.setLineDash(quality === 1 ? [2, 5] : []);
@@ -102,7 +103,7 @@ class SwarmMap extends Ground {
   /** From each node to its parent, dashed if the parent is out. */
   drawTree() {
     const { context } = this;
-    context.lineWidth = 2.2;
+    context.lineWidth = this.record.nodes.length > 40 ? 1.5 : 2.2;
     for (const node of this.record.nodes) {
       const parent = this.parentOf(node);
       if (!parent) continue;
@@ -145,7 +146,7 @@ class SwarmMap extends Ground {
     const { context, record } = this;
     const lasts = RIPPLE * Math.max(1, speed);
     context.lineWidth = 3;
-    for (let index = lastBefore(record.marks.map((mark) => mark.at), time); index >= 0; index -= 1) {
+    for (let index = lastBefore(this.markTimes, time); index >= 0; index -= 1) {
       const mark = record.marks[index];
       const share = (time - mark.at) / lasts;
       if (share > 1) break;
@@ -251,8 +252,9 @@ class SwarmMap extends Ground {
     context.strokeStyle = theme.get("--ground");
     for (const node of this.drawingOrder().reverse()) {
       const { now } = node;
-      const [x, y] = [this.x(now.east) + this.radius() + 5, this.y(now.north) - this.radius() - 1];
       const trouble = now.condition !== RUNS ? ` ${this.record.conditions[now.condition]}` : "";
+      // Trouble is written below, for its words would cover the id of the next drone.
+      const [x, y] = [this.x(now.east) + this.radius() + 5, this.y(now.north) + (trouble ? 18 : -1 - this.radius())];
       const text = `${node.id}${trouble}`;
       const cells = Math.ceil((text.length * 7) / 12);
       const [column, row] = [Math.floor(x / 12), Math.floor(y / 12)];

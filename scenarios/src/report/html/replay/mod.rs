@@ -1,6 +1,8 @@
 //! The replay of a run: its record as JSON, and a script that plays it.
 
 mod record;
+#[cfg(test)]
+mod tests;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -45,9 +47,11 @@ pub(super) fn section() -> Markup {
                     }
                 }
             }
-            div.replay-stage { (ground()) (side()) }
-            (transport())
-            (time())
+            div.replay-stage {
+                (ground())
+                div.replay-controls { (transport()) (time()) }
+                (side())
+            }
             (plots())
             (legend())
         }
@@ -106,9 +110,9 @@ fn side() -> Markup {
 fn transport() -> Markup {
     html! {
         div.replay-transport {
-            button.replay-previous type="button" aria-label="Previous mark" { "⏮" }
+            button.replay-previous type="button" aria-label="Previous mark" {}
             button.replay-play type="button" aria-label="Play" {}
-            button.replay-next type="button" aria-label="Next mark" { "⏭" }
+            button.replay-next type="button" aria-label="Next mark" {}
             span.replay-clock { b.replay-clock-now {} " s of " span.replay-clock-end {} " s" }
             label.replay-speed-label { "Speed" select.replay-speed {} }
             div.replay-shows {

@@ -23,6 +23,7 @@ class Panel {
     this.list = section.querySelector(".replay-list");
     this.shown = { leaders: "", facts: "", entry: null };
     this.entries = record.marks.slice(0, LISTED_MAX).map((mark) => this.entry(mark));
+    this.times = this.entries.map(({ mark }) => mark.at);
     this.list.replaceChildren(...this.entries.map(({ item }) => item));
     if (record.marks.length > LISTED_MAX) {
       this.list.append(element("li", "replay-more", `and ${record.marks.length - LISTED_MAX} more`));
@@ -100,7 +101,7 @@ class Panel {
 
   /** Highlights the last entry that has happened, and scrolls the list to it. */
   updateList(time) {
-    const last = lastBefore(this.entries.map(({ mark }) => mark.at), time + 1e-6);
+    const last = lastBefore(this.times, time + 1e-6);
     if (last === this.shown.entry) return;
     const before = this.entries[this.shown.entry];
     if (before) before.button.removeAttribute("aria-current");

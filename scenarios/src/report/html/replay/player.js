@@ -6,11 +6,19 @@ const LASTS = 45;
 /** Marks nearer to each other than this are one button, in pixels. */
 const MARK_WIDTH = 16;
 
+/** Kinds of marks, the most important first. */
+const RANKS = ["broken rule", "death", "fault", "leader", "election", "partition", "merge", "return", "early landing", "restart", "waypoint"];
+
+function mostImportant(marks) {
+  return marks.reduce((a, b) => (RANKS.indexOf(b.kind) < RANKS.indexOf(a.kind) ? b : a));
+}
+
 class Player {
   constructor(section, record) {
     this.section = section;
     this.record = record;
     this.theme = new Theme(section);
+    this.markTimes = record.marks.map((mark) => mark.at);
     this.time = 0;
     this.selected = null;
     this.isPlaying = false;
@@ -167,10 +175,15 @@ class Player {
     if (place.textContent !== text) place.textContent = text;
   }
 
-  /** The last thing that has happened. */
+  /** The last thing that has happened; of several at once the most important, and all of its kind. */
   caption() {
-    const mark = this.record.marks[lastBefore(this.record.marks.map((it) => it.at), this.time + 1e-6)];
-    return mark ? `${seconds(mark.at)}: ${mark.text}` : "";
+    const { marks } = this.record;
+    const last = marks[lastBefore(this.markTimes, this.time + 1e-6)];
+    if (!last) return "";
+    const atOnce = marks.filter((mark) => mark.at <= last.at && mark.at > last.at - 0.05);
+    const chief = mostImportant(atOnce);
+    const texts = atOnce.filter((mark) => mark.kind === chief.kind).map((mark) => mark.text);
+    return `${seconds(chief.at)}: ${texts.slice(0, 2).join("; ")}${texts.length > 2 ? "; …" : ""}`;
   }
 
   resize() {
@@ -204,9 +217,7 @@ class Player {
   }
 
   markButton(marks, x) {
-    const ranks = ["broken rule", "death", "fault", "leader", "election", "partition", "merge"];
-    const rank = (mark) => (ranks.includes(mark.kind) ? ranks.indexOf(mark.kind) : ranks.length);
-    const [chief] = [...marks].sort((a, b) => rank(a) - rank(b));
+    const chief = mostImportant(marks);
     const button = element("button", `replay-mark kind-${chief.kind.replace(/ /g, "-")}`, marks.length > 1 ? String(marks.length) : "");
     const lines = marks.slice(0, 8).map((mark) => `${seconds(mark.at)}: ${mark.text}`);
     if (marks.length > 8) lines.push(`and ${marks.length - 8} more`);

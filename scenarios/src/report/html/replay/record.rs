@@ -222,9 +222,9 @@ fn of_swarm(
         conditions: (history.conditions.iter())
             .flat_map(|&(at, condition)| [ms(at), int(index_of(&CONDITIONS, &condition))])
             .collect(),
-        air: history.airborne.map_or([-1, -1], |(from, to)| {
-            [ms(from), to.map_or(-1, ms)]
-        }),
+        air: history
+            .airborne
+            .map_or([-1, -1], |(from, to)| [ms(from), to.map_or(-1, ms)]),
     };
     let drones = report.drones.iter().zip(&flight.drones);
     let drones = drones.map(|(report, flown)| Node {
@@ -252,7 +252,12 @@ fn track(flown: &FlightOfDrone) -> Vec<i64> {
     let mut track = Vec::new();
     for (at, place) in simplified(&flown.track) {
         let point = point(at, place);
-        track.extend(point.iter().zip(before).map(|(value, before)| value - before));
+        track.extend(
+            point
+                .iter()
+                .zip(before)
+                .map(|(value, before)| value - before),
+        );
         before = point;
     }
     track

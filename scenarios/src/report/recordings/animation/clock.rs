@@ -34,7 +34,10 @@ impl Clock {
         let death_s = death.map(|mark| mark.at.as_secs_f64());
         let end_s = report.simulated_s.max(1.0);
         let (from_s, to_s) = match death_s {
-            Some(death_s) => ((death_s - BEFORE_S).max(0.0), (death_s + AFTER_S).min(end_s)),
+            Some(death_s) => (
+                (death_s - BEFORE_S).max(0.0),
+                (death_s + AFTER_S).min(end_s),
+            ),
             None => (0.0, end_s),
         };
         // From the death to when all that were elected because of it lead and are followed.
@@ -42,7 +45,9 @@ impl Clock {
             let settled_s = election.at_s + election.settled_after_s?;
             (settled_s >= death_s? && election.at_s <= death_s? + SLOW_MAX_S).then_some(settled_s)
         });
-        let slow_s = death_s.zip(settled_s).filter(|(death_s, settled_s)| settled_s - death_s <= SLOW_MAX_S);
+        let slow_s = death_s
+            .zip(settled_s)
+            .filter(|(death_s, settled_s)| settled_s - death_s <= SLOW_MAX_S);
         let slow_s = slow_s.map(|(death_s, settled_s)| {
             (
                 (death_s - SLOW_MARGIN_S).max(from_s),

@@ -49,7 +49,10 @@ impl<'a> DrawnDrone<'a> {
     pub(super) fn places(&self, clock: &Clock) -> Vec<(f64, Ned)> {
         let points = simplified(&self.flown.track);
         let times = points.iter().map(|(at, _)| at.as_secs_f64());
-        let mut times: Vec<f64> = times.filter(|at_s| clock.shows(*at_s)).chain(clock.knots_s()).collect();
+        let mut times: Vec<f64> = times
+            .filter(|at_s| clock.shows(*at_s))
+            .chain(clock.knots_s())
+            .collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         let place = |at_s: f64| self.flown.position_at(Timestamp::from_secs_f64(at_s));
@@ -69,7 +72,10 @@ impl<'a> DrawnDrone<'a> {
         let times = epochs.chain(conditions).chain(routes).chain(landed);
         let times = times.map(Timestamp::as_secs_f64);
         let (from_s, _) = clock.span_s();
-        let mut times: Vec<f64> = times.filter(|at_s| clock.shows(*at_s)).chain([from_s]).collect();
+        let mut times: Vec<f64> = times
+            .filter(|at_s| clock.shows(*at_s))
+            .chain([from_s])
+            .collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         times
@@ -93,7 +99,9 @@ impl<'a> DrawnDrone<'a> {
 
     fn leads(&self, at: Timestamp) -> bool {
         let epoch = self.epoch(at).map(|index| self.epochs[index]);
-        epoch.is_some_and(|epoch| epoch.master == self.id) && !self.is_dead(at) && !self.has_landed(at)
+        epoch.is_some_and(|epoch| epoch.master == self.id)
+            && !self.is_dead(at)
+            && !self.has_landed(at)
     }
 
     /// The class that gives its colour.
@@ -107,7 +115,9 @@ impl<'a> DrawnDrone<'a> {
     /// All colours that it has while the clock runs.
     fn colours(&self, clock: &Clock) -> BTreeSet<String> {
         let changes = self.changes_s(clock).into_iter();
-        changes.map(|at_s| self.colour(Timestamp::from_secs_f64(at_s))).collect()
+        changes
+            .map(|at_s| self.colour(Timestamp::from_secs_f64(at_s)))
+            .collect()
     }
 
     /// A value of each change, by the share of the picture.
@@ -177,7 +187,11 @@ impl<'a> DrawnDrone<'a> {
     }
 
     /// Its parent, if it takes part in the swarm.
-    fn parent<'b>(&self, at: Timestamp, drones: &'b [DrawnDrone<'a>]) -> Option<&'b DrawnDrone<'a>> {
+    fn parent<'b>(
+        &self,
+        at: Timestamp,
+        drones: &'b [DrawnDrone<'a>],
+    ) -> Option<&'b DrawnDrone<'a>> {
         if self.is_dead(at) || self.has_landed(at) || self.leads(at) {
             return None;
         }
@@ -194,19 +208,27 @@ impl<'a> DrawnDrone<'a> {
         let untils_s = changes_s.iter().copied().skip(1).chain([end_s]);
         for (from_s, until_s) in changes_s.iter().copied().zip(untils_s) {
             let parent = self.parent(Timestamp::from_secs_f64(from_s), drones);
-            let share = if shown.is_empty() { 0.0 } else { clock.share(from_s) };
+            let share = if shown.is_empty() {
+                0.0
+            } else {
+                clock.share(from_s)
+            };
             shown.push((share, if parent.is_some() { "1" } else { "0" }.to_owned()));
             let Some(parent) = parent else {
                 continue;
             };
             let places = self.places(clock).into_iter().chain(parent.places(clock));
-            let times = places.map(|(at_s, _)| at_s).filter(|at_s| (from_s..=until_s).contains(at_s));
+            let times = places
+                .map(|(at_s, _)| at_s)
+                .filter(|at_s| (from_s..=until_s).contains(at_s));
             let mut times: Vec<f64> = times.chain([from_s, until_s]).collect();
             times.sort_by(f64::total_cmp);
             times.dedup();
             for at_s in times {
                 let at = Timestamp::from_secs_f64(at_s);
-                if let Some((from, to)) = self.flown.position_at(at).zip(parent.flown.position_at(at)) {
+                if let Some((from, to)) =
+                    self.flown.position_at(at).zip(parent.flown.position_at(at))
+                {
                     ends.push(clock.share(at_s), map.point_px(from), map.point_px(to));
                 }
             }

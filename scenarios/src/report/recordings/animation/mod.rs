@@ -10,13 +10,13 @@ use muster_machines::geometry::Ned;
 
 use self::clock::Clock;
 use self::drawn::DrawnDrone;
-use crate::report::{Flight, Report};
 use crate::report::html::axis::px;
+use crate::report::{Flight, Report};
 
 const WIDTH_PX: f64 = 880.0;
 const MARGIN_PX: f64 = 56.0;
 /// Height of the map, at least and at most.
-const MAP_PX: (f64, f64) = (180.0, 440.0);
+const MAP_PX: (f64, f64) = (180.0, 340.0);
 const TOP_PX: f64 = 62.0;
 const BOTTOM_PX: f64 = 96.0;
 
@@ -65,11 +65,21 @@ impl Map {
     /// Around what is seen of the drones while the clock runs, and the waypoints.
     fn around(drones: &[DrawnDrone<'_>], flight: &Flight, clock: &Clock) -> Self {
         let seen = drones.iter().flat_map(|drone| drone.places(clock));
-        let waypoints = flight.swarms().flat_map(|swarm| swarm.waypoints.iter().copied());
+        let waypoints = flight
+            .swarms()
+            .flat_map(|swarm| swarm.waypoints.iter().copied());
         let places: Vec<Ned> = seen.map(|(_, place)| place).chain(waypoints).collect();
         let bounds = |axis: fn(Ned) -> f64| {
-            let values = || places.iter().map(|place| axis(*place)).filter(|it| it.is_finite());
-            (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max))
+            let values = || {
+                places
+                    .iter()
+                    .map(|place| axis(*place))
+                    .filter(|it| it.is_finite())
+            };
+            (
+                values().fold(f64::MAX, f64::min),
+                values().fold(f64::MIN, f64::max),
+            )
         };
         let ((south_m, north_m), (west_m, east_m)) = if places.is_empty() {
             ((0.0, 1.0), (0.0, 1.0))
@@ -106,7 +116,7 @@ fn waypoints(map: &Map, flight: &Flight) -> Markup {
                 @let again = points.iter().skip(index + 1).any(|later| later == &(*x, *y));
                 @if !again {
                     circle.waypoint cx=(x) cy=(y) r="3" {}
-                    text.number x=(px(x + 8.0)) y=(px(y + 14.0)) { (index) }
+                    text.number x=(px(x + 13.0)) y=(px(y + 20.0)) { (index) }
                 }
             }
         }

@@ -38,7 +38,9 @@ pub(super) fn captions(flight: &Flight, clock: &Clock) -> Markup {
     let marks = told(flight, clock);
     let share = |mark: &Mark| clock.share(mark.at.as_secs_f64());
     let together = clock.share_of_played(TOGETHER_S);
-    let groups: Vec<&[&Mark]> = marks.chunk_by(|a, b| share(b) - share(a) < together).collect();
+    let groups: Vec<&[&Mark]> = marks
+        .chunk_by(|a, b| share(b) - share(a) < together)
+        .collect();
     html! {
         @for (index, group) in groups.iter().enumerate() {
             @let from = share(group[0]);

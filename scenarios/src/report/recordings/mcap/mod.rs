@@ -26,7 +26,11 @@ const SCENES_PER_STATE: u64 = 4;
 ///
 /// # Errors
 /// If `to` can't be written.
-pub(super) fn write(to: &mut (impl Write + Seek), report: &Report, flight: &Flight) -> io::Result<()> {
+pub(super) fn write(
+    to: &mut (impl Write + Seek),
+    report: &Report,
+    flight: &Flight,
+) -> io::Result<()> {
     let mut file = File::new(to)?;
     file.write(report, flight)?;
     file.writer.finish().map(drop).map_err(io_error)
@@ -82,7 +86,12 @@ impl<W: Write + Seek> File<W> {
     fn states(&mut self, at: Timestamp, drones: &[Drone<'_>], flight: &Flight) -> io::Result<()> {
         for drone in drones {
             let id = drone.id;
-            self.message(&format!("/drones/{id}/state"), Schema::Drone, at, &drone.state(at))?;
+            self.message(
+                &format!("/drones/{id}/state"),
+                Schema::Drone,
+                at,
+                &drone.state(at),
+            )?;
             if let Some(home) = flight.history.home
                 && let Some(location) = drone.location(at, home)
             {
@@ -93,7 +102,13 @@ impl<W: Write + Seek> File<W> {
         self.message("/swarm", Schema::Swarm, at, &states::swarm(at, drones))
     }
 
-    fn message(&mut self, topic: &str, schema: Schema, at: Timestamp, message: &Value) -> io::Result<()> {
+    fn message(
+        &mut self,
+        topic: &str,
+        schema: Schema,
+        at: Timestamp,
+        message: &Value,
+    ) -> io::Result<()> {
         let (channel_id, sequence) = self.topic(topic, schema)?;
         let header = MessageHeader {
             channel_id,
@@ -117,10 +132,15 @@ impl<W: Write + Seek> File<W> {
             None => {
                 let text = serde_json::to_vec(&schema.json())?;
                 let added = self.writer.add_schema(schema.name(), "jsonschema", &text);
-                *self.schemas.entry(schema.name()).or_insert(added.map_err(io_error)?)
+                *self
+                    .schemas
+                    .entry(schema.name())
+                    .or_insert(added.map_err(io_error)?)
             }
         };
-        let added = self.writer.add_channel(schema, topic, "json", &BTreeMap::new());
+        let added = self
+            .writer
+            .add_channel(schema, topic, "json", &BTreeMap::new());
         let channel = added.map_err(io_error)?;
         self.topics.insert(topic.to_owned(), (channel, 0));
         Ok((channel, 0))
@@ -136,7 +156,10 @@ fn io_error(error: McapError) -> io::Error {
 
 /// The marks of all swarms, in order of time.
 fn marks(flight: &Flight) -> Vec<&Mark> {
-    let mut marks: Vec<_> = flight.swarms().flat_map(|swarm| &swarm.history.marks).collect();
+    let mut marks: Vec<_> = flight
+        .swarms()
+        .flat_map(|swarm| &swarm.history.marks)
+        .collect();
     marks.sort_by_key(|mark| mark.at);
     marks
 }
@@ -147,7 +170,11 @@ fn log(mark: &Mark) -> Value {
     let (info, warning, error) = (2, 3, 4);
     let level = match mark.kind {
         MarkKind::Death | MarkKind::Violation => error,
-        MarkKind::Fault | MarkKind::Election | MarkKind::Partition | MarkKind::Landing | MarkKind::Restart => warning,
+        MarkKind::Fault
+        | MarkKind::Election
+        | MarkKind::Partition
+        | MarkKind::Landing
+        | MarkKind::Restart => warning,
         MarkKind::Return | MarkKind::Leader | MarkKind::Merge | MarkKind::Waypoint => info,
     };
     json!({
