@@ -70,10 +70,10 @@ pub(super) fn kml(report: &Report, flight: &Flight) -> String {
 fn styles(text: &mut String, index: usize) {
     let [red, green, blue] = colours::epoch(Some(index));
     let colour = format!("ff{blue:02x}{green:02x}{red:02x}");
-    write!(
+    writeln!(
         text,
         "<Style id=\"drone-{index}\"><IconStyle><color>{colour}</color></IconStyle>\
-         <LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>\n"
+         <LineStyle><color>{colour}</color><width>2</width></LineStyle></Style>"
     )
     .expect("writing to a string never fails");
 }

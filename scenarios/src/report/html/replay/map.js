@@ -246,7 +246,8 @@ class SwarmMap extends Ground {
   /** Ids beside drones, where there is room; those of leaders and of drones that are out first. */
   drawNames() {
     const { context, theme } = this;
-    const taken = new Set();
+    const cellAt = (x, y) => `${Math.floor(x / 12)} ${Math.floor(y / 12)}`;
+    const taken = new Set(this.record.nodes.map(({ now }) => cellAt(this.x(now.east), this.y(now.north))));
     context.textAlign = "left";
     context.lineWidth = 3;
     context.strokeStyle = theme.get("--ground");
@@ -257,8 +258,7 @@ class SwarmMap extends Ground {
       const [x, y] = [this.x(now.east) + this.radius() + 5, this.y(now.north) + (trouble ? 18 : -1 - this.radius())];
       const text = `${node.id}${trouble}`;
       const cells = Math.ceil((text.length * 7) / 12);
-      const [column, row] = [Math.floor(x / 12), Math.floor(y / 12)];
-      const place = Array.from({ length: cells }, (_, cell) => `${column + cell} ${row}`);
+      const place = Array.from({ length: cells }, (_, cell) => cellAt(x + cell * 12, y - 5));
       if (node !== this.selected && place.some((cell) => taken.has(cell))) continue;
       place.forEach((cell) => taken.add(cell));
       context.font = now.leads || trouble ? "bold 13px system-ui, sans-serif" : "12px system-ui, sans-serif";

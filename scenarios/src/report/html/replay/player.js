@@ -187,11 +187,14 @@ class Player {
   }
 
   resize() {
-    const { width, height } = sized(this.map.canvas);
-    if (width === this.map.size.width && height === this.map.size.height && this.placed === this.slider.clientWidth) return;
+    const { clientWidth: width, clientHeight: height } = this.map.canvas;
+    // Nothing is seen, as on paper.
+    if (width === 0 || height === 0) return;
     this.map.size = { width, height };
-    this.placed = this.slider.clientWidth;
-    this.placeMarks();
+    if (this.placed !== this.slider.clientWidth) {
+      this.placed = this.slider.clientWidth;
+      this.placeMarks();
+    }
     this.draw();
   }
 

@@ -21,6 +21,7 @@ class TimePlot {
 
   draw(time) {
     const { context, width, height } = sized(this.canvas);
+    if (this.canvas.width === 0 || this.canvas.height === 0) return;
     if (this.isStale || width !== this.width || height !== this.height) this.repaint(width, height);
     context.clearRect(0, 0, width, height);
     context.drawImage(this.picture, 0, 0, width, height);

@@ -34,20 +34,25 @@ impl<'a> Scene<'a> {
         let mut entities = Vec::new();
         for drone in drones {
             if let Some(content) = drone_content(drone, at) {
-                self.changed(&mut entities, at, format!("drone {}", drone.id), content);
+                self.changed(&mut entities, at, format!("drone {}", drone.id), &content);
             }
         }
-        self.changed(&mut entities, at, "parents".to_owned(), parents(drones, at));
+        self.changed(
+            &mut entities,
+            at,
+            "parents".to_owned(),
+            &parents(drones, at),
+        );
         let flight = self.flight;
         for (index, swarm) in flight.swarms().enumerate() {
             let content = waypoints(&swarm.waypoints);
-            self.changed(&mut entities, at, format!("mission {index}"), content);
+            self.changed(&mut entities, at, format!("mission {index}"), &content);
         }
         (!entities.is_empty()).then(|| json!({"deletions": [], "entities": entities}))
     }
 
     /// Adds an entity, if its content is new.
-    fn changed(&mut self, entities: &mut Vec<Value>, at: Timestamp, id: String, content: Content) {
+    fn changed(&mut self, entities: &mut Vec<Value>, at: Timestamp, id: String, content: &Content) {
         let value = json!([content.spheres, content.lines, content.texts, content.facts]);
         if self.shown.get(&id) == Some(&value) {
             return;
@@ -135,21 +140,21 @@ fn parents(drones: &[Drone<'_>], at: Timestamp) -> Content {
     }
     let pairs_of_points = 2;
     Content {
-        lines: vec![lines(pairs_of_points, points, colours)],
+        lines: vec![lines(pairs_of_points, &points, &colours)],
         ..Content::default()
     }
 }
 
 fn waypoints(waypoints: &[Ned]) -> Content {
     let strip = 0;
-    let points = waypoints.iter().map(|it| point(*it)).collect();
+    let points: Vec<_> = waypoints.iter().map(|it| point(*it)).collect();
     Content {
-        lines: vec![lines(strip, points, vec![])],
+        lines: vec![lines(strip, &points, &[])],
         ..Content::default()
     }
 }
 
-fn lines(kind: u8, points: Vec<Value>, colours: Vec<Value>) -> Value {
+fn lines(kind: u8, points: &[Value], colours: &[Value]) -> Value {
     json!({
         "type": kind,
         "pose": pose(Ned::HOME),

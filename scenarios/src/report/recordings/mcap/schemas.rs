@@ -66,7 +66,7 @@ fn or_null(name: &str, about: &str) -> Value {
     json!({"type": [name, "null"], "description": about})
 }
 
-fn list(of: Value) -> Value {
+fn list(of: &Value) -> Value {
     json!({"type": "array", "items": of})
 }
 
@@ -147,10 +147,10 @@ fn scene() -> Fields {
             ("pose", pose("origin")),
             ("thickness", kind("number", "in pixels")),
             ("scale_invariant", kind("boolean", "in pixels")),
-            ("points", list(vector("point"))),
+            ("points", list(&vector("point"))),
             ("color", colour()),
-            ("colors", list(colour())),
-            ("indices", list(kind("integer", "of points"))),
+            ("colors", list(&colour())),
+            ("indices", list(&kind("integer", "of points"))),
         ],
     );
     let unused = || json!({"type": "array", "maxItems": 0});
@@ -169,18 +169,18 @@ fn scene() -> Fields {
             ("id", kind("string", "replaces the entity with the same id")),
             ("lifetime", time("zero: until it is replaced")),
             ("frame_locked", kind("boolean", "false")),
-            ("metadata", list(pair)),
+            ("metadata", list(&pair)),
             ("arrows", unused()),
             ("cubes", unused()),
-            ("spheres", list(sphere)),
+            ("spheres", list(&sphere)),
             ("cylinders", unused()),
-            ("lines", list(line)),
+            ("lines", list(&line)),
             ("triangles", unused()),
-            ("texts", list(text)),
+            ("texts", list(&text)),
             ("models", unused()),
         ],
     );
-    vec![("deletions", list(deletion)), ("entities", list(entity))]
+    vec![("deletions", list(&deletion)), ("entities", list(&entity))]
 }
 
 fn log() -> Fields {
@@ -260,7 +260,7 @@ fn swarm() -> Fields {
     vec![
         ("timestamp", time("when")),
         ("airborne", kind("integer", "drones in the air")),
-        ("leaders", list(leader)),
+        ("leaders", list(&leader)),
         (
             "closest_m",
             or_null(
