@@ -38,6 +38,9 @@ pub(super) fn svg(report: &Report, flight: &Flight) -> String {
             style { (PreEscaped(STYLE)) }
             rect.page width=(WIDTH_PX) height=(px(height)) rx="12" {}
             text.name x="24" y="30" { (name) }
+            text.tick x=(WIDTH_PX - 24.0) y="29" text-anchor="end" {
+                "diamond: leader · colour: who follows which leader · line: to the parent"
+            }
             g transform={ "translate(0 " (TOP_PX) ")" } {
                 (waypoints(&map, flight))
                 @for drone in &drones { (drone.link(&map, &clock, &drones)) }

@@ -56,8 +56,22 @@ pub(super) fn captions(flight: &Flight, clock: &Clock) -> Markup {
 
 /// The most important mark of a group.
 fn chief<'a>(group: &[&'a Mark]) -> &'a Mark {
-    let rank = |mark: &&&Mark| TOLD.iter().position(|kind| *kind == mark.kind);
-    group.iter().min_by_key(rank).copied().unwrap_or(group[0])
+    group
+        .iter()
+        .min_by_key(|mark| rank(mark))
+        .copied()
+        .unwrap_or(group[0])
+}
+
+/// The place of a mark's kind in the order of importance.
+fn rank(mark: &Mark) -> Option<usize> {
+    TOLD.iter().position(|kind| *kind == mark.kind)
+}
+
+/// The most important marks last, so that they are drawn on top.
+fn by_importance(mut marks: Vec<&Mark>) -> Vec<&Mark> {
+    marks.sort_by_key(|mark| std::cmp::Reverse(rank(mark)));
+    marks
 }
 
 /// A line about a group: its most important marks of one kind.
@@ -89,7 +103,7 @@ pub(super) fn time_line(flight: &Flight, clock: &Clock) -> Markup {
         @for at_s in ticks(from_s, to_s, 9.0) {
             text.tick x=(x(at_s)) y="40" text-anchor="middle" { (at_s) " s" }
         }
-        @for mark in told(flight, clock) {
+        @for mark in by_importance(told(flight, clock)) {
             @if mark.kind != MarkKind::Waypoint {
                 circle.mark.(mark.kind.name().split(' ').next().unwrap_or_default()) cx=(x(mark.at.as_secs_f64())) cy="14" r="6" {}
             }
