@@ -31,6 +31,8 @@ class Player {
     this.slider = this.find("slider");
     this.slider.max = String(Math.ceil(record.end * 10) / 10);
     this.find("clock-end").textContent = record.end.toFixed(1);
+    // Links of large swarms, and of runs without rules, are not recorded.
+    this.find("shows-links").parentElement.hidden = !record.links;
     this.chooseSpeed();
     this.listDrones();
     this.listen();
