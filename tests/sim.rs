@@ -566,3 +566,50 @@ fn release_builds_are_stripped() {
         Some(true)
     );
 }
+
+#[test]
+fn recordings_are_written_where_asked_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = muster(folder.path())
+        .args(["sim", &scenario("kill-at-waypoint.toml")])
+        .args(["--engine", "events", "--mcap", "run.mcap"])
+        .args(["--kml", "run.kml", "--geojson", "run.geojson"])
+        .args(["--animation", "run.svg"])
+        .assert()
+        .success();
+    let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    for (name, begins) in [
+        ("run.mcap", &b"\x89MCAP0\r\n"[..]),
+        ("run.kml", b"<?xml"),
+        ("run.geojson", b"{"),
+        ("run.svg", b"<svg"),
+    ] {
+        assert!(printed.contains(&format!("wrote {name}")), "{printed}");
+        let bytes = fs::read(folder.path().join(name)).unwrap();
+        assert!(bytes.starts_with(begins), "{name}");
+    }
+}
+
+#[test]
+fn recording_that_can_not_be_written_is_refused_before_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |arguments: &[&str], why: &str| {
+        let run = muster(folder.path())
+            .args(["sim", &scenario("thesis-1.toml")])
+            .args(arguments)
+            .assert()
+            .code(2);
+        let printed = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+        assert!(printed.contains(why), "{printed}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    };
+    refused(
+        &["--mcap", "missing/run.mcap"],
+        "missing: is not an existing folder",
+    );
+    refused(&["--kml", "."], "is a folder");
+    refused(
+        &["--kml", "run", "--geojson", "run"],
+        "run: is given for two recordings",
+    );
+}

@@ -3,7 +3,7 @@
 //! Implemented here over `libm`, for all drones must compute identical waypoints on every processor. Geodesy libraries call
 //! the platform's sine, which differs in the last digit.
 
-use libm::{cos, round, sin, sqrt};
+use libm::{atan2, cos, hypot, round, sin, sqrt};
 use muster_machines::geometry::Ned;
 use nalgebra::Vector3;
 
@@ -186,6 +186,64 @@ pub fn local_ned(home: Geodetic, place: Geodetic) -> Result<Ned, TooFarFromHome>
     ))
 }
 
+/// Converts a place in the swarm's local frame about `home` to latitude and longitude in degrees, and altitude in metres above
+/// sea level: the inverse of [`local_ned`], within a millimetre up to [`HOME_DISTANCE_MAX_M`].
+///
+/// Source: EPSG coordinate operation method 9837, reverse case; method 9602 by iteration, for heights near the ground.
+#[must_use]
+pub fn latitude_longitude_altitude(home: Geodetic, place: Ned) -> [f64; 3] {
+    let (latitude, longitude) = home.radians();
+    let (sin_latitude, cos_latitude) = (sin(latitude), cos(latitude));
+    let (sin_longitude, cos_longitude) = (sin(longitude), cos(longitude));
+    let north = Vector3::new(
+        -sin_latitude * cos_longitude,
+        -sin_latitude * sin_longitude,
+        cos_latitude,
+    );
+    let east = Vector3::new(-sin_longitude, cos_longitude, 0.0);
+    let up = Vector3::new(
+        cos_latitude * cos_longitude,
+        cos_latitude * sin_longitude,
+        sin_latitude,
+    );
+    let on_plane =
+        home.earth_centred_m(home.altitude_m) + north * place.north_m() + east * place.east_m();
+    // `local_ned` projects a place at home's altitude on the plane, which is above it: the way back goes straight down.
+    let mut down_m = 0.0;
+    let mut found = (latitude, longitude);
+    for _ in 0..DESCENTS {
+        let (latitude, longitude, height_m) = ellipsoidal(on_plane - up * down_m);
+        down_m += height_m - home.altitude_m;
+        found = (latitude, longitude);
+    }
+    [
+        found.0.to_degrees(),
+        found.1.to_degrees(),
+        home.altitude_m + place.altitude_m(),
+    ]
+}
+
+/// Steps down from the tangent plane; each reduces the error by the square of distance over the Earth's radius.
+const DESCENTS: usize = 4;
+
+/// Latitude and longitude in radians, and height above the ellipsoid in metres, of Earth-centred coordinates.
+fn ellipsoidal(point_m: Vector3<f64>) -> (f64, f64, f64) {
+    let eccentricity_squared = FLATTENING * (2.0 - FLATTENING);
+    let from_axis_m = hypot(point_m.x, point_m.y);
+    let mut latitude = atan2(point_m.z, from_axis_m * (1.0 - eccentricity_squared));
+    let mut height_m = 0.0;
+    // Each turn reduces the error by about 150.
+    for _ in 0..8 {
+        let sin_latitude = sin(latitude);
+        let normal_m =
+            SEMI_MAJOR_AXIS_M / sqrt(1.0 - eccentricity_squared * sin_latitude * sin_latitude);
+        height_m = from_axis_m / cos(latitude) - normal_m;
+        let share = eccentricity_squared * normal_m / (normal_m + height_m);
+        latitude = atan2(point_m.z, from_axis_m * (1.0 - share));
+    }
+    (latitude, atan2(point_m.y, point_m.x), height_m)
+}
+
 /// Rounds to whole millimetres, so that all drones agree. Adding zero turns a negative zero into a positive one.
 pub(crate) fn whole_millimetres(metres: f64) -> f64 {
     round(metres * 1_000.0) / 1_000.0 + 0.0
@@ -258,6 +316,22 @@ mod tests {
         let place = Geodetic::new(-17.0, -179.999, 10.0).unwrap();
         let east_m = local_ned(home, place).unwrap().east_m();
         assert!((212.0..214.0).contains(&east_m), "{east_m}");
+    }
+
+    #[test]
+    fn place_in_the_local_frame_is_found_again_within_a_millimetre() {
+        for case in golden() {
+            let local = local_ned(case.home, case.place).unwrap();
+            let [latitude, longitude, altitude_m] = latitude_longitude_altitude(case.home, local);
+            let found = Geodetic::new(latitude, longitude, altitude_m).unwrap();
+            let again = local_ned(case.home, found).unwrap();
+            let error_m = again.distance_m(local);
+            assert!(error_m < 0.002, "{error_m} m in {case:?}");
+            assert!(
+                (latitude - case.place.latitude_deg()).abs() < 2e-8,
+                "{case:?}"
+            );
+        }
     }
 
     #[test]

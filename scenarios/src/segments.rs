@@ -53,6 +53,15 @@ impl Link {
         })
     }
 
+    /// The nodes at its ends; the lower id first.
+    pub(crate) const fn ends(&self) -> (NodeId, NodeId) {
+        self.ends
+    }
+
+    pub(crate) const fn is_up(&self) -> bool {
+        self.is_up
+    }
+
     /// All links of a medium at present; `corrupted` is the share of a sender's frames that are altered on their way.
     pub(crate) fn all(medium: &mut Medium, corrupted: impl Fn(NodeId) -> f64) -> Vec<Self> {
         let mut links = Vec::new();
@@ -77,13 +86,18 @@ pub(crate) struct Segment {
 
 impl Segments {
     /// Updates the segments. `live` has, for each node that relays frames, any number that changes when it fails or does
-    /// something else; `None` for others, whose links are left out.
-    pub(crate) fn look(&mut self, now: Timestamp, live: Vec<Option<u32>>, mut links: Vec<Link>) {
+    /// something else; `None` for others, whose links are left out. Returns whether anything has changed.
+    pub(crate) fn look(
+        &mut self,
+        now: Timestamp,
+        live: Vec<Option<u32>>,
+        mut links: Vec<Link>,
+    ) -> bool {
         let is_live = |id: NodeId| live.get(id.0 as usize).is_some_and(Option::is_some);
         links.retain(|link| is_live(link.ends.0) && is_live(link.ends.1));
         links.sort_unstable();
         if live == self.live && links == self.links {
-            return;
+            return false;
         }
         self.changed.resize(live.len(), now);
         let before = self.live.iter().zip(&live);
@@ -103,6 +117,7 @@ impl Segments {
         self.links = links;
         self.divide();
         self.history.push_back((now, self.segment_of.clone()));
+        true
     }
 
     /// Drops history older than `ago`, but for what held at that time.
@@ -172,17 +187,17 @@ impl Segments {
         }
     }
 
-    /// The links between live nodes that are not down, each once.
-    pub(crate) fn links(&self) -> impl Iterator<Item = (NodeId, NodeId)> {
-        self.links.iter().map(|link| link.ends)
-    }
-
     /// Whether a link that is up joins two nodes directly.
     pub(crate) fn are_neighbours(&self, a: NodeId, b: NodeId) -> bool {
         let ends = (a.min(b), a.max(b));
         let is_up = |link: &Link| link.ends == ends && link.is_up;
         let first = self.links.partition_point(|link| link.ends < ends);
         self.links.get(first).is_some_and(is_up)
+    }
+
+    /// The links that are up or grey, sorted by their ends.
+    pub(crate) fn links(&self) -> &[Link] {
+        &self.links
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Segment> {

@@ -186,9 +186,9 @@ mod tests {
         load(&path, &changes).unwrap()
     }
 
-    /// The report of a simulation, and that of a twin that receives the simulated drones' reports with this delay. The twin
+    /// The report and flight of a simulation, and those of a twin that receives the simulated drones' reports with this delay. The twin
     /// injects `faults` instead of the scenario's.
-    fn both(scenario: &Scenario, delay: Duration, faults: &[Fault]) -> [Report; 2] {
+    fn both(scenario: &Scenario, delay: Duration, faults: &[Fault]) -> [(Report, Flight); 2] {
         let mut world = engine::flown(scenario);
         let mut reports = std::mem::take(&mut world.reports);
         let finished = ProcessReport::Observed(Observation::Mission(Event::State(State::Finished)));
@@ -204,7 +204,7 @@ mod tests {
             .collect();
         reports.extend(ends);
         reports.sort_by_key(|(at, ..)| *at);
-        let (simulated, _) = summary(scenario, None, &world.finish(), Duration::ZERO);
+        let simulated = summary(scenario, None, &world.finish(), Duration::ZERO);
         let mut followed = scenario.clone();
         followed.faults = faults.to_vec();
         let mut twin = Twin::new(&followed, delay);
@@ -232,8 +232,7 @@ mod tests {
                 }
             }
         }
-        let (twin, _) = twin.finish(scenario, Duration::ZERO);
-        [simulated, twin]
+        [simulated, twin.finish(scenario, Duration::ZERO)]
     }
 
     fn compare(scenario: &Scenario) {
@@ -242,7 +241,7 @@ mod tests {
 
     /// Compares all but the counts of frames, which a twin gets apart.
     fn compare_delayed(scenario: &Scenario, delay: Duration, faults: &[Fault]) {
-        let [simulated, twin] = both(scenario, delay, faults).map(|mut report| {
+        let [simulated, twin] = both(scenario, delay, faults).map(|(mut report, _)| {
             for drone in &mut report.drones {
                 (drone.messages_sent, drone.messages_received) = (0, 0);
             }
@@ -269,6 +268,19 @@ mod tests {
     fn twin_injects_faults_and_checks_rules_as_the_simulation_does() {
         for name in ["kill-at-waypoint.toml", "cut-in-two.toml"] {
             compare(&scenario(name, &[]));
+        }
+    }
+
+    #[test]
+    fn twin_records_the_same_history_as_the_simulation() {
+        for name in ["kill-at-waypoint.toml", "returning-drone.toml"] {
+            let scenario = scenario(name, &[]);
+            let [simulated, twin] =
+                both(&scenario, Duration::ZERO, &scenario.faults).map(|(_, flight)| flight.history);
+            assert!(!simulated.marks.is_empty());
+            assert_eq!(twin.marks, simulated.marks);
+            assert_eq!(twin.links, simulated.links);
+            assert_eq!(twin.nodes, simulated.nodes);
         }
     }
 

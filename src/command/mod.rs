@@ -9,6 +9,7 @@ mod folder;
 mod keys;
 mod list;
 mod new;
+mod recordings;
 mod schema;
 mod sim;
 mod status;

@@ -7,18 +7,20 @@ use muster_scenarios::engine::{self, Engine, Watcher};
 use muster_scenarios::report::{self, Report, ReportFiles};
 use muster_scenarios::scenario::{self, Override};
 
+use super::recordings::Recordings;
 use super::{Failure, Outcome, folder, terminal};
 
 /// Simulate a scenario and show the result.
 ///
-/// Prints a table of the drones and writes a report into a folder: report.html for people, report.json and tracks.csv
-/// for programs. A progress bar is shown on a terminal.
+/// Prints a table of the drones and writes a report into a folder: report.html, which replays the flight, for people,
+/// report.json and tracks.csv for programs. A progress bar is shown on a terminal.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster sim thesis-2
   muster sim thesis-1 --seed 7 --set radio.loss=0.2 --set formation.drones=9
   muster sim thesis-1 --set mission.file=river
-  muster sim thesis-2 --engine events --json | jq .means")]
+  muster sim thesis-2 --engine events --json | jq .means
+  muster sim kill-at-waypoint --mcap flight.mcap --kml flight.kml --geojson flight.geojson")]
 pub(crate) struct Arguments {
     /// A scenario file, or the name of a shipped scenario (`muster list`).
     #[arg(value_name = "SCENARIO")]
@@ -42,6 +44,8 @@ pub(crate) struct Arguments {
     /// the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: Recordings,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -68,6 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     scenario.unchecked = arguments.unchecked;
     let default = folder::default_for(Path::new(&scenario.name), scenario.seed);
     folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;
+    arguments.recordings.check()?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
@@ -76,11 +81,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let out = arguments.out.clone();
     let out = out.unwrap_or_else(|| report::numbered(&default, |folder| report.is_in(folder)));
     let written = report::write(&out, &report, &flight)?;
+    let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;
         terminal::print(&format!("{json}\n"))?;
     } else {
-        print(&report, &written)?;
+        print(&report, &written, &recordings)?;
     }
     Ok(Outcome::from(&report))
 }
@@ -94,11 +100,16 @@ fn watch(bar: &ProgressBar) -> Watcher {
     })
 }
 
-pub(crate) fn print(report: &Report, written: &ReportFiles) -> io::Result<()> {
+pub(crate) fn print(
+    report: &Report,
+    written: &ReportFiles,
+    recordings: &[PathBuf],
+) -> io::Result<()> {
     let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
     let mut text = report::table(report, width, colour);
-    for path in [&written.html, &written.json, &written.tracks] {
+    let files = [&written.html, &written.json, &written.tracks];
+    for path in files.into_iter().chain(recordings) {
         text.push_str(&format!("\n wrote {}", path.display()));
     }
     text.push('\n');

@@ -9,6 +9,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario::{self, Scenario};
 
+use super::recordings::Recordings;
 use super::sim::print;
 use super::{Failure, Outcome, folder, terminal};
 
@@ -47,6 +48,8 @@ pub(crate) struct Arguments {
     /// Path of musterd [default: next to this program]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: Recordings,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -88,6 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         })
     });
     folder::check_writable(&out)?;
+    arguments.recordings.check()?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
     let mut watcher = |progress| show(&bar, progress);
@@ -109,11 +113,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     bar.finish_and_clear();
     let (report, flight) = flown?;
     let written = report::write(&out, &report, &flight)?;
+    let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string::<Report>(&report).map_err(io::Error::from)?;
         terminal::print(&format!("{json}\n"))?;
     } else {
-        print(&report, &written)?;
+        print(&report, &written, &recordings)?;
     }
     Ok(Outcome::from(&report))
 }

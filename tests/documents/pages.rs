@@ -67,6 +67,19 @@ fn command_line_page_is_the_help() {
     assert_generated("docs/src/reference/cli.md", &page);
 }
 
+#[test]
+fn picture_of_a_masters_death_is_what_its_command_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = format!("{ROOT}/scenarios/kill-at-waypoint.toml");
+    muster()
+        .current_dir(folder.path())
+        .args(["sim", &scenario, "--animation", "picture.svg"])
+        .assert()
+        .success();
+    let picture = fs::read_to_string(folder.path().join("picture.svg")).unwrap();
+    assert_generated("docs/src/kill-at-waypoint.svg", &picture);
+}
+
 /// Options of `muster` and `musterd` that examples use exist.
 #[test]
 fn options_in_documents_exist() {

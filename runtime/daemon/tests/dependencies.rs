@@ -32,6 +32,8 @@ fn musterd_links_no_simulation_report_or_campaign_crate() {
         "muster v",
         "maud ",
         "csv ",
+        "mcap ",
+        "lz4 ",
     ] {
         let is_linked = packages.lines().any(|it| it.starts_with(excluded));
         assert!(!is_linked, "{excluded}is linked into musterd");

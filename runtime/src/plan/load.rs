@@ -113,6 +113,7 @@ pub fn build_plan(
         layout,
         relays,
         changes,
+        home: mission.home(),
         waypoints,
         holds: mission.holds().clone(),
         protocol,

@@ -28,6 +28,7 @@ use muster_machines::supervision::RestartLimits;
 use muster_machines::{agent as machine_agent, mission, navigation, routing};
 
 use crate::agents::PlannedAgent;
+use crate::geodetic::Geodetic;
 use crate::schema::{FieldList, FileSchema};
 use crate::text::plural;
 use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
@@ -61,6 +62,8 @@ pub struct Plan {
     pub relays: Arc<[Ned]>,
     /// Changes of formation, in order of the flight.
     pub changes: Arc<[Change]>,
+    /// Origin of the swarm's local frame, from the mission file.
+    pub home: Geodetic,
     /// Waypoints of the formation's centre; waypoint 0 is above home.
     pub waypoints: Arc<[Ned]>,
     /// How long the swarm holds at each waypoint after all drones have arrived.

@@ -1,13 +1,17 @@
 //! The report of a run: figures for programs, a page and tables for people.
 
 mod agents;
+mod closest;
 pub(crate) mod figures;
 mod flight;
 mod folder;
 mod following;
+mod history;
 pub(crate) mod html;
+mod recordings;
 #[cfg(test)]
 pub(crate) mod sample;
+mod simplify;
 mod summary;
 pub(crate) mod table;
 mod tracks;
@@ -18,8 +22,12 @@ use std::fmt;
 
 pub use figures::Kind;
 pub use folder::numbered;
+pub use history::{
+    Condition, Epoch, History, Jam, LinkChange, LinkState, Mark, MarkKind, NodeHistory, Route,
+};
 pub use html::page;
 pub use html::scaling::{Scaling, scaling};
+pub use recordings::Recording;
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
 pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write};
@@ -342,6 +350,8 @@ pub struct Flight {
     pub range_m: f64,
     /// Drones, by id.
     pub drones: Vec<FlightOfDrone>,
+    /// What happened besides the motion of the drones.
+    pub history: History,
     /// The other swarms.
     pub others: Vec<Self>,
 }

@@ -7,7 +7,8 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, Means, Report, Role, Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, History, Means, Report, Role,
+    Violation,
 };
 
 const SPACING_M: f64 = 160.0;
@@ -28,6 +29,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
             .collect(),
         range_m: 300.0,
         drones: (0..drones).map(|id| script.fly(id, master)).collect(),
+        history: History::default(),
         others: vec![],
     };
     let reports: Vec<_> = (0..drones)

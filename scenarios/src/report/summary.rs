@@ -8,7 +8,7 @@ use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     AgentFailure, Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone,
-    FormationChange, Means, MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
+    FormationChange, History, Means, MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
 use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
@@ -103,6 +103,16 @@ impl Run<'_> {
         }
     }
 
+    /// What happened to one swarm, broken rules included: those of the run are marks of its own swarm.
+    fn history(&self, swarm: &Scenario, flown: &SwarmOutcome) -> History {
+        let is_own = std::ptr::eq(swarm, self.scenario);
+        let mut history = History::of(self.scenario, swarm, is_own, flown);
+        if is_own {
+            history.add_violations(&self.outcome.violations);
+        }
+        history
+    }
+
     /// Tracks and states of one swarm.
     fn flight(&self, swarm: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Flight {
         let drones = flown.recorder.drones().zip(&flown.vehicles);
@@ -120,6 +130,7 @@ impl Run<'_> {
                     states: record.states.clone(),
                 })
                 .collect(),
+            history: self.history(swarm, flown),
             others: Vec::new(),
         }
     }
@@ -196,7 +207,7 @@ fn state(record: &Record) -> String {
 }
 
 /// Reason for an early landing, in words; `None` at the mission's end.
-const fn unplanned(reason: LandingReason) -> Option<&'static str> {
+pub(super) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
     match reason {
         LandingReason::MissionOver => None,
         LandingReason::MasterSilent => Some("the master was silent"),

@@ -218,7 +218,8 @@ impl Airspace {
             self.report_telemetry(core, drone);
             return false;
         }
-        core.recorder(drone).ran_empty(drone);
+        let now = core.now();
+        core.recorder(drone).ran_empty(drone, now);
         true
     }
 

@@ -72,8 +72,12 @@ impl LinkWatch {
             for (id, live) in (0..).map(NodeId).zip(&mut own) {
                 *live = live.filter(|_| swarm.has(id));
             }
-            swarm.segments.look(now, own, links.clone());
-            swarm.recorder.links(swarm.segments.links());
+            let has_changed = swarm.segments.look(now, own, links.clone());
+            let ends = swarm.segments.links().iter().map(|link| link.ends());
+            swarm.recorder.links(ends);
+            if has_changed {
+                swarm.recorder.looked(now, &swarm.segments);
+            }
             let propagation = swarm.settled.settling().propagation(nodes);
             swarm.segments.forget_older(now, propagation);
         }

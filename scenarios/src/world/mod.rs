@@ -50,7 +50,7 @@ pub(crate) use self::message::{Task, What};
 pub(crate) use self::mirror::Mirror;
 pub use self::mirror::ProcessState;
 pub(crate) use self::outcome::{Outcome, SwarmOutcome, track};
-pub(crate) use self::recorder::{Record, Recorder};
+pub(crate) use self::recorder::{Incident, LINKED_NODES_MAX, Record, Recorder};
 use self::scene::Scene;
 pub(crate) use self::setup::blueprints;
 use self::trace::Kind;
@@ -214,12 +214,13 @@ impl World {
         (scene.processes).stop_actor(&mut scene.core, drone, address);
         match decision {
             RestartDecision::Restart { at } => {
-                scene.core.recorder(drone).restarts(drone);
+                let recorder = scene.core.recorder(drone);
+                recorder.restarts(drone, now, address);
                 (scene.processes).schedule_restart(&mut scene.core, drone, address, at);
             }
             RestartDecision::GiveUp => {
                 let swarm = scene.core.swarms.of_mut(drone);
-                swarm.recorder.given_up(drone);
+                swarm.recorder.given_up(drone, now, address);
                 swarm.barrier.given_up(drone);
                 scene.processes[drone].given_up = true;
                 let actors = &scene.processes[drone].actors;
@@ -308,7 +309,11 @@ impl World {
         self.scene.core.trace(drone, Kind::Observed, observation);
         match observation {
             Observation::Mission(event) => self.observe_mission(drone, event),
-            Observation::Routing(event) => self.scene.core.recorder(drone).routing(drone, event),
+            Observation::Routing(event) => {
+                let now = self.scene.core.now();
+                let recorder = self.scene.core.recorder(drone);
+                recorder.routing(now, drone, event);
+            }
             Observation::Radio(event) => self.scene.core.recorder(drone).radio(event),
         }
     }

@@ -19,6 +19,7 @@ use super::leadership::Leadership;
 use super::links::LinkWatch;
 use super::message::{Message, Task, What};
 use super::processes::{Processes, RESTART_AFTER, Remedy};
+use super::recorder::InjectedFault;
 use super::trace::Kind;
 use crate::scenario::{DroneFault, FaultKind, LinkFault, Target, Trigger};
 
@@ -261,6 +262,7 @@ impl Scene {
             FaultKind::Drone(Target::Drone(drone), _) => Some(drone),
             _ => leadership.find(Target::Master),
         };
+        let affects_drone = matches!(self.core.faults.get(fault).kind, FaultKind::Drone(..));
         let own = self.core.swarms.own();
         let is_alive = |id: &NodeId| own.recorder.of(*id).killed.is_none();
         let phase = match target.filter(is_alive) {
@@ -275,6 +277,12 @@ impl Scene {
             apart: own.segments.iter().count() > 1,
         };
         self.core.faults.record(injection);
+        let injected = InjectedFault {
+            at: self.core.now(),
+            index: fault,
+            target: target.filter(|_| affects_drone),
+        };
+        self.core.swarms.get_mut(0).recorder.injected(injected);
     }
 
     /// Ends a fault of the plan. Faults of single drones end by events of their own.
@@ -355,6 +363,8 @@ impl Scene {
         }
         self.core.trace(drone, Kind::Stopped, &());
         self.end_process(drone);
+        let now = self.core.now();
+        self.core.recorder(drone).stopped(drone, now);
         self.processes.schedule_boot(&mut self.core, drone, after);
         self.check_elections();
     }
@@ -372,7 +382,8 @@ impl Scene {
         }
         self.links.invalidate();
         self.processes[drone].start();
-        self.core.recorder(drone).rebooted(drone);
+        let now = self.core.now();
+        self.core.recorder(drone).rebooted(drone, now);
         self.core.checkers.boots(drone);
         Some(Task::new(drone, Address::Radio, What::Boot))
     }
@@ -388,6 +399,8 @@ impl Scene {
     fn hang(&mut self, drone: NodeId, actor: Option<Address>, lasts: Option<Duration>) {
         if self.processes[drone].runs() {
             self.links.invalidate();
+            let now = self.core.now();
+            self.core.recorder(drone).hangs(drone, now, actor);
             self.processes.hang(&mut self.core, drone, actor, lasts);
             self.check_elections();
         }
@@ -412,6 +425,8 @@ impl Scene {
     /// A hang ends, unless it is over.
     fn resume(&mut self, drone: NodeId, hang: u32) {
         if self.processes.resume(&mut self.core, drone, hang) {
+            let now = self.core.now();
+            self.core.recorder(drone).resumed(drone, now);
             self.links.invalidate();
             self.check_elections();
         }

@@ -1,9 +1,10 @@
-//! The HTML page of a run: one file without scripts and without network access.
+//! The HTML page of a run: one file without network access. Its script plays the run; all else is there without it.
 
 pub(crate) mod axis;
 pub(crate) mod bars;
 pub(crate) mod map;
 mod relays;
+mod replay;
 pub(crate) mod scaling;
 mod tables;
 #[cfg(test)]
@@ -20,22 +21,29 @@ use muster_runtime::text::{figure, figure_or_dash, plural};
 
 /// Style sheet of all pages.
 const STYLE: &str = include_str!("page.css");
-/// Content security policy: the browser may load nothing.
+/// Content security policy: the browser may load nothing, and run no script.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
 
-/// The page of a run as HTML, about 10 kB per drone. All texts of the run are escaped.
+/// The page of a run as HTML, about 20 kB per drone. All texts of the run are escaped.
 #[must_use]
 pub fn page(report: &Report, flight: &Flight) -> String {
     let title = format!("{}, seed {}", report.name(), report.seed);
-    document(
-        &title,
-        "",
-        &html! { (head(report)) (sections(report, flight)) },
-    )
+    let content = html! {
+        (head(report))
+        (replay::section())
+        (sections(report, flight))
+        (replay::script(report, flight))
+    };
+    let policy = format!("{POLICY}; script-src {}", replay::script_source());
+    document_with(&policy, &title, replay::STYLE, &content)
 }
 
-/// A page with the common style sheet and the additional `style`.
+/// A page without scripts, with the common style sheet and the additional `style`.
 pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
+    document_with(POLICY, title, style, content)
+}
+
+fn document_with(policy: &str, title: &str, style: &str, content: &Markup) -> String {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -43,7 +51,7 @@ pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta http-equiv="Content-Security-Policy" content=(policy);
                 title { (title) " – muster" }
                 style { (PreEscaped(STYLE)) (PreEscaped(style)) }
             }

@@ -1,7 +1,9 @@
 use scraper::{Html, Selector};
 
 use super::page;
-use crate::report::{Flight, Report, sample};
+use muster_machines::time::Timestamp;
+
+use crate::report::{Flight, Mark, MarkKind, Report, sample};
 
 fn parsed((report, flight): &(Report, Flight)) -> Html {
     let html = Html::parse_document(&page(report, flight));
@@ -56,7 +58,8 @@ fn page_loads_nothing_from_the_network() {
     let (report, flight) = sample::faulty();
     let page = page(&report, &flight);
     for outside in [
-        "http://", "https://", "//cdn", "<script", "@import", "url(", " src=", "<link",
+        "http://", "https://", "//cdn", "@import", "import(", "fetch(", "XMLHttp", "url(", " src=",
+        "<link",
     ] {
         assert!(!page.contains(outside), "{outside}");
     }
@@ -72,8 +75,18 @@ fn page_escapes_text_of_the_run() {
     report.drones[0].state = hostile.to_owned();
     report.drones[0].landed_because = Some(hostile.to_owned());
     report.violations[0].what = hostile.to_owned();
+    let mut flight = flight;
+    flight.history.marks = vec![Mark {
+        at: Timestamp::ZERO,
+        until: None,
+        kind: MarkKind::Fault,
+        nodes: vec![],
+        text: hostile.to_owned(),
+    }];
     let html = parsed(&(report, flight));
-    assert_eq!(number(&html, "script"), 0);
+    assert_eq!(number(&html, "script"), 2, "the record and what plays it");
+    let record: serde_json::Value = serde_json::from_str(&text(&html, "#record")).unwrap();
+    assert_eq!(record["marks"][0]["text"], hostile);
     assert!(text(&html, ".facts dd").contains(hostile));
     assert!(text(&html, ".trace").contains(hostile));
     assert!(text(&html, "section.bad td").contains(hostile));

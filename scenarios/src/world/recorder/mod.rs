@@ -2,6 +2,7 @@
 
 mod contact;
 mod elections;
+mod history;
 mod milestones;
 mod record;
 
@@ -11,6 +12,7 @@ use std::hint::black_box;
 use muster_machines::agent::Observed;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
+use muster_machines::node::Address;
 use muster_machines::radio::{self, DropReason};
 use muster_machines::routing;
 use muster_machines::time::Timestamp;
@@ -18,10 +20,12 @@ use muster_machines::time::Timestamp;
 use self::contact::Contact;
 pub(crate) use self::elections::Election;
 use self::elections::Elections;
+pub(crate) use self::history::{History, Incident, InjectedFault, LINKED_NODES_MAX};
 use self::milestones::Milestones;
 pub(crate) use self::milestones::{Change, Crossing};
 pub(crate) use self::record::Record;
 use self::record::is_in_discovery_or_beyond;
+use crate::segments::Segments;
 
 /// The records of a swarm's drones and relays, and of what they did together.
 ///
@@ -45,6 +49,7 @@ pub(crate) struct Recorder {
     observed: Vec<(Timestamp, NodeId, Observed)>,
     /// Failures of agents, in order of time; at most [`OBSERVED_MAX`].
     agent_failures: Vec<(Timestamp, NodeId, String)>,
+    history: History,
 }
 
 /// Frames sent by all nodes of a swarm.
@@ -90,6 +95,7 @@ impl Recorder {
             has_flown: false,
             observed: Vec::new(),
             agent_failures: Vec::new(),
+            history: History::default(),
         }
     }
 }
@@ -143,32 +149,64 @@ impl Recorder {
     }
 
     /// One of a node's actors is restarted.
-    pub(super) fn restarts(&mut self, id: NodeId) {
+    pub(super) fn restarts(&mut self, id: NodeId, now: Timestamp, actor: Address) {
+        self.history.happens(now, id, Incident::Restarts(actor));
         self.record(id).restarts += 1;
     }
 
+    /// A node's process has ended, and is to be started again.
+    pub(super) fn stopped(&mut self, id: NodeId, now: Timestamp) {
+        self.history.happens(now, id, Incident::Stopped);
+    }
+
     /// A node's process has been restarted.
-    pub(super) fn rebooted(&mut self, id: NodeId) {
+    pub(super) fn rebooted(&mut self, id: NodeId, now: Timestamp) {
+        self.history.happens(now, id, Incident::Rebooted);
         let record = self.record(id);
         record.reboots += 1;
         record.killed = None;
     }
 
-    pub(super) fn given_up(&mut self, id: NodeId) {
+    /// One of a node's actors could not be kept alive.
+    pub(super) fn given_up(&mut self, id: NodeId, now: Timestamp, actor: Address) {
+        self.history.happens(now, id, Incident::GivenUp(actor));
         self.record(id).given_up = true;
     }
 
     pub(super) fn killed(&mut self, id: NodeId, now: Timestamp) {
+        self.history.happens(now, id, Incident::Killed);
         self.record(id).killed = Some(now);
     }
 
-    pub(super) fn ran_empty(&mut self, id: NodeId) {
+    pub(super) fn ran_empty(&mut self, id: NodeId, now: Timestamp) {
+        self.history.happens(now, id, Incident::RanEmpty);
         self.record(id).ran_empty = true;
     }
 
     pub(super) fn fell(&mut self, id: NodeId, now: Timestamp) {
-        self.killed(id, now);
-        self.record(id).fell = true;
+        self.history.happens(now, id, Incident::Fell);
+        let record = self.record(id);
+        record.killed = Some(now);
+        record.fell = true;
+    }
+
+    /// An actor hangs, or a whole process (`None`).
+    pub(super) fn hangs(&mut self, id: NodeId, now: Timestamp, actor: Option<Address>) {
+        self.history.happens(now, id, Incident::Hangs(actor));
+    }
+
+    pub(super) fn resumed(&mut self, id: NodeId, now: Timestamp) {
+        self.history.happens(now, id, Incident::Resumed);
+    }
+
+    /// A fault of the plan is injected.
+    pub(super) fn injected(&mut self, fault: InjectedFault) {
+        self.history.injected(fault);
+    }
+
+    /// The swarm's links or segments have changed.
+    pub(super) fn looked(&mut self, now: Timestamp, segments: &Segments) {
+        self.history.looked(now, self.nodes.len(), segments);
     }
 
     /// The masters of all segments; `None` if some have none or several. Returns whether an election has settled by that.
@@ -187,8 +225,12 @@ impl Recorder {
                 self.traffic_mut(id).counts |= is_in_discovery_or_beyond(state);
                 self.milestones.enters(now, before, state, sent);
             }
-            mission::Event::Landing(reason) => self.record(id).reason = Some(reason),
+            mission::Event::Landing(reason) => {
+                self.history.happens(now, id, Incident::Lands(reason));
+                self.record(id).reason = Some(reason);
+            }
             mission::Event::Obeys(ballot) => {
+                self.history.happens(now, id, Incident::Follows(ballot));
                 self.record(id).leader = Some(ballot.master);
                 if ballot.is_elected() && ballot.master == id {
                     self.elections.led(now);
@@ -205,11 +247,18 @@ impl Recorder {
     }
 
     /// A node's routing reports an event.
-    pub(super) fn routing(&mut self, id: NodeId, event: &routing::Event) {
+    pub(super) fn routing(&mut self, now: Timestamp, id: NodeId, event: &routing::Event) {
+        let routing::Event::Routes(routes) = event else {
+            return;
+        };
+        let what = Incident::Routes {
+            hops: routes.hops,
+            parent: routes.parent,
+            relay: routes.relay,
+        };
+        self.history.happens(now, id, what);
         // Once the leader goes to land, routes to it break; the last one before counts.
-        if let routing::Event::Routes(routes) = event
-            && !self.is_landing(self.leader_of(id))
-        {
+        if !self.is_landing(self.leader_of(id)) {
             let record = self.record(id);
             if routes.hops.is_some() || record.routes.hops.is_none() {
                 record.routes = routes.clone();
@@ -254,7 +303,7 @@ impl Recorder {
     }
 }
 
-/// What was recorded.
+/// Incident was recorded.
 impl Recorder {
     /// The drone at the centre slot, which leads.
     pub(crate) const fn centre(&self) -> NodeId {
@@ -344,6 +393,10 @@ impl Recorder {
     /// Frames that radios did not admit, by reason.
     pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
         &self.dropped
+    }
+
+    pub(crate) const fn history(&self) -> &History {
+        &self.history
     }
 
     pub(crate) fn elections(&self) -> &[Election] {
