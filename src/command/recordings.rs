@@ -63,7 +63,10 @@ impl Recordings {
         flight: &Flight,
     ) -> Result<Vec<PathBuf>, WriteError> {
         self.paths()
-            .map(|(recording, path)| recording.write(path, report, flight))
+            .map(|(recording, path)| {
+                recording.write(path, report, flight)?;
+                Ok(path.to_owned())
+            })
             .collect()
     }
 }

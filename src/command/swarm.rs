@@ -111,7 +111,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     ));
     let flown = swarm::fly(&request, Some(&mut watcher));
     bar.finish_and_clear();
-    let (report, flight) = flown?;
+    let (report, mut flight) = flown?;
+    if arguments.unlimited_range {
+        flight.forget_links();
+    }
     let written = report::write(&out, &report, &flight)?;
     let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {

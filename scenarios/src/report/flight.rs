@@ -4,9 +4,16 @@ use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 
-use super::{Flight, FlightOfDrone};
+use super::{Flight, FlightOfDrone, MarkKind};
 
 impl Flight {
+    /// Removes what was recorded of links: where every drone hears every other, the radio model does not hold.
+    pub fn forget_links(&mut self) {
+        self.history.links = None;
+        let is_of_links = |kind| matches!(kind, MarkKind::Partition | MarkKind::Merge);
+        self.history.marks.retain(|mark| !is_of_links(mark.kind));
+    }
+
     /// Flights of all swarms, the scenario's own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.others)

@@ -11,7 +11,7 @@ mod tests;
 
 use std::fmt;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::write::{DraftFile, WriteError};
 use super::{Flight, Report};
@@ -37,12 +37,7 @@ impl Recording {
     ///
     /// # Errors
     /// If the system refuses, or the folder of `path` does not exist. A file that was there before is kept.
-    pub fn write(
-        self,
-        path: &Path,
-        report: &Report,
-        flight: &Flight,
-    ) -> Result<PathBuf, WriteError> {
+    pub fn write(self, path: &Path, report: &Report, flight: &Flight) -> Result<(), WriteError> {
         let folder = path.parent().filter(|folder| *folder != Path::new(""));
         let name = path.file_name().ok_or_else(|| {
             let source = io::Error::new(io::ErrorKind::IsADirectory, "this is a folder");
@@ -57,7 +52,7 @@ impl Recording {
             Self::Animation => draft.write_all(animation::svg(report, flight).as_bytes()),
         };
         written.map_err(|source| WriteError::file(path, source))?;
-        draft.complete()?.publish()
+        draft.complete()?.publish().map(drop)
     }
 }
 

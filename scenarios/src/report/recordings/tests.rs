@@ -17,9 +17,8 @@ fn flown() -> (Report, Flight) {
 
 fn bytes(recording: Recording, (report, flight): &(Report, Flight)) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
-    let path = recording
-        .write(&folder.path().join("run"), report, flight)
-        .unwrap();
+    let path = folder.path().join("run");
+    recording.write(&path, report, flight).unwrap();
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     std::fs::read(path).unwrap()
 }

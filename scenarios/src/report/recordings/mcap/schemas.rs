@@ -112,74 +112,72 @@ fn colour() -> Value {
     )
 }
 
+fn sphere() -> Value {
+    let fields = vec![
+        ("pose", pose("centre")),
+        ("size", vector("diameters")),
+        ("color", colour()),
+    ];
+    object("A drone", fields)
+}
+
+fn text() -> Value {
+    let fields = vec![
+        ("pose", pose("centre")),
+        ("billboard", kind("boolean", "faces the viewer")),
+        ("font_size", kind("number", "in pixels")),
+        ("scale_invariant", kind("boolean", "in pixels")),
+        ("color", colour()),
+        ("text", kind("string", "text")),
+    ];
+    object("Its id", fields)
+}
+
+fn line() -> Value {
+    let fields = vec![
+        ("type", kind("integer", "0: a strip, 2: pairs of points")),
+        ("pose", pose("origin")),
+        ("thickness", kind("number", "in pixels")),
+        ("scale_invariant", kind("boolean", "in pixels")),
+        ("points", list(&vector("point"))),
+        ("color", colour()),
+        ("colors", list(&colour())),
+        ("indices", list(&kind("integer", "of points"))),
+    ];
+    object("Lines", fields)
+}
+
 fn scene() -> Fields {
-    let deletion = object(
-        "An entity to remove",
-        vec![
-            ("timestamp", time("when")),
-            ("type", kind("integer", "0: the entity with this id")),
-            ("id", kind("string", "id")),
-        ],
-    );
-    let sphere = object(
-        "A drone",
-        vec![
-            ("pose", pose("centre")),
-            ("size", vector("diameters")),
-            ("color", colour()),
-        ],
-    );
-    let text = object(
-        "Its id",
-        vec![
-            ("pose", pose("centre")),
-            ("billboard", kind("boolean", "faces the viewer")),
-            ("font_size", kind("number", "in pixels")),
-            ("scale_invariant", kind("boolean", "in pixels")),
-            ("color", colour()),
-            ("text", kind("string", "text")),
-        ],
-    );
-    let line = object(
-        "Lines",
-        vec![
-            ("type", kind("integer", "0: a strip, 2: pairs of points")),
-            ("pose", pose("origin")),
-            ("thickness", kind("number", "in pixels")),
-            ("scale_invariant", kind("boolean", "in pixels")),
-            ("points", list(&vector("point"))),
-            ("color", colour()),
-            ("colors", list(&colour())),
-            ("indices", list(&kind("integer", "of points"))),
-        ],
-    );
+    let deletion = vec![
+        ("timestamp", time("when")),
+        ("type", kind("integer", "0: the entity with this id")),
+        ("id", kind("string", "id")),
+    ];
+    let deletion = object("An entity to remove", deletion);
     let unused = || json!({"type": "array", "maxItems": 0});
-    let pair = object(
-        "A fact",
-        vec![
-            ("key", kind("string", "name")),
-            ("value", kind("string", "value")),
-        ],
-    );
-    let entity = object(
-        "A drone, the links to parents, or the way of the mission",
-        vec![
-            ("timestamp", time("when")),
-            ("frame_id", kind("string", "home")),
-            ("id", kind("string", "replaces the entity with the same id")),
-            ("lifetime", time("zero: until it is replaced")),
-            ("frame_locked", kind("boolean", "false")),
-            ("metadata", list(&pair)),
-            ("arrows", unused()),
-            ("cubes", unused()),
-            ("spheres", list(&sphere)),
-            ("cylinders", unused()),
-            ("lines", list(&line)),
-            ("triangles", unused()),
-            ("texts", list(&text)),
-            ("models", unused()),
-        ],
-    );
+    let pair = vec![
+        ("key", kind("string", "name")),
+        ("value", kind("string", "value")),
+    ];
+    let pair = object("A fact", pair);
+    let entity = vec![
+        ("timestamp", time("when")),
+        ("frame_id", kind("string", "home")),
+        ("id", kind("string", "replaces the entity with the same id")),
+        ("lifetime", time("zero: until it is replaced")),
+        ("frame_locked", kind("boolean", "false")),
+        ("metadata", list(&pair)),
+        ("arrows", unused()),
+        ("cubes", unused()),
+        ("spheres", list(&sphere())),
+        ("cylinders", unused()),
+        ("lines", list(&line())),
+        ("triangles", unused()),
+        ("texts", list(&text())),
+        ("models", unused()),
+    ];
+    let about = "A drone, the links to parents, or the way of the mission";
+    let entity = object(about, entity);
     vec![("deletions", list(&deletion)), ("entities", list(&entity))]
 }
 
