@@ -233,8 +233,6 @@ mod tests {
     use std::collections::BTreeSet;
     use std::path::Path;
 
-    use std::path::Path;
-
     use super::*;
 
     fn search(set: &[&str]) -> Search {

@@ -8,7 +8,8 @@ use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     AgentFailure, Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone,
-    FormationChange, History, Means, MediumCounters, ObservedValue, RelayReport, Report, Role, Violation,
+    FormationChange, History, Means, MediumCounters, ObservedValue, RelayReport, Report, Role,
+    Violation,
 };
 use crate::scenario::{Joins, Scenario};
 use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
