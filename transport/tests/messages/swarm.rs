@@ -149,7 +149,7 @@ impl Swarm {
             reliability,
             payload,
         };
-        let input = routing::Input::Message(outgoing);
+        let input = routing::Input::Messages(vec![outgoing]);
         self.step_routing(from as usize, Stimulus::Input(input));
         self.next_id
     }
@@ -226,7 +226,7 @@ impl Swarm {
     fn step_radio(&mut self, id: usize, stimulus: Stimulus<radio::Input>) {
         let (mut frames, mut inputs, mut over_budget) = (Vec::new(), Vec::new(), 0);
         let radio = &mut self.nodes[id].radio;
-        let Ok(deadline) = step(radio, self.now, stimulus, |emitted| match emitted {
+        let deadline = step(radio, self.now, stimulus, |emitted| match emitted {
             Emitted::Transmit(radio::Transmit::Send { to, frame, .. }) => frames.push((to, frame)),
             Emitted::Transmit(radio::Transmit::Received {
                 sender,
@@ -273,7 +273,7 @@ impl Swarm {
         let mut sends = Vec::new();
         let (now, got, outcomes) = (self.now, &mut self.got, &mut self.outcomes);
         let routing = &mut self.nodes[id].routing;
-        let Ok(deadline) = step(routing, now, stimulus, |emitted| match emitted {
+        let deadline = step(routing, now, stimulus, |emitted| match emitted {
             Emitted::Transmit(routing::Transmit::Send {
                 to,
                 ballot,

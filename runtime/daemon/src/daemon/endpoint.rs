@@ -5,15 +5,23 @@
 
 use std::io;
 use std::net::SocketAddr;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use axum::extract::State;
+use axum::http::header::{CONNECTION, CONTENT_TYPE};
+use axum::http::{HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::serve::Listener;
+use axum::{Json, Router};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
-use tokio::time::{sleep, timeout};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Sleep, sleep};
 
-use super::http::{self, Page, Parsed, REQUEST_MAX, Status};
 use super::metrics;
 use super::process::Process;
 
@@ -52,7 +60,7 @@ impl Endpoint {
     }
 
     /// Returns the listener, after retries if the address could not be opened.
-    async fn listener(mut self) -> TcpListener {
+    async fn listener(mut self) -> LimitedListener {
         let mut is_late = false;
         let listener = loop {
             match self.listener.take() {
@@ -68,86 +76,121 @@ impl Endpoint {
         if is_late {
             tracing::info!("listens at {}", self.address);
         }
-        listener
+        LimitedListener {
+            listener,
+            permits: Arc::new(Semaphore::new(CONNECTIONS_MAX)),
+        }
     }
 
     /// Answers requests until the runtime ends.
     pub(super) async fn serve(self, process: Arc<Process>) {
-        let listener = self.listener().await;
-        let permits = Arc::new(Semaphore::new(CONNECTIONS_MAX));
-        loop {
-            let permit = Arc::clone(&permits).acquire_owned().await;
-            let permit = permit.expect("the semaphore is never closed");
-            let Ok((stream, _)) = listener.accept().await else {
-                // The process has too many open files, or the client is gone.
-                sleep(RETRY_PERIOD).await;
-                continue;
-            };
-            let process = Arc::clone(&process);
-            tokio::spawn(async move {
-                // A client that is slow or goes away fails for itself.
-                let _ = timeout(CONNECTION_TIMEOUT, answer(stream, &process)).await;
-                drop(permit);
-            });
+        let router = Router::new()
+            .route("/metrics", get(metrics))
+            .route("/health", get(health))
+            .route("/status", get(status))
+            .with_state(process)
+            .layer(axum::middleware::map_response(close_connection));
+        // Never returns: a failed connection does not end it.
+        let _ = axum::serve(self.listener().await, router).await;
+    }
+}
+
+/// Accepts connections while fewer than the limit are open.
+struct LimitedListener {
+    listener: TcpListener,
+    permits: Arc<Semaphore>,
+}
+
+/// Closes the connection after one response.
+async fn close_connection(mut response: Response) -> Response {
+    let close = HeaderValue::from_static("close");
+    response.headers_mut().insert(CONNECTION, close);
+    response
+}
+
+async fn metrics(State(process): State<Arc<Process>>) -> Response {
+    match metrics::page(process.status()) {
+        Ok(page) => ([(CONTENT_TYPE, OPEN_METRICS)], page).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+async fn health(State(process): State<Arc<Process>>) -> (StatusCode, String) {
+    let faults = process.state().faults(process.clock.now());
+    if faults.is_empty() {
+        return (StatusCode::OK, "healthy\n".to_owned());
+    }
+    let lines = faults.iter().map(|fault| format!("{fault}\n"));
+    (StatusCode::SERVICE_UNAVAILABLE, lines.collect())
+}
+
+async fn status(State(process): State<Arc<Process>>) -> Response {
+    Json(process.status()).into_response()
+}
+
+impl Listener for LimitedListener {
+    type Io = TimedConnection;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (TimedConnection, SocketAddr) {
+        let permit = Arc::clone(&self.permits).acquire_owned().await;
+        let permit = permit.expect("the semaphore is never closed");
+        let (stream, address) = Listener::accept(&mut self.listener).await;
+        let connection = TimedConnection {
+            stream,
+            timeout: Box::pin(sleep(CONNECTION_TIMEOUT)),
+            _permit: permit,
+        };
+        (connection, address)
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+}
+
+/// A connection with a timeout.
+pub(super) struct TimedConnection {
+    stream: TcpStream,
+    timeout: Pin<Box<Sleep>>,
+    /// Admits another connection when dropped.
+    _permit: OwnedSemaphorePermit,
+}
+
+impl TimedConnection {
+    /// The stream, or an error after the timeout. The calling task is woken at the timeout.
+    fn stream(&mut self, context: &mut Context<'_>) -> io::Result<Pin<&mut TcpStream>> {
+        match self.timeout.as_mut().poll(context) {
+            Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
+            Poll::Pending => Ok(Pin::new(&mut self.stream)),
         }
     }
 }
 
-/// Answers one request.
-async fn answer(mut stream: TcpStream, process: &Process) -> io::Result<()> {
-    let mut received = Vec::new();
-    let response = loop {
-        match http::parse(&received) {
-            Parsed::Request(request) => break request.response(page(process, &request.path)),
-            Parsed::Invalid => break Page::empty(Status::BAD_REQUEST).response(),
-            Parsed::Incomplete if received.len() >= REQUEST_MAX => {
-                break Page::empty(Status::TOO_LARGE).response();
-            }
-            Parsed::Incomplete => {}
-        }
-        if stream.read_buf(&mut received).await? == 0 {
-            return Ok(());
-        }
-    };
-    stream.write_all(&response).await?;
-    stream.shutdown().await
+impl AsyncRead for TimedConnection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        self.stream(context)?.poll_read(context, buffer)
+    }
 }
 
-/// The page with this path; `None` if there is none.
-fn page(process: &Process, path: &str) -> Option<Page> {
-    let page = match path {
-        "/metrics" => match metrics::page(process.status()) {
-            Ok(text) => Page {
-                status: Status::OK,
-                content_type: OPEN_METRICS,
-                body: text.into_bytes(),
-            },
-            Err(_) => Page::empty(Status::INTERNAL_ERROR),
-        },
-        "/status" => match serde_json::to_vec(&process.status()) {
-            Ok(body) => Page {
-                status: Status::OK,
-                content_type: "application/json",
-                body,
-            },
-            Err(_) => Page::empty(Status::INTERNAL_ERROR),
-        },
-        "/health" => health(process),
-        _ => return None,
-    };
-    Some(page)
-}
+impl AsyncWrite for TimedConnection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        self.stream(context)?.poll_write(context, bytes)
+    }
 
-fn health(process: &Process) -> Page {
-    let faults = process.state().faults(process.clock.now());
-    let (status, text) = if faults.is_empty() {
-        (Status::OK, "healthy\n".to_owned())
-    } else {
-        let lines = faults.iter().map(|fault| format!("{fault}\n"));
-        (Status::UNAVAILABLE, lines.collect())
-    };
-    Page {
-        body: text.into_bytes(),
-        ..Page::empty(status)
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.stream(context)?.poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.stream(context)?.poll_shutdown(context)
     }
 }

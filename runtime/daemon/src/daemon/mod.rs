@@ -8,7 +8,6 @@ mod counts;
 mod durable;
 mod endpoint;
 mod held;
-mod http;
 mod metrics;
 mod monitor;
 mod network;
