@@ -19,7 +19,7 @@ use crate::{Failure, Outcome, folder, terminal};
   muster sim scenarios/thesis-2.toml
   muster sim scenarios/thesis-1.toml --seed 7 --set radio.loss=0.2 --set formation.drones=9
   muster sim scenarios/thesis-2.toml --engine events --json | jq .means
-  muster sim scenarios/kill-at-waypoint.toml --mcap flight.mcap --kml flight.kml --geojson flight.geojson")]
+  muster sim scenarios/kill-at-waypoint.toml --mcap flight.mcap --kml flight.kml")]
 pub(crate) struct Arguments {
     /// The scenario file.
     scenario: PathBuf,
