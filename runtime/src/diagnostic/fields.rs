@@ -50,8 +50,8 @@ fn accepted_on_line(fields: FieldList, text: &str, place: usize) -> Option<Strin
         .map_or(0, |newline| newline + 1);
     let line = text[line_start..].lines().next()?;
     let key = line.split_once('=')?.0.trim();
-    let tables = text[..line_start].lines().map(str::trim);
-    let table = tables.filter(|line| line.starts_with('[')).next_back();
+    let mut above = text[..line_start].lines().map(str::trim);
+    let table = above.rfind(|line| line.starts_with('['));
     let table = table.and_then(|line| line.split(']').next()?.rsplit('[').next());
     let path = table.map_or_else(|| key.to_owned(), |table| format!("{}.{key}", table.trim()));
     let (_, accepted) = fields.iter().find(|(known, _)| *known == path)?;
