@@ -14,7 +14,10 @@ use crate::swarm::{fading, lossy, unreported};
 fn message_of_the_farthest_of_15_takes_10_ms_and_8_ms_a_hop() {
     for hops in [7, 14] {
         let it = latency(fading(3.0), hops, Reliability::Acknowledged, 300, 2);
-        assert!(it.median <= Duration::from_millis(10 + 8 * u64::from(hops)), "{it:?}");
+        assert!(
+            it.median <= Duration::from_millis(10 + 8 * u64::from(hops)),
+            "{it:?}"
+        );
         assert!(it.acknowledged >= 0.999 && it.arrived >= 0.999, "{it:?}");
         assert_eq!((it.twice, it.over_budget), (0, 0));
         // There and back, each hop once and once accepted, and a heartbeat of each drone in each ten.
@@ -27,7 +30,10 @@ fn best_effort_is_repaired_at_each_hop() {
     for config in [fading(1.0), unreported(0.2)] {
         let it = latency(config, 7, Reliability::BestEffort, 300, 3);
         assert!(it.arrived >= 0.99, "{it:?}");
-        assert!(it.p99 <= it.longest && it.longest < Duration::from_secs(1), "{it:?}");
+        assert!(
+            it.p99 <= it.longest && it.longest < Duration::from_secs(1),
+            "{it:?}"
+        );
         assert_eq!((it.twice, it.over_budget), (0, 0));
     }
 }
