@@ -7,9 +7,12 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use bytes::Bytes;
 use muster_fuzz::{Drone, Op, scenarios, scratch};
 use muster_machines::identity::NodeId;
-use muster_machines::wire::{PacketKind, decode_frame};
+use muster_machines::wire::{
+    self, Accepted, Destination, Message, MessageBody, MessageFrame, PacketKind, decode_frame,
+};
 
 /// Time step after which sent frames are delivered.
 const STEP: Duration = Duration::from_millis(40);
@@ -34,11 +37,64 @@ fn main() -> Result<(), Box<dyn Error>> {
             fs::write(corpus.join(format!("frames/flight-{index}-{nth}")), frame)?;
         }
     }
+    for (nth, message) in messages().iter().enumerate() {
+        let packet = wire::encode_message(message);
+        fs::write(corpus.join(format!("frames/message-{nth}")), packet)?;
+    }
     for list in ["roster", "revoked"] {
         let file = scratch().join(format!("fleet/{list}.toml"));
         fs::copy(file, corpus.join("lists").join(list))?;
     }
     Ok(())
+}
+
+/// Packets of messages, one with each body.
+fn messages() -> Vec<Message> {
+    let payload = Bytes::from_static(b"found");
+    let bodies = [
+        MessageBody::Whole {
+            acknowledge: true,
+            payload: payload.clone(),
+        },
+        MessageBody::Piece {
+            index: 1,
+            length: u32::try_from(wire::MESSAGE_FRAME_MAX + payload.len()).unwrap_or(0),
+            payload,
+        },
+        MessageBody::Receipt {
+            session: 7,
+            message: 9,
+            before: 5,
+        },
+        MessageBody::Progress {
+            session: 7,
+            message: 9,
+            below: 3,
+            beyond: 9,
+        },
+    ];
+    let packet = |body| Message {
+        session: 70_000,
+        accepted: vec![Accepted {
+            by: NodeId(1),
+            session: 80_000,
+            number: 300,
+            before: 3,
+        }],
+        frame: Some(MessageFrame {
+            number: 4,
+            flood: Some((NodeId(3), 90_000)),
+            hops: 2,
+            left_ms: 3_000,
+            awaited: NodeId(1).into(),
+            origin: NodeId(3),
+            origin_session: 90_000,
+            message: 2,
+            to: Destination::Drone(NodeId(0)),
+            body,
+        }),
+    };
+    bodies.map(packet).into()
 }
 
 /// Flies a scenario's drones, all in range of each other. Returns pieces of one drone's input, and frames of different kinds

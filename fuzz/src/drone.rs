@@ -11,9 +11,10 @@ use muster_machines::node::{
     Address, Blueprint, Checkpoints, Effect, Envelope, NodeMachine, StepOutput,
 };
 use muster_machines::radio::{Authenticator, IdealAuthenticator, Incarnations};
+use muster_machines::routing::{Destination, Outgoing, Reliability};
 use muster_machines::time::Timestamp;
 use muster_machines::wire::{self, DATAGRAM_MAX, Header, PAYLOAD_MAX};
-use muster_machines::{mission, msp, radio};
+use muster_machines::{mission, msp, radio, routing};
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::SimulatedVehicle;
 use muster_scenarios::scenario::{self, Override, Scenario};
@@ -36,6 +37,8 @@ pub enum Op {
     Fly,
     /// The operator recalls the drone.
     ComeDown,
+    /// The drone's protocol sends a message.
+    Send(Outgoing),
 }
 
 impl Op {
@@ -57,7 +60,7 @@ impl Op {
                 out.push(u8::try_from(time.as_millis() / 4).unwrap_or(u8::MAX));
             }
             Self::Fly => out.push(3),
-            Self::ComeDown | Self::Frame(..) => unreachable!("no corpus is made of {self:?}"),
+            Self::ComeDown | Self::Frame(..) | Self::Send(_) => unreachable!("no corpus is made of {self:?}"),
         }
     }
 }
@@ -68,7 +71,7 @@ pub fn decode_ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
     std::iter::from_fn(move || {
         let (kind, rest) = bytes.split_first()?;
         bytes = rest;
-        Some(match kind % 5 {
+        Some(match kind % 6 {
             0 => Op::Datagram(take_run(&mut bytes)?),
             1 => {
                 let (fields, rest) = bytes.split_first_chunk::<7>()?;
@@ -95,8 +98,35 @@ pub fn decode_ops(mut bytes: &[u8]) -> impl Iterator<Item = Op> {
                 Op::Wait(Duration::from_millis(u64::from(*pause) * 4))
             }
             3 => Op::Fly,
-            _ => Op::ComeDown,
+            4 => Op::ComeDown,
+            _ => Op::Send(take_outgoing(&mut bytes)?),
         })
+    })
+}
+
+/// Takes a message: a byte for its receiver and reliability, and a length of two bytes. `None` without them.
+fn take_outgoing(bytes: &mut &[u8]) -> Option<Outgoing> {
+    let (how, rest) = bytes.split_first_chunk::<3>()?;
+    *bytes = rest;
+    let [to, low, high] = *how;
+    let to = match to % 4 {
+        0 => Destination::Leader,
+        1 => Destination::All,
+        2 => Destination::Neighbours,
+        _ => Destination::Drone(NodeId(u32::from(to / 8))),
+    };
+    let reliability = if how[0] & 4 == 0 {
+        Reliability::BestEffort
+    } else {
+        Reliability::Acknowledged
+    };
+    // Up to 1 MiB and a little more.
+    let length = usize::from(u16::from_le_bytes([low, high])) * 17;
+    Some(Outgoing {
+        id: u32::from(low),
+        to,
+        reliability,
+        payload: vec![low; length].into(),
     })
 }
 
@@ -190,6 +220,7 @@ impl Drone {
             }
             Op::Wait(time) => return self.wait(time),
             Op::Fly => Envelope::Mission(mission::Input::Fly),
+            Op::Send(outgoing) => Envelope::Routing(routing::Input::Message(outgoing)),
             Op::ComeDown => Envelope::Mission(mission::Input::Abort(LandingReason::Recalled)),
         };
         self.queue.push_back(envelope);

@@ -22,6 +22,7 @@ fn read_payload(payload: &[u8]) {
     if let Ok((_, words)) = wire::split_tree(payload) {
         assert!(words.len() < payload.len());
     }
+    assert!(wire::decode_message(payload).is_err() || wire::is_message(payload));
     if let Ok(packet) = wire::decode_packet(payload) {
         let encoded = wire::encode_packet(&packet);
         assert_eq!(wire::decode_packet(&encoded).as_ref(), Ok(&packet));

@@ -176,9 +176,7 @@ impl<P: Policy> Dissemination<P> {
         if self.shared.durable.stopped || self.messages.is_none() {
             return;
         }
-        if !is_delivered {
-            (self.policy).record_lost_message(&mut self.shared, now, to);
-        }
+        (self.policy).record_message(&mut self.shared, now, to, is_delivered);
         let (messages, mut cx) = self.messages(now);
         messages.record_delivery(&mut cx, to, payload, is_delivered);
         messages.run(&mut cx);

@@ -39,7 +39,7 @@ pub(super) const HOP_WINDOW: usize = 16;
 /// Most neighbours that a broadcast asks to accept it. Repetitions ask the others.
 pub(super) const AWAITED_MAX: usize = 16;
 
-/// Drones whose numbers are remembered. If there are more, one that was silent for [`FORGET_AFTER`] is forgotten, and
+/// Drones whose numbers are remembered. If there are more, one that was silent for a minute is forgotten, and
 /// without such a one the new drone is ignored.
 pub const NODES_MAX: usize = 1_024;
 /// Longer than any frame lives.

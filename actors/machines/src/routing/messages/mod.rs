@@ -13,6 +13,7 @@ mod inbox;
 pub mod limits;
 mod neighbourhood;
 mod nodes;
+mod outgoing;
 mod own;
 mod queue;
 mod route;
@@ -20,10 +21,8 @@ mod sending;
 mod transfer;
 mod window;
 
-use bytes::Bytes;
-use thiserror::Error;
-
 pub(super) use self::neighbourhood::Neighbourhood;
+pub use self::outgoing::{DropReason, Outcome, Outgoing, Reliability};
 
 use self::accepted::Owed;
 use self::inbox::Inbox;
@@ -35,63 +34,7 @@ use self::sending::Sending;
 use super::{Notice, SharedState};
 use crate::identity::{NodeId, NodeSet};
 use crate::time::{Timestamp, first_of};
-use crate::wire::{Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX, MessageFrame};
-
-/// A message that the protocol sends.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Outgoing {
-    /// The protocol's number of the message, for [`Notice::Sent`].
-    pub id: u32,
-    /// Where it goes.
-    pub to: Destination,
-    /// Whether it is repeated until it is acknowledged.
-    pub reliability: Reliability,
-    /// The message: at most [`MESSAGE_MAX`] bytes, to neighbours or all at most [`MESSAGE_FRAME_MAX`].
-    pub payload: Bytes,
-}
-
-/// Whether a message is repeated until it is acknowledged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Reliability {
-    /// Each hop repeats it, the origin does not, unless it is sent in pieces. To neighbours it is sent once.
-    BestEffort,
-    /// The origin repeats it until the receiver has acknowledged it, or each neighbour has. Not for all drones.
-    Acknowledged,
-}
-
-/// What became of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Outcome {
-    /// The receiver has acknowledged it; with [`Destination::Neighbours`] each neighbour.
-    Delivered,
-    /// It was not acknowledged in time, and may have arrived. A best-effort message: it did not leave this drone in
-    /// time.
-    Expired,
-    /// This drone did not send it.
-    Dropped(DropReason),
-}
-
-/// Why a message was not sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Error)]
-pub enum DropReason {
-    /// More messages wait than the queue holds.
-    #[error("more than {QUEUE_MAX} messages or 2 MiB wait or are not acknowledged")]
-    QueueFull,
-    /// It is too long.
-    #[error(
-        "longer than {MESSAGE_MAX} bytes, or to neighbours or all longer than {MESSAGE_FRAME_MAX}"
-    )]
-    TooLong,
-    /// The receiver is no drone of the swarm.
-    #[error("no drone of the swarm has the receiver's number")]
-    UnknownDrone,
-    /// A message to all can't be acknowledged.
-    #[error("a message to all drones can't be acknowledged; accepted is best effort")]
-    NotAcknowledgeable,
-    /// The drone has finished, and sends nothing more.
-    #[error("this drone has finished and sends nothing more")]
-    Stopped,
-}
+use crate::wire::{Destination, MessageFrame};
 
 /// What a step of the messages works with.
 pub(super) struct Context<'a> {
@@ -169,7 +112,7 @@ impl Messages {
 
     /// Handles a message of the protocol.
     pub(super) fn submit(&mut self, cx: &mut Context<'_>, outgoing: Outgoing) {
-        if let Some(reason) = refusal(cx.shared, &outgoing) {
+        if let Some(reason) = outgoing.refusal(cx.shared) {
             return cx.report(outgoing.id, Outcome::Dropped(reason));
         }
         let is_for_itself = match outgoing.to {
@@ -350,27 +293,6 @@ impl Messages {
             self.own.deadline(has_room),
             self.inbox.deadline(has_room),
         ])
-    }
-}
-
-/// Why a message is not sent, by its fields; `None` if it is.
-fn refusal(shared: &SharedState, outgoing: &Outgoing) -> Option<DropReason> {
-    let is_for_many = matches!(outgoing.to, Destination::All | Destination::Neighbours);
-    let length_max = if is_for_many {
-        MESSAGE_FRAME_MAX
-    } else {
-        MESSAGE_MAX
-    };
-    if shared.durable.stopped {
-        Some(DropReason::Stopped)
-    } else if outgoing.payload.len() > length_max {
-        Some(DropReason::TooLong)
-    } else if matches!(outgoing.to, Destination::Drone(id) if id.0 >= shared.drones) {
-        Some(DropReason::UnknownDrone)
-    } else if outgoing.to == Destination::All && outgoing.reliability == Reliability::Acknowledged {
-        Some(DropReason::NotAcknowledgeable)
-    } else {
-        None
     }
 }
 

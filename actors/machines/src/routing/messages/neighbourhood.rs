@@ -29,6 +29,13 @@ pub(in crate::routing) trait Neighbourhood {
     /// The neighbours along which a message to all reaches every drone; `None` without routes.
     fn branches(&self) -> Option<NodeSet>;
 
-    /// The medium did not deliver a message to a neighbour.
-    fn record_lost_message(&mut self, _shared: &mut SharedState, _now: Timestamp, _to: NodeId) {}
+    /// The medium reports whether it delivered a message to a neighbour.
+    fn record_message(
+        &mut self,
+        _shared: &mut SharedState,
+        _now: Timestamp,
+        _to: NodeId,
+        _is_delivered: bool,
+    ) {
+    }
 }

@@ -13,7 +13,7 @@ use super::{Outgoing, Reliability};
 use crate::identity::NodeId;
 use crate::radio::TokenBucket;
 use crate::time::{Timestamp, first_of};
-use crate::wire::{Destination, MESSAGE_FRAME_MAX, MessageBody};
+use crate::wire::{Destination, MessageBody};
 
 /// A frame that an own message starts.
 #[derive(Debug)]
@@ -55,16 +55,6 @@ struct Unacknowledged {
     expires_at: Timestamp,
     retry_at: Timestamp,
     pause: Duration,
-}
-
-impl Outgoing {
-    fn is_large(&self) -> bool {
-        self.payload.len() > MESSAGE_FRAME_MAX
-    }
-
-    fn is_acknowledged(&self) -> bool {
-        self.reliability == Reliability::Acknowledged
-    }
 }
 
 impl Own {

@@ -292,3 +292,117 @@ impl Queue {
         message > 0 && entries.into_iter().any(is_it)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Destination;
+
+    fn entry(origin: u32, number: u32, body: MessageBody) -> Entry {
+        let id = FrameId {
+            by: NodeId(origin),
+            session: 1,
+            number,
+        };
+        Entry {
+            id,
+            frame: MessageFrame {
+                number,
+                flood: None,
+                hops: 0,
+                left_ms: 0,
+                awaited: NodeSet::new(),
+                origin: id.by,
+                origin_session: 1,
+                message: number,
+                to: Destination::Leader,
+                body,
+            },
+            reach: Reach::NextHop,
+            report: Report::Nothing,
+            since: Timestamp::ZERO,
+            expires_at: Timestamp::ZERO,
+            due: Timestamp::ZERO,
+            tries: 0,
+            awaited: NodeSet::new(),
+            avoided: NodeSet::new(),
+            blocked_by: None,
+        }
+    }
+
+    fn whole() -> MessageBody {
+        MessageBody::Whole {
+            acknowledge: false,
+            payload: bytes::Bytes::new(),
+        }
+    }
+
+    #[test]
+    fn origins_take_turns_and_pieces_come_last() {
+        let mut queue = Queue::default();
+        let piece = MessageBody::Piece {
+            index: 0,
+            length: 1,
+            payload: bytes::Bytes::from_static(b"1"),
+        };
+        queue.push(entry(1, 9, piece));
+        (1..=3).for_each(|number| queue.push(entry(2, number, whole())));
+        (1..=2).for_each(|number| queue.push(entry(3, number, whole())));
+        queue.push(entry(5, 1, whole()));
+        let mut turns = Vec::new();
+        while let Some(place) = queue.next_due(Timestamp::ZERO, true) {
+            queue.end_turn(place);
+            let sent = queue.remove(place).map(|it| (it.id.by.0, it.id.number));
+            turns.extend(sent);
+        }
+        let expected = [(2, 1), (3, 1), (5, 1), (2, 2), (3, 2), (2, 3), (1, 9)];
+        assert_eq!((turns, queue.len()), (expected.to_vec(), 0));
+    }
+
+    #[test]
+    fn one_origin_fills_its_own_share_only() {
+        let mut queue = Queue::default();
+        while queue.has_room(NodeId(1)) {
+            queue.push(entry(1, 1, whole()));
+        }
+        assert_eq!(queue.len(), FORWARD_EACH_MAX);
+        assert!(queue.has_room(NodeId(2)));
+        (2..)
+            .take_while(|origin| {
+                let has_room = queue.has_room(NodeId(*origin));
+                if has_room {
+                    queue.push(entry(*origin, 1, whole()));
+                }
+                has_room
+            })
+            .for_each(drop);
+        assert_eq!(queue.len(), FORWARD_MAX);
+    }
+
+    #[test]
+    fn what_one_neighbour_accepted_is_done_and_a_broadcast_waits_for_all() {
+        let mut queue = Queue::default();
+        let mut broadcast = entry(1, 40, whole());
+        broadcast.reach = Reach::Flood;
+        broadcast.awaited = (2..4).map(NodeId).collect();
+        let mut unicast = entry(1, 38, whole());
+        unicast.awaited = NodeId(2).into();
+        for mut sent in [broadcast, unicast] {
+            sent.tries = 1;
+            queue.push(sent);
+        }
+        let accepted = |session| {
+            [Accepted {
+                by: NodeId(1),
+                session,
+                number: 40,
+                before: 0b10,
+            }]
+        };
+        assert!(queue.accept(NodeId(2), &accepted(2)).is_empty());
+        let done = queue.accept(NodeId(2), &accepted(1));
+        assert_eq!(done.iter().map(|it| it.id.number).collect::<Vec<_>>(), [38]);
+        let done = queue.accept(NodeId(3), &accepted(1));
+        assert_eq!(done.iter().map(|it| it.id.number).collect::<Vec<_>>(), [40]);
+    }
+}

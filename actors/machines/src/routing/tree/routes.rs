@@ -75,7 +75,17 @@ impl Neighbourhood for TreePolicy {
         Some(children.chain(self.topology.route.parent()).collect())
     }
 
-    fn record_lost_message(&mut self, shared: &mut SharedState, now: Timestamp, to: NodeId) {
-        self.topology.record_failure(shared, now, to);
+    fn record_message(
+        &mut self,
+        shared: &mut SharedState,
+        now: Timestamp,
+        to: NodeId,
+        is_delivered: bool,
+    ) {
+        if is_delivered {
+            self.topology.links.update_link(to, Link::record_delivery);
+        } else {
+            self.topology.record_failure(shared, now, to);
+        }
     }
 }

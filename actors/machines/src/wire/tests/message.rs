@@ -179,6 +179,20 @@ fn longest_message_frame_fits_a_datagram() {
     }
 }
 
+#[test]
+fn seeds_of_the_fuzz_targets_are_packets() {
+    let seeds: [&[u8]; 4] = [
+        include_bytes!("../../../../../fuzz/corpus/frames/message-0"),
+        include_bytes!("../../../../../fuzz/corpus/frames/message-1"),
+        include_bytes!("../../../../../fuzz/corpus/frames/message-2"),
+        include_bytes!("../../../../../fuzz/corpus/frames/message-3"),
+    ];
+    for seed in seeds {
+        let message = decode_message(seed).expect("a packet of each body");
+        assert_eq!(encode_message(&message), seed);
+    }
+}
+
 /// Any packet of the messages.
 pub(super) fn any_message() -> impl Strategy<Value = Packet> {
     let accepted = any::<[u32; 4]>().prop_map(|[by, session, number, before]| Accepted {
