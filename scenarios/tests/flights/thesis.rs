@@ -167,9 +167,9 @@ fn drones_beyond_the_neighbours_miss_no_waypoint() {
 #[test]
 fn drones_keep_separation_for_any_seed() {
     for experiment in published() {
-        let name = experiment.scenario.as_str();
+        let name = format!("{}.toml", experiment.scenario);
         for seed in 0..20 {
-            let report = fly(&scenario(name, &[&format!("seed={seed}")]), Engine::Events);
+            let report = fly(&scenario(&name, &[&format!("seed={seed}")]), Engine::Events);
             assert_eq!(report.violations, [], "{name}, seed {seed}");
             assert!(
                 report.min_separation_m.unwrap() >= 5.0,
