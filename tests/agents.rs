@@ -26,7 +26,7 @@ fn install() {
 
 fn scenario(name: &str) -> Sim {
     install();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/agents");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/agents");
     Sim::load(folder.join(name).with_extension("toml")).unwrap()
 }
 

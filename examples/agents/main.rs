@@ -1,4 +1,4 @@
-//! Five agents, and a program that flies them: `cargo run --release --example agents -- sim scenarios/agents/lanes.toml`.
+//! Five agents, and a program that flies them: `cargo run --release --example agents -- sim examples/agents/lanes.toml`.
 
 #[path = "all.rs"]
 mod all;
