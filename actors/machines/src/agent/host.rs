@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::runner::{Failed, Runner};
 use super::timers::Timers;
-use super::{Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry, next_period};
+use super::{Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
@@ -60,6 +60,12 @@ pub struct Config {
     pub factory: Factory,
     /// How often the agent may fail.
     pub restarts: RestartLimits,
+}
+
+/// The end of a period that was due at `due`. After a stall, missed periods are skipped.
+fn next_period(due: Timestamp, period: Duration, now: Timestamp) -> Timestamp {
+    let next = due + period;
+    if next > now { next } else { now + period }
 }
 
 /// What the context shows and changes.

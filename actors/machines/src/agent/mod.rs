@@ -29,7 +29,6 @@ use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
 pub use crate::routing::{Outcome, Reliability};
-use crate::time::Timestamp;
 pub use crate::wire::{Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX};
 
 /// Largest state that an agent may keep, in bytes.
@@ -153,12 +152,6 @@ impl fmt::Display for Observed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} = {}", self.name, self.value)
     }
-}
-
-/// A period that starts at `since`: the first multiple after `now`.
-fn next_period(since: Timestamp, period: Duration, now: Timestamp) -> Timestamp {
-    let next = since + period;
-    if next > now { next } else { now + period }
 }
 
 #[cfg(test)]

@@ -234,7 +234,7 @@ impl Mission {
         } else if self.config.following().is_some() {
             self.start_following(now);
         } else if self.config.conduct == Conduct::Task {
-            self.start_task(now);
+            self.start_task();
         } else if usize::from(next) < self.durable.plan.waypoints.len() {
             self.durable.progress.opened = Some(next);
             let apart = self.leave_lockstep_if_strays();

@@ -5,7 +5,6 @@
 
 use super::{LandingReason, Lead, Mission, Order, State, Transmit};
 use crate::identity::{NodeId, NodeSet};
-use crate::time::Timestamp;
 
 impl Mission {
     /// Whether the drone's agent decides where it flies.
@@ -27,7 +26,7 @@ impl Mission {
     }
 
     /// As master: all drones are in their slots.
-    pub(super) fn start_task(&mut self, _now: Timestamp) {
+    pub(super) fn start_task(&mut self) {
         self.enter_task();
         self.publish_roster();
     }

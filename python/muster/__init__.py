@@ -1,0 +1,147 @@
+"""muster for Python: run scenarios, vary them, write agents.
+
+>>> import muster
+>>> run = muster.Sim("thesis-1").run()
+>>> run.figures["mission_completed"]
+True
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from typing import Any, Callable, Iterable, Mapping
+
+from . import _muster
+from ._muster import Context, MusterError, SwarmEvent, Telemetry
+
+__all__ = ["Campaign", "Context", "MusterError", "Run", "Sim", "SwarmEvent", "Table", "Telemetry"]
+
+
+class Table(list):
+    """Rows as dictionaries, which pandas and Arrow take."""
+
+    def to_pandas(self):
+        """A pandas.DataFrame. Needs pandas."""
+        import pandas
+
+        return pandas.DataFrame(list(self))
+
+    def to_arrow(self):
+        """A pyarrow.Table. Needs pyarrow."""
+        import pyarrow
+
+        return pyarrow.Table.from_pylist([_flat(row) for row in self])
+
+
+def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A row whose lists and dictionaries are JSON."""
+    nested = (list, dict)
+    return {key: json.dumps(value) if isinstance(value, nested) else value for key, value in row.items()}
+
+
+class Run:
+    """A finished run. `report` has all figures, as in `report.json`."""
+
+    def __init__(self, report: dict[str, Any]):
+        self.report = report
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The figures that are numbers, texts or truths."""
+        return {key: value for key, value in self.report.items() if not isinstance(value, (list, dict))}
+
+    @property
+    def drones(self) -> Table:
+        """A row for each drone."""
+        return Table(self.report.get("drones", []))
+
+    @property
+    def elections(self) -> Table:
+        """A row for each election."""
+        return Table(self.report.get("elections", []))
+
+    @property
+    def observed(self) -> Table:
+        """A row for each value that an agent observed."""
+        return Table(self.report.get("observed", []))
+
+    @property
+    def agent_failures(self) -> Table:
+        """A row for each failure of an agent, with its traceback."""
+        return Table(self.report.get("agent_failures", []))
+
+    @property
+    def violations(self) -> Table:
+        """A row for each rule that was broken."""
+        return Table(self.report.get("violations", []))
+
+    def plot(self, name: str, axes=None):
+        """Plots an observed value over time, a line for each drone. Needs matplotlib."""
+        if axes is None:
+            import matplotlib.pyplot
+
+            _, axes = matplotlib.pyplot.subplots()
+        rows = [row for row in self.observed if row["name"] == name]
+        for drone in sorted({row["drone"] for row in rows}):
+            own = [row for row in rows if row["drone"] == drone]
+            axes.plot([row["at_s"] for row in own], [row["value"] for row in own], label=f"drone {drone}")
+        axes.set_xlabel("time, s")
+        axes.set_ylabel(name)
+        axes.legend()
+        return axes
+
+    def __repr__(self) -> str:
+        figures = self.figures
+        return f"<Run of {figures['scenario']}, seed {figures['seed']}: {figures['simulated_s']:.1f} s>"
+
+
+class Campaign(Table):
+    """A row for each run: the varied fields, the seed and the run's figures."""
+
+
+class Sim:
+    """A scenario that is ready to fly. Methods return a changed copy."""
+
+    def __init__(self, scenario: str, *, _sim: _muster.Sim | None = None):
+        self._sim = _sim if _sim is not None else _muster.Sim(str(scenario))
+
+    def set(self, field: str, value: Any) -> "Sim":
+        """With a field set, as `--set field=value` does."""
+        return Sim("", _sim=self._sim.set(field, value))
+
+    def seed(self, seed: int) -> "Sim":
+        """With another random seed."""
+        return Sim("", _sim=self._sim.seed(seed))
+
+    def engine(self, name: str) -> "Sim":
+        """On the engine "events" (the default) or "actors"; both give the same flight."""
+        return Sim("", _sim=self._sim.engine(name))
+
+    def agents(self, new: Callable[[int], Any]) -> "Sim":
+        """With agents: `new(id)` builds the one of a drone."""
+        return Sim("", _sim=self._sim.agents(new))
+
+    def run(self, folder: str | None = None) -> Run:
+        """Flies. Writes report.html, report.json and tracks.csv into `folder` if there is one."""
+        return Run(json.loads(self._sim.run_json(None if folder is None else str(folder))))
+
+    def campaign(
+        self, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None
+    ) -> Campaign:
+        """Flies each combination of varied fields with each seed, on all processors."""
+        seeds = list(seeds)
+        vary = {field: list(values) for field, values in (vary or {}).items()}
+        rows = Campaign()
+        for values in itertools.product(*vary.values()):
+            fields = dict(zip(vary, values))
+            sim = self
+            for field, value in fields.items():
+                sim = sim.set(field, value)
+            for report in sim._sim.run_seeds_json(seeds, True):
+                report = json.loads(report)
+                figures = {key: it for key, it in report.items() if not isinstance(it, (list, dict))}
+                means = {f"mean_{key}": it for key, it in (report.get("means") or {}).items()}
+                counts = {"elections": len(report["elections"]), "violations": len(report["violations"])}
+                rows.append({**fields, **figures, **means, **counts})
+        return rows

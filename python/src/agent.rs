@@ -1,0 +1,211 @@
+//! An agent in Python behind the trait of agents.
+
+use std::collections::BTreeMap;
+use std::panic::resume_unwind;
+
+use muster::agent::{self, Agent, MessageId, Outcome, TimerId};
+use muster::{AgentSpec, NodeId};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use rand::RngExt;
+
+use crate::context::{Command, Context, Place, place};
+
+/// A drone's motion.
+#[pyclass(module = "muster", frozen, get_all)]
+pub(crate) struct Telemetry {
+    /// Metres north of home, east of home and above home.
+    position: Place,
+    /// Metres per second north, east and up.
+    velocity: Place,
+    /// Whether the drone rests at the destination of `go_to`.
+    has_arrived: bool,
+}
+
+/// A change in the swarm.
+#[pyclass(module = "muster", frozen, get_all)]
+pub(crate) struct SwarmEvent {
+    /// "leader_changed", "leader_silent", "leader_returned", "members_lost", "members_joined", "message_delivered",
+    /// "message_expired" or "message_dropped".
+    kind: &'static str,
+    /// The drones that it is about: the new leader, or members.
+    drones: Vec<u32>,
+    /// The message that it is about.
+    message: Option<u32>,
+}
+
+/// An object with some of the methods `start`, `telemetry`, `message`, `timer` and `swarm`.
+pub(crate) struct PyAgent {
+    object: Py<PyAny>,
+    parameters: Py<PyDict>,
+    rng: Option<Py<PyAny>>,
+    /// Number of the next message, for Python.
+    next_token: u32,
+    /// Numbers of messages whose outcome is to come.
+    tokens: BTreeMap<MessageId, u32>,
+}
+
+/// Most messages whose outcome is remembered.
+const TOKENS_MAX: usize = 1_024;
+
+impl PyAgent {
+    /// Calls `new(id)`.
+    pub(crate) fn new(new: &Py<PyAny>, spec: &AgentSpec) -> Result<Self, String> {
+        let parameters: serde_json::Value = spec.parameters().map_err(|error| error.to_string())?;
+        Python::attach(|py| {
+            let build = || -> PyResult<Self> {
+                let json = py.import("json")?;
+                let parameters = json.call_method1("loads", (parameters.to_string(),))?;
+                Ok(Self {
+                    object: new.call1(py, (spec.id.0,))?,
+                    parameters: parameters.cast_into::<PyDict>().map_err(PyErr::from)?.unbind(),
+                    rng: None,
+                    next_token: 0,
+                    tokens: BTreeMap::new(),
+                })
+            };
+            build().map_err(|error| traceback(py, &error))
+        })
+    }
+
+    /// Calls a method if the object has it, then carries out what it asked for.
+    fn call<F>(&mut self, context: &mut agent::Context<'_>, name: &str, arguments: F)
+    where
+        F: for<'py> FnOnce(Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>>,
+    {
+        let called = Python::attach(|py| {
+            let mut call = || -> PyResult<Vec<Command>> {
+                let object = self.object.bind(py);
+                if !object.hasattr(name)? {
+                    return Ok(Vec::new());
+                }
+                let rng = match &self.rng {
+                    Some(rng) => rng.clone_ref(py),
+                    None => {
+                        let seed = muster_seed(context);
+                        let rng = py.import("random")?.call_method1("Random", (seed,))?;
+                        self.rng.insert(rng.unbind()).clone_ref(py)
+                    }
+                };
+                let own = (self.parameters.clone_ref(py), rng);
+                let cx = Bound::new(py, Context::new(context, own, self.next_token))?;
+                let mut arguments = arguments(py)?;
+                arguments.push(cx.clone().into_any());
+                object.call_method1(name, pyo3::types::PyTuple::new(py, arguments)?)?;
+                Ok(std::mem::take(&mut cx.borrow_mut().commands))
+            };
+            call().map_err(|error| traceback(py, &error))
+        });
+        match called {
+            Ok(commands) => self.carry_out(commands, context),
+            // The host restarts the agent. No panic hook is called: the report has the traceback.
+            Err(traceback) => resume_unwind(Box::new(traceback)),
+        }
+    }
+
+    fn carry_out(&mut self, commands: Vec<Command>, context: &mut agent::Context<'_>) {
+        for command in commands {
+            match command {
+                Command::GoTo(to) => context.go_to(to),
+                Command::Track(at, velocity) => context.track(at, velocity),
+                Command::Hold => context.hold(),
+                Command::Land => context.land(),
+                Command::Send {
+                    token,
+                    to,
+                    payload,
+                    reliability,
+                } => {
+                    self.next_token = token.wrapping_add(1);
+                    match context.send(to, &payload, reliability) {
+                        Ok(id) => {
+                            self.tokens.insert(id, token);
+                            if self.tokens.len() > TOKENS_MAX {
+                                self.tokens.pop_first();
+                            }
+                        }
+                        Err(error) => resume_unwind(Box::new(error.to_string())),
+                    }
+                }
+                Command::SetTimer(timer, after) => context.set_timer(timer, after),
+                Command::CancelTimer(timer) => context.cancel_timer(timer),
+                Command::Keep(kept) => context
+                    .keep(&kept)
+                    .expect("its length was checked when it was asked for"),
+                Command::Observe(name, value) => context.observe(&name, value),
+            }
+        }
+    }
+}
+
+/// A seed from the drone's random generator.
+fn muster_seed(context: &mut agent::Context<'_>) -> u64 {
+    context.rng().random()
+}
+
+/// The traceback of an exception, as Python prints it.
+fn traceback(py: Python<'_>, error: &PyErr) -> String {
+    let printed = error
+        .traceback(py)
+        .and_then(|traceback| traceback.format().ok());
+    format!("{}{error}", printed.unwrap_or_default())
+}
+
+impl Agent for PyAgent {
+    fn start(&mut self, context: &mut agent::Context<'_>) {
+        self.call(context, "start", |_| Ok(Vec::new()));
+    }
+
+    fn telemetry(&mut self, telemetry: &agent::Telemetry, context: &mut agent::Context<'_>) {
+        let velocity = muster::Ned(telemetry.velocity.0);
+        let telemetry = Telemetry {
+            position: place(telemetry.position),
+            velocity: place(velocity),
+            has_arrived: telemetry.has_arrived,
+        };
+        self.call(context, "telemetry", |py| {
+            Ok(vec![Bound::new(py, telemetry)?.into_any()])
+        });
+    }
+
+    fn message(&mut self, from: NodeId, payload: &[u8], context: &mut agent::Context<'_>) {
+        self.call(context, "message", |py| {
+            let from = from.0.into_pyobject(py)?.into_any();
+            Ok(vec![from, PyBytes::new(py, payload).into_any()])
+        });
+    }
+
+    fn timer(&mut self, timer: TimerId, context: &mut agent::Context<'_>) {
+        self.call(context, "timer", |py| {
+            Ok(vec![timer.0.into_pyobject(py)?.into_any()])
+        });
+    }
+
+    fn swarm(&mut self, event: agent::SwarmEvent, context: &mut agent::Context<'_>) {
+        use agent::SwarmEvent as Is;
+        let ids = |set: &muster::NodeSet| set.iter().map(|id| id.0).collect();
+        let (kind, drones, message) = match &event {
+            Is::LeaderChanged(leader) => ("leader_changed", vec![leader.0], None),
+            Is::LeaderSilent => ("leader_silent", Vec::new(), None),
+            Is::LeaderReturned => ("leader_returned", Vec::new(), None),
+            Is::MembersLost(lost) => ("members_lost", ids(lost), None),
+            Is::MembersJoined(joined) => ("members_joined", ids(joined), None),
+            Is::MessageSent { id, outcome } => {
+                let kind = match outcome {
+                    Outcome::Delivered => "message_delivered",
+                    Outcome::Expired => "message_expired",
+                    Outcome::Dropped(_) => "message_dropped",
+                };
+                (kind, Vec::new(), self.tokens.remove(id))
+            }
+        };
+        let event = SwarmEvent {
+            kind,
+            drones,
+            message,
+        };
+        self.call(context, "swarm", |py| {
+            Ok(vec![Bound::new(py, event)?.into_any()])
+        });
+    }
+}
