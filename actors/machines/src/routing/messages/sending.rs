@@ -9,6 +9,7 @@ use super::limits::{
     AWAITED_MAX, BROADCAST_TRIES_MAX, DELIVERY_REPORT_MAX, HOP_WINDOW, LOST_DELAY, REPAIR_MAX,
     RESERVED_FROM_PIECES, SEND_BUDGET,
 };
+use super::losses::Losses;
 use super::queue::{FrameId, Place, Reach};
 use super::route::Hop;
 use super::{Context, Messages};
@@ -36,14 +37,16 @@ pub(super) struct Sending {
     in_flight: BTreeMap<NodeId, Timestamp>,
     /// Whether the medium reports deliveries.
     has_reports: bool,
+    pub(super) losses: Losses,
 }
 
 impl Sending {
-    pub(super) const fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             pace: TokenBucket::FULL,
             in_flight: BTreeMap::new(),
             has_reports: false,
+            losses: Losses::default(),
         }
     }
 
@@ -200,6 +203,7 @@ impl Messages {
             return;
         };
         self.sending.in_flight.remove(&to);
+        self.sending.losses.record(to, cx.now, is_delivered);
         self.queue.unblock(to);
         let (by, session) = frame.flood.unwrap_or((self.id, message.session));
         let id = FrameId {
