@@ -39,8 +39,8 @@ fn best_effort_is_repaired_at_each_hop() {
 }
 
 #[test]
-fn megabyte_arrives_whole_over_3_hops_at_20_percent_loss() {
-    for config in [lossy(0.2), unreported(0.2)] {
+fn megabyte_arrives_whole_over_3_hops_at_20_percent_loss_and_more() {
+    for config in [lossy(0.2), lossy(0.3), unreported(0.2)] {
         let it = large(config, 3, 1_000_000, 4);
         assert!(it.is_acknowledged, "{it:?}");
         assert!(

@@ -81,6 +81,11 @@ pub(super) const PIECES_A_RECEIPT: u32 = 8;
 pub(super) const REPAIR_MAX: Duration = Duration::from_millis(200);
 /// Wait before a frame is repeated of which the medium reports that it was lost.
 pub(super) const LOST_DELAY: Duration = Duration::from_millis(2);
+/// Wait before a frame is repeated that the medium has delivered but the neighbour has not accepted; longer with each
+/// try.
+pub(super) const DELIVERED_WAIT: Duration = Duration::from_millis(120);
+/// Longest such wait.
+pub(super) const DELIVERED_WAIT_MAX: Duration = Duration::from_millis(500);
 /// Tries in vain at one neighbour, after which another next hop is taken if there is one.
 pub(super) const TRIES_MAX: u32 = 4;
 /// Broadcasts are repeated this often at most.

@@ -11,6 +11,7 @@ mod accepted;
 mod delivery;
 mod inbox;
 pub mod limits;
+mod losses;
 mod neighbourhood;
 mod nodes;
 mod outgoing;

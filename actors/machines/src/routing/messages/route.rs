@@ -27,7 +27,10 @@ impl Messages {
             entry.avoided.extend_from(&entry.awaited);
         }
         let (to, avoided, since) = (entry.frame.to, entry.avoided.clone(), entry.since);
-        if let Some(next) = self.candidate(cx, to, &avoided) {
+        let mut unreliable = self.sending.losses.unreliable(cx.now);
+        unreliable.extend_from(&avoided);
+        let next = self.candidate(cx, to, &unreliable);
+        if let Some(next) = next.or_else(|| self.candidate(cx, to, &avoided)) {
             return Hop::To(next);
         }
         let has_waited = cx.now.since(since) >= FLOOD_AFTER;

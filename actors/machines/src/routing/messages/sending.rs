@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use super::accepted::GROUPS_MAX;
 use super::limits::{
-    AWAITED_MAX, BROADCAST_TRIES_MAX, DELIVERY_REPORT_MAX, HOP_WINDOW, LOST_DELAY, REPAIR_MAX,
-    RESERVED_FROM_PIECES, SEND_BUDGET,
+    AWAITED_MAX, BROADCAST_TRIES_MAX, DELIVERED_WAIT, DELIVERED_WAIT_MAX, DELIVERY_REPORT_MAX,
+    HOP_WINDOW, LOST_DELAY, REPAIR_MAX, RESERVED_FROM_PIECES, SEND_BUDGET,
 };
+use super::losses::Losses;
 use super::queue::{FrameId, Place, Reach};
 use super::route::Hop;
 use super::{Context, Messages};
@@ -36,14 +37,16 @@ pub(super) struct Sending {
     in_flight: BTreeMap<NodeId, Timestamp>,
     /// Whether the medium reports deliveries.
     has_reports: bool,
+    pub(super) losses: Losses,
 }
 
 impl Sending {
-    pub(super) const fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             pace: TokenBucket::FULL,
             in_flight: BTreeMap::new(),
             has_reports: false,
+            losses: Losses::default(),
         }
     }
 
@@ -200,6 +203,7 @@ impl Messages {
             return;
         };
         self.sending.in_flight.remove(&to);
+        self.sending.losses.record(to, cx.now, is_delivered);
         self.queue.unblock(to);
         let (by, session) = frame.flood.unwrap_or((self.id, message.session));
         let id = FrameId {
@@ -211,8 +215,8 @@ impl Messages {
             return;
         };
         if is_delivered {
-            // Its acknowledgement is on its way.
-            let pause = repair_pause(cx.neighbourhood.repair(), entry.tries);
+            // The neighbour has it, and has no room, or its acknowledgement waits for the medium.
+            let pause = (DELIVERED_WAIT * entry.tries.max(1)).min(DELIVERED_WAIT_MAX);
             entry.due = cx.now + pause + cx.shared.jitter(pause / 2);
         } else {
             entry.due = cx.now + LOST_DELAY + cx.shared.jitter(LOST_DELAY);

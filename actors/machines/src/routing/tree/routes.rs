@@ -41,21 +41,19 @@ impl Neighbourhood for TreePolicy {
         usable.map(|link| link.id).collect()
     }
 
-    /// The parent, then neighbours that are nearer to the leader than this drone.
+    /// The parent, then neighbours with a route that does not lead through this drone next, the cheapest first. A longer
+    /// loop is possible while routes change; the number of hops ends it.
     fn inwards(&self, now: Timestamp) -> SmallVec<[NodeId; 4]> {
         let (route, own) = (&self.topology.route, self.topology.config.id);
         let mut next: SmallVec<[NodeId; 4]> = route.parent().into_iter().collect();
         if route.routes().hops == Some(0) {
             return next;
         }
-        let is_nearer = |link: &&Link| {
-            Some(link.id) != route.parent()
-                && link.has_route_past(own)
-                && (route.parent().is_none() || link.report.cost < route.cost())
-                && self.is_usable(link, now)
+        let is_other = |link: &&Link| {
+            Some(link.id) != route.parent() && link.has_route_past(own) && self.is_usable(link, now)
         };
         let mut others: SmallVec<[(u16, NodeId); 4]> = (self.topology.links.iter())
-            .filter(is_nearer)
+            .filter(is_other)
             .filter_map(|link| Some((link.cost_through()?, link.id)))
             .collect();
         others.sort_unstable();
