@@ -66,6 +66,7 @@ impl Sim {
     ///
     /// # Errors
     /// There is no such field, or the value does not fit.
+    #[expect(clippy::needless_pass_by_value, reason = "a number is given as it is")]
     pub fn set(mut self, field: &str, value: impl ToString) -> Result<Self, Error> {
         let field = format!("{field}={}", value.to_string());
         self.overrides.push(field.parse().map_err(Error::Field)?);

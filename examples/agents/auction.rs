@@ -52,14 +52,14 @@ pub(crate) struct Auction {
 }
 
 impl Auction {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Box<dyn Agent>, toml::de::Error> {
-        Ok(Box::new(Self {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+        Ok(Self {
             parameters: spec.parameters()?,
             done: BTreeSet::new(),
             own: None,
             awarded: BTreeMap::new(),
             offer: None,
-        }))
+        })
     }
 
     /// Above a task, at an altitude of the drone's own.

@@ -39,11 +39,11 @@ pub(crate) struct Flocking {
 }
 
 impl Flocking {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Box<dyn Agent>, toml::de::Error> {
-        Ok(Box::new(Self {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+        Ok(Self {
             parameters: spec.parameters()?,
             neighbours: BTreeMap::new(),
-        }))
+        })
     }
 
     /// The velocity that the three rules and the place ask for.

@@ -55,13 +55,13 @@ pub(crate) struct Lanes {
 }
 
 impl Lanes {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Box<dyn Agent>, toml::de::Error> {
-        Ok(Box::new(Self {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+        Ok(Self {
             parameters: spec.parameters()?,
             state: State::default(),
             lane: None,
             route: Vec::new(),
-        }))
+        })
     }
 
     /// After the end of a route: the next lane, or home and down.

@@ -49,7 +49,7 @@ pub(crate) struct Mule {
 }
 
 impl Mule {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Box<dyn Agent>, String> {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, String> {
         let parameters: Parameters = spec.parameters().map_err(|error| error.to_string())?;
         let places = spec.drones as usize - 1;
         if parameters.places_m.len() != places {
@@ -58,12 +58,12 @@ impl Mule {
                 parameters.places_m.len()
             ));
         }
-        Ok(Box::new(Self {
+        Ok(Self {
             parameters,
             count: 0,
             sent: None,
             reached: 0,
-        }))
+        })
     }
 
     fn is_mule(context: &Context<'_>) -> bool {

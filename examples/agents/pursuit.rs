@@ -74,17 +74,17 @@ pub(crate) struct Pursuit {
 }
 
 impl Pursuit {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Box<dyn Agent>, String> {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, String> {
         let parameters: Parameters = spec.parameters().map_err(|error| error.to_string())?;
         if parameters.path_m.len() < 2 {
             return Err("`path_m` needs at least two corners".to_owned());
         }
-        Ok(Box::new(Self {
+        Ok(Self {
             parameters,
             newest: None,
             reported: None,
             is_ending: false,
-        }))
+        })
     }
 
     /// The drone's place in the ring around `at`, at an altitude of its own.

@@ -220,7 +220,7 @@ impl Drone {
             }
             Op::Wait(time) => return self.wait(time),
             Op::Fly => Envelope::Mission(mission::Input::Fly),
-            Op::Send(outgoing) => Envelope::Routing(routing::Input::Message(outgoing)),
+            Op::Send(outgoing) => Envelope::Routing(routing::Input::Messages(vec![outgoing])),
             Op::ComeDown => Envelope::Mission(mission::Input::Abort(LandingReason::Recalled)),
         };
         self.queue.push_back(envelope);

@@ -74,7 +74,7 @@ impl PyAgent {
         F: for<'py> FnOnce(Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>>,
     {
         let called = Python::attach(|py| {
-            let mut call = || -> PyResult<Vec<Command>> {
+            let call = || -> PyResult<Vec<Command>> {
                 let object = self.object.bind(py);
                 if !object.hasattr(name)? {
                     return Ok(Vec::new());

@@ -56,7 +56,7 @@ impl Sim {
     /// A scenario with agents: `new(id)` builds the one of a drone.
     fn agents(&self, new: Py<PyAny>) -> PyResult<Self> {
         let factory = AgentFactory::new(move |spec: &AgentSpec| {
-            PyAgent::new(&new, spec).map(|agent| -> Box<dyn muster::agent::Agent> { Box::new(agent) })
+            PyAgent::new(&new, spec)
         });
         Ok(Self(self.0.clone().agents_from(factory).map_err(refuse)?))
     }

@@ -41,13 +41,15 @@ pub struct AgentFactory(Arc<New>);
 impl AgentFactory {
     /// A factory that calls `new` for each drone, and again after each restart of its agent. An error refuses the scenario
     /// file: it must depend on the parameters only.
-    pub fn new<E>(
-        new: impl Fn(&AgentSpec) -> Result<Box<dyn Agent>, E> + Send + Sync + 'static,
-    ) -> Self
+    pub fn new<A, E>(new: impl Fn(&AgentSpec) -> Result<A, E> + Send + Sync + 'static) -> Self
     where
+        A: Agent + 'static,
         E: Into<Box<dyn Error + Send + Sync>>,
     {
-        Self(Arc::new(move |spec| new(spec).map_err(Into::into)))
+        Self(Arc::new(move |spec| match new(spec) {
+            Ok(agent) => Ok(Box::new(agent)),
+            Err(error) => Err(error.into()),
+        }))
     }
 
     fn build(&self, spec: &AgentSpec) -> Result<Box<dyn Agent>, Box<dyn Error + Send + Sync>> {

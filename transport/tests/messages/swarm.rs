@@ -294,8 +294,8 @@ impl Swarm {
                     at,
                 });
             }
-            Emitted::Transmit(routing::Transmit::Inform(Notice::Sent { id, outcome })) => {
-                outcomes.push((by, id, outcome));
+            Emitted::Transmit(routing::Transmit::Inform(Notice::Sent(sent))) => {
+                outcomes.extend(sent.into_iter().map(|(id, outcome)| (by, id, outcome)));
             }
             _ => {}
         });

@@ -367,9 +367,9 @@ impl Machine for Host {
             Input::Routing(RoutingNotice::Message { from, payload }) => {
                 self.handle_message(now, from, &payload);
             }
-            Input::Routing(RoutingNotice::Sent { id, outcome }) => {
-                let id = MessageId(id);
-                if self.is_running() {
+            Input::Routing(RoutingNotice::Sent(sent)) => {
+                for (id, outcome) in sent {
+                    let id = MessageId(id);
                     self.swarm(now, SwarmEvent::MessageSent { id, outcome });
                 }
             }

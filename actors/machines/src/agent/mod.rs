@@ -70,6 +70,28 @@ pub trait Agent: Send {
     fn swarm(&mut self, _event: SwarmEvent, _context: &mut Context<'_>) {}
 }
 
+impl Agent for Box<dyn Agent> {
+    fn start(&mut self, context: &mut Context<'_>) {
+        self.as_mut().start(context);
+    }
+
+    fn telemetry(&mut self, telemetry: &Telemetry, context: &mut Context<'_>) {
+        self.as_mut().telemetry(telemetry, context);
+    }
+
+    fn message(&mut self, from: NodeId, payload: &[u8], context: &mut Context<'_>) {
+        self.as_mut().message(from, payload, context);
+    }
+
+    fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
+        self.as_mut().timer(timer, context);
+    }
+
+    fn swarm(&mut self, event: SwarmEvent, context: &mut Context<'_>) {
+        self.as_mut().swarm(event, context);
+    }
+}
+
 /// Identifies one of an agent's timers; chosen by the agent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TimerId(pub u32);

@@ -9,7 +9,7 @@ use crate::node::Address;
 use crate::supervision::{RestartDecision, RestartLimits, Supervision};
 use crate::time::Timestamp;
 
-/// Longest description of a failure, in bytes.
+/// Longest description of a failure, in characters.
 const FAILURE_MAX: usize = 1_000;
 
 /// An agent under supervision.
@@ -121,6 +121,5 @@ fn describe(panic: Box<dyn Any + Send>) -> String {
             .map_or("a panic without a message", |text| text)
             .to_owned(),
     };
-    let end = text.floor_char_boundary(FAILURE_MAX);
-    text[..end].to_owned()
+    text.chars().take(FAILURE_MAX).collect()
 }

@@ -48,7 +48,7 @@ impl Mission {
             RoutingNotice::RoutesReady => self.advance_routes(RoutesPhase::Ready),
             RoutingNotice::Resync => self.resync_routing(),
             // For agents.
-            RoutingNotice::Message { .. } | RoutingNotice::Sent { .. } => {}
+            RoutingNotice::Message { .. } | RoutingNotice::Sent(_) => {}
         }
     }
 

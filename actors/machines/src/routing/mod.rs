@@ -201,13 +201,9 @@ pub enum Notice {
         /// The message.
         payload: Bytes,
     },
-    /// What became of a message that was to be acknowledged. Of a best-effort message only that it was not sent.
-    Sent {
-        /// The protocol's number of the message.
-        id: u32,
-        /// What became of it.
-        outcome: Outcome,
-    },
+    /// What became of messages that were to be acknowledged, each with the protocol's number of it. Of a best-effort message
+    /// only that it was not sent. At most one such notice in a step.
+    Sent(Vec<(u32, Outcome)>),
 }
 
 /// Observable events of a routing.

@@ -209,6 +209,7 @@ impl<P: Policy> Dissemination<P> {
 
     fn end_step(&mut self, now: Timestamp) {
         self.run_messages(now);
+        self.shared.notify_sent();
         self.emit_checkpoint();
         let messages = self.messages.as_ref().and_then(|it| it.deadline());
         self.deadline = first_of([self.policy.deadline(&self.shared), messages]);

@@ -8,7 +8,7 @@ use bytes::Bytes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Durable, Event, Notice, Transmit};
+use super::{Durable, Event, Notice, Outcome, Transmit};
 use crate::identity::{Ballot, NodeId};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Outbox, Output};
@@ -39,6 +39,8 @@ pub(super) struct SharedState {
     master_lands: bool,
     rng: Box<ChaCha8Rng>,
     stall_detector: StallDetector,
+    /// Outcomes of messages in this step.
+    outcomes: Vec<(u32, Outcome)>,
     outbox: Outbox<Transmit, Event>,
     /// Number of frames sent in this step, without messages.
     sent: u32,
@@ -55,6 +57,7 @@ impl SharedState {
             master_lands: false,
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             stall_detector: StallDetector::default(),
+            outcomes: Vec::new(),
             outbox: Outbox::new(),
             sent: 0,
         }
@@ -106,6 +109,19 @@ impl SharedState {
     pub(super) fn notify(&mut self, notice: Notice) {
         if !self.is_relay() {
             self.outbox.transmit(Transmit::Inform(notice));
+        }
+    }
+
+    /// Reports what became of a message, at the end of the step.
+    pub(super) fn report_sent(&mut self, id: u32, outcome: Outcome) {
+        self.outcomes.push((id, outcome));
+    }
+
+    /// At the end of a step: tells the protocol what became of its messages. One notice, for the protocol's queue is bounded.
+    pub(super) fn notify_sent(&mut self) {
+        if !self.outcomes.is_empty() {
+            let outcomes = std::mem::take(&mut self.outcomes);
+            self.notify(Notice::Sent(outcomes));
         }
     }
 

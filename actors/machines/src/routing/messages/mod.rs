@@ -55,7 +55,7 @@ impl Context<'_> {
     }
 
     fn report(&mut self, id: u32, outcome: Outcome) {
-        self.shared.notify(Notice::Sent { id, outcome });
+        self.shared.report_sent(id, outcome);
     }
 }
 

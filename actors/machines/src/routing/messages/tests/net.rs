@@ -200,8 +200,8 @@ impl Net {
             Emitted::Transmit(Transmit::Inform(Notice::Message { from, payload })) => {
                 node.got.push((from, payload, now));
             }
-            Emitted::Transmit(Transmit::Inform(Notice::Sent { id, outcome })) => {
-                node.outcomes.push((id, outcome));
+            Emitted::Transmit(Transmit::Inform(Notice::Sent(sent))) => {
+                node.outcomes.extend(sent);
             }
             Emitted::Event(Event::Ignored(_)) => node.ignored += 1,
             _ => {}
