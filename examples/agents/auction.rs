@@ -1,9 +1,9 @@
 //! An auction of tasks: the leader offers each task, the drones bid with their distance, the nearest flies there.
 //!
 //! Everybody knows which tasks are done. The tasks of a lost drone are offered again, and a new leader offers all that are
-//! not done; whoever works on one bids nothing for it, and keeps it.
+//! not done; a drone that has one already bids 0 for it, and keeps it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use muster::agent::{Agent, Context, Destination, Reliability, SwarmEvent, Telemetry, TimerId};
@@ -33,8 +33,6 @@ enum Message {
     Bid(u32, u32),
     /// Do this task.
     Award(u32),
-    /// This drone does another one by now.
-    Decline(u32),
     /// This task is done.
     Done(u32),
 }
@@ -43,8 +41,8 @@ enum Message {
 pub(crate) struct Auction {
     parameters: Parameters,
     done: BTreeSet<u32>,
-    /// The task that this drone does.
-    own: Option<u32>,
+    /// The tasks that this drone does, one after the other.
+    own: VecDeque<u32>,
     /// As leader: who does which task.
     awarded: BTreeMap<u32, NodeId>,
     /// As leader: the task on offer, and the lowest bid.
@@ -56,7 +54,7 @@ impl Auction {
         Ok(Self {
             parameters: spec.parameters()?,
             done: BTreeSet::new(),
-            own: None,
+            own: VecDeque::new(),
             awarded: BTreeMap::new(),
             offer: None,
         })
@@ -65,54 +63,41 @@ impl Auction {
     /// Above a task, at an altitude of the drone's own.
     fn above(&self, task: u32, context: &Context<'_>) -> Option<Ned> {
         let [north_m, east_m] = *self.parameters.tasks_m.get(task as usize)?;
-        Some(super::at_own_altitude(
-            Ned::new(north_m, east_m, 0.0),
-            context,
-        ))
+        let place = Ned::new(north_m, east_m, 0.0);
+        Some(super::at_own_altitude(place, context))
     }
 
-    /// What a task costs this drone, in metres. `None` while it does another one.
+    /// What a task costs this drone: the way from its last one, in metres.
     fn cost(&self, task: u32, context: &Context<'_>) -> Option<u32> {
-        let place = self.above(task, context)?;
-        let metres = context.position().horizontal_distance_m(place) as u32;
-        match self.own {
-            None => Some(metres),
-            Some(own) => (own == task).then_some(0),
+        if self.own.contains(&task) {
+            return Some(0);
         }
+        let last = self.own.back().and_then(|last| self.above(*last, context));
+        let from = last.unwrap_or(context.position());
+        Some(from.horizontal_distance_m(self.above(task, context)?) as u32)
     }
 
     /// As leader: awards the task on offer, then offers the next.
     fn auction(&mut self, context: &mut Context<'_>) {
         if let Some((task, Some((_, winner)))) = self.offer.take() {
             self.awarded.insert(task, winner);
-            self.tell(context, Destination::Drone(winner), Message::Award(task));
+            send(context, Destination::Drone(winner), Message::Award(task));
         }
-        let tasks = 0..u32::try_from(self.parameters.tasks_m.len()).unwrap_or(u32::MAX);
+        let mut tasks = 0..self.parameters.tasks_m.len() as u32;
         let is_open = |task: &u32| !self.done.contains(task) && !self.awarded.contains_key(task);
-        if let Some(task) = tasks.clone().find(is_open) {
+        if let Some(task) = tasks.find(is_open) {
             self.offer = Some((task, None));
-            self.tell(context, Destination::All, Message::Offer(task));
+            send(context, Destination::All, Message::Offer(task));
             self.handle(context.id(), Message::Offer(task), context);
         }
         context.set_timer(AUCTION, BIDDING);
-    }
-
-    /// Sends a message; to this drone itself it is handled at once.
-    fn tell(&mut self, context: &mut Context<'_>, to: Destination, message: Message) {
-        let is_own = to == Destination::Drone(context.id())
-            || to == Destination::Leader && context.is_leader();
-        if is_own {
-            self.handle(context.id(), message, context);
-        } else if let Ok(payload) = postcard::to_allocvec(&message) {
-            let _ = context.send(to, &payload, Reliability::Acknowledged);
-        }
     }
 
     fn handle(&mut self, from: NodeId, message: Message, context: &mut Context<'_>) {
         match message {
             Message::Offer(task) => {
                 if let Some(cost) = self.cost(task, context) {
-                    self.tell(context, Destination::Leader, Message::Bid(task, cost));
+                    send(context, Destination::Leader, Message::Bid(task, cost));
                 }
             }
             Message::Bid(task, cost) => {
@@ -123,32 +108,36 @@ impl Auction {
                     *lowest = Some((cost, from));
                 }
             }
-            Message::Award(task) if self.own.is_none() && !self.done.contains(&task) => {
-                if let Some(place) = self.above(task, context) {
-                    self.own = Some(task);
-                    context.go_to(place);
+            Message::Award(task) if !self.done.contains(&task) && !self.own.contains(&task) => {
+                self.own.push_back(task);
+                if self.own.len() == 1 {
+                    self.fly(context);
                 }
             }
-            Message::Award(task) if self.own != Some(task) => {
-                self.tell(context, Destination::Leader, Message::Decline(task));
-            }
             Message::Award(_) => {}
-            Message::Decline(task) => {
-                self.awarded.remove(&task);
-            }
             Message::Done(task) => self.finish(task, context),
+        }
+    }
+
+    /// Flies to its next task.
+    fn fly(&self, context: &mut Context<'_>) {
+        if let Some(place) = self.own.front().and_then(|task| self.above(*task, context)) {
+            context.go_to(place);
         }
     }
 
     fn finish(&mut self, task: u32, context: &mut Context<'_>) {
         self.done.insert(task);
-        context.observe(
-            "done",
-            f64::from(u32::try_from(self.done.len()).unwrap_or(u32::MAX)),
-        );
+        context.observe("done", self.done.len() as f64);
         if self.done.len() == self.parameters.tasks_m.len() {
             context.go_to(super::at_own_altitude(context.slot(), context));
         }
+    }
+}
+
+fn send(context: &mut Context<'_>, to: Destination, message: Message) {
+    if let Ok(payload) = postcard::to_allocvec(&message) {
+        let _ = context.send(to, &payload, Reliability::Acknowledged);
     }
 }
 
@@ -159,7 +148,7 @@ impl Agent for Auction {
     }
 
     fn telemetry(&mut self, telemetry: &Telemetry, context: &mut Context<'_>) {
-        if telemetry.has_arrived && self.own.is_some() {
+        if telemetry.has_arrived && !self.own.is_empty() {
             context.set_timer(WORK, Duration::from_secs_f64(self.parameters.work_s));
         } else if telemetry.has_arrived && self.done.len() == self.parameters.tasks_m.len() {
             context.land();
@@ -175,9 +164,10 @@ impl Agent for Auction {
     fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
         match timer {
             WORK => {
-                if let Some(task) = self.own.take() {
-                    self.tell(context, Destination::All, Message::Done(task));
+                if let Some(task) = self.own.pop_front() {
+                    send(context, Destination::All, Message::Done(task));
                     self.finish(task, context);
+                    self.fly(context);
                 }
             }
             _ if context.is_leader() => self.auction(context),
