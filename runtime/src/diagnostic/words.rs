@@ -40,7 +40,7 @@ pub(crate) fn plain(message: &str) -> String {
 }
 
 /// Beginnings of messages of the TOML parser, and what is said instead.
-const LIBRARY_WORDS: [(&str, &str); 14] = [
+const LIBRARY_WORDS: [(&str, &str); 15] = [
     ("string values must be quoted", NO_VALUE),
     ("invalid boolean", NO_VALUE),
     ("invalid integer", NO_VALUE),
@@ -50,6 +50,7 @@ const LIBRARY_WORDS: [(&str, &str); 14] = [
         "a name can't have this character; put the name in quotes",
     ),
     ("wanted string or table", "expected text in quotes"),
+    ("wanted a string", "expected text in quotes"),
     ("integer number overflowed", "the number is too large"),
     (
         "floating-point number overflowed",
