@@ -60,6 +60,21 @@ fn lanes_report_all_finds_although_the_leader_is_lost() {
 }
 
 #[test]
+fn restarted_process_continues_its_task_with_the_whole_roster() {
+    install();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
+    let report = fly(&Sim::load(folder.join("restart.toml")).unwrap());
+    assert!(
+        report.agent_failures.is_empty(),
+        "{:?}",
+        report.agent_failures
+    );
+    assert!(report.mission_completed);
+    assert!(report.elections.is_empty());
+    assert!(highest(&report, "finds") > 2.5);
+}
+
+#[test]
 fn pursuers_surround_the_target() {
     let report = fly(&scenario("pursuit"));
     assert!(report.mission_completed);

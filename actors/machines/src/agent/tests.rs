@@ -422,6 +422,13 @@ fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
     };
     assert_eq!(goals(&transmits).first(), Some(&goal));
     assert!(transmits.contains(&Transmit::Resync));
+    assert_eq!(*drone.host.mission().roster(), roster(&[2]));
+    // The routing repeats the newest order, which was acknowledged before.
+    let order = Order::Task {
+        roster: roster(&[0, 1, 2]),
+    };
+    drone.order(3, &order);
+    assert_eq!(*drone.host.mission().roster(), roster(&[0, 1, 2]));
 }
 
 #[test]

@@ -9,7 +9,9 @@ use crate::time::Timestamp;
 
 impl Mission {
     pub(super) fn execute_order(&mut self, now: Timestamp, sequence: u32, order: Order) {
-        if self.durable.orders.is_known(sequence) {
+        // A restarted drone is on task already, but has forgotten the roster.
+        let has_roster = matches!(order, Order::Task { .. }) && self.is_on_task();
+        if self.durable.orders.is_known(sequence) && !has_roster {
             return;
         }
         if let Order::Move { apart: true, .. }

@@ -77,6 +77,10 @@ impl Mission {
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
+            if mission.is_on_task() {
+                // The newest order, which the routing repeats, has the others.
+                mission.roster = mission.config.id.into();
+            }
             if mission.durable.restarted {
                 mission.begin_incarnation();
             }
