@@ -4,7 +4,7 @@
 
 Needs PyPI's gradysim, the wheel of muster, and the example `agents` built for release. The world is the same: places, range,
 losses, speed, one call and one measurement a second. gradysim's vehicles have no take-off and no landing, and its radio no
-acknowledgements: there the mule asks again until it is answered.
+acknowledgements: there the mule asks again until it is answered. Its vehicles move in steps of 10 ms, its default.
 """
 
 import json
@@ -92,7 +92,7 @@ def gradysim_run():
     builder = SimulationBuilder(SimulationConfiguration(duration=DURATION_S, execution_logging=False))
     builder.add_handler(TimerHandler())
     builder.add_handler(CommunicationHandler(CommunicationMedium(transmission_range=RANGE_M, failure_rate=LOSS)))
-    builder.add_handler(MobilityHandler(MobilityConfiguration(update_rate=0.2, default_speed=SPEED_MPS)))
+    builder.add_handler(MobilityHandler(MobilityConfiguration(default_speed=SPEED_MPS)))
     for place in PLACES:
         builder.add_node(Node, (*place, 20.0))
     builder.add_node(Node, (0.0, 0.0, 20.0))
