@@ -1,4 +1,4 @@
-//! Pursuit of a moving target: whoever sees it tells the others, and all take their places around it.
+//! Pursuit of a moving target: a drone that sees it tells the others, and all take their places around it.
 
 use std::f64::consts::TAU;
 use std::time::Duration;

@@ -50,6 +50,13 @@ impl Timestamp {
         self.0 as f64 / 1e9
     }
 
+    /// When something periodic is due again that was due at this time. After a stall, missed periods are skipped.
+    #[must_use]
+    pub fn next_period(self, period: Duration, now: Self) -> Self {
+        let next = self + period;
+        if next > now { next } else { now + period }
+    }
+
     /// Time since `earlier`; zero if `earlier` is later.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Duration {

@@ -62,12 +62,6 @@ pub struct Config {
     pub restarts: RestartLimits,
 }
 
-/// The end of a period that was due at `due`. After a stall, missed periods are skipped.
-fn next_period(due: Timestamp, period: Duration, now: Timestamp) -> Timestamp {
-    let next = due + period;
-    if next > now { next } else { now + period }
-}
-
 /// What the context shows and changes.
 #[derive(Debug)]
 pub(super) struct State {
@@ -343,7 +337,7 @@ impl Host {
     /// Requests the position if it is due.
     fn locate_if_due(&mut self, now: Timestamp) {
         if let Some(due) = self.next_telemetry.filter(|due| *due <= now) {
-            self.next_telemetry = Some(next_period(due, self.state.config.telemetry, now));
+            self.next_telemetry = Some(due.next_period(self.state.config.telemetry, now));
             self.outbox.transmit(Transmit::Locate);
         }
     }
@@ -388,9 +382,7 @@ impl Machine for Host {
                     self.outbox.transmit(Transmit::Goal(goal));
                 }
             }
-            input => {
-                self.mission.handle_input(now, input);
-            }
+            input => self.mission.handle_input(now, input),
         }
         self.follow_mission(now);
     }

@@ -134,9 +134,7 @@ impl Mission {
             return;
         };
         if let Some(followed) = self.followed_mut() {
-            // After a stall, missed periods are skipped.
-            let next = due + period;
-            followed.next_fix = if next > now { next } else { now + period };
+            followed.next_fix = due.next_period(period, now);
         }
         self.outbox.transmit(Transmit::Locate);
         self.checkpoint();
