@@ -218,7 +218,7 @@ fn betaflight_takes_sent_channels_for_the_named_ones() {
     let sent = row("request SET_RAW_RC");
     let mut received = None;
     Decoder::default().read(&sent, |frame| {
-        received = ReceivedRc::decode(frame.payload).ok()
+        received = ReceivedRc::decode(frame.payload).ok();
     });
     let expected = Rc::from(&received.expect("channels"));
     let mut reported = None;
