@@ -1,0 +1,25 @@
+//! MSP, the MultiWii Serial Protocol, as Betaflight speaks it: frames, messages, and what makes a configuration unsafe.
+//!
+//! Pure functions and state machines on bytes: no clock, no port, no task. Both sides are here: requests as a companion
+//! computer writes them, replies as a flight controller does.
+//!
+//! Layouts are those of Betaflight 4.6 (`src/main/msp/msp.c`, API 1.47). Fields of newer firmware are ignored, fields that
+//! older firmware lacks are `Option`s.
+
+mod channels;
+mod decoder;
+mod field;
+mod frame;
+mod message;
+
+pub use channels::{
+    AUX_MAX, CHANNELS_MAX, Channel, MotorOutput, OutOfRange, Rc, ReceivedMotors, ReceivedRc,
+    SetMotor, SetRawRc, Sticks, TooManyChannels,
+};
+pub use decoder::{Counts, Decoder};
+pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
+pub use frame::{
+    Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, Version, acknowledge, encode, order,
+    refuse, reply, request,
+};
+pub use message::*;
