@@ -177,7 +177,10 @@ impl Segments {
     }
 
     fn divide(&mut self) {
-        let up = first_connected(self.live.len(), self.links.iter().filter(|link| link.is_up()));
+        let up = first_connected(
+            self.live.len(),
+            self.links.iter().filter(|link| link.is_up()),
+        );
         self.reach = first_connected(self.live.len(), self.links.iter());
         self.segments.clear();
         self.segment_of = vec![None; self.live.len()];
@@ -348,7 +351,7 @@ pub(crate) mod tests {
 
     #[test]
     fn links_are_up_grey_or_down_by_their_loss() {
-        let is_up = |loss| Link::between(NodeId(1), NodeId(0), loss).map(|link| link.is_up());
+        let is_up = |loss| Link::between(NodeId(1), NodeId(0), [0.0, loss]).map(|link| link.is_up());
         assert_eq!(is_up(0.4), Some(true));
         assert_eq!(is_up(0.41), Some(false));
         assert_eq!(is_up(0.99), Some(false));

@@ -28,10 +28,11 @@ use muster_machines::supervision::RestartLimits;
 use muster_machines::{agent as machine_agent, mission, navigation, routing};
 
 use crate::agents::PlannedAgent;
-use crate::geodetic::Geodetic;
 use crate::schema::{FieldList, FileSchema};
 use crate::text::plural;
-use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
+use crate::vehicle::{SimulatedLink, SimulatedVehicle, Vehicle};
+use muster_machines::geodetic::Geodetic;
+use muster_machines::motion::Landing;
 
 pub use self::fence::describe_fence;
 pub use self::load::{build_plan, load_with, mission_file, to_usize};

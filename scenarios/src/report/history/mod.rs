@@ -4,9 +4,9 @@ mod build;
 mod marks;
 mod words;
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 
 /// The history of a swarm.
 #[derive(Debug, Clone, PartialEq, Default)]

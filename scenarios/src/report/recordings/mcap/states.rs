@@ -1,8 +1,8 @@
 //! What drones do, as messages.
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 use serde_json::{Value, json};
 
 use super::super::place::{Place, place, rounded};
