@@ -351,7 +351,8 @@ pub(crate) mod tests {
 
     #[test]
     fn links_are_up_grey_or_down_by_their_loss() {
-        let is_up = |loss| Link::between(NodeId(1), NodeId(0), [0.0, loss]).map(|link| link.is_up());
+        let is_up =
+            |loss| Link::between(NodeId(1), NodeId(0), [0.0, loss]).map(|link| link.is_up());
         assert_eq!(is_up(0.4), Some(true));
         assert_eq!(is_up(0.41), Some(false));
         assert_eq!(is_up(0.99), Some(false));

@@ -258,7 +258,7 @@ impl Plan {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
-            link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
+            link: Arc::new(|checkpoint, _| Box::new(SimulatedLink::new(checkpoint))),
         }
     }
 }

@@ -76,14 +76,17 @@ impl Control {
             .component_mul(&per_s)
             .cap_magnitude(CORRECTION_MAX_MPS);
         let error = reference.velocity.0 + correction - estimate.velocity.0;
-        let per_s = Vector3::new(gains.velocity_per_s, gains.velocity_per_s, gains.climb_per_s);
+        let per_s = Vector3::new(
+            gains.velocity_per_s,
+            gains.velocity_per_s,
+            gains.climb_per_s,
+        );
         let per_s2 = Vector3::new(
             gains.integral_per_s2,
             gains.integral_per_s2,
             gains.climb_integral_per_s2,
         );
-        let mut acceleration =
-            reference.acceleration + error.component_mul(&per_s) + self.integral;
+        let mut acceleration = reference.acceleration + error.component_mul(&per_s) + self.integral;
         let is_saturated = self.limit(&mut acceleration);
         let mut growth = error.component_mul(&per_s2) * seconds;
         if !has_position {
@@ -186,7 +189,10 @@ mod tests {
     #[test]
     fn without_a_position_it_is_kept_level() {
         let level = sticks(&estimate(-50.0, 20.0, 0.0), 0.0, false);
-        assert_eq!((level.roll, level.pitch), (Channel::CENTRE, Channel::CENTRE));
+        assert_eq!(
+            (level.roll, level.pitch),
+            (Channel::CENTRE, Channel::CENTRE)
+        );
     }
 
     #[test]

@@ -181,11 +181,7 @@ impl Estimator {
         let up = self.vertical?;
         let ground_m = self.ground_m.unwrap_or(up.position_m);
         Some(Estimate {
-            position: Ned::new(
-                north.position_m,
-                east.position_m,
-                ground_m - up.position_m,
-            ),
+            position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
             velocity: Velocity::new(north.velocity_mps, east.velocity_mps, -up.velocity_mps),
         })
     }
@@ -258,7 +254,9 @@ impl Estimator {
             degrees(gps.longitude_e7),
             self.home.altitude_m(),
         );
-        let place = place.ok().and_then(|place| local_ned(self.home, place).ok());
+        let place = place
+            .ok()
+            .and_then(|place| local_ned(self.home, place).ok());
         let Some(place) = place.filter(|_| gps.fix > 0 && gps.satellites >= SATELLITES_MIN) else {
             self.rejected += 1;
             return;

@@ -415,6 +415,3 @@ impl Machine for ControllerLink {
         self.outbox.poll(self.deadline)
     }
 }
-
-#[cfg(test)]
-mod tests;
