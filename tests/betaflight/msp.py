@@ -37,21 +37,30 @@ def channels_payload(channels):
     return struct.pack(f"<{len(channels)}H", *channels)
 
 
+def frame_size(buffer):
+    """The size of the frame that starts the buffer: version 1, jumbo or version 2; None while it can't be told."""
+    if len(buffer) < 6 or buffer[:2] == b"$X" and len(buffer) < 9 or buffer[3] == 255 and len(buffer) < 8:
+        return None
+    if buffer[1] == ord("X"):
+        return 9 + struct.unpack_from("<H", buffer, 6)[0]
+    return 6 + buffer[3] if buffer[3] < 255 else 8 + struct.unpack_from("<H", buffer, 5)[0]
+
+
 def take_frame(buffer):
-    """Removes the first version 1 reply; returns (direction, code, payload) or None. The firmware's replies hold no noise."""
-    start = buffer.find(b"$M")
-    if start < 0 or len(buffer) < start + 6:
+    """Removes the first frame and returns its bytes, or None. The firmware's replies hold no noise."""
+    size = frame_size(buffer)
+    if size is None or len(buffer) < size:
         return None
-    size, code, head = buffer[start + 3], buffer[start + 4], start + 5
-    if size == 255:
-        if len(buffer) < head + 2:
-            return None
-        size, head = struct.unpack_from("<H", buffer, head)[0], head + 2
-    if len(buffer) < head + size + 1:
-        return None
-    taken = chr(buffer[start + 2]), code, bytes(buffer[head:head + size])
-    del buffer[:head + size + 1]
+    taken = bytes(buffer[:size])
+    del buffer[:size]
     return taken
+
+
+def parts(taken):
+    """(direction, code, payload) of a frame."""
+    if taken[1] == ord("X"):
+        return chr(taken[2]), struct.unpack_from("<H", taken, 4)[0], taken[8:-1]
+    return chr(taken[2]), taken[4], taken[5 if taken[3] < 255 else 7:-1]
 
 
 class Link:
@@ -87,12 +96,14 @@ class Link:
         return True
 
     def receive(self, timeout=1.0):
-        """The next frame, or None."""
+        """The next frame as (direction, code, payload), or None."""
         deadline = time.monotonic() + timeout
         while True:
             taken = take_frame(self.buffer)
-            if taken or not self.read(deadline - time.monotonic()):
-                return taken
+            if taken:
+                return parts(taken)
+            if not self.read(deadline - time.monotonic()):
+                return None
 
     def request(self, code, payload=b"", timeout=1.0):
         """The reply to one request: (direction, payload); None after `timeout`."""

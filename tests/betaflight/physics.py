@@ -1,8 +1,7 @@
 """A quadrotor of 0.65 kg as a rigid body, in the loop with the firmware: state to UDP 9003, motors from UDP 9002.
 
 Axes: earth north-east-down, body forward-right-down. Units: metres, seconds, radians, kilograms, newtons.
-The firmware wants its attitude with y and z of the quaternion negated (forward-left-up in north-west-up),
-velocity east-north-up and longitude, latitude, altitude for its virtual GPS, and a constant timestamp.
+The firmware wants velocity east-north-up and longitude, latitude, altitude for a virtual GPS, and a constant timestamp.
 """
 
 import math
@@ -78,9 +77,8 @@ class Body:
         self.attitude = [e / norm for e in turned]
 
     def packet(self):
-        w, x, y, z = self.attitude
         north, east, down = self.place
-        return struct.pack("<18d", 1.0, *self.rates, *self.force, w, x, -y, -z,
+        return struct.pack("<18d", 1.0, *self.rates, *self.force, *self.attitude,
                            self.velocity[1], self.velocity[0], -self.velocity[2],
                            LONGITUDE + east / METRES_PER_DEGREE / math.cos(math.radians(LATITUDE)),
                            LATITUDE + north / METRES_PER_DEGREE, -down,
