@@ -39,11 +39,11 @@ class Firmware:
         atexit.register(self.stop)
         for _ in range(3):
             self.start()
-            self.cli([*configuration, "save"])
             try:
+                self.cli([*configuration, "save"])
                 self.process.wait(5)
                 break
-            except subprocess.TimeoutExpired:  # now and then it hangs instead of ending
+            except (OSError, subprocess.TimeoutExpired):  # now and then it hangs or dies
                 pass
         self.start()
 

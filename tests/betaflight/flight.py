@@ -35,6 +35,7 @@ class Flight:
         self.physics = physics.Peer(held)
         self.sticks, self.pilot, self.sending, self.sent_at = list(LOW), pilot, True, 0.0
         self.radio = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.radio_on = False  # the firmware forgets a radio that sends while it starts
         self.seen = []  # (time, arming flags, mode bits, RC) of each poll
         self.link, self.stopped, self.unanswered = None, False, 0
         threading.Thread(target=self._send_sticks, daemon=True).start()
@@ -48,6 +49,7 @@ class Flight:
             if boxes:
                 self.bits = {box: bit for bit, box in enumerate(boxes[1])}
                 if self.wait(lambda row: row[3][3] == 1000, 4):
+                    self.radio_on = True
                     return
             self.firmware.start()
         raise RuntimeError("the firmware doesn't take RC frames")
@@ -62,7 +64,7 @@ class Flight:
                     self.sent_at = now
             except OSError:
                 pass  # between two starts
-            if self.pilot:
+            if self.pilot and self.radio_on:
                 frame = struct.pack("<d16H", now, *(self.pilot + [1000] * (16 - len(self.pilot))))
                 self.radio.sendto(frame, ("127.0.0.1", 9004))
             due = max(due + 0.02, now)

@@ -4,6 +4,7 @@ import statistics
 import time
 
 import firmware
+import msp
 from flight import BOX_OVERRIDE, LOW, Flight, flag_names
 
 PATH = firmware.program()
@@ -71,10 +72,11 @@ print(f"the pilot's radio (UDP 9004) stops, MSP goes on: {'flags after %.0f ms' 
 flight.stop()
 
 flight = Flight(PATH, [*firmware.lines("safe-override.txt"), "set serial_update_rate_hz = 1000"], pilot=list(LOW))
+flight.sending = flight.radio_on = False
 flight.firmware.start()  # anew: it has never had an MSP frame
-flight.sending, flight.link = False, None
-flight.link = __import__("msp").Link()
-flight.pilot[OVERRIDE] = 1800
+flight.link = msp.Link()
+flight.run(1)
+flight.radio_on, flight.pilot[OVERRIDE] = True, 1800
 flight.run(1)
 print(f"override on before any MSP frame: roll, pitch, yaw, throttle = {flight.seen[-1][3][:4]}")
 flight.sending, flight.sticks = True, [1600, 1500]

@@ -12,11 +12,11 @@ import time
 
 GRAVITY = 9.80665
 MASS = 0.65
-INERTIA = 0.0035, 0.0035, 0.006
+INERTIA = 0.0028, 0.0028, 0.0045
 ARM = 0.08           # lateral and longitudinal distance of each motor from the centre
 THRUST_MAX = 8.0     # of one motor; thrust = THRUST_MAX · speed²
 MOTOR_LAG = 0.02     # time constant of the motor's speed, first order
-YAW_TORQUE = 0.012   # torque about the axis for each newton of thrust
+YAW_TORQUE = 0.018   # torque about the axis for each newton of thrust
 DRAG = 0.25          # N for each m/s, linear
 RATE_DRAG = 0.002    # N·m for each rad/s
 STEP = 0.001

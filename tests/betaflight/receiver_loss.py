@@ -7,6 +7,7 @@ from flight import BOX_FAILSAFE, LOW, Flight, summary
 
 PATH = firmware.program()
 REPEATS = 5
+hung = 0
 
 
 def motors(flight, since):
@@ -34,8 +35,17 @@ def lose(flight, observe):
 
 
 def series(configuration, observe):
-    flight = Flight(PATH, [*firmware.lines("safe-sole.txt"), "set serial_update_rate_hz = 1000", *configuration])
-    results = [lose(flight, observe) for _ in range(REPEATS)]
+    """`REPEATS` losses; a flight whose firmware stops answering is done again."""
+    global hung
+    results, flight = [], None
+    while len(results) < REPEATS:
+        try:
+            flight = flight or Flight(PATH, [*firmware.lines("safe-sole.txt"), "set serial_update_rate_hz = 1000", *configuration])
+            results.append(lose(flight, observe))
+        except (ConnectionError, RuntimeError):
+            hung += 1
+            flight.stop()
+            flight = None
     flight.stop()
     return results
 
@@ -81,3 +91,4 @@ for _ in range(REPEATS):
     disarmed.append(flight.wait(lambda row: not flight.armed(row), 5) - last)
 flight.stop()
 print(f"disarmed after n | median | max ms: {summary(disarmed)}")
+print(f"flights done again because the firmware stopped answering: {hung}")
