@@ -8,6 +8,7 @@ mod frames;
 mod journal;
 mod lists;
 mod mission;
+mod msp;
 mod scenario;
 
 use std::path::Path;
@@ -18,7 +19,7 @@ use libfuzzer_sys::fuzz_target;
 /// Runs a target on an input.
 type Target = fn(&[u8]);
 
-const TARGETS: [(&str, Target); 7] = [
+const TARGETS: [(&str, Target); 8] = [
     ("frames", frames::run),
     ("drone", drone::run),
     ("journal", journal::run),
@@ -26,6 +27,7 @@ const TARGETS: [(&str, Target); 7] = [
     ("mission", mission::run),
     ("scenario", scenario::run),
     ("drone-file", drone_file::run),
+    ("msp", msp::run),
 ];
 
 fuzz_target!(|bytes: &[u8]| {

@@ -9,7 +9,7 @@
 //!
 //! Source: Betaflight, `src/main/msp/msp_serial.c`.
 
-use crc::{CRC_8_DVB_S2, Crc, NoTable};
+use crc::{CRC_8_DVB_S2, Crc};
 
 use crate::field::Payload;
 use crate::message::{Encode, Message};
@@ -25,7 +25,7 @@ pub(crate) const V2_INSIDE: u8 = 255;
 /// The v1 size that says: a u16 size follows.
 pub(crate) const JUMBO: u8 = 255;
 
-pub(crate) const CRC8: Crc<u8, NoTable> = Crc::<u8, NoTable>::new(&CRC_8_DVB_S2);
+pub(crate) const CRC8: Crc<u8> = Crc::<u8>::new(&CRC_8_DVB_S2);
 
 /// Who a frame is from, and whether it refuses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,6 +7,8 @@
 //! older firmware lacks are `Option`s.
 
 mod channels;
+pub mod check;
+mod configuration;
 mod decoder;
 mod field;
 mod frame;
@@ -16,6 +18,7 @@ pub use channels::{
     AUX_MAX, CHANNELS_MAX, Channel, MotorOutput, OutOfRange, Rc, ReceivedMotors, ReceivedRc,
     SetMotor, SetRawRc, Sticks, TooManyChannels,
 };
+pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
 pub use decoder::{Counts, Decoder};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{

@@ -87,6 +87,8 @@ message! {
         gyro_hz: Option<u16>,
         /// Bit 0: the accelerometer isn't calibrated; 1: the motor protocol is disabled. From API 1.43 on.
         problems: Option<u32>,
+        /// Devices on SPI and on I²C; from API 1.44 on.
+        devices: Option<[u8; 2]>,
     }
 }
 

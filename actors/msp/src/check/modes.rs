@@ -1,0 +1,88 @@
+//! What the modes' switches do.
+
+use super::{Findings, ReceiverMode, channel_of_aux};
+use crate::channels::Channel;
+use crate::configuration::Configuration;
+use crate::message::{Mode, ModeRange};
+
+pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
+    check_arm(configuration, findings);
+    if configuration.ranges.of(Mode::Angle).next().is_none() {
+        findings.add(
+            "angle-mode",
+            "sticks would be rates: nothing keeps it level",
+            "no range for ANGLE",
+            "aux 1 1 1 1300 2100 0 0",
+        );
+    }
+    if mode == ReceiverMode::Override {
+        check_override(configuration, findings);
+    }
+}
+
+fn check_arm(configuration: &Configuration, findings: &mut Findings) {
+    let set = "aux 0 0 0 1700 2100 0 0";
+    let ranges: Vec<ModeRange> = configuration.ranges.of(Mode::Arm).collect();
+    if ranges.is_empty() {
+        findings.add(
+            "arm-mode",
+            "sticks alone arm and disarm",
+            "no range for ARM",
+            set,
+        );
+    }
+    if ranges.len() > 1 {
+        findings.add(
+            "arm-mode",
+            "several switches arm",
+            format!("{} ranges for ARM", ranges.len()),
+            "delete all but one: aux PLACE 0 0 900 900 0 0",
+        );
+    }
+    for range in ranges {
+        if range.first_us() <= Channel::CENTRE.us() {
+            findings.add(
+                "arm-range",
+                "a switch that is off or centred arms",
+                format!("ARM from {} µs on", range.first_us()),
+                set,
+            );
+        } else if range.end_us() <= Channel::HIGH.us() {
+            findings.add(
+                "arm-range",
+                "a switch that is fully on disarms",
+                format!("ARM below {} µs", range.end_us()),
+                set,
+            );
+        }
+    }
+}
+
+fn check_override(configuration: &Configuration, findings: &mut Findings) {
+    if configuration.ranges.of(Mode::MspOverride).next().is_none() {
+        findings.add(
+            "override-mode",
+            "no switch of the pilot gives MSP the sticks, or takes them back",
+            "no range for MSP OVERRIDE",
+            "aux 2 50 2 1700 2100 0 0",
+        );
+    }
+    let Some(settings) = configuration.override_settings else {
+        return;
+    };
+    for range in configuration.ranges.of(Mode::Arm) {
+        let bit = 1 << channel_of_aux(range.aux);
+        if settings.mask & bit != 0 {
+            findings.add(
+                "override-arm",
+                "MSP replaces the pilot's ARM",
+                format!(
+                    "ARM on AUX{}, msp_override_channels_mask = {}",
+                    range.aux + 1,
+                    settings.mask
+                ),
+                format!("set msp_override_channels_mask = {}", settings.mask & !bit),
+            );
+        }
+    }
+}

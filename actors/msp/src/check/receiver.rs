@@ -1,0 +1,148 @@
+//! Firmware, receiver, override.
+
+use super::{Findings, ReceiverMode};
+use crate::channels::Channel;
+use crate::configuration::{Configuration, OverrideSettings};
+use crate::message::{FeatureConfig, Mode, RxMap};
+
+/// The receiver's channels of the four sticks in a mask.
+const STICKS: u32 = 0b1111;
+
+pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
+    check_firmware(configuration, findings);
+    check_channels(configuration, findings);
+    let is_sole = configuration.features.has(FeatureConfig::RX_MSP);
+    match mode {
+        ReceiverMode::Sole if !is_sole => findings.add(
+            "receiver",
+            "MSP is not the receiver",
+            "feature RX_MSP is off",
+            "feature RX_MSP",
+        ),
+        ReceiverMode::Sole => {}
+        ReceiverMode::Override => check_override(configuration, is_sole, findings),
+    }
+}
+
+fn check_firmware(configuration: &Configuration, findings: &mut Findings) {
+    let identity = &configuration.identity;
+    if identity.variant.variant.0 != *b"BTFL" {
+        findings.add(
+            "firmware",
+            "these rules are for Betaflight",
+            identity.variant.variant,
+            "flash Betaflight",
+        );
+    }
+}
+
+fn check_channels(configuration: &Configuration, findings: &mut Findings) {
+    if configuration.map != RxMap::AETR {
+        findings.add(
+            "map",
+            "sticks would be taken for others",
+            format!("map {}", configuration.map.letters()),
+            "map AETR1234",
+        );
+    }
+    let receiver = &configuration.receiver;
+    if receiver.rx_min_us > Channel::LOW.us() {
+        findings.add(
+            "rx_min_usec",
+            "a closed throttle counts as a lost receiver",
+            receiver.rx_min_us,
+            "set rx_min_usec = 885",
+        );
+    }
+    if receiver.rx_max_us < Channel::HIGH.us() {
+        findings.add(
+            "rx_max_usec",
+            "a full stick counts as a lost receiver",
+            receiver.rx_max_us,
+            "set rx_max_usec = 2115",
+        );
+    }
+    if !(1_010..=1_200).contains(&receiver.min_check_us) {
+        findings.add(
+            "min_check",
+            "a throttle of 1000 µs must count as closed, one of 1200 µs must not",
+            receiver.min_check_us,
+            "set min_check = 1050",
+        );
+    }
+}
+
+fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut Findings) {
+    if is_sole {
+        findings.add(
+            "receiver",
+            "no pilot can take over",
+            "feature RX_MSP is on",
+            "feature -RX_MSP\nfeature RX_SERIAL",
+        );
+    }
+    let pilots = [
+        FeatureConfig::RX_SERIAL,
+        FeatureConfig::RX_PPM,
+        FeatureConfig::RX_PARALLEL_PWM,
+        FeatureConfig::RX_SPI,
+    ];
+    if !is_sole && !pilots.iter().any(|it| configuration.features.has(*it)) {
+        findings.add(
+            "receiver",
+            "there is no pilot's receiver",
+            "no feature RX_… is on",
+            "feature RX_SERIAL",
+        );
+    }
+    let identity = &configuration.identity;
+    if !identity.override_falls_back() {
+        findings.add(
+            "override-fallback",
+            "it holds the last override for ever if the sender dies",
+            format!("Betaflight {}", identity.version),
+            "flash Betaflight 2026.6 or newer",
+        );
+    }
+    match configuration.override_settings {
+        Some(settings) => check_override_settings(settings, findings),
+        None if identity.boxes.modes.contains(&Mode::MspOverride) => findings.add(
+            "override-unread",
+            "only the command line has the override's settings",
+            "not read",
+            "muster fc check --cli",
+        ),
+        None => add_no_override("the mode MSP OVERRIDE is absent", findings),
+    }
+}
+
+fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) {
+    let OverrideSettings { mask, failsafe } = settings;
+    if mask == 0 {
+        add_no_override("msp_override_channels_mask = 0", findings);
+    } else if mask & STICKS != STICKS {
+        findings.add(
+            "override-mask",
+            "MSP does not replace all four sticks",
+            format!("msp_override_channels_mask = {mask}"),
+            format!("set msp_override_channels_mask = {}", mask | STICKS),
+        );
+    }
+    if failsafe {
+        findings.add(
+            "override-failsafe",
+            "nobody notices that the pilot's receiver is lost",
+            "msp_override_failsafe = ON",
+            "set msp_override_failsafe = OFF",
+        );
+    }
+}
+
+fn add_no_override(found: &'static str, findings: &mut Findings) {
+    findings.add(
+        "override-mask",
+        "MSP replaces no channel",
+        found,
+        format!("set msp_override_channels_mask = {STICKS}"),
+    );
+}

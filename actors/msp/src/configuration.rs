@@ -1,0 +1,188 @@
+//! What of a controller's configuration decides whether it is fit to fly.
+
+use crate::field::Payload;
+use crate::message::{
+    AdvancedConfig, ApiVersion, ArmingConfig, BatteryConfig, BoardInfo, BoxIds, CfSerialConfig,
+    Decode, Encode, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, Message, ModeRanges,
+    RxConfig, RxFailConfig, RxMap,
+};
+
+/// Something that a controller can be asked through.
+pub trait Ask {
+    /// Why there is no answer.
+    type Error;
+
+    /// Sends a request, and waits for the message that answers it.
+    ///
+    /// # Errors
+    /// If there is no answer, or none that is the message.
+    fn ask<Q: Encode, M: Decode>(&mut self, request: &Q) -> Result<M, Self::Error>;
+}
+
+/// A request for a message: no payload.
+struct For<M>(std::marker::PhantomData<M>);
+
+impl<M: Message> Message for For<M> {
+    const COMMAND: u16 = M::COMMAND;
+    const NAME: &'static str = M::NAME;
+}
+
+impl<M: Message> Encode for For<M> {
+    fn encode(&self, _: &mut Payload) {}
+}
+
+/// Asks for a message that needs no parameter.
+///
+/// # Errors
+/// Those of [`Ask::ask`].
+pub fn ask<M: Decode, A: Ask>(controller: &mut A) -> Result<M, A::Error> {
+    controller.ask(&For::<M>(std::marker::PhantomData))
+}
+
+/// A request for the modes from the 32nd on.
+struct FurtherBoxIds;
+
+impl Message for FurtherBoxIds {
+    const COMMAND: u16 = BoxIds::COMMAND;
+    const NAME: &'static str = BoxIds::NAME;
+}
+
+impl Encode for FurtherBoxIds {
+    fn encode(&self, to: &mut Payload) {
+        to.write(&[1]);
+    }
+}
+
+/// Modes on a page of [`BoxIds`].
+const BOXES_A_PAGE: usize = 32;
+
+/// Who the controller is.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Identity {
+    /// Version of the protocol.
+    pub api: ApiVersion,
+    /// Name of the firmware.
+    pub variant: FcVariant,
+    /// Version of the firmware.
+    pub version: FcVersion,
+    /// The board.
+    pub board: BoardInfo,
+    /// Its modes.
+    pub boxes: BoxIds,
+}
+
+impl Identity {
+    /// Asks who it is: five or six requests.
+    ///
+    /// # Errors
+    /// Those of [`Ask::ask`].
+    pub fn read<A: Ask>(controller: &mut A) -> Result<Self, A::Error> {
+        Ok(Self {
+            api: ask(controller)?,
+            variant: ask(controller)?,
+            version: ask(controller)?,
+            board: ask(controller)?,
+            boxes: read_boxes(controller)?,
+        })
+    }
+
+    /// Whether overridden channels fall back to the pilot's receiver 300 ms after the last `MSP_SET_RAW_RC`: Betaflight 2026.6
+    /// and newer. Older firmware holds them for ever.
+    #[must_use]
+    pub fn override_falls_back(&self) -> bool {
+        self.variant.variant.0 == *b"BTFL" && self.version.release() >= (26, 6)
+    }
+}
+
+fn read_boxes<A: Ask>(controller: &mut A) -> Result<BoxIds, A::Error> {
+    let mut boxes: BoxIds = ask(controller)?;
+    if boxes.modes.len() == BOXES_A_PAGE {
+        let further: BoxIds = controller.ask(&FurtherBoxIds)?;
+        boxes.modes.extend(further.modes);
+    }
+    Ok(boxes)
+}
+
+/// A controller's configuration.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Configuration {
+    /// Who it is.
+    pub identity: Identity,
+    /// Features.
+    pub features: FeatureConfig,
+    /// Order of channels.
+    pub map: RxMap,
+    /// Receiver.
+    pub receiver: RxConfig,
+    /// Channels without a receiver.
+    pub lost: RxFailConfig,
+    /// What a lost receiver leads to.
+    pub failsafe: FailsafeConfig,
+    /// What activates the modes.
+    pub ranges: ModeRanges,
+    /// Arming.
+    pub arming: ArmingConfig,
+    /// Battery.
+    pub battery: BatteryConfig,
+    /// Serial ports.
+    pub serial: CfSerialConfig,
+    /// Motors.
+    pub motors: AdvancedConfig,
+    /// What only the command line tells; `None` if it wasn't asked.
+    pub override_settings: Option<OverrideSettings>,
+}
+
+impl Configuration {
+    /// Asks for all of it but the override's settings: 15 or 16 requests.
+    ///
+    /// # Errors
+    /// Those of [`Ask::ask`].
+    pub fn read<A: Ask>(controller: &mut A) -> Result<Self, A::Error> {
+        Ok(Self {
+            identity: Identity::read(controller)?,
+            features: ask(controller)?,
+            map: ask(controller)?,
+            receiver: ask(controller)?,
+            lost: ask(controller)?,
+            failsafe: ask(controller)?,
+            ranges: ask(controller)?,
+            arming: ask(controller)?,
+            battery: ask(controller)?,
+            serial: ask(controller)?,
+            motors: ask(controller)?,
+            override_settings: None,
+        })
+    }
+}
+
+/// Settings of the mode MSP OVERRIDE. Up to Betaflight 4.6 no message has them, only the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OverrideSettings {
+    /// `msp_override_channels_mask`: which of the receiver's channels MSP replaces; bit 0 is the first.
+    pub mask: u32,
+    /// `msp_override_failsafe`: whether MSP alone counts as a receiver, so that a lost pilot's receiver goes unnoticed.
+    pub failsafe: bool,
+}
+
+impl OverrideSettings {
+    /// The settings, by their names on the command line.
+    pub const NAMES: [&'static str; 2] = ["msp_override_channels_mask", "msp_override_failsafe"];
+
+    /// From the answers of the command line's `get`, which have lines such as `msp_override_channels_mask = 15`. `None` if
+    /// one is missing: the firmware has no override.
+    #[must_use]
+    pub fn from_answers(answers: &str) -> Option<Self> {
+        let [mask, failsafe] = Self::NAMES.map(|name| value(answers, name));
+        Some(Self {
+            mask: mask?.parse().ok()?,
+            failsafe: failsafe? == "ON",
+        })
+    }
+}
+
+fn value<'a>(answers: &'a str, name: &str) -> Option<&'a str> {
+    answers.lines().find_map(|line| {
+        let (left, right) = line.split_once('=')?;
+        (left.trim() == name).then(|| right.trim())
+    })
+}

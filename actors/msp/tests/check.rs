@@ -1,0 +1,379 @@
+//! Each rule finds the one setting that breaks it, and nothing else; a safe configuration breaks none.
+
+use muster_msp::check::{Finding, ReceiverMode, check};
+use muster_msp::{
+    AdvancedConfig, Ask, BatteryConfig, CellLimits, CfSerialConfig, Configuration, Decode, Decoder,
+    Encode, FailsafeConfig, FailsafeProcedure, FcVersion, FeatureConfig, Identity, Letters, Mode,
+    ModeRange, ModeRanges, MotorProtocol, OverrideSettings, RxConfig, RxFail, RxFailConfig,
+    RxFailMode, RxMap, SerialPort, Version, order,
+};
+use serde::Deserialize;
+
+fn range(mode: Mode, aux: u8, first_us: u16, end_us: u16) -> ModeRange {
+    let step = |us: u16| u8::try_from((us - 900) / 25).expect("a mode's step");
+    ModeRange {
+        mode,
+        aux,
+        first_step: step(first_us),
+        end_step: step(end_us),
+    }
+}
+
+fn lost(mode: RxFailMode, value_us: u16) -> RxFail {
+    RxFail { mode, value_us }
+}
+
+fn port(identifier: u8, functions: u16, msp_speed: u8) -> SerialPort {
+    SerialPort {
+        identifier,
+        functions,
+        msp_speed,
+        ..SerialPort::default()
+    }
+}
+
+/// A safe craft that MSP alone flies.
+fn sole() -> Configuration {
+    let mut identity = Identity::default();
+    identity.variant.variant = Letters(*b"BTFL");
+    identity.version = FcVersion {
+        major: 4,
+        minor: 6,
+        ..FcVersion::default()
+    };
+    identity.board.board = Letters(*b"S405");
+    let mut channels = vec![lost(RxFailMode::Auto, 1500); 4];
+    channels.resize(18, lost(RxFailMode::Hold, 1500));
+    Configuration {
+        identity,
+        features: FeatureConfig {
+            features: FeatureConfig::RX_MSP,
+        },
+        map: RxMap::AETR,
+        receiver: RxConfig {
+            min_check_us: 1050,
+            max_check_us: 1900,
+            rx_min_us: 885,
+            rx_max_us: 2115,
+            ..RxConfig::default()
+        },
+        lost: RxFailConfig { channels },
+        failsafe: FailsafeConfig {
+            delay_ds: 10,
+            landing_s: 60,
+            throttle_us: 1400,
+            throttle_low_delay_ds: 100,
+            procedure: FailsafeProcedure::AutoLand,
+            ..FailsafeConfig::default()
+        },
+        ranges: ModeRanges {
+            ranges: vec![
+                range(Mode::Arm, 0, 1700, 2100),
+                range(Mode::Angle, 1, 1300, 2100),
+                ModeRange::default(),
+            ],
+        },
+        battery: BatteryConfig {
+            voltage_source: 1,
+            limits: Some(CellLimits {
+                min_cv: 330,
+                max_cv: 430,
+                warning_cv: 350,
+            }),
+            ..BatteryConfig::default()
+        },
+        serial: CfSerialConfig {
+            ports: vec![port(20, 1, 5), port(51, 1, 5), port(52, 64, 0)],
+        },
+        motors: AdvancedConfig {
+            motor_protocol: MotorProtocol::Dshot300,
+            ..AdvancedConfig::default()
+        },
+        ..Configuration::default()
+    }
+}
+
+/// A safe craft with a pilot's receiver.
+fn overridden() -> Configuration {
+    let mut craft = sole();
+    craft.features.features = FeatureConfig::RX_SERIAL;
+    craft.identity.version = FcVersion {
+        major: 26,
+        minor: 6,
+        ..FcVersion::default()
+    };
+    craft.identity.boxes.modes = vec![Mode::Arm, Mode::Angle, Mode::MspOverride];
+    craft
+        .ranges
+        .ranges
+        .push(range(Mode::MspOverride, 2, 1700, 2100));
+    craft.override_settings = Some(OverrideSettings {
+        mask: 15,
+        failsafe: false,
+    });
+    craft
+}
+
+fn rules(findings: &[Finding]) -> Vec<&'static str> {
+    findings.iter().map(|it| it.rule).collect()
+}
+
+#[test]
+fn a_safe_configuration_breaks_no_rule() {
+    assert_eq!(check(&sole(), ReceiverMode::Sole), []);
+    assert_eq!(check(&overridden(), ReceiverMode::Override), []);
+}
+
+/// A change of a configuration.
+type Change = fn(&mut Configuration);
+
+const SOLE: [(&str, Change); 24] = [
+    ("firmware", |it| {
+        it.identity.variant.variant = Letters(*b"INAV");
+    }),
+    ("receiver", |it| {
+        it.features.features = FeatureConfig::RX_SERIAL;
+    }),
+    ("map", |it| {
+        it.map.map = [1, 2, 3, 0, 4, 5, 6, 7];
+    }),
+    ("rx_min_usec", |it| {
+        it.receiver.rx_min_us = 1005;
+    }),
+    ("rx_max_usec", |it| {
+        it.receiver.rx_max_us = 1995;
+    }),
+    ("min_check", |it| {
+        it.receiver.min_check_us = 1000;
+    }),
+    ("failsafe-procedure", |it| {
+        it.failsafe.procedure = FailsafeProcedure::Drop;
+    }),
+    ("failsafe-procedure", |it| {
+        it.failsafe.procedure = FailsafeProcedure::GpsRescue;
+    }),
+    ("failsafe-throttle", |it| {
+        it.failsafe.throttle_us = 1000;
+    }),
+    ("failsafe-throttle", |it| {
+        it.failsafe.throttle_us = 1800;
+    }),
+    ("failsafe-landing-time", |it| {
+        it.failsafe.landing_s = 3;
+    }),
+    ("failsafe-throttle-low-delay", |it| {
+        it.failsafe.throttle_low_delay_ds = 5;
+    }),
+    ("failsafe-delay", |it| {
+        it.failsafe.delay_ds = 15;
+    }),
+    ("failsafe-delay", |it| {
+        it.failsafe.delay_ds = 1;
+    }),
+    ("rxfail-stick", |it| {
+        it.lost.channels[1].mode = RxFailMode::Hold;
+    }),
+    ("rxfail-throttle", |it| {
+        it.lost.channels[3].mode = RxFailMode::Hold;
+    }),
+    ("rxfail-throttle", |it| {
+        it.lost.channels[3] = lost(RxFailMode::Set, 1900);
+    }),
+    ("rxfail-arm", |it| {
+        it.lost.channels[4] = lost(RxFailMode::Set, 1000);
+    }),
+    ("rxfail-arm", |it| {
+        it.lost.channels[4] = lost(RxFailMode::Set, 1800);
+    }),
+    ("arm-mode", |it| {
+        it.ranges.ranges.remove(0);
+    }),
+    ("arm-mode", |it| {
+        it.ranges.ranges.push(range(Mode::Arm, 3, 1700, 2100));
+    }),
+    ("arm-range", |it| {
+        it.ranges.ranges[0] = range(Mode::Arm, 0, 1300, 2100);
+    }),
+    ("arm-range", |it| {
+        it.ranges.ranges[0] = range(Mode::Arm, 0, 1700, 1900);
+    }),
+    ("angle-mode", |it| {
+        it.ranges.ranges.remove(1);
+    }),
+];
+
+const OF_ANY_CRAFT: [(&str, Change); 11] = [
+    ("small-angle", |it| {
+        it.arming.small_angle_deg = 180;
+    }),
+    ("accelerometer", |it| {
+        it.identity.board.problems = Some(1);
+    }),
+    ("motor-stop", |it| {
+        it.features.features |= FeatureConfig::MOTOR_STOP;
+    }),
+    ("reversible", |it| {
+        it.features.features |= FeatureConfig::REVERSIBLE;
+    }),
+    ("motor-protocol", |it| {
+        it.motors.motor_protocol = MotorProtocol::Disabled;
+    }),
+    ("battery-meter", |it| {
+        it.battery.voltage_source = 0;
+    }),
+    ("battery-min", |it| {
+        cell(it).min_cv = 250;
+    }),
+    ("battery-max", |it| {
+        cell(it).max_cv = 500;
+    }),
+    ("battery-warning", |it| {
+        cell(it).warning_cv = 330;
+    }),
+    ("serial-speed", |it| {
+        it.serial.ports[1].msp_speed = 4;
+    }),
+    ("serial-speed", |it| {
+        it.serial.ports[1].msp_speed = 0;
+    }),
+];
+
+const OVERRIDDEN: [(&str, Change); 10] = [
+    ("receiver", |it| {
+        it.features.features |= FeatureConfig::RX_MSP;
+    }),
+    ("receiver", |it| {
+        it.features.features = 0;
+    }),
+    ("override-fallback", |it| {
+        it.identity.version.major = 25;
+    }),
+    ("override-fallback", |it| {
+        it.identity.version = FcVersion {
+            major: 4,
+            minor: 6,
+            ..FcVersion::default()
+        };
+    }),
+    ("override-unread", |it| {
+        it.override_settings = None;
+    }),
+    ("override-mask", |it| {
+        settings(it).mask = 0;
+    }),
+    ("override-mask", |it| {
+        settings(it).mask = 7;
+    }),
+    ("override-failsafe", |it| {
+        settings(it).failsafe = true;
+    }),
+    ("override-mode", |it| {
+        it.ranges.ranges.pop();
+    }),
+    ("override-arm", |it| {
+        settings(it).mask = 31;
+    }),
+];
+
+fn cell(craft: &mut Configuration) -> &mut CellLimits {
+    craft.battery.limits.as_mut().expect("the craft has them")
+}
+
+fn settings(craft: &mut Configuration) -> &mut OverrideSettings {
+    craft
+        .override_settings
+        .as_mut()
+        .expect("the craft has them")
+}
+
+#[test]
+fn each_unsafe_setting_is_found_alone() {
+    let cases = [
+        (sole as fn() -> Configuration, ReceiverMode::Sole, &SOLE[..]),
+        (sole, ReceiverMode::Sole, &OF_ANY_CRAFT),
+        (overridden, ReceiverMode::Override, &OVERRIDDEN),
+        (overridden, ReceiverMode::Override, &OF_ANY_CRAFT),
+    ];
+    for (craft, mode, changes) in cases {
+        for (rule, change) in changes {
+            let mut craft = craft();
+            change(&mut craft);
+            let findings = check(&craft, mode);
+            assert_eq!(rules(&findings), [*rule], "{mode}: {findings:?}");
+            assert!(!findings[0].set.is_empty());
+        }
+    }
+}
+
+#[test]
+fn the_mode_is_what_the_controller_is_configured_for() {
+    assert_eq!(ReceiverMode::of(&sole()), ReceiverMode::Sole);
+    assert_eq!(ReceiverMode::of(&overridden()), ReceiverMode::Override);
+}
+
+#[test]
+fn settings_are_found_among_the_command_lines_answers() {
+    let answers = "# get msp_override_channels_mask\r\nmsp_override_channels_mask = 47\r\nAllowed range: 0 - 262143\r\n\
+                   \r\n# get msp_override_failsafe\r\nmsp_override_failsafe = ON\r\nAllowed values: OFF, ON\r\n";
+    assert_eq!(
+        OverrideSettings::from_answers(answers),
+        Some(OverrideSettings {
+            mask: 47,
+            failsafe: true
+        })
+    );
+    assert_eq!(OverrideSettings::from_answers("###ERROR###"), None);
+}
+
+#[derive(Deserialize)]
+struct Golden {
+    frame: Vec<Row>,
+}
+
+#[derive(Deserialize)]
+struct Row {
+    source: String,
+    hex: String,
+}
+
+/// Betaflight's simulation as it comes from the factory: it answers what was recorded.
+struct Recorded;
+
+impl Ask for Recorded {
+    type Error = &'static str;
+
+    fn ask<Q: Encode, M: Decode>(&mut self, request: &Q) -> Result<M, Self::Error> {
+        let golden: Golden = toml::from_str(include_str!("data/golden.toml")).expect("TOML");
+        let mut sent = Vec::new();
+        order(Version::V1, request, &mut sent).expect("short enough");
+        let mut found = None;
+        for row in golden.frame.iter().filter(|it| it.source == "betaflight") {
+            let byte = |it| u8::from_str_radix(it, 16).expect("hex");
+            let bytes: Vec<u8> = row.hex.split(' ').map(byte).collect();
+            let is_reply = bytes[2] == b'>';
+            Decoder::default().read(&bytes, |frame| {
+                if is_reply && found.is_none() && frame.command == M::COMMAND {
+                    found = M::decode(frame.payload).ok();
+                }
+            });
+        }
+        found.ok_or(M::NAME)
+    }
+}
+
+#[test]
+fn betaflights_defaults_are_unfit_for_these_reasons() {
+    let craft = Configuration::read(&mut Recorded).expect("all of it was recorded");
+    assert!(craft.identity.board.is_simulation());
+    assert_eq!(craft.identity.version.to_string(), "4.6.0");
+    let findings = check(&craft, ReceiverMode::of(&craft));
+    assert_eq!(
+        rules(&findings),
+        [
+            "failsafe-procedure",
+            "failsafe-delay",
+            "arm-mode",
+            "angle-mode"
+        ]
+    );
+}

@@ -1,0 +1,234 @@
+//! Properties of the decoder on any stream of bytes.
+
+use muster_msp::{Decoder, Direction, FRAME_MAX, Frame, PAYLOAD_MAX, Version, encode};
+use proptest::prelude::*;
+
+/// A frame that owns its payload.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Owned {
+    version: Version,
+    direction: Direction,
+    command: u16,
+    flag: u8,
+    payload: Vec<u8>,
+}
+
+impl Owned {
+    fn from(frame: Frame<'_>) -> Self {
+        Self {
+            version: frame.version,
+            direction: frame.direction,
+            command: frame.command,
+            flag: frame.flag,
+            payload: frame.payload.to_vec(),
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let frame = Frame {
+            version: self.version,
+            direction: self.direction,
+            command: self.command,
+            flag: self.flag,
+            payload: &self.payload,
+        };
+        let mut out = Vec::new();
+        encode(&frame, &mut out).expect("it can be written");
+        out
+    }
+}
+
+/// Frames of one decoder, which must never hold more than a frame.
+fn read(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Owned> {
+    let mut frames = Vec::new();
+    for piece in bytes.chunks(64) {
+        decoder.read(piece, |frame| frames.push(Owned::from(frame)));
+        assert!(decoder.held() <= FRAME_MAX);
+    }
+    frames
+}
+
+fn any_frame() -> impl Strategy<Value = Owned> {
+    let version = prop_oneof![
+        Just(Version::V1),
+        Just(Version::V2),
+        Just(Version::V2OverV1)
+    ];
+    let direction = prop_oneof![
+        Just(Direction::Request),
+        Just(Direction::Reply),
+        Just(Direction::Error)
+    ];
+    let payload = prop_oneof![
+        8 => prop::collection::vec(any::<u8>(), 0..40),
+        1 => prop::collection::vec(any::<u8>(), 240..=PAYLOAD_MAX),
+    ];
+    (version, direction, any::<u16>(), any::<u8>(), payload).prop_map(
+        |(version, direction, command, flag, payload)| {
+            let is_v1 = version == Version::V1;
+            Owned {
+                version,
+                direction,
+                command: if is_v1 { command % 255 } else { command },
+                flag: if is_v1 { 0 } else { flag },
+                payload,
+            }
+        },
+    )
+}
+
+/// Noise made to mislead: much of it looks like a header.
+fn any_noise() -> impl Strategy<Value = Vec<u8>> {
+    let piece = prop_oneof![
+        4 => any::<u8>().prop_map(|it| vec![it]),
+        1 => Just(b"$".to_vec()),
+        1 => Just(b"$M<".to_vec()),
+        1 => Just(b"$M>".to_vec()),
+        1 => Just(b"$X<".to_vec()),
+        1 => Just(b"$M<\xff".to_vec()),
+        1 => any::<u8>().prop_map(|size| vec![b'$', b'M', b'>', size]),
+    ];
+    prop::collection::vec(piece, 0..12).prop_map(|pieces| pieces.concat())
+}
+
+/// Whether `part` is in `whole`, in order.
+fn is_subsequence(part: &[Owned], whole: &[Owned]) -> bool {
+    let mut rest = whole.iter();
+    part.iter().all(|frame| rest.any(|it| it == frame))
+}
+
+proptest! {
+    #[test]
+    fn any_frame_round_trips_in_every_version(frame in any_frame()) {
+        let mut decoder = Decoder::default();
+        let bytes = frame.bytes();
+        prop_assert!(bytes.len() <= FRAME_MAX);
+        prop_assert_eq!(read(&mut decoder, &bytes), vec![frame]);
+        prop_assert_eq!(decoder.held(), 0);
+        prop_assert_eq!(decoder.counts().noise_bytes, 0);
+    }
+
+    #[test]
+    fn every_byte_is_in_a_frame_or_counted_as_noise(bytes in prop::collection::vec(any_noise(), 0..60)) {
+        let bytes = bytes.concat();
+        let mut decoder = Decoder::default();
+        let mut in_frames = 0;
+        for frame in read(&mut decoder, &bytes) {
+            in_frames += frame.bytes().len() as u64;
+        }
+        decoder.abandon(|frame| in_frames += Owned::from(frame).bytes().len() as u64);
+        prop_assert_eq!(decoder.held(), 0);
+        prop_assert_eq!(in_frames + decoder.counts().noise_bytes, bytes.len() as u64);
+    }
+
+    #[test]
+    fn any_split_of_a_stream_decodes_alike(
+        pieces in prop::collection::vec((any_noise(), any_frame()), 1..6),
+        splits in prop::collection::vec(1_usize..200, 1..40),
+    ) {
+        let stream: Vec<u8> = pieces.iter().flat_map(|(noise, frame)| [noise.clone(), frame.bytes()].concat()).collect();
+        let mut at_once = Vec::new();
+        let mut first = Decoder::default();
+        first.read(&stream, |frame| at_once.push(Owned::from(frame)));
+        let mut in_pieces = Vec::new();
+        let mut second = Decoder::default();
+        let mut rest = &stream[..];
+        for length in splits.iter().cycle() {
+            let (piece, after) = rest.split_at((*length).min(rest.len()));
+            second.read(piece, |frame| in_pieces.push(Owned::from(frame)));
+            rest = after;
+            if rest.is_empty() {
+                break;
+            }
+        }
+        prop_assert_eq!(at_once, in_pieces);
+        prop_assert_eq!(first.counts(), second.counts());
+    }
+
+    /// A false header can hide a frame only if its own checksum happens to be right: then a frame more than was sent is read.
+    #[test]
+    fn noise_between_frames_costs_no_frame_that_is_whole(
+        pieces in prop::collection::vec((any_noise(), any_frame()), 1..8),
+    ) {
+        let sent: Vec<Owned> = pieces.iter().map(|(_, frame)| frame.clone()).collect();
+        let stream: Vec<u8> = pieces.iter().flat_map(|(noise, frame)| [noise.clone(), frame.bytes()].concat()).collect();
+        let mut decoder = Decoder::default();
+        let mut read = read(&mut decoder, &stream);
+        decoder.abandon(|frame| read.push(Owned::from(frame)));
+        let invented = read.iter().filter(|it| !sent.contains(it)).count();
+        prop_assert!(is_subsequence(&sent, &read) || invented > 0, "sent {sent:?}, read {read:?}");
+    }
+
+    /// A wrong byte is found by either checksum: no altered frame is ever taken for the one that was sent.
+    #[test]
+    fn one_altered_byte_never_yields_an_altered_frame(
+        frame in any_frame(),
+        place in any::<prop::sample::Index>(),
+        change in 1_u8..,
+    ) {
+        let mut bytes = frame.bytes();
+        let place = 3 + place.index(bytes.len() - 3);
+        bytes[place] ^= change;
+        let mut decoder = Decoder::default();
+        let mut all = read(&mut decoder, &bytes);
+        decoder.abandon(|frame| all.push(Owned::from(frame)));
+        // What lies inside the payload may be a frame of its own; the frame as a whole is refused.
+        let whole = all.iter().any(|it| it.bytes().len() == bytes.len());
+        prop_assert!(!whole, "{all:?}");
+    }
+}
+
+/// A `$M<` that is noise claims the frames after it; they come once its checksum turns out wrong.
+#[test]
+fn a_false_header_costs_no_later_frame() {
+    let frame = Owned {
+        version: Version::V1,
+        direction: Direction::Reply,
+        command: 108,
+        flag: 0,
+        payload: vec![0; 6],
+    };
+    for size in 0..=255 {
+        let mut stream = vec![b'$', b'M', b'<', size];
+        for _ in 0..40 {
+            stream.extend(frame.bytes());
+        }
+        let mut decoder = Decoder::default();
+        let mut all = read(&mut decoder, &stream);
+        decoder.abandon(|frame| all.push(Owned::from(frame)));
+        all.retain(|it| *it == frame);
+        assert_eq!(all.len(), 40, "size {size}: {:?}", decoder.counts());
+    }
+}
+
+#[test]
+fn a_bad_checksum_costs_no_later_frame() {
+    let mut stream = b"$M>\x06\x6c\0\0\0\0\0\0\x6b".to_vec();
+    stream.extend(b"$M>\x06\x6c\0\0\0\0\0\0\x6a");
+    let mut decoder = Decoder::default();
+    assert_eq!(read(&mut decoder, &stream).len(), 1);
+    let counts = decoder.counts();
+    assert_eq!(
+        (counts.frames, counts.bad_checksum, counts.noise_bytes),
+        (1, 1, 12)
+    );
+}
+
+#[test]
+fn a_frame_behind_a_false_header_comes_when_the_line_is_silent() {
+    let stream = b"$M<\xc0\x01$M>\x00\xc8\xc8";
+    let mut decoder = Decoder::default();
+    assert_eq!(read(&mut decoder, stream), []);
+    let mut late = Vec::new();
+    decoder.abandon(|frame| late.push(frame.command));
+    assert_eq!(late, [200]);
+    assert_eq!(decoder.counts().abandoned, 1);
+}
+
+#[test]
+fn a_claimed_size_over_the_limit_is_refused_at_once() {
+    let mut decoder = Decoder::default();
+    assert_eq!(read(&mut decoder, b"$X>\0\x6c\0\xff\xff"), []);
+    assert_eq!(read(&mut decoder, b"$M>\xff\x74\xff\xff"), []);
+    assert_eq!((decoder.held(), decoder.counts().bad_size), (0, 2));
+}

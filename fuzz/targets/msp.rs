@@ -1,0 +1,101 @@
+//! A flight controller's bytes: any are frames or noise, in any pieces alike, within the decoder's limit. Any payload is a
+//! message or refused, and what is written again is read alike.
+
+use std::fmt::Debug;
+
+use muster_msp::{
+    AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude, BatteryConfig,
+    BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, CompGps, Decode, Decoder, Encode,
+    FRAME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges, Motor, Name,
+    OpticFlow, RangefinderSample, RawGps, RawImu, Rc, Reboot, ReceivedMotors, ReceivedRc, RxConfig,
+    RxFailConfig, RxMap, Sonar, Status, StatusEx, Uid, Version, encode, reply,
+};
+
+/// The pieces in which the stream is read once more, in bytes.
+const PIECE: usize = 7;
+
+pub(crate) fn run(bytes: &[u8]) {
+    let at_once = read(bytes, bytes.len().max(1));
+    assert_eq!(at_once, read(bytes, PIECE));
+    for frame in &at_once {
+        read_payload(&frame[..]);
+    }
+    read_payload(bytes);
+}
+
+/// Payloads of all frames.
+fn read(bytes: &[u8], piece: usize) -> Vec<Vec<u8>> {
+    let mut decoder = Decoder::default();
+    let (mut payloads, mut in_frames) = (Vec::new(), 0);
+    let mut take = |frame: muster_msp::Frame<'_>| {
+        let mut written = Vec::new();
+        encode(&frame, &mut written).expect("a frame that was read can be written");
+        in_frames += written.len() as u64;
+        payloads.push(frame.payload.to_vec());
+    };
+    for piece in bytes.chunks(piece) {
+        decoder.read(piece, &mut take);
+        assert!(decoder.held() <= FRAME_MAX);
+    }
+    decoder.abandon(&mut take);
+    // A frame may be written shorter than it was: a jumbo frame that needs to be none.
+    assert!(in_frames + decoder.counts().noise_bytes <= bytes.len() as u64);
+    payloads
+}
+
+fn read_payload(payload: &[u8]) {
+    let _ = (ReceivedRc::decode(payload), ReceivedMotors::decode(payload));
+    macro_rules! all {
+        ($($message:ident),* $(,)?) => { $( again::<$message>(payload); )* };
+    }
+    all!(
+        ApiVersion,
+        FcVariant,
+        FcVersion,
+        BoardInfo,
+        Uid,
+        Name,
+        Status,
+        StatusEx,
+        RawImu,
+        Motor,
+        Rc,
+        RawGps,
+        CompGps,
+        Attitude,
+        Altitude,
+        Analog,
+        BatteryState,
+        BatteryConfig,
+        BoxIds,
+        BoxNames,
+        ModeRanges,
+        RxMap,
+        RxConfig,
+        FailsafeConfig,
+        RxFailConfig,
+        FeatureConfig,
+        CfSerialConfig,
+        AdvancedConfig,
+        Sonar,
+        ArmingConfig,
+        RangefinderSample,
+        OpticFlow,
+        Reboot,
+    );
+}
+
+/// What is read, written and read again is the same.
+fn again<M: Decode + Encode + Debug + PartialEq>(payload: &[u8]) {
+    let Ok(message) = M::decode(payload) else {
+        return;
+    };
+    let mut written = Vec::new();
+    if reply(Version::V2, &message, &mut written).is_err() {
+        // Longer than a frame may be.
+        return;
+    }
+    let mut read = None;
+    Decoder::default().read(&written, |frame| read = M::decode(frame.payload).ok());
+    assert_eq!(read.as_ref(), Some(&message));
+}

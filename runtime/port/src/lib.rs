@@ -1,0 +1,20 @@
+//! The port of a flight controller: a serial device, or TCP for simulations.
+//!
+//! [`Session`] asks one thing after the other, for who looks at a controller on the desk. [`Link`] is for flying: RC on time
+//! from a thread of its own, telemetry beside it, reconnection.
+
+mod address;
+mod command_line;
+mod link;
+mod priority;
+mod schedule;
+mod session;
+mod status;
+mod wire;
+
+pub use address::{Address, BadAddress};
+pub use command_line::{CommandLineError, read_override_settings};
+pub use link::{Event, Link, Telemetry};
+pub use schedule::{QUERIES, Query, RC_HOLD, RC_PERIOD, Schedule, TICK, Write};
+pub use session::{AskError, Latency, Session};
+pub use status::{State, Status};

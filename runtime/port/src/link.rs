@@ -1,0 +1,225 @@
+//! A port for flying: one thread opens and reads, one writes on time.
+
+mod inbox;
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use muster_msp::{Decoder, EncodeError, Message, SetRawRc, Version, order};
+
+use self::inbox::Inbox;
+pub use self::inbox::{Event, Telemetry};
+use crate::address::Address;
+use crate::priority;
+use crate::schedule::{Query, TICK, Write};
+use crate::status::Status;
+use crate::wire::Wire;
+
+/// How long a read waits. A frame that is not whole by then is given up.
+const WAIT: Duration = Duration::from_millis(50);
+/// First pause before a port is opened again; it doubles up to the last one.
+const BACK_OFF_MIN: Duration = Duration::from_millis(100);
+/// Longest pause before a port is opened again.
+const BACK_OFF_MAX: Duration = Duration::from_secs(2);
+
+/// A port that is kept open, with RC on time and telemetry beside it. Its threads end with it, and RC with them.
+#[derive(Debug)]
+pub struct Link {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    started: Instant,
+    stopped: AtomicBool,
+    inbox: Mutex<Inbox>,
+    arrived: Condvar,
+}
+
+impl Shared {
+    fn now(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// A thread that panicked left nothing half done: what is shared is replaced as a whole.
+    fn inbox(&self) -> MutexGuard<'_, Inbox> {
+        self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Link {
+    /// Starts to open a port, and keeps it open.
+    ///
+    /// # Errors
+    /// If the system starts no threads.
+    pub fn start(address: Address) -> io::Result<Self> {
+        let shared = Arc::new(Shared {
+            started: Instant::now(),
+            stopped: AtomicBool::new(false),
+            inbox: Mutex::new(Inbox::default()),
+            arrived: Condvar::new(),
+        });
+        let mut link = Self {
+            shared: shared.clone(),
+            threads: Vec::new(),
+        };
+        let writer = shared.clone();
+        let rc = thread::Builder::new().name("rc".into());
+        link.threads.push(rc.spawn(move || write_on_time(&writer))?);
+        let port = thread::Builder::new().name("port".into());
+        link.threads
+            .push(port.spawn(move || keep_open(&shared, &address))?);
+        Ok(link)
+    }
+
+    /// Gives the newest sticks and switches. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most.
+    pub fn set_channels(&self, channels: SetRawRc) {
+        let now = self.shared.now();
+        self.shared.inbox().schedule.set_channels(now, channels);
+    }
+
+    /// Stops RC at once; the controller's failsafe acts.
+    pub fn release(&self) {
+        self.shared.inbox().schedule.release();
+    }
+
+    /// State of the link.
+    #[must_use]
+    pub fn status(&self) -> Status {
+        self.shared.inbox().status(self.shared.now())
+    }
+
+    /// The next event; `None` if there is none in time.
+    #[must_use]
+    pub fn next_event(&self, timeout: Duration) -> Option<Event> {
+        let shared = &self.shared;
+        let none = |inbox: &mut Inbox| inbox.events.is_empty();
+        let waited = shared
+            .arrived
+            .wait_timeout_while(shared.inbox(), timeout, none);
+        let (mut inbox, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        inbox.events.pop_front()
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.shared.stopped.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            thread.thread().unpark();
+            // A thread that panicked has said so on standard error.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Opens the port whenever it is closed, and reads while it is open.
+fn keep_open(shared: &Shared, address: &Address) {
+    let mut back_off = BACK_OFF_MIN;
+    while !shared.is_stopped() {
+        let error = match Wire::open(address, WAIT) {
+            Ok(wire) => {
+                let wire = Arc::new(wire);
+                shared.inbox().open(shared.now(), wire.clone());
+                read_while_open(shared, &wire, &mut back_off)
+            }
+            Err(error) => Some(error),
+        };
+        if let Some(error) = error {
+            shared.inbox().close(&error);
+            shared.arrived.notify_all();
+        }
+        if !shared.is_stopped() {
+            thread::park_timeout(back_off);
+        }
+        back_off = BACK_OFF_MAX.min(2 * back_off);
+    }
+}
+
+/// Returns why the port failed; `None` if the writer closed it, or the link ends.
+fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Option<io::Error> {
+    let mut decoder = Decoder::default();
+    let mut buffer = [0; 1024];
+    while !shared.is_stopped() && shared.inbox().wire.is_some() {
+        let length = match wire.read(&mut buffer) {
+            Ok(length) => length,
+            Err(error) => return Some(error),
+        };
+        let now = shared.now();
+        let mut frames = 0;
+        let mut take = |frame: muster_msp::Frame<'_>| {
+            frames += 1;
+            shared.inbox().take(now, &frame);
+        };
+        if length == 0 {
+            decoder.abandon(&mut take);
+        } else {
+            decoder.read(&buffer[..length], &mut take);
+        }
+        if frames > 0 {
+            *back_off = BACK_OFF_MIN;
+            shared.arrived.notify_all();
+        }
+        shared.inbox().counts = decoder.counts();
+    }
+    None
+}
+
+/// Writes one command a tick.
+fn write_on_time(shared: &Shared) {
+    let is_realtime = priority::raise();
+    shared.inbox().is_realtime = is_realtime;
+    let mut bytes = Vec::new();
+    let mut due = Instant::now();
+    while !shared.is_stopped() {
+        let write = shared.inbox().tick(shared.now());
+        if let Some((wire, write)) = write {
+            bytes.clear();
+            let written = encode(&write, &mut bytes)
+                .map_err(io::Error::other)
+                .and_then(|()| wire.write(&bytes));
+            let mut inbox = shared.inbox();
+            match written {
+                Ok(()) => inbox.written(shared.now(), &write),
+                Err(error) => inbox.close(&error),
+            }
+        }
+        due += TICK;
+        let now = Instant::now();
+        match due.checked_duration_since(now) {
+            Some(pause) => thread::sleep(pause),
+            // The system held it up: no burst of what was missed.
+            None => due = now,
+        }
+    }
+}
+
+fn encode(write: &Write, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    match write {
+        Write::Rc(channels) => order(Version::V1, channels, out),
+        Write::Request(query) => question(*query, out),
+    }
+}
+
+fn question(query: Query, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+    let page = query.page.as_slice();
+    let frame = muster_msp::Frame {
+        version: Version::V1,
+        direction: muster_msp::Direction::Request,
+        command: query.command,
+        flag: 0,
+        payload: page,
+    };
+    muster_msp::encode(&frame, out)
+}
+
+/// Number of the messages that acknowledge RC.
+pub(crate) const RC: u16 = SetRawRc::COMMAND;

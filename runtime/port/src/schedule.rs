@@ -1,0 +1,207 @@
+//! What is written when: RC first, telemetry in what is left.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use muster_msp::{
+    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, FcVariant, FcVersion,
+    Message, RawGps, Rc, SetRawRc, Sonar, Status,
+};
+
+/// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
+pub const TICK: Duration = Duration::from_millis(10);
+/// From one RC frame to the next: 50 Hz.
+pub const RC_PERIOD: Duration = Duration::from_millis(20);
+/// How long sticks are repeated after they were last given. Then RC stops, and the controller's own failsafe acts.
+pub const RC_HOLD: Duration = Duration::from_millis(100);
+/// How long an answer may take before the question counts as lost.
+const ANSWER_MAX: Duration = Duration::from_millis(200);
+
+/// A question that is asked again and again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Query {
+    /// The message's number.
+    pub command: u16,
+    /// Page of [`BoxIds`] that is asked for; the first if absent.
+    pub page: Option<u8>,
+    /// From one question to the next; `None`: until it is answered once.
+    pub every: Option<Duration>,
+}
+
+const fn once<M: Message>() -> Query {
+    Query {
+        command: M::COMMAND,
+        page: None,
+        every: None,
+    }
+}
+
+const fn every<M: Message>(ms: u64) -> Query {
+    Query {
+        command: M::COMMAND,
+        page: None,
+        every: Some(Duration::from_millis(ms)),
+    }
+}
+
+const FURTHER_BOXES: Query = Query {
+    page: Some(1),
+    ..once::<BoxIds>()
+};
+
+/// What a link asks: who the controller is, then how it does. Fewer questions a second than the 50 ticks that RC leaves.
+pub const QUERIES: [Query; 14] = [
+    once::<ApiVersion>(),
+    once::<FcVariant>(),
+    once::<FcVersion>(),
+    once::<BoardInfo>(),
+    once::<BoxIds>(),
+    FURTHER_BOXES,
+    every::<Status>(100),
+    every::<Attitude>(100),
+    every::<Altitude>(200),
+    every::<Rc>(200),
+    every::<RawGps>(500),
+    every::<Sonar>(500),
+    every::<Analog>(500),
+    every::<BatteryState>(1000),
+];
+
+/// What to write in a tick.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Write {
+    /// All channels.
+    Rc(SetRawRc),
+    /// A question.
+    Request(Query),
+}
+
+/// Decides what is written when. It is told the time, as a duration since any start.
+#[derive(Debug)]
+pub struct Schedule {
+    /// The newest sticks, and when they were given.
+    sticks: Option<(Duration, SetRawRc)>,
+    rc_due: Duration,
+    /// Questions, with the time when they are due. Ties go to the one that waited longest.
+    queries: VecDeque<(Duration, Query)>,
+    outstanding: Option<(Duration, Query)>,
+    lost: u64,
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self::new(Duration::ZERO)
+    }
+}
+
+impl Schedule {
+    /// A schedule for a port that was just opened: all questions are due.
+    #[must_use]
+    pub fn new(now: Duration) -> Self {
+        Self {
+            sticks: None,
+            rc_due: now,
+            queries: QUERIES.iter().map(|it| (now, *it)).collect(),
+            outstanding: None,
+            lost: 0,
+        }
+    }
+
+    /// Starts anew for a port that was opened again. The newest sticks are kept.
+    pub fn reopen(&mut self, now: Duration) {
+        let sticks = self.sticks;
+        *self = Self {
+            sticks,
+            ..Self::new(now)
+        };
+    }
+
+    /// Takes the newest sticks.
+    pub fn set_channels(&mut self, now: Duration, channels: SetRawRc) {
+        self.sticks = Some((now, channels));
+    }
+
+    /// Stops RC at once.
+    pub fn release(&mut self) {
+        self.sticks = None;
+    }
+
+    /// Questions that were never answered.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// The one command of this tick. Ticks are [`TICK`] apart, or later.
+    pub fn tick(&mut self, now: Duration) -> Option<Write> {
+        if let Some(channels) = self.fresh_sticks(now)
+            && now + TICK / 2 >= self.rc_due
+        {
+            // On a grid, so that late ticks don't lower the rate; after a pause it starts anew.
+            let is_on_time = now < self.rc_due + TICK;
+            self.rc_due = RC_PERIOD + if is_on_time { self.rc_due } else { now };
+            return Some(Write::Rc(channels));
+        }
+        self.next_query(now).map(Write::Request)
+    }
+
+    /// Whether RC is going out.
+    #[must_use]
+    pub fn is_sending(&self, now: Duration) -> bool {
+        self.fresh_sticks(now).is_some()
+    }
+
+    /// Whether the controller has answered, or refused, all that is asked once.
+    #[must_use]
+    pub fn is_identified(&self) -> bool {
+        let mut open = self
+            .queries
+            .iter()
+            .map(|it| it.1)
+            .chain(self.outstanding.map(|it| it.1));
+        open.all(|query| query.every.is_some())
+    }
+
+    fn fresh_sticks(&self, now: Duration) -> Option<SetRawRc> {
+        let (given, channels) = self.sticks?;
+        (now.saturating_sub(given) < RC_HOLD).then_some(channels)
+    }
+
+    fn next_query(&mut self, now: Duration) -> Option<Query> {
+        if let Some((asked, query)) = self.outstanding {
+            if now.saturating_sub(asked) < ANSWER_MAX {
+                return None;
+            }
+            self.lost += 1;
+            self.outstanding = None;
+            self.queries
+                .push_back((now + query.every.unwrap_or_default(), query));
+        }
+        let due = self.queries.iter().map(|(due, _)| *due).min()?;
+        let place = self
+            .queries
+            .iter()
+            .position(|it| it.0 == due && due <= now)?;
+        let (_, query) = self.queries.remove(place)?;
+        self.outstanding = Some((now, query));
+        Some(query)
+    }
+
+    /// Takes an answer: the question and how long it took, `None` if it answers none. A refused question is not asked again.
+    pub fn answered(
+        &mut self,
+        now: Duration,
+        command: u16,
+        refused: bool,
+    ) -> Option<(Query, Duration)> {
+        let (asked, query) = self.outstanding.filter(|it| it.1.command == command)?;
+        self.outstanding = None;
+        if let (Some(every), false) = (query.every, refused) {
+            self.queries.push_back((asked + every, query));
+        }
+        Some((query, now.saturating_sub(asked)))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,172 @@
+use muster_msp::{Channel, Sticks};
+
+use super::*;
+
+/// Ticks of a schedule; each question is answered in the tick after it.
+struct Line {
+    schedule: Schedule,
+    now: Duration,
+    answers: bool,
+    asked: Option<u16>,
+}
+
+impl Line {
+    fn new() -> Self {
+        Self {
+            schedule: Schedule::new(Duration::ZERO),
+            now: Duration::ZERO,
+            answers: true,
+            asked: None,
+        }
+    }
+
+    fn tick(&mut self, step: Duration) -> Option<Write> {
+        self.now += step;
+        if let Some(command) = self.asked.take().filter(|_| self.answers) {
+            self.schedule.answered(self.now, command, false);
+        }
+        let write = self.schedule.tick(self.now);
+        if let Some(Write::Request(query)) = write {
+            self.asked = Some(query.command);
+        }
+        write
+    }
+
+    /// Ticks for a while; the times at which RC was written, and the questions asked.
+    fn run(&mut self, ticks: u32, fresh: bool) -> (Vec<Duration>, Vec<Query>) {
+        let (mut rc, mut asked) = (Vec::new(), Vec::new());
+        for _ in 0..ticks {
+            if fresh {
+                self.schedule.set_channels(self.now, channels());
+            }
+            match self.tick(TICK) {
+                Some(Write::Rc(_)) => rc.push(self.now),
+                Some(Write::Request(query)) => asked.push(query),
+                None => {}
+            }
+        }
+        (rc, asked)
+    }
+}
+
+fn channels() -> SetRawRc {
+    SetRawRc::new(Sticks::IDLE, &[Channel::LOW; 4]).expect("4 aux channels")
+}
+
+#[test]
+fn rc_goes_out_every_20_ms_whatever_is_asked() {
+    for answers in [true, false] {
+        let mut line = Line::new();
+        line.answers = answers;
+        let (rc, _) = line.run(1_000, true);
+        assert_eq!(rc.len(), 500);
+        assert!(rc.windows(2).all(|it| it[1] - it[0] == RC_PERIOD));
+    }
+}
+
+#[test]
+fn sticks_are_repeated_for_100_ms_and_no_longer() {
+    let mut line = Line::new();
+    line.run(10, true);
+    let given = line.now - TICK;
+    let (rc, _) = line.run(100, false);
+    let last = rc.last().expect("they are repeated");
+    assert!(*last - given < RC_HOLD && *last - given >= RC_HOLD - RC_PERIOD);
+    line.schedule.set_channels(line.now, channels());
+    assert!(!line.run(2, false).0.is_empty(), "new sticks go out again");
+}
+
+#[test]
+fn released_sticks_are_not_repeated() {
+    let mut line = Line::new();
+    line.run(10, true);
+    line.schedule.release();
+    assert_eq!(line.run(100, false).0, []);
+}
+
+#[test]
+fn late_ticks_lower_no_rate() {
+    let mut line = Line::new();
+    let mut rc = 0;
+    for tick in 0..1_000 {
+        line.schedule.set_channels(line.now, channels());
+        let late = Duration::from_millis(tick % 7);
+        let early = Duration::from_millis((tick + 6) % 7);
+        let write = line.tick(TICK + late - early);
+        rc += u32::from(matches!(write, Some(Write::Rc(_))));
+    }
+    let seconds = line.now.as_secs_f64();
+    let rate = f64::from(rc) / seconds;
+    assert!((49.0..=50.5).contains(&rate), "{rate} Hz");
+}
+
+#[test]
+fn one_question_is_outstanding_at_a_time() {
+    let mut line = Line::new();
+    line.answers = false;
+    let (_, asked) = line.run(100, true);
+    let seconds = 100 * TICK;
+    assert_eq!(
+        asked.len() as u128,
+        seconds.as_millis() / ANSWER_MAX.as_millis()
+    );
+}
+
+#[test]
+fn who_it_is_comes_before_how_it_does() {
+    let mut line = Line::new();
+    assert!(!line.schedule.is_identified());
+    let (_, asked) = line.run(20, true);
+    assert_eq!(asked[..6], QUERIES[..6]);
+    assert!(line.schedule.is_identified());
+}
+
+#[test]
+fn every_question_is_asked_as_often_as_it_should_be() {
+    let mut line = Line::new();
+    let (_, asked) = line.run(1_000, true);
+    for query in QUERIES {
+        let times = asked.iter().filter(|it| **it == query).count() as f64;
+        let expected = query.every.map_or(1.0, |it| 10.0 / it.as_secs_f64());
+        assert!(
+            times >= 0.85 * expected && times <= 1.0 + expected,
+            "{query:?}: {times}"
+        );
+    }
+}
+
+#[test]
+fn a_refused_question_is_not_asked_again() {
+    let mut line = Line::new();
+    line.answers = false;
+    let mut refused = 0;
+    for _ in 0..200 {
+        if let Some(Write::Request(query)) = line.tick(TICK) {
+            refused += u32::from(query.command == RawGps::COMMAND);
+        }
+        if let Some(command) = line.asked.take() {
+            let answer = line
+                .schedule
+                .answered(line.now, command, command == RawGps::COMMAND);
+            assert!(answer.is_some());
+        }
+    }
+    assert_eq!(refused, 1);
+}
+
+#[test]
+fn unanswered_questions_count_as_lost() {
+    let mut line = Line::new();
+    line.answers = false;
+    line.run(101, false);
+    assert_eq!(line.schedule.lost(), 5);
+    assert_eq!(line.schedule.answered(line.now, 9_999, false), None);
+}
+
+/// 8 channels, or all 18, at 50 Hz with a question in every other tick: bytes a second, 10 bits each.
+#[test]
+fn a_second_of_writing_fits_115200_baud() {
+    let rc = 50 * (6 + 2 * muster_msp::CHANNELS_MAX);
+    let questions = 50 * 6;
+    assert!((rc + questions) * 10 < 115_200 / 4);
+}

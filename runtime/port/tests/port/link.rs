@@ -1,0 +1,134 @@
+use std::time::{Duration, Instant};
+
+use muster_msp::{Channel, Message, Mode, RawGps, SetRawRc, Sticks};
+use muster_port::{Event, Link, State, Telemetry};
+
+use crate::controller::{ATTITUDE, Controller, KIND, Manner};
+
+/// What a test waits for at most.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Takes events until one is wanted.
+fn wait_for(link: &Link, wanted: impl Fn(&Event) -> bool) -> Event {
+    let started = Instant::now();
+    while started.elapsed() < PATIENCE {
+        if let Some(event) = link.next_event(PATIENCE).filter(&wanted) {
+            return event;
+        }
+    }
+    panic!("no such event: {:?}", link.status());
+}
+
+fn channels() -> SetRawRc {
+    SetRawRc::new(Sticks::IDLE, &[Channel::LOW; 4]).expect("4 aux channels")
+}
+
+/// Gives sticks every 20 ms for a while.
+fn fly(link: &Link, duration: Duration) {
+    let started = Instant::now();
+    while started.elapsed() < duration {
+        link.set_channels(channels());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_link_identifies_its_controller_and_brings_telemetry() {
+    for controller in [Controller::on_tcp(KIND), Controller::on_a_serial_line(KIND)] {
+        let link = Link::start(controller.address.clone()).expect("threads");
+        let identified = wait_for(&link, |it| matches!(it, Event::Identified(_)));
+        let Event::Identified(identity) = identified else {
+            unreachable!("it was waited for");
+        };
+        assert_eq!(identity.boxes.modes.last(), Some(&Mode::MspOverride));
+        let attitude = Event::Telemetry(Telemetry::Attitude(ATTITUDE));
+        wait_for(&link, |it| *it == attitude);
+        let status = link.status();
+        assert_eq!((status.state, status.opened), (State::Open, 1));
+        assert_eq!(
+            controller.with_seen(|it| it.noise),
+            0,
+            "frames and nothing else"
+        );
+    }
+}
+
+#[test]
+fn a_refused_question_is_asked_once() {
+    let controller = Controller::on_tcp(KIND);
+    let link = Link::start(controller.address.clone()).expect("threads");
+    let attitude = Event::Telemetry(Telemetry::Attitude(ATTITUDE));
+    for _ in 0..10 {
+        wait_for(&link, |it| *it == attitude);
+    }
+    let asked = |seen: &crate::controller::Seen| {
+        seen.commands
+            .iter()
+            .filter(|it| **it == RawGps::COMMAND)
+            .count()
+    };
+    assert_eq!(controller.with_seen(asked), 1);
+    assert!(link.status().refused > 0);
+}
+
+#[test]
+fn a_lost_port_is_opened_again_and_rc_goes_on() {
+    let controller = Controller::on_tcp(Manner {
+        frames_max: 40,
+        ..KIND
+    });
+    let link = Link::start(controller.address.clone()).expect("threads");
+    wait_for(&link, |it| matches!(it, Event::Identified(_)));
+    fly(&link, Duration::from_millis(600));
+    wait_for(&link, |it| matches!(it, Event::Closed(_)));
+    wait_for(&link, |it| matches!(it, Event::Identified(_)));
+    let before = controller.with_seen(|it| it.rc.len());
+    fly(&link, Duration::from_millis(300));
+    assert!(controller.with_seen(|it| it.rc.len()) > before);
+    assert_eq!(link.status().opened, 2);
+}
+
+#[test]
+fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
+    let controller = Controller::on_tcp(Manner {
+        answers: false,
+        ..KIND
+    });
+    let link = Link::start(controller.address.clone()).expect("threads");
+    fly(&link, Duration::from_secs(2));
+    let stopped = Instant::now();
+    // Twice as long as sticks are repeated.
+    std::thread::sleep(2 * muster_port::RC_HOLD);
+    let status = link.status();
+    controller.with_seen(|seen| {
+        let times: Vec<Instant> = seen.rc.iter().map(|it| it.0).collect();
+        assert!(times.len() >= 90, "{} RC frames in 2 s", times.len());
+        let gaps = times.windows(2).map(|it| it[1] - it[0]);
+        let longest = gaps.max().expect("frames");
+        assert!(
+            longest < Duration::from_millis(100),
+            "{longest:?} without RC"
+        );
+        let last = *times.last().expect("frames");
+        assert!(last < stopped + Duration::from_millis(150), "RC goes on");
+        assert!(
+            seen.rc
+                .iter()
+                .all(|it| it.1.channels_us[..4] == [1500, 1500, 1000, 1500])
+        );
+    });
+    assert_eq!(status.state, State::Identifying);
+    assert!(status.rc_gap_max < Duration::from_millis(100));
+    assert!(status.latency.asked > status.latency.answered);
+}
+
+#[test]
+fn a_port_that_is_not_there_is_reported_once_and_tried_again() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("it is bound");
+    drop(listener);
+    let link = Link::start(format!("tcp:{address}").parse().expect("a port")).expect("threads");
+    wait_for(&link, |it| matches!(it, Event::Closed(_)));
+    assert_eq!(link.next_event(Duration::from_millis(400)), None);
+    assert_eq!(link.status().state, State::Closed);
+}

@@ -1,0 +1,5 @@
+//! Sessions and links with a controller that a test scripts, over TCP and over a serial line.
+
+mod controller;
+mod link;
+mod session;
