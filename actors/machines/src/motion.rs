@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use self::tracking::Limits;
-use crate::geometry::Ned;
+use crate::geometry::{Ned, Velocity};
 use crate::msp::Setpoint;
 use crate::time::Timestamp;
 
@@ -339,6 +339,13 @@ impl Motion {
             0.0,
         );
         self.push(end, ground, Vector3::zeros(), Vector3::zeros(), 0.0);
+    }
+
+    /// Drops the plan after `at`, and continues from a place with a constant velocity until `until`.
+    pub fn observe(&mut self, at: Timestamp, place: Ned, velocity: Velocity, until: Timestamp) {
+        self.cut(at);
+        let seconds = until.since(at).as_secs_f64();
+        self.push(at, place.0, velocity.0, Vector3::zeros(), seconds);
     }
 
     /// Appends a rest of `time` at the end of the plan.

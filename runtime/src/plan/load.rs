@@ -122,6 +122,7 @@ pub fn build_plan(
         vehicle,
         landing,
         settle,
+        vehicle_kind: raw.vehicle.kind.into(),
         endurance: raw
             .vehicle
             .endurance_s

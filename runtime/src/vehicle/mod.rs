@@ -16,6 +16,16 @@ use self::battery::Battery;
 pub use link::SimulatedLink;
 pub use simulated::{SimulatedVehicle, VehicleState};
 
+/// What a drone flies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum VehicleKind {
+    /// A [`Vehicle`].
+    #[default]
+    ClosedForm,
+    /// A flight controller over MSP.
+    Msp,
+}
+
 /// How long a pilot's stick input holds: longer than any flight.
 const STICKS_HOLD: Duration = Duration::from_secs(1_000_000);
 
@@ -84,6 +94,12 @@ impl Vehicle {
     /// The horizontal position is known again, unless a longer loss is under way.
     pub fn recover_position(&mut self, now: Timestamp) {
         self.lost = self.lost.filter(|(_, until)| now < *until);
+    }
+
+    /// Whether the horizontal position is known.
+    #[must_use]
+    pub const fn has_position(&self) -> bool {
+        self.lost.is_none()
     }
 
     /// The vehicle's motion, past and planned.
@@ -180,6 +196,21 @@ impl Vehicle {
                 .steer(now, velocity, acceleration_mps2, STICKS_HOLD);
         }
         is_steerable
+    }
+
+    /// Takes the state of an aircraft that is simulated elsewhere, at a place in the swarm's frame. It is assumed to keep its
+    /// velocity until `until`, or the next call.
+    pub fn observe(
+        &mut self,
+        now: Timestamp,
+        (place, velocity): (Ned, Velocity),
+        is_armed: bool,
+        until: Timestamp,
+    ) {
+        self.armed = is_armed;
+        self.has_flown |= is_armed;
+        let velocity = if is_armed { velocity } else { Velocity::ZERO };
+        (self.motion).observe(now, place + self.home, velocity, until);
     }
 
     /// Whether the vehicle fell. Separation from it is not checked any more.

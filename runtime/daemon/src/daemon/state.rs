@@ -142,6 +142,8 @@ impl State {
                 let telemetry = self.vehicle.execute(now, command);
                 self.report_telemetry(now, telemetry);
             }
+            // Its vehicle is in closed form and has no port.
+            Effect::Rc(_) => {}
             Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
             Effect::KeepList(list) => {
                 let is_revoked = self.revocations.keep(&list);

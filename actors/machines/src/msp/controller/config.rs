@@ -95,7 +95,7 @@ impl Gains {
         climb_integral_per_s2: 1.0,
         tilt_max_rad: 0.436,
         angle_limit_rad: 1.047,
-        hover_throttle: 0.35,
+        hover_throttle: 0.3,
     };
 }
 

@@ -415,3 +415,6 @@ impl Machine for ControllerLink {
         self.outbox.poll(self.deadline)
     }
 }
+
+#[cfg(test)]
+mod tests;
