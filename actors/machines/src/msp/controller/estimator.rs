@@ -157,7 +157,8 @@ impl Estimator {
     }
 
     /// Measurements that were not believed so far.
-    pub(super) const fn rejected(&self) -> u64 {
+    #[cfg(test)]
+    const fn rejected(&self) -> u64 {
         self.rejected
     }
 

@@ -145,7 +145,7 @@ impl ControllerLink {
             FlightCommand::Report => return self.report(now),
             _ if self.gave_up => return,
             FlightCommand::Arm => self.arming.order(),
-            FlightCommand::Yield => {}
+            FlightCommand::Yield => return self.report(now),
             FlightCommand::Fly(setpoint) => {
                 if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
                     self.guidance.fly(now, setpoint, &estimate);
@@ -154,7 +154,7 @@ impl ControllerLink {
             FlightCommand::Land => self.land(now),
         }
         self.keep();
-        self.report(now);
+        self.report_news(now);
     }
 
     fn land(&mut self, now: Timestamp) {
@@ -168,15 +168,11 @@ impl ControllerLink {
     fn handle_port(&mut self, now: Timestamp, event: PortEvent) {
         match event {
             PortEvent::Identified(identity) => {
+                self.close();
                 self.identity = Some(*identity);
-                self.deadline.get_or_insert(now);
+                self.deadline = Some(now);
             }
-            PortEvent::Closed => {
-                self.identity = None;
-                self.reported = None;
-                self.deadline = None;
-                self.outbox.transmit(Transmit::Rc(None));
-            }
+            PortEvent::Closed => self.close(),
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
                 match told {
@@ -190,6 +186,14 @@ impl ControllerLink {
                 self.take_up(now);
             }
         }
+    }
+
+    /// Nothing is known of the controller any more, and nothing leaves until it is.
+    fn close(&mut self) {
+        self.identity = None;
+        self.reported = None;
+        self.deadline = None;
+        self.outbox.transmit(Transmit::Rc(None));
     }
 
     fn handle_status(&mut self, now: Timestamp, status: &Status) {
@@ -344,6 +348,9 @@ impl ControllerLink {
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
+        if self.reported.is_none() {
+            return;
+        }
         let telemetry = self.telemetry(now);
         let is_news = self.last.is_none_or(|last| {
             (last.armed, last.landing, last.at_rest)

@@ -296,7 +296,6 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
         Told::Altitude(Altitude {
             altitude_cm,
             climb_cmps,
-            ..Altitude::default()
         })
     });
     let battery = (any::<u8>(), any::<u16>(), any::<i16>()).prop_map(|(cells, cv, current_ca)| {
