@@ -91,9 +91,16 @@ fn pursuers_surround_the_target() {
 
 #[test]
 fn flock_reaches_its_place_together() {
-    let report = fly(&scenario("flocking"));
+    let sim = scenario("flocking");
+    let report = fly(&sim);
     assert!(report.mission_completed);
     assert!(report.min_separation_m.unwrap() > 5.0);
+    let place = Ned::new(300.0, 150.0, 0.0);
+    for drone in sim.run().unwrap().flight.drones {
+        let (_, last) = drone.track.last().unwrap();
+        let distance_m = last.horizontal_distance_m(place);
+        assert!(distance_m < 80.0, "it lands {distance_m} m from the place");
+    }
 }
 
 #[test]
