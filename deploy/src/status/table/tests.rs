@@ -45,6 +45,7 @@ fn status(drone: u32) -> Status {
             charge: 0.994,
             armed: true,
         },
+        agent: None,
         actors: [("radio".to_owned(), actor)].into(),
         frames: Frames {
             dropped: [("forged".to_owned(), 40), ("replayed".to_owned(), 2)].into(),
