@@ -4,6 +4,7 @@
 //! after the checkpoints that it depends on are on the disk.
 
 mod actors;
+mod agent_calls;
 mod counts;
 mod durable;
 mod endpoint;
@@ -296,7 +297,9 @@ impl Incarnation {
             .map_err(DaemonError::Runtime)?;
         let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
         tracing::info!(drone, at_ns, incarnation = number, address = %network.address(), "{STARTS}");
+        let has_agent = config.plan.agent.is_some() && !config.is_relay();
         let process = Process::new(Components {
+            agent_calls: has_agent.then(Arc::default),
             id: config.id,
             swarm: config.swarm,
             is_relay: config.is_relay(),
@@ -444,6 +447,10 @@ async fn start_actors(
 ) -> Result<Drone, DaemonError> {
     let plan = &config.plan;
     let simulated = plan.blueprint(config.swarm, config.id);
+    let agent = match (simulated.agent, process.state().agent_calls()) {
+        (Some(agent), Some(calls)) => Some(calls.measure(process.clock, agent)),
+        (agent, _) => agent,
+    };
     let actors = ActorsConfig {
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
@@ -451,6 +458,7 @@ async fn start_actors(
                 incarnations: Incarnations::Drawn(incarnation),
                 ..simulated.radio
             },
+            agent,
             ..simulated
         },
         restarts: plan.limits.restarts,

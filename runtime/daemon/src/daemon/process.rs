@@ -14,6 +14,7 @@ use muster_runtime::journal::{WriteReport, Writer};
 use muster_runtime::vehicle::SimulatedVehicle;
 use tokio::sync::Notify;
 
+use super::agent_calls::AgentCalls;
 use super::network::Network;
 use super::revocation::Revocations;
 use super::state::State;
@@ -51,6 +52,8 @@ pub(super) struct Components {
     pub(super) for_programs: bool,
     /// Counts lost log lines.
     pub(super) lines_lost: Lost,
+    /// Counts slow calls of the agent. `None` without an agent.
+    pub(super) agent_calls: Option<Arc<AgentCalls>>,
 }
 
 impl Process {

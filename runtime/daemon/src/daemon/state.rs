@@ -1,5 +1,7 @@
 //! The state of a drone's process: actors, journal, network, vehicle, and how the flight ends.
 
+use std::sync::Arc;
+
 use muster_actors::Drone;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{self, LandingReason};
@@ -14,6 +16,7 @@ use muster_transport::quic::Stream;
 use tokio::sync::mpsc::Receiver;
 
 use super::actors::Actors;
+use super::agent_calls::AgentCalls;
 use super::durable::{Durable, Frame};
 use super::monitor::Monitor;
 use super::outcome::Outcome;
@@ -43,6 +46,7 @@ pub(super) struct State {
     revocations: Revocations,
     vehicle: SimulatedVehicle,
     monitor: Monitor,
+    agent_calls: Option<Arc<AgentCalls>>,
     outcome: Outcome,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
@@ -69,6 +73,7 @@ impl State {
                 components.for_programs,
                 components.lines_lost,
             ),
+            agent_calls: components.agent_calls,
             outcome: Outcome::new(is_finished),
             wakes: None,
         }
@@ -84,6 +89,11 @@ impl State {
 
     pub(super) const fn checkpoints(&self) -> &Checkpoints {
         self.durable.checkpoints()
+    }
+
+    /// Counts slow calls of the agent. `None` without an agent.
+    pub(super) fn agent_calls(&self) -> Option<Arc<AgentCalls>> {
+        self.agent_calls.clone()
     }
 
     pub(super) const fn outcome(&self) -> &Outcome {

@@ -149,6 +149,8 @@ pub enum MarkKind {
     Return,
     /// An actor failed and was restarted.
     Restart,
+    /// A drone's agent failed.
+    AgentFailure,
     /// Some drones have no master, or connected ones follow different masters.
     Election,
     /// An elected drone leads.
@@ -174,6 +176,7 @@ impl MarkKind {
             Self::Death => "death",
             Self::Return => "return",
             Self::Restart => "restart",
+            Self::AgentFailure => "agent failure",
             Self::Election => "election",
             Self::Leader => "leader",
             Self::Partition => "partition",
