@@ -24,6 +24,7 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
+use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::engine::Progress;
 use muster_scenarios::report::{Flight, Report};
 use muster_scenarios::scenario::Scenario;
@@ -199,6 +200,11 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
     };
     if scenario.has_other_swarms() {
         return refuse("the scenario has several swarms; processes fly one".to_owned());
+    }
+    if scenario.plan.vehicle_kind == VehicleKind::Msp {
+        let message = "`vehicle.kind` = \"msp\" flies in `muster sim`, and with a drone's file of its own; here it needs \
+                       \"closed-form\"";
+        return refuse(message.to_owned());
     }
     if scenario.plan.is_steered() {
         return refuse("the scenario needs a simulated pilot or operator".to_owned());

@@ -262,7 +262,7 @@ impl Plan {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
-            link: self.link(),
+            link: self.link(self.vehicle_kind, Stage::Sim, Receiver::Sole),
         }
     }
 }
@@ -277,29 +277,24 @@ impl Plan {
         }
     }
 
-    /// Builds the link to a vehicle of the plan's kind, in the stage `sim`.
-    fn link(&self) -> Arc<LinkBuilder> {
-        let config = self.controller_config(Stage::Sim, Receiver::Sole);
-        match self.vehicle_kind {
-            VehicleKind::ClosedForm => {
-                Arc::new(|checkpoint, _| Box::new(SimulatedLink::new(checkpoint)))
-            }
-            VehicleKind::Msp => Arc::new(move |checkpoint, now| {
-                Box::new(ControllerLink::new(config, checkpoint, now))
-            }),
-        }
-    }
-
-    /// Configuration of the link to a flight controller.
+    /// Builds the link to a vehicle. A flight controller's has a stage and a receiver.
     #[must_use]
-    pub const fn controller_config(&self, stage: Stage, receiver: Receiver) -> controller::Config {
-        controller::Config {
+    pub fn link(&self, kind: VehicleKind, stage: Stage, receiver: Receiver) -> Arc<LinkBuilder> {
+        let config = controller::Config {
             stage,
             receiver,
             home: self.home,
             landing: self.landing,
             noise: controller::Noise::GPS,
             gains: controller::Gains::QUADCOPTER,
+        };
+        match kind {
+            VehicleKind::ClosedForm => {
+                Arc::new(|checkpoint, _| Box::new(SimulatedLink::new(checkpoint)))
+            }
+            VehicleKind::Msp => Arc::new(move |checkpoint, now| {
+                Box::new(ControllerLink::new(config, checkpoint, now))
+            }),
         }
     }
 
