@@ -1,0 +1,82 @@
+"""Records one reply of each message into a TOML file: the bytes, what yamspy decodes, what the CLI's `dump all` says.
+
+usage: replies.py PROGRAM FILE, with the Python of .ci/betaflight's folder.
+"""
+
+import json
+import pathlib
+import sys
+import time
+
+import decode
+import firmware
+import msp
+from flight import Flight
+
+CONFIGURATION = [
+    "set craft_name = muster", "set bat_capacity = 1500", "set vbat_min_cell_voltage = 340", "set vbat_warning_cell_voltage = 360",
+    "set failsafe_landing_time = 20", "set failsafe_throttle_low_delay = 50", "set failsafe_switch_mode = KILL",
+    "set min_check = 1040", "set max_check = 1910", "set mid_rc = 1502", "set rx_min_usec = 900", "set rx_max_usec = 2100",
+    "rxfail 3 s 1300", "rxfail 5 s 1000", "aux 3 27 4 1300 1700 0 0", "set auto_disarm_delay = 7", "feature MOTOR_STOP",
+    "set msp_override_channels_mask = 47", "aux 2 50 2 1700 2100 0 0"]
+# Message: what starts the lines of `dump all` that say the same.
+MESSAGES = {
+    "API_VERSION": [], "FC_VARIANT": ["# Betaflight"], "FC_VERSION": ["# Betaflight"],
+    "BOARD_INFO": ["# Betaflight", "board_name", "manufacturer_id"], "BUILD_INFO": ["# Betaflight"],
+    "NAME": ["set craft_name"],
+    "BATTERY_CONFIG": ["set vbat_min_cell", "set vbat_max_cell", "set vbat_warning_cell", "set bat_capacity", "set battery_meter",
+                       "set current_meter"],
+    "MODE_RANGES": ["aux "], "FEATURE_CONFIG": ["feature "],
+    "RX_CONFIG": ["set serialrx_provider", "set max_check", "set mid_rc", "set min_check", "set spektrum_sat_bind", "set rx_min_usec",
+                  "set rx_max_usec", "set airmode_start_throttle", "set fpv_mix_degrees", "set rc_smoothing"],
+    "CF_SERIAL_CONFIG": ["serial "], "SONAR": [], "ARMING_CONFIG": ["set auto_disarm_delay", "set small_angle", "set gyro_cal_on_first_arm"],
+    "RX_MAP": ["map "], "FAILSAFE_CONFIG": ["set failsafe_"], "RXFAIL_CONFIG": ["rxfail "],
+    "STATUS": [], "RAW_IMU": [], "MOTOR": [], "RC": [], "RAW_GPS": [], "ATTITUDE": [], "ALTITUDE": [], "ANALOG": [],
+    "BOXNAMES": [], "BOXIDS": [], "BATTERY_STATE": [], "STATUS_EX": [], "UID": []}
+
+
+def raw(link, request):
+    """The bytes of the reply."""
+    link.chunks = []
+    link.send(request)
+    deadline = time.monotonic() + 0.3
+    while time.monotonic() < deadline:
+        link.read(0.1)
+    link.buffer.clear()
+    return b"".join(link.chunks)
+
+
+def entry(kind, name, request, reply, cli):
+    decoded = decoder.decode(reply)[1] if kind != "v2 over v1" else None
+    text = [f'[[reply]]\nname = "{name}"\nframing = "{kind}"\nrequest = "{request.hex()}"\nreply = "{reply.hex()}"']
+    if decoded is not None:
+        text.append(f"yamspy = '{json.dumps(decoded)}'")
+    if cli:
+        text.append("cli = [\n" + "".join(f"  '{line}',\n" for line in cli) + "]")
+    return "\n".join(text) + "\n"
+
+
+EMPTY = "reply = \"\""
+path, file = firmware.program(), pathlib.Path(sys.argv[2])
+flight = Flight(path, [*firmware.lines("safe-sole.txt"), *CONFIGURATION])
+flight.run(6)
+flight.sending = False
+flight.link.close()
+time.sleep(0.3)
+dump = [line.strip() for line in flight.firmware.cli(["dump all"])[0].splitlines()]
+time.sleep(0.3)
+link, decoder, entries = msp.Link(), decode.Decoder(), []
+for name, starts in MESSAGES.items():
+    code, cli = getattr(msp, name), [line for line in dump if line.startswith(tuple(starts))] if starts else []
+    request = msp.frame(code)
+    entries.append(entry("v1", name, request, raw(link, request), cli))
+for name in ("ATTITUDE", "STATUS", "BOXNAMES"):
+    code = getattr(msp, name)
+    entries.append(entry("v2", name, msp.frame_v2(code), raw(link, msp.frame_v2(code)), []))
+    over = msp.frame(255, msp.frame_v2(code)[3:])
+    entries.append(entry("v2 over v1", name, over, raw(link, over), []))
+flight.stop()
+head = ("# One reply of each message, as Betaflight 4.6.0's simulation build sent it; see README.md. `yamspy` holds JSON.\n\n")
+file.write_text(head + "\n".join(entries))
+print(f"{len(entries)} replies, {file.stat().st_size} bytes; unanswered: "
+      f"{[text.splitlines()[1] for text in entries if EMPTY in text]}")
