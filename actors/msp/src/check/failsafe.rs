@@ -14,7 +14,7 @@ const THROTTLE_US: RangeInclusive<u16> = 1_150..=1_600;
 /// How long it lands before it disarms, in s. Motors turn for as long, on the ground, too.
 const LANDING_S: RangeInclusive<u8> = 20..=120;
 /// A closed throttle before the loss must have lasted longer than the delay by this, in 0.1 s; `rxfail` closes it, too.
-const THROTTLE_LOW_MARGIN_DS: u16 = 20;
+const THROTTLE_LOW_MARGIN_DS: u16 = 10;
 /// Throttle among the channels of `rxfail`: roll, pitch, yaw, throttle.
 const THROTTLE: usize = 3;
 
@@ -65,7 +65,9 @@ fn check_procedure(configuration: &Configuration, findings: &mut Findings) {
         );
     }
     let low_delay_ds = failsafe.throttle_low_delay_ds;
-    if low_delay_ds < u16::from(failsafe.delay_ds) + THROTTLE_LOW_MARGIN_DS {
+    // A delay that is too long is a finding of its own.
+    let delay_ds = failsafe.delay_ds.min(*DELAY_DS.end());
+    if low_delay_ds < u16::from(delay_ds) + THROTTLE_LOW_MARGIN_DS {
         findings.add(
             "failsafe-throttle-low-delay",
             "it disarms in place of a landing, for rxfail closes the throttle before",
