@@ -78,7 +78,7 @@ flight.wait(lambda row: row[1] == 0, 12)
 attempt(flight, "no ARM range at all, yaw 2,000 and throttle low", stick(flight, 3, 2000))
 flight.stop()
 
-def after_loss(procedure, recovery):
+def after_loss(procedure, recovery, observe):
     flight = flight_with(f"set failsafe_procedure = {procedure}", f"set failsafe_recovery_delay = {recovery}")
     try:
         flight.arm(throttle=1500)
@@ -87,10 +87,10 @@ def after_loss(procedure, recovery):
         flight.run(3)
         flight.sticks[2] = 1000
         flight.sending, back = True, time.monotonic()
-        flight.run(5)
+        flight.run(observe)
         row = flight.seen[-1]
         print(f"- {procedure}, failsafe_recovery_delay = {recovery}: {changes(flight, back)}; "
-              f"{'armed' if flight.armed(row) else 'disarmed'} after 5 s", flush=True)
+              f"{'armed' if flight.armed(row) else 'disarmed'} after {observe} s", flush=True)
         if not flight.armed(row):
             flight.sticks[AUX1], low = 1000, time.monotonic()
             flight.run(1)
@@ -102,7 +102,7 @@ def after_loss(procedure, recovery):
 
 
 print("\n## After a loss of 3 s while armed, throttle 1,500; the arm switch stays high")
-for case in (("DROP", 5), ("DROP", 20), ("AUTO-LAND", 5)):
+for case in (("DROP", 5, 60), ("DROP", 20, 6), ("AUTO-LAND", 5, 6)):
     while True:
         try:
             after_loss(*case)

@@ -74,7 +74,7 @@ class Firmware:
             link.buffer.clear()
             while not link.buffer.endswith(b"\r\n# "):
                 try:
-                    if not link.read(3):
+                    if not link.read(0.3 if command.startswith("exit") else 3):
                         break
                 except ConnectionError:
                     break

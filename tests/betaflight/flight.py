@@ -43,14 +43,15 @@ class Flight:
 
     def _connect(self):
         """Now and then the firmware starts without its receiver task: then it is started again."""
-        for _ in range(3):
-            self.link = msp.Link()
-            boxes = self.link.request(msp.BOXIDS, timeout=3)
-            if boxes:
-                self.bits = {box: bit for bit, box in enumerate(boxes[1])}
+        for _ in range(4):
+            try:
+                self.link = msp.Link()
+                self.bits = {box: bit for bit, box in enumerate(self.ask(msp.BOXIDS))}
                 if self.wait(lambda row: row[3][3] == 1000, 4):
                     self.radio_on = True
                     return
+            except OSError:
+                pass
             self.firmware.start()
         raise RuntimeError("the firmware doesn't take RC frames")
 

@@ -73,6 +73,7 @@ for name, data in CASES:
         flight.stop()
         flight = fresh()
 
+flight.stop()
 print("\n## A stray `#`")
 
 

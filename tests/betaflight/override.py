@@ -75,9 +75,11 @@ flight = Flight(PATH, [*firmware.lines("safe-override.txt"), "set serial_update_
 flight.sending = flight.radio_on = False
 flight.firmware.start()  # anew: it has never had an MSP frame
 flight.link = msp.Link()
-flight.run(1)
+flight.run(3)
 flight.radio_on, flight.pilot[OVERRIDE] = True, 1800
-flight.run(1)
+if not flight.wait(lambda row: row[3][OVERRIDE] == 1800, 5):
+    raise RuntimeError("the firmware doesn't take the pilot's frames")
+flight.run(0.5)
 print(f"override on before any MSP frame: roll, pitch, yaw, throttle = {flight.seen[-1][3][:4]}")
 flight.sending, flight.sticks = True, [1600, 1500]
 flight.run(0.5)

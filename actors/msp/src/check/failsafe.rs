@@ -9,10 +9,10 @@ use crate::message::{FailsafeProcedure, FeatureConfig, Mode, RxFailMode};
 
 /// Delay of the procedure, in 0.1 s. Shorter: single lost frames count. Longer: it falls with the throttle that `rxfail` sets.
 const DELAY_DS: RangeInclusive<u8> = 2..=10;
-/// Throttle of the landing, in µs: between a closed one and what makes most craft climb.
-const THROTTLE_US: RangeInclusive<u16> = 1_150..=1_700;
-/// Shortest landing before it disarms, in s.
-const LANDING_MIN_S: u8 = 20;
+/// Throttle of the landing, in µs: between a closed one and what makes a craft with thrust to spare climb.
+const THROTTLE_US: RangeInclusive<u16> = 1_150..=1_600;
+/// How long it lands before it disarms, in s. Motors turn for as long, on the ground, too.
+const LANDING_S: RangeInclusive<u8> = 20..=120;
 /// A closed throttle before the loss must have lasted longer than the delay by this, in 0.1 s; `rxfail` closes it, too.
 const THROTTLE_LOW_MARGIN_DS: u16 = 20;
 /// Throttle among the channels of `rxfail`: roll, pitch, yaw, throttle.
@@ -56,10 +56,10 @@ fn check_procedure(configuration: &Configuration, findings: &mut Findings) {
             "set failsafe_throttle = 1400",
         );
     }
-    if failsafe.landing_s < LANDING_MIN_S {
+    if !LANDING_S.contains(&failsafe.landing_s) {
         findings.add(
             "failsafe-landing-time",
-            "it disarms before it is down",
+            "20 to 120 s are allowed: shorter, it disarms before it is down; longer, motors turn on the ground",
             format!("{} s", failsafe.landing_s),
             "set failsafe_landing_time = 60",
         );
