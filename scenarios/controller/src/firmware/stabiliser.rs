@@ -1,0 +1,193 @@
+//! Rate and angle controllers, and the mixer: from sticks and gyro to duty cycles.
+//!
+//! Structure and scales: Betaflight 4.5, `flight/pid.c`, `flight/pid.h`, `fc/rc.c` and `flight/mixer.c`. Left out: feedforward
+//! of rates, smoothing of sticks, TPA, D boost, I relax, anti-gravity, notch filters.
+
+use nalgebra::Vector3;
+
+use super::settings::Tuning;
+use crate::aircraft::STEP_S;
+use crate::body::ROTORS;
+
+/// What a gain of 1 yields for an error of 1 °/s, 1 ° and 1 °/s² (`PTERM_SCALE`, `ITERM_SCALE`, `DTERM_SCALE`), in thousandths
+/// of the motors' range.
+const P_SCALE: f64 = 0.032_029;
+const I_SCALE: f64 = 0.244_381;
+const D_SCALE: f64 = 0.000_529;
+
+/// Limits of the integral, of roll and pitch, and of yaw (`iterm_limit`, `pidsum_limit`, `pidsum_limit_yaw`), in thousandths of
+/// the motors' range.
+const INTEGRAL_MAX: f64 = 400.0;
+const SUM_MAX: [f64; 3] = [500.0, 500.0, 400.0];
+
+/// Time constant of the filter of the derivative, in seconds: 75 Hz (`dterm_lpf1_dyn_min_hz`).
+const DERIVATIVE_LAG_S: f64 = 1.0 / (2.0 * std::f64::consts::PI * 75.0);
+
+/// Time constant of each of the three poles that smooth the feedforward of angles, in seconds: 80 ms
+/// (`angle_feedforward_smoothing_ms`) for all three together, as a cutoff at -3 dB.
+const FEEDFORWARD_LAG_S: f64 = 0.08 / 1.961;
+
+/// Share of the throttle from which the motors stabilise at low throttle, too (`airmode_start_throttle_percent`).
+const AIRMODE_THROTTLE: f64 = 0.25;
+
+/// Orders of the pilot or the companion: deflections from -1 to 1, roll to the right, pitch nose up, yaw clockwise; throttle
+/// from 0 to 1.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Sticks {
+    pub(crate) deflections: [f64; 3],
+    pub(crate) throttle: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Stabiliser {
+    tuning: Tuning,
+    integral: Vector3<f64>,
+    last_rates_dps: Vector3<f64>,
+    derivative: Vector3<f64>,
+    /// Poles that smooth the goals of roll and pitch, in degrees.
+    smoothed_deg: [[f64; 3]; 2],
+    is_airborne_once: bool,
+}
+
+impl Stabiliser {
+    pub(crate) fn new(tuning: Tuning) -> Self {
+        Self {
+            tuning,
+            integral: Vector3::zeros(),
+            last_rates_dps: Vector3::zeros(),
+            derivative: Vector3::zeros(),
+            smoothed_deg: [[0.0; 3]; 2],
+            is_airborne_once: false,
+        }
+    }
+
+    /// Forgets the flight.
+    pub(crate) fn reset(&mut self) {
+        *self = Self::new(self.tuning);
+    }
+
+    /// Duty cycles of the motors for a step. `angles_rad` is roll and pitch if angle mode is on.
+    #[inline]
+    pub(crate) fn duties(
+        &mut self,
+        sticks: &Sticks,
+        angles_rad: Option<[f64; 2]>,
+        rates_rad_s: Vector3<f64>,
+    ) -> [f64; 4] {
+        let rates_dps = rates_rad_s * (180.0 / std::f64::consts::PI);
+        self.is_airborne_once |= sticks.throttle >= AIRMODE_THROTTLE;
+        let slope = (rates_dps - self.last_rates_dps) / STEP_S;
+        self.last_rates_dps = rates_dps;
+        self.derivative += (slope - self.derivative) * (STEP_S / (DERIVATIVE_LAG_S + STEP_S));
+        if sticks.throttle <= 0.0 && !self.is_airborne_once {
+            self.integral = Vector3::zeros();
+            return [self.tuning.idle; 4];
+        }
+        let goal_dps = self.goal_dps(sticks, angles_rad);
+        let mut sums = [0.0; 3];
+        for axis in 0..3 {
+            let gains = &self.tuning.gains[axis];
+            let error_dps = goal_dps[axis] - rates_dps[axis];
+            let integral = self.integral[axis] + I_SCALE * gains.i * error_dps * STEP_S;
+            self.integral[axis] = integral.clamp(-INTEGRAL_MAX, INTEGRAL_MAX);
+            let sum = P_SCALE * gains.p * error_dps + self.integral[axis]
+                - D_SCALE * gains.d * self.derivative[axis];
+            sums[axis] = sum.clamp(-SUM_MAX[axis], SUM_MAX[axis]) / 1_000.0;
+        }
+        mix(sums, sticks.throttle, self.tuning.idle)
+    }
+
+    /// Rates to reach, in °/s. In angle mode: the error's share, and the smoothed speed of the goal.
+    fn goal_dps(&mut self, sticks: &Sticks, angles_rad: Option<[f64; 2]>) -> [f64; 3] {
+        let tuning = &self.tuning;
+        let mut goal_dps = sticks.deflections.map(|it| tuning.rate_dps(it));
+        let Some(angles_rad) = angles_rad else {
+            return goal_dps;
+        };
+        for (axis, angle_rad) in angles_rad.into_iter().enumerate() {
+            let angle_deg = tuning.angle_limit_deg * goal_dps[axis] / tuning.max_rate_dps;
+            let poles = &mut self.smoothed_deg[axis];
+            let mut input = angle_deg;
+            for pole in poles.iter_mut() {
+                *pole += (input - *pole) * (STEP_S / (FEEDFORWARD_LAG_S + STEP_S));
+                input = *pole;
+            }
+            let speed_dps = (poles[1] - poles[2]) / FEEDFORWARD_LAG_S;
+            goal_dps[axis] = (angle_deg - angle_rad.to_degrees()) * tuning.angle_p / 10.0
+                + speed_dps * tuning.angle_feedforward / 100.0;
+        }
+        goal_dps
+    }
+}
+
+impl Tuning {
+    /// Rate for a deflection from -1 to 1, in °/s (rates type ACTUAL without expo).
+    #[must_use]
+    pub fn rate_dps(&self, deflection: f64) -> f64 {
+        let beyond = (self.max_rate_dps - self.centre_rate_dps).max(0.0);
+        deflection * self.centre_rate_dps + deflection * deflection.abs() * beyond
+    }
+}
+
+/// Shares of the motors' range for roll, pitch and yaw about a throttle. If they don't fit, they are scaled to the range first;
+/// then the throttle gives way.
+#[inline]
+fn mix(sums: [f64; 3], throttle: f64, idle: f64) -> [f64; 4] {
+    let [roll, pitch, yaw] = sums;
+    let mut shares =
+        ROTORS.map(|[forward, right, turn]| forward * pitch - right * roll + turn * yaw);
+    let highest = shares.iter().copied().fold(f64::MIN, f64::max);
+    let lowest = shares.iter().copied().fold(f64::MAX, f64::min);
+    let scale = 1.0 / (highest - lowest).max(1.0);
+    shares = shares.map(|share| share * scale);
+    let throttle = throttle.max(-lowest * scale).min(1.0 - highest * scale);
+    shares.map(|share| (idle + (1.0 - idle) * (share + throttle)).clamp(idle, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn full_deflection_is_the_maximum_rate() {
+        let tuning = Tuning::default();
+        assert!((tuning.rate_dps(1.0) - 670.0).abs() < 1e-9);
+        assert!((tuning.rate_dps(-1.0) + 670.0).abs() < 1e-9);
+        assert!((tuning.rate_dps(0.01) - 0.76).abs() < 1e-9);
+    }
+
+    #[test]
+    fn mixer_never_leaves_the_motors_range() {
+        for throttle in [0.0, 0.3, 1.0] {
+            for sums in [[0.5, 0.5, 0.4], [-0.5, 0.5, 0.0], [0.0, 0.0, -0.4]] {
+                for duty in mix(sums, throttle, 0.055) {
+                    assert!((0.055..=1.0).contains(&duty), "{duty}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mixer_keeps_the_throttle_where_it_fits() {
+        let duties = mix([0.05, -0.02, 0.01], 0.4, 0.055);
+        let mean = duties.iter().sum::<f64>() / 4.0;
+        assert!((mean - (0.055 + 0.945 * 0.4)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn motors_idle_at_low_throttle_until_the_first_take_off() {
+        let mut stabiliser = Stabiliser::new(Tuning::default());
+        let rates = Vector3::new(1.0, 0.0, 0.0);
+        let low = Sticks::default();
+        let idle = stabiliser.duties(&low, None, rates);
+        assert!(idle.iter().all(|duty| (duty - 0.055).abs() < 1e-12));
+        let high = Sticks {
+            throttle: 0.3,
+            ..low
+        };
+        stabiliser.duties(&high, None, rates);
+        let airmode = stabiliser.duties(&low, None, rates);
+        // It turns to the right: the right rotors push against it.
+        assert!(airmode[0] > airmode[2]);
+    }
+}

@@ -1,0 +1,12 @@
+//! Claims about the simulated controller, told through the bytes of its port.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod arming;
+mod companion;
+mod determinism;
+mod failsafe;
+mod flight;
+mod overriding;
+mod port;
+mod recorded;
