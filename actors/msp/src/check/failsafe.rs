@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use super::{Findings, channel_of_aux};
 use crate::configuration::Configuration;
-use crate::message::{FailsafeProcedure, FeatureConfig, Mode, RxFailMode};
+use crate::message::{FailsafeConfig, FailsafeProcedure, FeatureConfig, Mode, RxFailMode};
 
 /// Delay of the procedure, in 0.1 s. Shorter: single lost frames count. Longer: it falls with the throttle that `rxfail` sets.
 const DELAY_DS: RangeInclusive<u8> = 2..=10;
@@ -26,28 +26,25 @@ pub(super) fn check(configuration: &Configuration, findings: &mut Findings) {
 }
 
 fn check_procedure(configuration: &Configuration, findings: &mut Findings) {
-    let failsafe = &configuration.failsafe;
-    let to_landing = "set failsafe_procedure = AUTO-LAND";
-    match failsafe.procedure {
-        FailsafeProcedure::AutoLand => {}
-        FailsafeProcedure::GpsRescue if configuration.features.has(FeatureConfig::GPS) => return,
-        FailsafeProcedure::GpsRescue => {
-            return findings.add(
-                "failsafe-procedure",
-                "there is no GPS for a rescue",
-                failsafe.procedure,
-                to_landing,
-            );
-        }
-        FailsafeProcedure::Drop | FailsafeProcedure::Other(_) => {
-            return findings.add(
-                "failsafe-procedure",
-                "it falls when RC is lost",
-                failsafe.procedure,
-                to_landing,
-            );
-        }
+    let has_gps = configuration.features.has(FeatureConfig::GPS);
+    let what = match configuration.failsafe.procedure {
+        FailsafeProcedure::GpsRescue if has_gps => return,
+        FailsafeProcedure::GpsRescue => Some("there is no GPS for a rescue"),
+        FailsafeProcedure::AutoLand => None,
+        FailsafeProcedure::Drop | FailsafeProcedure::Other(_) => Some("it falls when RC is lost"),
+    };
+    if let Some(what) = what {
+        findings.add(
+            "failsafe-procedure",
+            what,
+            configuration.failsafe.procedure,
+            "set failsafe_procedure = AUTO-LAND",
+        );
     }
+    check_landing(&configuration.failsafe, findings);
+}
+
+fn check_landing(failsafe: &FailsafeConfig, findings: &mut Findings) {
     if !THROTTLE_US.contains(&failsafe.throttle_us) {
         findings.add(
             "failsafe-throttle",
