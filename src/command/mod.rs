@@ -5,6 +5,7 @@ mod chaos;
 mod check;
 mod completions;
 mod drone;
+mod fc;
 mod folder;
 mod keys;
 mod list;
@@ -41,7 +42,7 @@ use muster_scenarios::report::{Report, WriteError};
     version,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 success; 1 failure on this machine; 2 unusable file or argument; 3 a safety rule was \
-                  broken; 4 all drones landed safely but the mission is incomplete.\
+                  broken; 4 all drones landed safely but the mission is incomplete; 5 a flight controller is not fit to fly.\
                   \n\nStart with: muster sim thesis-2"
 )]
 struct Arguments {
@@ -63,6 +64,7 @@ enum Command {
     Status(status::Arguments),
     Keys(keys::Arguments),
     Drone(drone::Arguments),
+    Fc(fc::Arguments),
     Schema(schema::Arguments),
     Completions(completions::Arguments),
 }
@@ -73,6 +75,7 @@ enum Outcome {
     Success,
     MissionIncomplete,
     RuleBroken,
+    Unfit,
 }
 
 impl From<&Report> for Outcome {
@@ -105,6 +108,8 @@ enum Failure {
     Keys(#[source] KeysError),
     #[error(transparent)]
     Drone(OperatorError),
+    #[error(transparent)]
+    Controller(#[from] fc::ControllerError),
     #[error("can't write {}", path.display())]
     Create {
         path: PathBuf,
@@ -154,6 +159,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),
+        Command::Fc(arguments) => fc::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };
@@ -161,6 +167,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(Outcome::Success) => ExitCode::SUCCESS,
         Ok(Outcome::RuleBroken) => ExitCode::from(3),
         Ok(Outcome::MissionIncomplete) => ExitCode::from(4),
+        Ok(Outcome::Unfit) => ExitCode::from(5),
         Err(Failure::Input(inputs)) => report_bad_inputs(&inputs),
         Err(Failure::Drone(error @ OperatorError::Unusable { .. })) => report_error(&error, 2),
         Err(Failure::Write(error @ WriteError::NotAFolder { .. })) => report_error(&error, 2),

@@ -10,8 +10,6 @@ use super::{Failure, Outcome, terminal};
 
 /// Refresh period of `--watch`.
 const PERIOD: Duration = Duration::from_secs(1);
-/// ANSI sequence that clears the terminal and its scrollback.
-const CLEAR: &str = "\x1b[H\x1b[2J\x1b[3J";
 
 /// Show the status of drones' processes.
 ///
@@ -69,7 +67,7 @@ fn show(arguments: &Arguments, answers: &[Answer]) -> io::Result<()> {
         return terminal::print(&format!("{}\n", json!({ "drones": drones })));
     }
     let repaints = arguments.watch && io::stdout().is_terminal();
-    let clear = if repaints { CLEAR } else { "" };
+    let clear = if repaints { terminal::CLEAR } else { "" };
     let table = table(answers, terminal::colour(&io::stdout()));
     terminal::print(&format!("{clear}{table}"))
 }

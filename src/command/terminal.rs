@@ -6,6 +6,9 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use muster_scenarios::report::Colour;
 
+/// ANSI sequence that clears the terminal and its scrollback.
+pub(crate) const CLEAR: &str = "\x1b[H\x1b[2J\x1b[3J";
+
 /// A progress bar on standard error; hidden if that is no terminal.
 pub(crate) fn progress_bar(template: &'static str) -> ProgressBar {
     let target = if io::stderr().is_terminal() {

@@ -60,7 +60,8 @@ fn command_line_page_is_the_help() {
          | 1 | something failed on this machine, or a drone did not answer | something failed on this machine, or the starter of a `--controlled` process is gone |\n\
          | 2 | a file or an argument can't be used | a file or an argument can't be used, or the flight is over |\n\
          | 3 | a rule was broken | |\n\
-         | 4 | all came down safely, but a mission was not completed, or was flown by segments that never met | the drone came down by itself before the end of the mission |\n",
+         | 4 | all came down safely, but a mission was not completed, or was flown by segments that never met | the drone came down by itself before the end of the mission |\n\
+         | 5 | a flight controller is not fit to fly | |\n",
     );
     describe(&mut page, 0, "muster", &[]);
     describe(&mut page, 0, "musterd", &[]);

@@ -127,7 +127,7 @@ fn a_safe_configuration_breaks_no_rule() {
 /// A change of a configuration.
 type Change = fn(&mut Configuration);
 
-const SOLE: [(&str, Change); 24] = [
+const SOLE: [(&str, Change); 25] = [
     ("firmware", |it| {
         it.identity.variant.variant = Letters(*b"INAV");
     }),
@@ -160,6 +160,9 @@ const SOLE: [(&str, Change); 24] = [
     }),
     ("failsafe-landing-time", |it| {
         it.failsafe.landing_s = 3;
+    }),
+    ("failsafe-landing-time", |it| {
+        it.failsafe.landing_s = 250;
     }),
     ("failsafe-throttle-low-delay", |it| {
         it.failsafe.throttle_low_delay_ds = 5;
@@ -238,7 +241,7 @@ const OF_ANY_CRAFT: [(&str, Change); 11] = [
     }),
 ];
 
-const OVERRIDDEN: [(&str, Change); 10] = [
+const OVERRIDDEN: [(&str, Change); 11] = [
     ("receiver", |it| {
         it.features.features |= FeatureConfig::RX_MSP;
     }),
@@ -269,6 +272,10 @@ const OVERRIDDEN: [(&str, Change); 10] = [
     }),
     ("override-mode", |it| {
         it.ranges.ranges.pop();
+    }),
+    ("override-range", |it| {
+        let switch = it.ranges.ranges.last_mut().expect("the craft has it");
+        *switch = range(Mode::MspOverride, 2, 900, 2100);
     }),
     ("override-arm", |it| {
         settings(it).mask = 31;
@@ -371,6 +378,7 @@ fn betaflights_defaults_are_unfit_for_these_reasons() {
         rules(&findings),
         [
             "failsafe-procedure",
+            "failsafe-throttle",
             "failsafe-delay",
             "arm-mode",
             "angle-mode"

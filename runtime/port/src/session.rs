@@ -105,6 +105,11 @@ impl Session {
         self.latency
     }
 
+    /// Starts to measure anew.
+    pub fn reset_latency(&mut self) {
+        self.latency = Latency::default();
+    }
+
     /// What was read, frames and noise.
     #[must_use]
     pub fn counts(&self) -> Counts {

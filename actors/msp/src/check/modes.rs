@@ -59,12 +59,22 @@ fn check_arm(configuration: &Configuration, findings: &mut Findings) {
 }
 
 fn check_override(configuration: &Configuration, findings: &mut Findings) {
-    if configuration.ranges.of(Mode::MspOverride).next().is_none() {
+    let set = "aux 2 50 2 1700 2100 0 0";
+    let mut ranges = configuration.ranges.of(Mode::MspOverride).peekable();
+    if ranges.peek().is_none() {
         findings.add(
             "override-mode",
             "no switch of the pilot gives MSP the sticks, or takes them back",
             "no range for MSP OVERRIDE",
-            "aux 2 50 2 1700 2100 0 0",
+            set,
+        );
+    }
+    for range in ranges.filter(|it| it.first_us() <= Channel::CENTRE.us()) {
+        findings.add(
+            "override-range",
+            "a switch that is off or centred gives MSP the sticks",
+            format!("MSP OVERRIDE from {} µs on", range.first_us()),
+            set,
         );
     }
     let Some(settings) = configuration.override_settings else {

@@ -72,7 +72,8 @@ fn check_channels(configuration: &Configuration, findings: &mut Findings) {
     }
 }
 
-fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut Findings) {
+/// The pilot's receiver. A simulation has one that is no feature.
+fn check_pilot(configuration: &Configuration, is_sole: bool, findings: &mut Findings) {
     if is_sole {
         findings.add(
             "receiver",
@@ -95,7 +96,13 @@ fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut F
             "feature RX_SERIAL",
         );
     }
+}
+
+fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut Findings) {
     let identity = &configuration.identity;
+    if !identity.board.is_simulation() {
+        check_pilot(configuration, is_sole, findings);
+    }
     if !identity.override_falls_back() {
         findings.add(
             "override-fallback",

@@ -77,14 +77,11 @@ impl Inbox {
     }
 
     pub(super) fn written(&mut self, now: Duration, write: &Write) {
-        match write {
-            Write::Rc(_) => {
-                self.status.rc_sent += 1;
-                if let Some(before) = self.rc_written.replace(now) {
-                    self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
-                }
+        if let Write::Rc(_) = write {
+            self.status.rc_sent += 1;
+            if let Some(before) = self.rc_written.replace(now) {
+                self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
             }
-            Write::Request(_) => self.latency.asked += 1,
         }
     }
 
@@ -142,6 +139,8 @@ impl Inbox {
             (Some(_), true) if now.saturating_sub(self.heard) > SILENT => State::Silent,
             (Some(_), true) => State::Open,
         };
+        // The question that waits for its answer is not lost yet.
+        let asked = self.latency.answered + self.conversation.lost();
         Status {
             state,
             identity: self
@@ -149,7 +148,10 @@ impl Inbox {
                 .identity()
                 .cloned()
                 .filter(|_| self.is_identified),
-            latency: self.latency,
+            latency: Latency {
+                asked,
+                ..self.latency
+            },
             counts: self.counts,
             is_realtime: self.is_realtime,
             ..self.status.clone()

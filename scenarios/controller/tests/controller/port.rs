@@ -81,7 +81,7 @@ fn one_request_is_answered_a_tick() {
     for _ in 0..10 {
         let due = companion.controller.next_event().unwrap();
         assert!(companion.controller.transmit(companion.now).is_empty());
-        assert!(due > companion.now && due.as_nanos() % 10_000_000 == 0);
+        assert!(due > companion.now && due.as_nanos().is_multiple_of(10_000_000));
         companion.now = due;
         assert_eq!(companion.controller.transmit(companion.now).len(), 10);
     }

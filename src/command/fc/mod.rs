@@ -1,0 +1,101 @@
+//! What a flight controller on the desk is, says and is fit for.
+
+mod check;
+mod probe;
+mod watch;
+
+use clap::{Args, Subcommand};
+use muster_msp::{Decode, ask};
+use muster_port::{Address, AskError, BadAddress, CommandLineError, Session};
+
+use super::{Failure, Outcome};
+
+/// Look at a flight controller that speaks MSP, such as Betaflight.
+///
+/// The device is a serial port or, for simulations, a TCP address: serial:/dev/ttyACM0, serial:/dev/ttyAMA0@115200,
+/// tcp:127.0.0.1:5761. Nothing here arms, turns a motor or changes a setting. One program at a time can use a device.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  muster fc probe /dev/ttyACM0
+  muster fc watch tcp:127.0.0.1:5761
+  muster fc check /dev/ttyACM0 --receiver override --cli")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    Probe(probe::Arguments),
+    Watch(watch::Arguments),
+    Check(check::Arguments),
+}
+
+#[derive(Debug, Args)]
+struct Device {
+    /// Serial port or TCP address of the flight controller.
+    #[arg(value_name = "DEVICE", value_parser = address)]
+    address: Address,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn address(text: &str) -> Result<Address, BadAddress> {
+    text.parse()
+}
+
+/// Why a flight controller could not be looked at.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ControllerError {
+    #[error("can't open {address}")]
+    Open {
+        address: Address,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("can't read the flight controller on {address}")]
+    Ask {
+        address: Address,
+        #[source]
+        source: AskError,
+    },
+    #[error("can't read the settings of the override on {address}")]
+    CommandLine {
+        address: Address,
+        #[source]
+        source: CommandLineError,
+    },
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    match &arguments.action {
+        Action::Probe(arguments) => probe::run(arguments),
+        Action::Watch(arguments) => watch::run(arguments),
+        Action::Check(arguments) => check::run(arguments),
+    }
+}
+
+fn open(address: &Address) -> Result<Session, ControllerError> {
+    Session::open(address).map_err(|source| ControllerError::Open {
+        address: address.clone(),
+        source,
+    })
+}
+
+/// Reads from an open controller; says which one failed.
+fn reading<T>(address: &Address, read: Result<T, AskError>) -> Result<T, ControllerError> {
+    read.map_err(|source| ControllerError::Ask {
+        address: address.clone(),
+        source,
+    })
+}
+
+/// A message that not every controller has.
+fn ask_if_known<M: Decode>(session: &mut Session) -> Result<Option<M>, AskError> {
+    match ask(session) {
+        Ok(message) => Ok(Some(message)),
+        Err(AskError::Refused { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,113 @@
+"""`muster fc` beside the real firmware: arguments PROGRAM (printed by .ci/betaflight) and MUSTER.
+
+A safe configuration breaks no rule; each change of unsafe.toml and of UNSAFE breaks one; what `check` says to set mends the
+defaults; `probe` and `watch` show what the command line shows."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import tomllib
+
+import firmware
+
+PATH = firmware.program()
+MUSTER = os.path.abspath(sys.argv[2])
+DEVICE = "tcp:127.0.0.1:5761"
+# Betaflight 4.6 can't mend it.
+UNMENDABLE = {"override-fallback"}
+# Further changes: base, lines, rule.
+UNSAFE = [
+    ("sole", ["set failsafe_procedure = DROP"], "failsafe-procedure"),
+    ("sole", ["set failsafe_throttle_low_delay = 5"], "failsafe-throttle-low-delay"),
+    ("sole", ["set failsafe_landing_time = 3"], "failsafe-landing-time"),
+    ("sole", ["rxfail 1 h"], "rxfail-stick"),
+    ("sole", ["rxfail 4 s 1000"], "rxfail-arm"),
+    ("sole", ["aux 0 0 0 900 900 0 0"], "arm-mode"),
+    ("sole", ["set small_angle = 180"], "small-angle"),
+    ("sole", ["set min_check = 1300"], "min_check"),
+    ("sole", ["set rx_min_usec = 1010"], "rx_min_usec"),
+    ("sole", ["set motor_pwm_protocol = DISABLED"], "motor-protocol"),
+    ("sole", ["feature MOTOR_STOP"], "motor-stop"),
+    ("sole", ["set vbat_min_cell_voltage = 250"], "battery-min"),
+    ("sole", ["set vbat_warning_cell_voltage = 330"], "battery-warning"),
+    ("override", ["set msp_override_channels_mask = 7"], "override-mask"),
+    ("override", ["aux 2 50 2 900 900 0 0"], "override-mode"),
+]
+
+
+def muster(*arguments):
+    run = subprocess.run([MUSTER, "fc", *arguments], capture_output=True, text=True, timeout=60)
+    return run.returncode, run.stdout, run.stderr
+
+
+def check(base):
+    """The findings, by rule."""
+    options = ["--receiver", base] + (["--cli"] if base == "override" else [])
+    code, out, error = muster("check", DEVICE, "--json", *options)
+    assert code in (0, 5), error
+    findings = {it["rule"]: it for it in json.loads(out)["findings"]}
+    assert (code == 5) == bool(findings)
+    return findings
+
+
+def findings_of(configuration, base):
+    build = firmware.Firmware(PATH, configuration)
+    try:
+        return check(base)
+    finally:
+        build.stop()
+
+
+def fail(text):
+    print(f"FAILED: {text}")
+    sys.exit(1)
+
+
+for base, expected in ("sole", set()), ("override", UNMENDABLE):
+    found = findings_of(firmware.lines(f"safe-{base}.txt"), base)
+    print(f"safe-{base}.txt: {sorted(found) or 'fit'}", flush=True)
+    if set(found) != expected:
+        fail(found)
+
+changes = [(it["base"], it["cli"], None) for it in tomllib.loads((firmware.HERE / "unsafe.toml").read_text())["unsafe"]]
+for base, lines, rule in changes + UNSAFE:
+    found = findings_of([*firmware.lines(f"safe-{base}.txt"), *lines], base)
+    new = set(found) - UNMENDABLE
+    print(f"{' '.join(lines)}: {sorted(new)}", flush=True)
+    if len(new) != 1 or rule not in (None, *new):
+        fail(f"{lines}: {found}")
+
+for base in "sole", "override":
+    mended = ["set motor_pwm_protocol = PWM"]
+    for _ in range(3):
+        found = findings_of(mended, base)
+        new = [it["set"] for rule, it in found.items() if rule not in UNMENDABLE]
+        mended += [line for it in new for line in it.splitlines()]
+        if not new:
+            break
+    print(f"defaults, {base}, mended by: {mended}; left: {sorted(found)}", flush=True)
+    if set(found) - UNMENDABLE:
+        fail(found)
+
+build = firmware.Firmware(PATH, [*firmware.lines("safe-sole.txt"), "set craft_name = muster"])
+code, out, error = muster("probe", DEVICE, "--json")
+assert code == 0, error
+seen = json.loads(out)
+print("probe:", seen)
+assert (seen["variant"], seen["version"], seen["board"], seen["name"]) == ("BTFL", "4.6.0", "SITL", "muster")
+assert seen["map"] == "AETR1234" and seen["armed"] is False and seen["line"]["loss"] == 0
+status = "".join(build.cli(["status"]))
+told = next(line for line in status.splitlines() if line.startswith("Arming disable flags:"))
+told = set(told.split(":")[1].split()) - {"CLI", "BOOTGRACE", "CALIB", "ARM_SWITCH"}
+assert told <= set(seen["arming_disabled"]), (told, seen["arming_disabled"])
+time.sleep(0.5)
+code, out, error = muster("watch", DEVICE, "--json", "--seconds", "4")
+assert code == 0, error
+rows = [json.loads(line) for line in out.splitlines()]
+print("watch:", rows[-1])
+assert len(rows) == 4 and rows[-1]["state"] == "open" and rows[-1]["loss"] == 0
+assert rows[-1]["frames_per_second"] > 20
+build.stop()
+print("all as expected")
