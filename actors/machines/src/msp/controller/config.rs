@@ -79,13 +79,16 @@ pub struct Gains {
     pub tilt_max_rad: f64,
     /// Tilt at full stick in the mode ANGLE, in radians: Betaflight's `angle_limit`.
     pub angle_limit_rad: f64,
+    /// Deceleration per horizontal velocity in still air, in 1/s.
+    pub drag_per_s: f64,
     /// Throttle at which the vehicle hovers, 0 to 1, until it is known better.
     pub hover_throttle: f64,
 }
 
 impl Gains {
     /// For a quadcopter that leans within 0.2 s. A loop of velocity closes well within what leaning and 100 ms of delay
-    /// allow: 1 / (2 · 0.3 s) = 1.7 1/s (half of the usual phase margin).
+    /// allow: 1 / (2 · 0.3 s) = 1.7 1/s (half of the usual phase margin). Drag of rotors: 0.39 to 0.54 1/s (Faessler, Franchi,
+    /// Scaramuzza, *Differential Flatness of Quadrotor Dynamics Subject to Rotor Drag*, RA-L 3(2), 2018).
     pub const QUADCOPTER: Self = Self {
         position_per_s: 0.8,
         velocity_per_s: 1.6,
@@ -93,8 +96,9 @@ impl Gains {
         height_per_s: 1.0,
         climb_per_s: 2.5,
         climb_integral_per_s2: 1.0,
-        tilt_max_rad: 0.436,
+        tilt_max_rad: 0.611,
         angle_limit_rad: 1.047,
+        drag_per_s: 0.45,
         hover_throttle: 0.3,
     };
 }

@@ -35,6 +35,8 @@ pub(super) struct Control {
     gains: Gains,
     /// Integrated acceleration, in m/s², north, east, down.
     integral: Vector3<f64>,
+    /// The acceleration downwards of the last sticks, in m/s².
+    down_mps2: f64,
 }
 
 impl Control {
@@ -42,12 +44,18 @@ impl Control {
         Self {
             gains,
             integral: Vector3::new(0.0, 0.0, 0.0),
+            down_mps2: 0.0,
         }
     }
 
     /// The throttle at which the vehicle hovers, 0 to 1, as learnt so far.
     pub(super) fn hover_throttle(&self) -> f64 {
         throttle(self.gains.hover_throttle, -self.integral.z, 1.0)
+    }
+
+    /// The acceleration downwards of the last sticks, in m/s².
+    pub(super) const fn down_mps2(&self) -> f64 {
+        self.down_mps2
     }
 
     /// Sticks of a level vehicle that neither climbs nor sinks by itself.
@@ -86,8 +94,13 @@ impl Control {
             gains.integral_per_s2,
             gains.climb_integral_per_s2,
         );
-        let mut acceleration = reference.acceleration + error.component_mul(&per_s) + self.integral;
+        let drag = Vector3::new(reference.velocity.0.x, reference.velocity.0.y, 0.0);
+        let mut acceleration = reference.acceleration
+            + drag * gains.drag_per_s
+            + error.component_mul(&per_s)
+            + self.integral;
         let is_saturated = self.limit(&mut acceleration);
+        self.down_mps2 = acceleration.z;
         let mut growth = error.component_mul(&per_s2) * seconds;
         if !has_position {
             (acceleration.x, acceleration.y) = (0.0, 0.0);
@@ -198,7 +211,7 @@ mod tests {
     #[test]
     fn tilt_and_throttle_stay_within_limits() {
         let far = sticks(&estimate(-1e6, 1e6, 1e6), 33.0, true);
-        let most = 1_500.0 + 500.0 * 0.436 / 1.047;
+        let most = 1_500.0 + 500.0 * 0.611 / 1.047;
         for stick in [far.roll, far.pitch] {
             assert!((f64::from(stick.us()) - 1_500.0).abs() <= most - 1_500.0 + 1.0);
         }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use muster_msp::{Altitude, Attitude, RawGps};
 
-use super::config::Noise;
+use super::config::{Config, Noise};
 use crate::geodetic::{Geodetic, local_ned};
 use crate::geometry::{Ned, Velocity};
 use crate::time::Timestamp;
@@ -121,6 +121,7 @@ pub(super) struct Estimate {
 pub(super) struct Estimator {
     home: Geodetic,
     noise: Noise,
+    drag_per_s: f64,
     at: Timestamp,
     tilt: Option<Tilt>,
     /// North and east.
@@ -137,15 +138,11 @@ pub(super) struct Estimator {
 
 impl Estimator {
     /// Without any measurement yet. `ground_m`: the barometer's altitude on the ground, if it is known from before.
-    pub(super) const fn new(
-        home: Geodetic,
-        noise: Noise,
-        now: Timestamp,
-        ground_m: Option<f64>,
-    ) -> Self {
+    pub(super) const fn new(config: &Config, now: Timestamp, ground_m: Option<f64>) -> Self {
         Self {
-            home,
-            noise,
+            home: config.home,
+            noise: config.noise,
+            drag_per_s: config.gains.drag_per_s,
             at: now,
             tilt: None,
             horizontal: None,
@@ -202,6 +199,7 @@ impl Estimator {
         }
         let acceleration = self.tilt().acceleration_mps2();
         for (axis, by) in self.horizontal.iter_mut().flatten().zip(acceleration) {
+            let by = by - self.drag_per_s * axis.velocity_mps;
             axis.predict(seconds, by, self.noise.acceleration_mps2);
         }
         if let Some(axis) = &mut self.vertical {
@@ -297,10 +295,6 @@ mod tests {
 
     const NOISE: Noise = Noise::GPS;
 
-    fn home() -> Geodetic {
-        Geodetic::new(49.0, 12.0, 400.0).unwrap()
-    }
-
     fn at(seconds: f64) -> Timestamp {
         Timestamp::from_secs_f64(seconds)
     }
@@ -320,7 +314,8 @@ mod tests {
     }
 
     fn estimator() -> Estimator {
-        let mut estimator = Estimator::new(home(), NOISE, at(0.0), None);
+        let config = super::super::tests::config();
+        let mut estimator = Estimator::new(&config, at(0.0), None);
         estimator.measure_altitude(&Altitude::default());
         estimator.set_ground();
         estimator
@@ -329,6 +324,11 @@ mod tests {
     #[test]
     fn moving_vehicle_is_where_the_delayed_fixes_say_it_was_and_has_moved_since() {
         let mut estimator = estimator();
+        // It leans against the drag.
+        estimator.measure_attitude(&Attitude {
+            pitch_ddeg: 129,
+            ..Attitude::default()
+        });
         for step in 0..100 {
             let seconds = f64::from(step) / 10.0;
             estimator.predict(at(seconds));

@@ -1,5 +1,7 @@
 //! The reference that the vehicle is to follow, and whether it does.
 
+use std::time::Duration;
+
 use nalgebra::Vector3;
 
 use super::control::Reference;
@@ -84,10 +86,19 @@ impl Guidance {
             self.begin_anew(now, estimate);
         }
         let motion = self.motion.as_ref()?;
+        let position = motion.position(now);
+        if self.is_landing && motion.is_at_rest(now) {
+            // The ground may be lower than it was where it took off, and the barometer drifts.
+            return Some(Reference {
+                position: position.at_altitude(estimate.position.altitude_m()),
+                velocity: Velocity::new(0.0, 0.0, self.landing.final_mps),
+                acceleration: Vector3::zeros(),
+            });
+        }
         let piece = motion.piece(now).map(|(piece, _)| piece);
         let flown = piece.filter(|piece| now < piece.end);
         Some(Reference {
-            position: motion.position(now),
+            position,
             velocity: Velocity(motion.velocity(now).unwrap_or_default()),
             acceleration: flown.map_or(Vector3::zeros(), |piece| piece.acceleration()),
         })
@@ -96,6 +107,8 @@ impl Guidance {
     /// Continues from where the vehicle is.
     fn begin_anew(&mut self, now: Timestamp, estimate: &Estimate) {
         let mut motion = Motion::at_rest(estimate.position);
+        let later = now + Duration::from_secs(1);
+        motion.observe(now, estimate.position, estimate.velocity, later);
         if self.is_landing {
             motion.land(now, self.landing);
         } else if let Some(setpoint) = self.setpoint {
@@ -111,12 +124,6 @@ impl Guidance {
                 && motion.position(now).distance_m(estimate.position) < REST_M
                 && estimate.velocity.0.norm() < REST_MPS
         })
-    }
-
-    /// Whether the reference is on the ground, at the end of a landing.
-    pub(super) fn has_descended(&self, now: Timestamp) -> bool {
-        let motion = self.motion.as_ref();
-        self.is_landing && motion.is_some_and(|motion| motion.is_at_rest(now))
     }
 
     /// Where the vehicle would come to rest if it braked now.

@@ -25,12 +25,12 @@ use crate::time::Timestamp;
 
 /// From one control step to the next: 50 Hz, as often as RC frames leave.
 const PERIOD: Duration = Duration::from_millis(20);
-/// How long a landed vehicle must be still before its motors stop.
+/// How long a vehicle that is pressed down must be still before its motors stop.
 const STILL_FOR: Duration = Duration::from_millis(700);
 /// Vertical speed of a vehicle on the ground, in m/s.
 const STILL_MPS: f64 = 0.25;
-/// The highest altitude at which stillness is taken for the ground, in metres above home.
-const GROUND_MAX_M: f64 = 2.0;
+/// Downward acceleration that a vehicle in the air would follow, in m/s².
+const PRESSED_MPS2: f64 = 2.0;
 /// Share of charge that is news.
 const CHARGE_STEP: f64 = 0.01;
 /// Value of the switch of the mode ANGLE: always on.
@@ -112,7 +112,7 @@ impl ControllerLink {
             identity: None,
             reported: None,
             charge: None,
-            estimator: Estimator::new(config.home, config.noise, now, ground_m),
+            estimator: Estimator::new(&config, now, ground_m),
             arming: Arming::new(config.receiver, has_flown, now),
             guidance: Guidance::new(config.landing),
             control: Control::new(gains),
@@ -303,12 +303,12 @@ impl ControllerLink {
         SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit")
     }
 
-    /// Stops the motors of a vehicle that has landed.
+    /// Stops the motors of a vehicle that has landed: it is to go down, and doesn't.
     fn detect_ground(&mut self, now: Timestamp) {
         let is_still = self.estimator.estimate().is_some_and(|estimate| {
-            self.guidance.has_descended(now)
+            self.guidance.is_landing()
+                && self.control.down_mps2() > PRESSED_MPS2
                 && estimate.velocity.0.z.abs() < STILL_MPS
-                && estimate.position.altitude_m() < GROUND_MAX_M
         });
         if !is_still {
             self.still_since = None;

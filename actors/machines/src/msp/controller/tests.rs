@@ -12,7 +12,12 @@ fn at(milliseconds: u64) -> Timestamp {
     Timestamp::from_nanos(milliseconds * 1_000_000)
 }
 
-fn config(stage: Stage, receiver: Receiver) -> Config {
+/// In the stage `sim`, without a pilot.
+pub(super) fn config() -> Config {
+    staged(Stage::Sim, Receiver::Sole)
+}
+
+fn staged(stage: Stage, receiver: Receiver) -> Config {
     Config {
         stage,
         receiver,
@@ -95,7 +100,7 @@ impl Bench {
 
     /// In the stage `sim`, with a simulation and a position, on the ground.
     fn ready(receiver: Receiver) -> Self {
-        let mut bench = Self::new(config(Stage::Sim, receiver), None);
+        let mut bench = Self::new(staged(Stage::Sim, receiver), None);
         bench.give(Input::Port(identity(*b"SITL")));
         bench.give(Input::Port(fix()));
         let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
@@ -181,7 +186,7 @@ fn vehicle_arms_and_climbs_when_it_is_told_to() {
 
 #[test]
 fn a_board_that_is_no_simulation_is_never_armed_in_the_stage_sim() {
-    let mut bench = Bench::new(config(Stage::Sim, Receiver::Sole), None);
+    let mut bench = Bench::new(config(), None);
     bench.give(Input::Port(identity(*b"S405")));
     bench.give(Input::FlightCommand(FlightCommand::Arm));
     bench.pass(2_000, 0);
@@ -195,7 +200,7 @@ fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
     let bench = Bench::flying(Receiver::Sole, ARM);
     let checkpoint = bench.checkpoint.unwrap();
     assert!(checkpoint.flight.unwrap().has_flown);
-    let mut armed = Bench::new(config(Stage::Sim, Receiver::Sole), Some(checkpoint));
+    let mut armed = Bench::new(config(), Some(checkpoint));
     armed.give(Input::Port(identity(*b"SITL")));
     assert_eq!(armed.rc, None, "it asks first whether it is armed");
     armed.give(Input::Port(status(ARM)));
@@ -208,7 +213,7 @@ fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
         Some(Ned::HOME.at_altitude(10.0))
     );
 
-    let mut disarmed = Bench::new(config(Stage::Sim, Receiver::Sole), Some(checkpoint));
+    let mut disarmed = Bench::new(config(), Some(checkpoint));
     disarmed.give(Input::Port(identity(*b"SITL")));
     disarmed.give(Input::FlightCommand(FlightCommand::Arm));
     disarmed.pass(5_000, 0);
@@ -335,7 +340,7 @@ proptest! {
         is_bench: bool,
     ) {
         let stage = if is_bench { Stage::Bench } else { Stage::Sim };
-        let mut bench = Bench::new(config(stage, Receiver::Sole), None);
+        let mut bench = Bench::new(staged(stage, Receiver::Sole), None);
         let mut is_simulation = false;
         for (input, later_ms) in inputs {
             match &input {
