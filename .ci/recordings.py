@@ -1,4 +1,7 @@
-"""Reads recordings of scenarios/kill-at-waypoint.toml with independent programs: recordings.py FOLDER"""
+"""Reads recordings of scenarios/kill-at-waypoint.toml and examples/agents/lanes.toml with independent programs.
+
+recordings.py FOLDER
+"""
 
 import json
 import pathlib
@@ -10,22 +13,32 @@ from mcap.reader import make_reader
 
 folder = pathlib.Path(sys.argv[1])
 
-validators = {}
-seen = {}
-with open(folder / "killed.mcap", "rb") as stream:
-    for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
-        if schema.id not in validators:
-            text = json.loads(schema.data)
-            jsonschema.Draft202012Validator.check_schema(text)
-            validators[schema.id] = jsonschema.Draft202012Validator(text)
-        value = json.loads(message.data)
-        validators[schema.id].validate(value)
-        seen.setdefault(schema.name, []).append((message.log_time, value))
+
+def messages(name):
+    """The messages of a recording by schema, each with its time. All are valid."""
+    validators = {}
+    found = {}
+    with open(folder / name, "rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            if schema.id not in validators:
+                text = json.loads(schema.data)
+                jsonschema.Draft202012Validator.check_schema(text)
+                validators[schema.id] = jsonschema.Draft202012Validator(text)
+            value = json.loads(message.data)
+            validators[schema.id].validate(value)
+            found.setdefault(schema.name, []).append((message.log_time, value))
+    return found
+
+
+seen = messages("killed.mcap")
 for name in ["foxglove.SceneUpdate", "foxglove.Log", "foxglove.LocationFix", "muster.Drone", "muster.Swarm"]:
     assert seen.get(name), f"{name} is missing"
 deaths = [value["message"] for _, value in seen["foxglove.Log"] if value["name"] == "death"]
 assert deaths == ["drone 3, a master, is dead: its computer failed, its flight controller lands it"], deaths
-print("mcap:", ", ".join(f"{len(messages)} {name}" for name, messages in sorted(seen.items())))
+print("mcap:", ", ".join(f"{len(values)} {name}" for name, values in sorted(seen.items())))
+finds = [value["value"] for _, value in messages("lanes.mcap")["muster.Value"] if value["name"] == "finds"]
+assert max(finds) == 3, finds
+print("values:", len(finds))
 
 GX = "{http://www.google.com/kml/ext/2.2}"
 KML = "{http://www.opengis.net/kml/2.2}"

@@ -88,6 +88,33 @@ async function death(viewport, colorScheme, label) {
   await page.context().close();
 }
 
+/** What agents observed is plotted and told of the selected drone. */
+async function values(viewport, colorScheme, label) {
+  const page = await open("lanes", viewport, colorScheme);
+  const wide = await page.evaluate("document.documentElement.scrollWidth");
+  assert.ok(wide <= viewport.width, `the page is ${wide} px wide on a screen of ${viewport.width} px`);
+  await look(page, "(replay.seek(replay.record.end), replay.select(1), 0)");
+  assert.equal(await page.locator(".replay-value").count(), 1);
+  assert.equal(await page.locator(".replay-values h3").textContent(), "findsdrone 1: 3");
+  assert.match(await page.locator(".replay-facts").textContent(), /finds3/);
+  await shot(page, `${label}-values`);
+  await page.context().close();
+}
+
+/** Failures of agents are marks, and told of the selected drone. */
+async function failures(viewport, colorScheme, label) {
+  const page = await open("failing", viewport, colorScheme);
+  const failed = 'replay.record.marks.filter((mark) => mark.kind === "agent failure" && mark.nodes.includes(2))';
+  assert.equal(await look(page, `${failed}.length`), 6);
+  assert.ok(await page.locator(".replay-mark").count() > 0);
+  await look(page, `(replay.seek(${failed}[0].at - 1), replay.select(2), 0)`);
+  assert.doesNotMatch(await page.locator(".replay-facts").textContent(), /Agent failed/);
+  await look(page, "replay.seek(replay.record.end)");
+  assert.match(await page.locator(".replay-facts").textContent(), /Agent failed6 times, last at /);
+  await shot(page, `${label}-failures`);
+  await page.context().close();
+}
+
 /** Frames a second while a hundred drones play. */
 async function speed(viewport, label) {
   const page = await open("hundred", viewport, "light");
@@ -119,6 +146,10 @@ async function speed(viewport, label) {
 for (const scheme of ["light", "dark"]) {
   await death(DESKTOP, scheme, `desktop-${scheme}`);
   await death(PHONE, scheme, `phone-${scheme}`);
+  for (const check of [values, failures]) {
+    await check(DESKTOP, scheme, `desktop-${scheme}`);
+    await check(PHONE, scheme, `phone-${scheme}`);
+  }
 }
 for (const name of ["thesis-2", "apart"]) {
   const page = await open(name, DESKTOP, "light");

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use assert_cmd::Command;
 use muster::agent::{Agent, Context, Destination, Reliability, Telemetry, TimerId};
-use muster::report::Report;
+use muster::report::{MarkKind, Report};
 use muster::{Engine, Ned, NodeId, Sim, Velocity};
 
 /// The agents of the examples, and of the crate that `muster new agent` writes.
@@ -91,9 +91,16 @@ fn pursuers_surround_the_target() {
 
 #[test]
 fn flock_reaches_its_place_together() {
-    let report = fly(&scenario("flocking"));
+    let sim = scenario("flocking");
+    let report = fly(&sim);
     assert!(report.mission_completed);
     assert!(report.min_separation_m.unwrap() > 5.0);
+    let place = Ned::new(300.0, 150.0, 0.0);
+    for drone in sim.run().unwrap().flight.drones {
+        let (_, last) = drone.track.last().unwrap();
+        let distance_m = last.horizontal_distance_m(place);
+        assert!(distance_m < 80.0, "it lands {distance_m} m from the place");
+    }
 }
 
 #[test]
@@ -203,11 +210,19 @@ fn agent_that_keeps_failing_is_given_up_and_the_others_fly_on() {
             Box::new(Lazy)
         }
     });
-    let report = fly(&sim.unwrap());
+    let sim = sim.unwrap();
+    let report = fly(&sim);
     let failures = report.agent_failures.iter();
     let failures: Vec<_> = failures.map(|it| (it.drone, it.what.as_str())).collect();
     let expected = "the destination Ned([[NaN, 0.0, 0.0]]) is not finite";
     assert_eq!(failures, [(1, expected); 6]);
+    let marks = sim.run().unwrap().flight.history.marks;
+    let marks = marks.iter().filter(|it| it.kind == MarkKind::AgentFailure);
+    let marks: Vec<_> = marks
+        .map(|it| (it.nodes.as_slice(), it.text.as_str()))
+        .collect();
+    let text = format!("the agent of drone 1 failed: {expected}");
+    assert_eq!(marks, [(&[1][..], text.as_str()); 6]);
 }
 
 /// Sends as much as it may to everybody, all the time.

@@ -1,4 +1,4 @@
-//! Five agents of the kind that people know. `docs/src/guides/agents.md` tells what each shows.
+//! Five agents of the kind that people know. `docs/src/extend/examples` has a page for each.
 
 mod auction;
 mod flocking;

@@ -18,7 +18,7 @@ const FORGOTTEN_AFTER: Duration = Duration::from_secs(2);
 pub(crate) struct Parameters {
     /// Where the flock is drawn to, metres north and east of home.
     place_m: [f64; 2],
-    /// Speed of a drone that nothing else moves, and the highest, in m/s.
+    /// Highest speed, in m/s. The place alone draws a drone at 0.4 times that.
     speed_mps: f64,
     /// Distance below which neighbours keep away from each other, in metres.
     apart_m: f64,

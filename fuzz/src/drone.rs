@@ -298,7 +298,10 @@ impl Drone {
                 Effect::StoreCheckpoint(checkpoint) => {
                     self.checkpoints.keep(checkpoint);
                 }
-                Effect::LearnAddress { .. } | Effect::KeepList(_) | Effect::Observe(_) => {}
+                Effect::LearnAddress { .. }
+                | Effect::KeepList(_)
+                | Effect::Rc(_)
+                | Effect::Observe(_) => {}
             }
         }
     }

@@ -4,7 +4,6 @@ pub mod agents;
 pub mod diagnostic;
 pub mod failure;
 pub mod file;
-pub mod geodetic;
 pub mod identity;
 pub mod journal;
 pub mod mission_file;

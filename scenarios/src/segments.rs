@@ -25,6 +25,9 @@ pub(crate) struct Segments {
     live: Vec<Option<u32>>,
     /// Between live nodes, each once, sorted.
     links: Vec<Link>,
+    /// Links with one direction down and the other not, sorted. They connect nobody, but a node that begins to hear another
+    /// may believe until the next silence that it is heard, too.
+    one_way: Vec<Link>,
     /// When each node, or a link of it, last changed.
     changed: Vec<Timestamp>,
     segments: Vec<Segment>,
@@ -36,21 +39,34 @@ pub(crate) struct Segments {
     history: VecDeque<(Timestamp, Vec<Option<usize>>)>,
 }
 
-/// A link that is not down.
+/// A link that is not down in both directions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Link {
     /// The lower id first.
     ends: (NodeId, NodeId),
-    is_up: bool,
+    state: LinkState,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum LinkState {
+    Up,
+    Grey,
+    /// Only this node hears the other.
+    OneWay(NodeId),
 }
 
 impl Link {
-    /// The link between two nodes, by its loss in the worse direction; `None` if it is down.
-    pub(crate) fn between(a: NodeId, b: NodeId, loss: f64) -> Option<Self> {
-        (loss < DOWN_LOSS_MIN).then(|| Self {
-            ends: (a.min(b), a.max(b)),
-            is_up: loss <= UP_LOSS_MAX,
-        })
+    /// The link between two nodes, by its losses there and back; `None` if both directions are down.
+    pub(crate) fn between(a: NodeId, b: NodeId, [forward, backward]: [f64; 2]) -> Option<Self> {
+        let state = match (forward < DOWN_LOSS_MIN, backward < DOWN_LOSS_MIN) {
+            (true, true) if forward.max(backward) <= UP_LOSS_MAX => LinkState::Up,
+            (true, true) => LinkState::Grey,
+            (true, false) => LinkState::OneWay(b),
+            (false, true) => LinkState::OneWay(a),
+            (false, false) => return None,
+        };
+        let ends = (a.min(b), a.max(b));
+        Some(Self { ends, state })
     }
 
     /// The nodes at its ends; the lower id first.
@@ -59,7 +75,11 @@ impl Link {
     }
 
     pub(crate) const fn is_up(&self) -> bool {
-        self.is_up
+        matches!(self.state, LinkState::Up)
+    }
+
+    const fn is_one_way(&self) -> bool {
+        matches!(self.state, LinkState::OneWay(_))
     }
 
     /// All links of a medium at present; `corrupted` is the share of a sender's frames that are altered on their way.
@@ -67,7 +87,7 @@ impl Link {
         let mut links = Vec::new();
         medium.each_link(|a, b, [forward, backward]| {
             let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - corrupted(from));
-            links.extend(Self::between(a, b, lost(a, forward).max(lost(b, backward))));
+            links.extend(Self::between(a, b, [lost(a, forward), lost(b, backward)]));
         });
         links
     }
@@ -96,7 +116,8 @@ impl Segments {
         let is_live = |id: NodeId| live.get(id.0 as usize).is_some_and(Option::is_some);
         links.retain(|link| is_live(link.ends.0) && is_live(link.ends.1));
         links.sort_unstable();
-        if live == self.live && links == self.links {
+        let one_way: Vec<_> = links.extract_if(.., |link| link.is_one_way()).collect();
+        if live == self.live && links == self.links && one_way == self.one_way {
             return false;
         }
         self.changed.resize(live.len(), now);
@@ -109,12 +130,14 @@ impl Segments {
         {
             *changed = now;
         }
-        for link in differing(&self.links, &links) {
+        let changed = differing(&self.links, &links).chain(differing(&self.one_way, &one_way));
+        for link in changed {
             self.changed[link.ends.0.0 as usize] = now;
             self.changed[link.ends.1.0 as usize] = now;
         }
         self.live = live;
         self.links = links;
+        self.one_way = one_way;
         self.divide();
         self.history.push_back((now, self.segment_of.clone()));
         true
@@ -154,7 +177,10 @@ impl Segments {
     }
 
     fn divide(&mut self) {
-        let up = first_connected(self.live.len(), self.links.iter().filter(|link| link.is_up));
+        let up = first_connected(
+            self.live.len(),
+            self.links.iter().filter(|link| link.is_up()),
+        );
         self.reach = first_connected(self.live.len(), self.links.iter());
         self.segments.clear();
         self.segment_of = vec![None; self.live.len()];
@@ -190,7 +216,7 @@ impl Segments {
     /// Whether a link that is up joins two nodes directly.
     pub(crate) fn are_neighbours(&self, a: NodeId, b: NodeId) -> bool {
         let ends = (a.min(b), a.max(b));
-        let is_up = |link: &Link| link.ends == ends && link.is_up;
+        let is_up = |link: &Link| link.ends == ends && link.is_up();
         let first = self.links.partition_point(|link| link.ends < ends);
         self.links.get(first).is_some_and(is_up)
     }
@@ -232,7 +258,7 @@ impl Segments {
     /// most twice that.
     pub(crate) fn diameter(&self, segment: &Segment) -> u32 {
         let mut neighbours = vec![Vec::new(); self.live.len()];
-        for link in self.links.iter().filter(|link| link.is_up) {
+        for link in self.links.iter().filter(|link| link.is_up()) {
             neighbours[link.ends.0.0 as usize].push(link.ends.1);
             neighbours[link.ends.1.0 as usize].push(link.ends.0);
         }
@@ -302,7 +328,7 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn link(a: u32, b: u32, loss: f64) -> Link {
-        Link::between(NodeId(a), NodeId(b), loss).unwrap()
+        Link::between(NodeId(a), NodeId(b), [loss; 2]).unwrap()
     }
 
     /// A line of nodes whose links lose no frames.
@@ -325,11 +351,27 @@ pub(crate) mod tests {
 
     #[test]
     fn links_are_up_grey_or_down_by_their_loss() {
-        let is_up = |loss| Link::between(NodeId(1), NodeId(0), loss).map(|link| link.is_up);
+        let is_up =
+            |loss| Link::between(NodeId(1), NodeId(0), [0.0, loss]).map(|link| link.is_up());
         assert_eq!(is_up(0.4), Some(true));
         assert_eq!(is_up(0.41), Some(false));
         assert_eq!(is_up(0.99), Some(false));
-        assert_eq!(is_up(0.999), None);
+        assert_eq!(is_up(0.999), Some(false));
+        let one_way = Link::between(NodeId(1), NodeId(0), [0.0, 0.999]).unwrap();
+        assert_eq!(one_way.state, LinkState::OneWay(NodeId(0)));
+        assert_eq!(Link::between(NodeId(1), NodeId(0), [0.999; 2]), None);
+    }
+
+    #[test]
+    fn a_new_one_way_link_connects_nobody_and_is_a_change() {
+        let mut segments = Segments::default();
+        segments.look(at(1.0), live(3), vec![link(0, 1, 0.0)]);
+        let heard = Link::between(NodeId(2), NodeId(1), [0.1, 1.0]).unwrap();
+        assert!(segments.look(at(2.0), live(3), vec![link(0, 1, 0.0), heard]));
+        assert_eq!(members(&segments), [vec![0, 1], vec![2]]);
+        assert!(!segments.are_connected(NodeId(1), NodeId(2)));
+        let mut since = segments.iter().map(|it| it.unchanged_since);
+        assert!(since.all(|since| since == at(2.0)));
     }
 
     #[test]

@@ -4,6 +4,7 @@ import atexit
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,6 +23,7 @@ def program():
         os.environ["OWN_NETWORK"] = "1"
         start = 'ip link set lo up && exec "$0" "$@"'
         os.execvp("unshare", ["unshare", "--net", "--map-root-user", "sh", "-c", start, sys.executable, *sys.argv])
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("terminated"))  # so that the firmware is stopped, too
     return sys.argv[1]
 
 
@@ -54,7 +56,7 @@ class Firmware:
             self.process = subprocess.Popen([self.path, "127.0.0.1"], cwd=self.folder,
                                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             started = time.monotonic()
-            while time.monotonic() < started + 3:
+            while time.monotonic() < started + 5:
                 if ":1681 00000000:0000 0A" in pathlib.Path("/proc/net/tcp").read_text():
                     return
                 time.sleep(0.02)

@@ -79,8 +79,8 @@ class Flight:
 
     def ask(self, code):
         """The payload of a reply; asks again if none comes, which a busy machine can cause."""
-        for _ in range(4):
-            reply = self.link.request(code, timeout=0.5)
+        for _ in range(3):
+            reply = self.link.request(code, timeout=2)
             if reply:
                 return reply[1]
             self.unanswered += 1

@@ -4,7 +4,7 @@ import time
 
 import firmware
 import msp
-from flight import Flight, summary
+from flight import LOW, Flight, summary
 
 PATH = firmware.program()
 
@@ -31,12 +31,13 @@ def answered(link, in_flight, seconds):
     return replies / (last - end + seconds)
 
 
-print("| serial_update_rate_hz | request | n | median ms | max ms | replies/s, 1 under way | 8 under way |")
-print("| --- | --- | --- | --- | --- | --- | --- |")
-for rate in (100, 500, 1000, 2000):
-    flight = Flight(PATH, [*firmware.lines("safe-sole.txt"), f"set serial_update_rate_hz = {rate}"])
+print("| receiver | serial_update_rate_hz | request | n | median ms | max ms | replies/s, 1 under way | 8 under way |")
+print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+for receiver, rate in (("sole", 100), ("sole", 500), ("sole", 1000), ("sole", 2000), ("override", 100), ("override", 1000)):
+    flight = Flight(PATH, [*firmware.lines(f"safe-{receiver}.txt"), f"set serial_update_rate_hz = {rate}"],
+                    pilot=[*LOW[:6], 1800, 1000] if receiver == "override" else None)
+    flight.sending = False
     for name, code in (("ATTITUDE", msp.ATTITUDE), ("BOXNAMES", msp.BOXNAMES)):
-        flight.sending = False
         times = summary(round_trips(flight.link, code, 500))
-        print(f"| {rate} | {name} | {times} | {answered(flight.link, 1, 3):.0f} | {answered(flight.link, 8, 3):.0f} |", flush=True)
+        print(f"| {receiver} | {rate} | {name} | {times} | {answered(flight.link, 1, 3):.0f} | {answered(flight.link, 8, 3):.0f} |", flush=True)
     flight.stop()

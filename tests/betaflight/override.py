@@ -22,6 +22,10 @@ def fly(configuration=(), pilot_first=True):
     return flight
 
 
+def armed(flight):
+    return "armed" if flight.armed(flight.seen[-1]) else "disarmed"
+
+
 def times(values):
     known = [value * 1000 for value in values if value is not None]
     return f"n {len(known)} of {len(values)}, median {statistics.median(known):.0f} ms, max {max(known):.0f} ms" if known else "never"
@@ -58,7 +62,7 @@ for failsafe in ("OFF", "ON"):
     flags = sorted({name for row in rows for name in flag_names(row[1])})
     print(f"MSP sender stops, msp_override_failsafe = {failsafe}: sticks of the last frame "
           f"{'fell back after %.0f ms' % ((changed - last) * 1000) if changed else 'held for the 20 s of the test'}; "
-          f"flags {flags or 'none'}; armed {flight.armed(rows[-1])}; mode bit {flight.mode(rows[-1], BOX_OVERRIDE)}")
+          f"flags {' '.join(flags) or 'none'}; {armed(flight)}; mode bit {int(flight.mode(rows[-1], BOX_OVERRIDE))}")
     took = switch(flight, 1000, lambda row: row[3][ROLL] == 1500 and row[3][THROTTLE] == 1200)
     print(f"  then the pilot switches override off: the pilot's sticks after {took * 1000:.0f} ms")
     flight.sending = True
@@ -93,15 +97,15 @@ for mask, what in ((15, "ARM not in the mask"), (31, "ARM (AUX1, bit 4) in the m
     flight.wait(lambda row: row[1] == 0, 12)
     flight.sticks = [1500, 1500, 1000, 1500, 1800]
     flight.wait(flight.armed, 2)
-    print(f"{what}: pilot's AUX1 low, MSP's high → armed {flight.armed(flight.seen[-1])}, flags {flag_names(flight.seen[-1][1])}")
+    print(f"{what}: pilot's AUX1 low, MSP's high → {armed(flight)}")
     flight.sticks[AUX1] = 1000
     flight.run(0.5)
     flight.pilot[AUX1] = 1800
     flight.run(1)
-    print(f"{what}: pilot's AUX1 high, MSP's low → armed {flight.armed(flight.seen[-1])}, flags {flag_names(flight.seen[-1][1])}")
+    print(f"{what}: pilot's AUX1 high, MSP's low → {armed(flight)}")
     flight.sticks[AUX1] = 1800
     flight.run(0.5)
     flight.pilot[AUX1] = 1000
     flight.run(0.5)
-    print(f"{what}: both high, then the pilot's low → armed {flight.armed(flight.seen[-1])}")
+    print(f"{what}: both high, then the pilot's low → {armed(flight)}")
     flight.stop()

@@ -6,6 +6,7 @@ The firmware wants velocity east-north-up and longitude, latitude, altitude for 
 
 import math
 import multiprocessing
+import signal
 import socket
 import struct
 import time
@@ -97,6 +98,7 @@ class Peer:
         self.process.start()
 
     def _run(self, held):
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         body, commands = Body(held), (0.0,) * 4
         inbox = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         inbox.bind(("127.0.0.1", 9002))

@@ -76,12 +76,14 @@ print("| --- | --- | --- | --- | --- | --- | --- |")
 for procedure in ("DROP", "AUTO-LAND"):
     for delay in (2, 4, 10):
         observe = delay / 10 + (1.2 if procedure == "DROP" else 3.2)
-        seen = series([f"set failsafe_delay = {delay}", f"set failsafe_procedure = {procedure}", "set failsafe_landing_time = 2"], observe)
+        seen = series([f"set failsafe_delay = {delay}", f"set failsafe_procedure = {procedure}", "set failsafe_landing_time = 2",
+                       "set failsafe_throttle = 1400"], observe)
         print(f"| {procedure} | {delay} | {column(seen, 'lost')} | {column(seen, 'stage 2')} | {column(seen, 'disarmed')} | "
-              f"{mean(seen, 'landing')} | {mean(seen, 'end')} |", flush=True)
+              f"{mean(seen, 'landing') if procedure == 'AUTO-LAND' else '-'} | {mean(seen, 'end')} |", flush=True)
 
 print(f"\n## Throttle low for longer than failsafe_throttle_low_delay (1 s), AUTO-LAND, failsafe_delay = 10, n = {REPEATS}")
-flight = Flight(PATH, [*firmware.lines("safe-sole.txt"), "set serial_update_rate_hz = 1000", "set failsafe_throttle_low_delay = 10"])
+flight = Flight(PATH, [*firmware.lines("safe-sole.txt"), "set serial_update_rate_hz = 1000", "set failsafe_throttle_low_delay = 10",
+                       "set failsafe_delay = 10"])
 disarmed = []
 for _ in range(REPEATS):
     flight.sticks, flight.sending = list(LOW), True

@@ -34,6 +34,13 @@ MESSAGES = {
     "STATUS": [], "RAW_IMU": [], "MOTOR": [], "RC": [], "RAW_GPS": [], "ATTITUDE": [], "ALTITUDE": [], "ANALOG": [],
     "BOXNAMES": [], "BOXIDS": [], "BATTERY_STATE": [], "STATUS_EX": [], "UID": []}
 
+# MULTIPLE_MSP asks for BOXNAMES, MODE_RANGES and RX_CONFIG at once: its reply is a jumbo frame.
+OTHERS = [("v1", "SET_RAW_RC", msp.frame(msp.SET_RAW_RC, msp.channels_payload([1500, 1500, 1000, 1500, 1000]))),
+          ("v1", "SET_MOTOR", msp.frame(msp.SET_MOTOR, msp.channels_payload([1000] * 4))),
+          ("v1 jumbo", "MULTIPLE_MSP", msp.frame(230, bytes((msp.BOXNAMES, msp.MODE_RANGES, msp.RX_CONFIG)))),
+          ("v1", "unknown 121", msp.frame(121)), ("v2", "unknown 0x4FFF", msp.frame_v2(0x4FFF)),
+          ("v2", "SENSOR_RANGEFINDER 0x1F01", msp.frame_v2(0x1F01, b"\xff\xe8\x03\x00\x00"))]
+
 
 def raw(link, request):
     """The bytes of the reply."""
@@ -70,6 +77,8 @@ for name, starts in MESSAGES.items():
     code, cli = getattr(msp, name), [line for line in dump if line.startswith(tuple(starts))] if starts else []
     request = msp.frame(code)
     entries.append(entry("v1", name, request, raw(link, request), cli))
+for kind, name, request in OTHERS:
+    entries.append(entry(kind, name, request, raw(link, request), []))
 for name in ("ATTITUDE", "STATUS", "BOXNAMES"):
     code = getattr(msp, name)
     entries.append(entry("v2", name, msp.frame_v2(code), raw(link, msp.frame_v2(code)), []))

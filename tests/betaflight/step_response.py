@@ -4,10 +4,12 @@ usage: step_response.py PROGRAM FILE
 """
 
 import pathlib
+import struct
 import sys
 import time
 
 import firmware
+import msp
 import physics
 from flight import LOW, Flight
 
@@ -50,6 +52,8 @@ for phase, seconds, change in PHASES:
         time.sleep(0.005)
 rows = flight.physics.rows(marks[0][0])
 ends = marks[-1][0] + PHASES[-1][1]
+attitude, body = struct.unpack("<3h", flight.ask(msp.ATTITUDE)), flight.physics.last()
+print(f"MSP_ATTITUDE {attitude}; roll, pitch, yaw of the body in degrees: {[round(body[n] * 57.29578, 1) for n in ('roll', 'pitch', 'yaw')]}")
 flight.sending = False
 flight.link.close()
 flight.firmware.start()  # the CLI doesn't answer in flight

@@ -1,5 +1,6 @@
 //! Examples in documents run. An info string says how: `sh` is run line by line, `toml` is flown as a scenario,
-//! `toml drone`, `toml observe` and `toml hosts` are read as such files, `rust` is a doc test, `text` is not run.
+//! `toml drone`, `toml observe` and `toml hosts` are read as such files, `rust` is a doc test, `rust,ignore` is an excerpt of
+//! an example's source, `text` is not run.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,18 +8,22 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 
-use super::{ROOT, documents};
+use super::{Document, ROOT, documents, files};
 
-const INFO: [&str; 8] = [
+const INFO: [&str; 9] = [
     "sh",
     "text",
     "rust",
     "rust,no_run",
+    EXCERPT,
     "toml",
     "toml drone",
     "toml observe",
     "toml hosts",
 ];
+
+/// An excerpt of an agent's source, in a page about it.
+const EXCERPT: &str = "rust,ignore";
 
 /// The pages whose examples `scenarios/src/lib.rs` and `src/lib.rs` include as doc tests.
 const WITH_RUST: [&str; 2] = ["docs/src/extend/protocol.md", "docs/src/extend/agent.md"];
@@ -94,9 +99,42 @@ fn every_example_says_how_it_is_run() {
                 "{place}: `{}`",
                 block.info
             );
-            let is_tested =
-                !block.info.starts_with("rust") || WITH_RUST.contains(&document.path.as_str());
+            let is_tested = !block.info.starts_with("rust")
+                || block.info == EXCERPT
+                || WITH_RUST.contains(&document.path.as_str());
             assert!(is_tested, "{place}: only {WITH_RUST:?} are doc tests");
+        }
+    }
+}
+
+#[test]
+fn each_example_agent_has_a_page_with_excerpts_of_its_source() {
+    const FOLDER: &str = "docs/src/extend/examples";
+    let scenarios = files("examples/agents", "toml");
+    let names = scenarios.iter().map(|path| Path::new(path).file_stem());
+    let names: Vec<_> = names.map(|name| name.unwrap().to_str().unwrap()).collect();
+    let pages: Vec<_> = names.iter().map(|it| format!("{FOLDER}/{it}.md")).collect();
+    assert_eq!(files(FOLDER, "md"), pages);
+    let trimmed = |text: &str| -> Vec<_> { text.lines().map(|it| it.trim().to_owned()).collect() };
+    for document in documents() {
+        let excerpts: Vec<_> = (document.blocks().into_iter())
+            .filter(|block| block.info == EXCERPT)
+            .collect();
+        let Some(index) = pages.iter().position(|page| *page == document.path) else {
+            assert!(excerpts.is_empty(), "{}: whose excerpt?", document.path);
+            continue;
+        };
+        assert!(!excerpts.is_empty(), "{} has no excerpt", document.path);
+        let source = format!("examples/agents/{}.rs", names[index]);
+        let source = trimmed(&Document::read(&source).text);
+        for excerpt in excerpts {
+            let lines = trimmed(&excerpt.text);
+            let is_there = source.windows(lines.len()).any(|part| part == lines);
+            assert!(
+                is_there,
+                "{}:{} is not in the source",
+                document.path, excerpt.line
+            );
         }
     }
 }

@@ -19,5 +19,6 @@ mod real_time {
     mod operator;
     mod refusals;
     mod service;
+    mod slow_agent;
     mod swarm;
 }

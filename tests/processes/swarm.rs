@@ -30,7 +30,7 @@ pub(crate) fn swarm(scenario: &str, out: &Path) -> Command {
     command
 }
 
-/// Process ids of a flight's daemons, including agents.
+/// Process ids of a flight's daemons, including launchers.
 pub(crate) fn processes_of(folder: &Path) -> Vec<u32> {
     let mark = format!("{MARK}={}", folder.display());
     let all = fs::read_dir("/proc").unwrap();
@@ -323,7 +323,7 @@ fn no_process_outlives_its_starter() {
         let out = folder.path().join(signal);
         let mut command = swarm(scenario.to_str().unwrap(), &out);
         let mut starter = command.stderr(Stdio::null()).spawn().unwrap();
-        wait_until("five drones and an agent run", || {
+        wait_until("five drones and a launcher run", || {
             processes_of(&out).len() == 6
         });
         wait_until("all five answer", || {

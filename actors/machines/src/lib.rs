@@ -4,11 +4,13 @@
 pub mod agent;
 pub mod flaw;
 pub mod formation;
+pub mod geodetic;
 pub mod geometry;
 pub mod identity;
 pub mod leader;
 pub mod machine;
 pub mod mission;
+pub mod motion;
 pub mod msp;
 pub mod navigation;
 pub mod node;

@@ -1,10 +1,16 @@
 //! Flight-controller link: commands to the vehicle and telemetry from it.
 //!
-//! The machine behind it is the link to a real flight controller, or a simulated one in the scenario runner.
+//! The machine behind it is the link to a flight controller ([`ControllerLink`]), or that of a closed-form vehicle in the
+//! scenario runner.
+
+pub mod controller;
 
 use std::time::Duration;
 
+use muster_msp::SetRawRc;
 use serde::{Deserialize, Serialize};
+
+pub use self::controller::{ControllerLink, PortEvent};
 
 use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
@@ -84,12 +90,14 @@ pub struct Telemetry {
 }
 
 /// Input of a link.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Input {
     /// From the navigation.
     FlightCommand(FlightCommand),
-    /// From the vehicle.
+    /// From a closed-form vehicle.
     Telemetry(Telemetry),
+    /// From the port of a flight controller.
+    Port(PortEvent),
     /// From the supervisor: an actor can't be kept alive, so land and ignore all commands.
     GiveUp,
 }
@@ -97,8 +105,10 @@ pub enum Input {
 /// Output of a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transmit {
-    /// To the vehicle.
+    /// To a closed-form vehicle.
     Command(FlightCommand),
+    /// To the port of a flight controller: the newest RC frame, to be repeated for a bounded time. `None` stops RC.
+    Rc(Option<SetRawRc>),
     /// To the navigation.
     Telemetry(Telemetry),
     /// To the navigation: this link restarted, repeat the command.
@@ -106,17 +116,19 @@ pub enum Transmit {
 }
 
 /// Event of a link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
     /// Checkpoint for a restart.
     Checkpoint(Checkpoint),
 }
 
 /// Persistent state of a link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Whether the supervisor has made it land and ignore all commands.
     pub gave_up: bool,
+    /// What a vehicle with a flight controller was flying.
+    pub flight: Option<controller::Flight>,
 }
 
 /// A machine that can be a drone's flight-controller link.

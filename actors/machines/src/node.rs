@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 pub use checkpoints::{Checkpoint, Checkpoints};
 pub use effects::{Effect, Observation, emergency_landing};
-pub use machine::{Blueprint, NodeMachine, Occupancy, StepOutput};
+pub use machine::{Blueprint, LinkBuilder, NodeMachine, Occupancy, StepOutput};
 
 use crate::{mission, msp, navigation, radio, routing};
 

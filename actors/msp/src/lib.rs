@@ -9,16 +9,19 @@
 mod channels;
 pub mod check;
 mod configuration;
+mod conversation;
 mod decoder;
 mod field;
 mod frame;
 mod message;
+mod schedule;
 
 pub use channels::{
     AUX_MAX, CHANNELS_MAX, Channel, MotorOutput, OutOfRange, Rc, ReceivedMotors, ReceivedRc,
     SetMotor, SetRawRc, Sticks, TooManyChannels,
 };
 pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
+pub use conversation::{BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{
@@ -26,3 +29,4 @@ pub use frame::{
     refuse, reply, request,
 };
 pub use message::*;
+pub use schedule::{QUERIES, Query, RC_HOLD, RC_PERIOD, Schedule, TICK, Write};

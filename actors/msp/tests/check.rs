@@ -378,6 +378,7 @@ fn betaflights_defaults_are_unfit_for_these_reasons() {
         rules(&findings),
         [
             "failsafe-procedure",
+            "failsafe-throttle",
             "failsafe-delay",
             "arm-mode",
             "angle-mode"

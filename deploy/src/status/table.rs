@@ -1,7 +1,7 @@
 //! The status of drones as a table for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
-use muster_daemon::status::{LeaderEpoch, Role, Status};
+use muster_daemon::status::{AgentStatus, LeaderEpoch, Role, Status};
 use muster_scenarios::report::{Colour, TABLE_STYLE};
 
 use super::{AskError, Target};
@@ -123,13 +123,22 @@ fn remarks(answer: &Answer) -> Vec<(String, String)> {
     let name =
         number(answer).map_or_else(|| answer.target.address.clone(), |id| format!("drone {id}"));
     let remarks = match &answer.status {
-        Ok(status) => status.faults.clone(),
+        Ok(status) => {
+            let slow = status.agent.filter(|agent| agent.slow_calls > 0).map(slow);
+            status.faults.iter().cloned().chain(slow).collect()
+        }
         Err(error) if number(answer).is_some() => {
             vec![format!("{}: {error}", answer.target.address)]
         }
         Err(error) => vec![error.to_string()],
     };
     remarks.into_iter().map(|it| (name.clone(), it)).collect()
+}
+
+/// What is said of a slow agent.
+fn slow(agent: AgentStatus) -> String {
+    let (times, longest_ms) = (agent.slow_calls, agent.longest_call_s * 1e3);
+    format!("its agent is slow: {times} calls over 50 ms, the longest {longest_ms:.0} ms")
 }
 
 fn or_empty(value: Option<impl ToString>) -> String {

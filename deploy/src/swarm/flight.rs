@@ -13,7 +13,7 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
 
 use super::folder::DroneFolder;
-use super::host::{Agent, end_agents, start_agents};
+use super::host::{Launcher, end_launchers, start_launchers};
 use super::hosts::Hosts;
 use super::losses::SentLosses;
 use super::output::ProcessOutput;
@@ -37,16 +37,16 @@ pub(super) async fn fly(
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     let (sender, events) = mpsc::unbounded_channel();
-    let agents = start_agents(request, &hosts.hosts, drones, &sender).await?;
-    let fleet = Agents {
-        by_drone: (hosts.hosts.iter().zip(&agents))
-            .flat_map(|(host, agent)| host.drones.keys().map(move |id| (*id, agent)))
+    let launchers = start_launchers(request, &hosts.hosts, drones, &sender).await?;
+    let fleet = Launchers {
+        by_drone: (hosts.hosts.iter().zip(&launchers))
+            .flat_map(|(host, launcher)| host.drones.keys().map(move |id| (*id, launcher)))
             .collect(),
         _sender: sender,
         events,
     };
     let flown = fly_with(request, drones, fleet, watcher).await;
-    let uncertainty = end_agents(agents).await;
+    let uncertainty = end_launchers(launchers).await;
     let (mut report, flight) = flown?;
     if !request.emulates_radio {
         // Every drone heard every other.
@@ -56,9 +56,9 @@ pub(super) async fn fly(
     Ok((report, flight))
 }
 
-/// The agents on the hosts, and the events that they report.
-struct Agents<'a> {
-    by_drone: BTreeMap<NodeId, &'a Agent>,
+/// The launchers on the hosts, and the events that they report.
+struct Launchers<'a> {
+    by_drone: BTreeMap<NodeId, &'a Launcher>,
     /// Keeps the channel open.
     _sender: UnboundedSender<HostEvent>,
     events: UnboundedReceiver<HostEvent>,
@@ -67,10 +67,10 @@ struct Agents<'a> {
 async fn fly_with<'a>(
     request: &'a Request<'a>,
     drones: &'a [DroneFolder],
-    agents: Agents<'a>,
+    launchers: Launchers<'a>,
     mut watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
-    let mut swarm = Swarm::start(request, drones, agents).await?;
+    let mut swarm = Swarm::start(request, drones, launchers).await?;
     let [mut terminate, mut interrupt] = termination_signals().map_err(SwarmError::Runtime)?;
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -79,7 +79,7 @@ async fn fly_with<'a>(
             biased;
             _ = terminate.recv() => return Err(SwarmError::Interrupted),
             _ = interrupt.recv() => return Err(SwarmError::Interrupted),
-            event = swarm.agents.events.recv() => swarm.handle_event(event)?,
+            event = swarm.launchers.events.recv() => swarm.handle_event(event)?,
             _ = ticks.tick() => {
                 swarm.advance();
                 if let Some(watcher) = &mut watcher {
@@ -108,7 +108,7 @@ struct Swarm<'a> {
     /// Delay of the twin behind the clock.
     twin_delay: Duration,
     twin_time: Timestamp,
-    agents: Agents<'a>,
+    launchers: Launchers<'a>,
     processes: BTreeMap<NodeId, DroneProcess>,
     /// Started when the flight began.
     clock: Clock,
@@ -121,9 +121,9 @@ impl<'a> Swarm<'a> {
     async fn start(
         request: &'a Request<'a>,
         drones: &'a [DroneFolder],
-        agents: Agents<'a>,
+        launchers: Launchers<'a>,
     ) -> Result<Self, SwarmError> {
-        let lags = agents.by_drone.values().map(|agent| agent.lag);
+        let lags = launchers.by_drone.values().map(|launcher| launcher.lag);
         let twin_delay = TWIN_DELAY + lags.max().unwrap_or_default();
         let mut swarm = Self {
             request,
@@ -131,7 +131,7 @@ impl<'a> Swarm<'a> {
             twin: Twin::new(request.scenario, twin_delay),
             twin_delay,
             twin_time: Timestamp::ZERO,
-            agents,
+            launchers,
             processes: BTreeMap::new(),
             clock: Clock::start(),
             reports: ReportQueue::default(),
@@ -152,8 +152,8 @@ impl<'a> Swarm<'a> {
 
     /// Starts a drone's process and sends it the current frame losses.
     fn start_process(&mut self, folder: &DroneFolder, mode: StartMode) {
-        let agent = self.agents.by_drone[&folder.id];
-        let process = DroneProcess::start(self.request, agent, folder, mode);
+        let launcher = self.launchers.by_drone[&folder.id];
+        let process = DroneProcess::start(self.request, launcher, folder, mode);
         self.processes.insert(folder.id, process);
         self.losses.forget(folder.id);
         self.send_losses();
@@ -162,7 +162,7 @@ impl<'a> Swarm<'a> {
     /// The state of a drone's vehicle, as a message to its process.
     fn vehicle(&self, drone: NodeId) -> ControlMessage {
         ControlMessage::Vehicle {
-            epoch: self.agents.by_drone[&drone].host_time(self.clock.started()),
+            epoch: self.launchers.by_drone[&drone].host_time(self.clock.started()),
             state: Box::new(self.twin.vehicle(drone)),
         }
     }
@@ -177,7 +177,7 @@ impl<'a> Swarm<'a> {
                 return Ok(());
             };
             let late = SwarmError::Late(*first);
-            let event = timeout_at(deadline, self.agents.events.recv()).await;
+            let event = timeout_at(deadline, self.launchers.events.recv()).await;
             let event = event.map_err(|_| late)?;
             if let Some(HostEvent::Output(id, ProcessOutput::Text(text))) = &event {
                 last_texts.insert(*id, text.clone());
@@ -288,12 +288,13 @@ impl<'a> Swarm<'a> {
         }
     }
 
-    /// Waits for the processes to exit by themselves and passes their last reports to the twin. Their agents kill the rest.
+    /// Waits for the processes to exit by themselves and passes their last reports to the twin. Their launchers kill
+    /// the rest.
     async fn wait_for_exit(&mut self) {
         let deadline = Deadline::now() + EXIT_MAX;
         let runs = |it: &DroneProcess| !it.is_ended();
         while self.processes.values().any(runs) {
-            match timeout_at(deadline, self.agents.events.recv()).await {
+            match timeout_at(deadline, self.launchers.events.recv()).await {
                 // All drones are down: the loss of a host does not matter any more.
                 Ok(event) => drop(self.handle_event(event)),
                 Err(_) => break,

@@ -1,4 +1,4 @@
-//! The agents on the hosts, as the starter sees them (see [`muster_daemon::agent`]).
+//! The launchers on the hosts, as the starter sees them (see [`muster_daemon::launcher`]).
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -18,14 +18,14 @@ use super::link::Link;
 use super::offset::add_nanos;
 use super::process::HostEvent;
 use super::{Request, SwarmError};
-use muster_daemon::agent::protocol::Order;
+use muster_daemon::launcher::protocol::Order;
 
 /// Most orders that queue for a slow connection. Further orders are dropped.
 const QUEUED_ORDERS_MAX: usize = 4_096;
 
-/// The starter's handle of an agent. The agent ends its processes and itself once all senders of orders are dropped.
+/// The starter's handle of a launcher. The launcher ends its processes and itself once all senders of orders are dropped.
 #[derive(Debug)]
-pub(super) struct Agent {
+pub(super) struct Launcher {
     orders: mpsc::Sender<Order>,
     /// Runs the connection; returns the largest uncertainty of the host's clock.
     connection: JoinHandle<Duration>,
@@ -37,11 +37,11 @@ pub(super) struct Agent {
     pub(super) lag: Duration,
 }
 
-impl Agent {
-    /// Starts an agent on a host, uploads its drones' files, and forwards its events to `events` from then on.
+impl Launcher {
+    /// Starts a launcher on a host, uploads its drones' files, and forwards its events to `events` from then on.
     ///
     /// # Errors
-    /// If the agent does not start, has another version, or its connection is lost.
+    /// If the launcher does not start, has another version, or its connection is lost.
     async fn start(
         host: &Host,
         files: HostFiles,
@@ -99,7 +99,7 @@ impl Agent {
 
 /// The files that a host needs, and the logs of its drones on this machine.
 struct HostFiles {
-    /// Contents by path relative to the agent's folder; empty on this machine.
+    /// Contents by path relative to the launcher's folder; empty on this machine.
     uploads: BTreeMap<PathBuf, String>,
     logs: BTreeMap<NodeId, File>,
 }
@@ -129,52 +129,52 @@ impl HostFiles {
     }
 }
 
-/// Starts an agent on each host in parallel and uploads its files. The result is in the order of the hosts. A slow host does
-/// not keep the starter from pinging the others.
+/// Starts a launcher on each host in parallel and uploads its files. The result is in the order of the hosts. A slow host
+/// does not keep the starter from pinging the others.
 ///
 /// # Errors
-/// If an agent does not start or has another version, or a file can't be read or written. No agent and no uploaded file is
-/// left then.
-pub(super) async fn start_agents(
+/// If a launcher does not start or has another version, or a file can't be read or written. No launcher and no uploaded
+/// file is left then.
+pub(super) async fn start_launchers(
     request: &Request<'_>,
     hosts: &[Host],
     drones: &[DroneFolder],
     events: &UnboundedSender<HostEvent>,
-) -> Result<Vec<Agent>, SwarmError> {
+) -> Result<Vec<Launcher>, SwarmError> {
     let open = |host| HostFiles::open(request, host, drones);
     let files = hosts.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let mut starting = JoinSet::new();
     for (nth, (host, files)) in hosts.iter().cloned().zip(files).enumerate() {
         let events = events.clone();
-        starting.spawn(async move { (nth, Agent::start(&host, files, events).await) });
+        starting.spawn(async move { (nth, Launcher::start(&host, files, events).await) });
     }
-    let (mut agents, mut failure) = (BTreeMap::new(), None);
-    // Wait for all, even after a failure: only a started agent can be ended in order.
+    let (mut launchers, mut failure) = (BTreeMap::new(), None);
+    // Wait for all, even after a failure: only a started launcher can be ended in order.
     while let Some(started) = starting.join_next().await {
         let (nth, started) = started.expect("the task is neither cancelled nor panics");
         match started {
-            Ok(agent) => drop(agents.insert(nth, agent)),
+            Ok(launcher) => drop(launchers.insert(nth, launcher)),
             Err(error) => drop(failure.get_or_insert(error)),
         }
     }
-    let agents = agents.into_values().collect();
+    let launchers = launchers.into_values().collect();
     match failure {
-        None => Ok(agents),
+        None => Ok(launchers),
         Some(error) => {
-            end_agents(agents).await;
+            end_launchers(launchers).await;
             Err(error)
         }
     }
 }
 
-/// Ends agents and their processes. Returns the largest clock uncertainty of the other hosts; `None` if all agents run on
-/// this machine.
-pub(super) async fn end_agents(agents: Vec<Agent>) -> Option<Duration> {
+/// Ends launchers and their processes. Returns the largest clock uncertainty of the other hosts; `None` if all launchers
+/// run on this machine.
+pub(super) async fn end_launchers(launchers: Vec<Launcher>) -> Option<Duration> {
     let mut ending = Vec::new();
-    for agent in agents {
-        // A closed channel ends the agent; all end in parallel.
-        drop(agent.orders);
-        ending.push((agent.is_local, agent.connection));
+    for launcher in launchers {
+        // A closed channel ends the launcher; all end in parallel.
+        drop(launcher.orders);
+        ending.push((launcher.is_local, launcher.connection));
     }
     let mut largest = None;
     for (is_local, connection) in ending {

@@ -1,4 +1,4 @@
-//! The connection to an agent on a host. It converts the times of reports to our clock.
+//! The connection to a launcher on a host. It converts the times of reports to our clock.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -22,9 +22,9 @@ use super::offset::Offset;
 use super::output::{ProcessOutput, parse};
 use super::process::HostEvent;
 use super::{START_MAX, SwarmError};
-use muster_daemon::agent::SILENCE_MAX;
-use muster_daemon::agent::protocol::{Order, Reply, VERSION, line};
 use muster_daemon::clock::Clock;
+use muster_daemon::launcher::SILENCE_MAX;
+use muster_daemon::launcher::protocol::{Order, Reply, VERSION, line};
 
 /// Period of the pings, which measure the host's clock.
 const PING_PERIOD: Duration = Duration::from_secs(1);
@@ -32,23 +32,23 @@ const PING_PERIOD: Duration = Duration::from_secs(1);
 /// Number of pings before the flight starts.
 const FIRST_PINGS: u64 = 8;
 
-/// Time for an agent to end its processes and itself.
+/// Time for a launcher to end its processes and itself.
 const EXIT_MAX: Duration = Duration::from_secs(3);
 
-/// The connection to an agent.
+/// The connection to a launcher.
 pub(super) struct Link {
     /// Name of the host.
     name: String,
     child: Child,
     input: ChildStdin,
     lines: Lines<BufReader<ChildStdout>>,
-    /// Reads standard error of the agent or of the command that runs it; returns the last line.
+    /// Reads standard error of the launcher or of the command that runs it; returns the last line.
     errors: JoinHandle<String>,
     clock: Clock,
     /// Whether the host is this machine and has the same clock.
     is_local: bool,
     offset: Offset,
-    /// Latest estimate of the offset, shared with [`Agent`](super::host::Agent).
+    /// Latest estimate of the offset, shared with [`Launcher`](super::host::Launcher).
     ahead_ns: Arc<AtomicI64>,
     /// Number and send time of the last ping.
     last_ping: (u64, Timestamp),
@@ -58,10 +58,10 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Starts an agent on a host and waits for its hello.
+    /// Starts a launcher on a host and waits for its hello.
     ///
     /// # Errors
-    /// If the agent does not start or has another version.
+    /// If the launcher does not start or has another version.
     pub(super) async fn open(host: &Host) -> Result<Self, SwarmError> {
         let mut command = match host.run.split_first() {
             None => Command::new(&host.musterd),
@@ -71,9 +71,9 @@ impl Link {
                 command
             }
         };
-        // An own process group: Ctrl-C goes to the starter only, which ends its agents in order.
+        // An own process group: Ctrl-C goes to the starter only, which ends its launchers in order.
         let spawned = command
-            .arg("--agent")
+            .arg("--launcher")
             .process_group(0)
             .kill_on_drop(true)
             .stdin(Stdio::piped())
@@ -117,7 +117,7 @@ impl Link {
         }
     }
 
-    /// Waits for the agent's hello and returns its version; `None` if it ends before.
+    /// Waits for the launcher's hello and returns its version; `None` if it ends before.
     async fn wait_for_hello(&mut self) -> Option<String> {
         loop {
             if let Reply::Hello { version } = self.next_reply().await? {
@@ -126,7 +126,7 @@ impl Link {
         }
     }
 
-    /// Writes a file in the agent's folder, piece by piece. A ping confirms each piece, so that neither side exceeds the
+    /// Writes a file in the launcher's folder, piece by piece. A ping confirms each piece, so that neither side exceeds the
     /// silence limit on a slow connection.
     ///
     /// # Errors
@@ -306,13 +306,13 @@ impl Link {
         let _ = events.send(event);
     }
 
-    /// Lets the agent end, and kills the command that runs it after a timeout. Returns the last line on standard error.
+    /// Lets the launcher end, and kills the command that runs it after a timeout. Returns the last line on standard error.
     async fn end(mut self) -> String {
         drop(self.input);
         let deadline = Instant::now() + EXIT_MAX;
         while let Ok(Ok(Some(_))) = timeout_at(deadline, self.lines.next_line()).await {}
         if timeout_at(deadline, self.child.wait()).await.is_err() {
-            // The agent ends its drones by itself after the silence limit.
+            // The launcher ends its drones by itself after the silence limit.
             let _ = self.child.kill().await;
         }
         let last = timeout(EXIT_MAX, self.errors).await;

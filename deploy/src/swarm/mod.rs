@@ -24,14 +24,15 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
+use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::engine::Progress;
 use muster_scenarios::report::{Flight, Report};
 use muster_scenarios::scenario::Scenario;
 use muster_scenarios::twin;
 use thiserror::Error;
 
-use muster_daemon::agent::protocol::VERSION;
 use muster_daemon::config::TransportName;
+use muster_daemon::launcher::protocol::VERSION;
 
 pub use self::hosts::{Hosts, reference, schema};
 
@@ -85,29 +86,29 @@ pub enum SwarmError {
         #[source]
         source: io::Error,
     },
-    /// A host's agent, or the command that runs it, ended at once.
+    /// A host's launcher, or the command that runs it, ended at once.
     #[error("`{host}` can't start drones: {last}")]
     HostGone {
-        /// The command that runs the agent.
+        /// The command that runs the launcher.
         host: String,
         /// Its last line on standard error.
         last: String,
     },
-    /// The connection to a host was lost in flight. The host's agent ends its processes.
+    /// The connection to a host was lost in flight. The host's launcher ends its processes.
     #[error("connection to `{host}` lost, flight aborted: {last}")]
     HostLost {
-        /// The command that runs the agent.
+        /// The command that runs the launcher.
         host: String,
         /// Its last line on standard error.
         last: String,
     },
-    /// A host's agent did not answer in time.
+    /// A host's launcher did not answer in time.
     #[error("`{0}` does not answer within {START_MAX:?}")]
     HostLate(String),
     /// A host's daemon has another version.
     #[error("`{host}` runs musterd {theirs}; version {VERSION} is needed")]
     OtherVersion {
-        /// The command that runs the agent.
+        /// The command that runs the launcher.
         host: String,
         /// The version of its daemon.
         theirs: String,
@@ -143,7 +144,7 @@ pub enum SwarmError {
     Interrupted,
 }
 
-/// Time for a process to get ready, and for an agent to answer first.
+/// Time for a process to get ready, and for a launcher to answer first.
 const START_MAX: Duration = Duration::from_secs(10);
 
 /// Flies a scenario with one process per drone, and checks the rules.
@@ -199,6 +200,11 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
     };
     if scenario.has_other_swarms() {
         return refuse("the scenario has several swarms; processes fly one".to_owned());
+    }
+    if scenario.plan.vehicle_kind == VehicleKind::Msp {
+        let message = "`vehicle.kind` = \"msp\" flies in `muster sim`, and with a drone's file of its own; here it needs \
+                       \"closed-form\"";
+        return refuse(message.to_owned());
     }
     if scenario.plan.is_steered() {
         return refuse("the scenario needs a simulated pilot or operator".to_owned());

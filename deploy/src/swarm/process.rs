@@ -6,10 +6,10 @@ use tokio::sync::mpsc;
 
 use super::Request;
 use super::folder::DroneFolder;
-use super::host::Agent;
+use super::host::Launcher;
 use super::output::ProcessOutput;
-use muster_daemon::agent::protocol::{Order, ProcessSignal};
 use muster_daemon::control::ControlMessage;
+use muster_daemon::launcher::protocol::{Order, ProcessSignal};
 
 /// An event of a drone's process or of its host.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub(super) enum HostEvent {
     Lost {
         /// Name of the host.
         host: String,
-        /// Last line on the standard error of its agent, or of the command that runs the agent.
+        /// Last line on the standard error of its launcher, or of the command that runs the launcher.
         last: String,
     },
 }
@@ -38,7 +38,7 @@ pub(super) enum StartMode {
     Resuming(ControlMessage),
 }
 
-/// A drone's process, controlled through the agent on its host.
+/// A drone's process, controlled through the launcher on its host.
 #[derive(Debug)]
 pub(super) struct DroneProcess {
     drone: u32,
@@ -55,11 +55,11 @@ impl DroneProcess {
     /// Starts a drone's process. A failed start is reported as output and [`HostEvent::Ended`].
     pub(super) fn start(
         request: &Request<'_>,
-        agent: &Agent,
+        launcher: &Launcher,
         folder: &DroneFolder,
         mode: StartMode,
     ) -> Self {
-        agent.start_drone(
+        launcher.start_drone(
             request,
             folder,
             match mode {
@@ -70,7 +70,7 @@ impl DroneProcess {
         );
         let process = Self {
             drone: folder.id.0,
-            orders: agent.orders(),
+            orders: launcher.orders(),
             was_killed: false,
             state: ProcessState::Runs,
             is_ready: false,

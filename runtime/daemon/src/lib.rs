@@ -1,7 +1,6 @@
-//! The daemon `musterd`: one drone as a process, its configuration and status; and the agent that starts drones on a host
+//! The daemon `musterd`: one drone as a process, its configuration and status; and the launcher that starts drones on a host
 //! for `muster swarm`.
 
-pub mod agent;
 #[doc(hidden)]
 pub mod clock;
 pub mod config;
@@ -9,6 +8,7 @@ pub mod config;
 pub mod control;
 pub mod daemon;
 mod identities;
+pub mod launcher;
 pub mod log;
 pub mod operator;
 pub mod program;

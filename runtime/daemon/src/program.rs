@@ -8,9 +8,9 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
 use muster_runtime::journal;
 
-use crate::agent;
 use crate::config::DroneConfig;
 use crate::daemon::{self, DaemonError, Ended, Start};
+use crate::launcher;
 
 /// Flies one drone until it has landed for the last time.
 ///
@@ -25,7 +25,7 @@ use crate::daemon::{self, DaemonError, Ended, Start};
 )]
 struct Arguments {
     /// The drone's file.
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["agent", "show_journal"])]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["launcher", "show_journal"])]
     config: Option<PathBuf>,
     /// Order the swarm to fly. Only the leader accepts it, and only at the first start of its journal.
     #[arg(long)]
@@ -39,10 +39,10 @@ struct Arguments {
     /// Check the drone's file and all files that it names, then exit without flying.
     #[arg(long, conflicts_with_all = ["fly", "is_controlled", "resume"])]
     check: bool,
-    /// Run as the agent of `muster swarm`, connected by standard input and output: start drones on this host, and end
+    /// Run as the launcher of `muster swarm`, connected by standard input and output: start drones on this host, and end
     /// them when the connection closes.
     #[arg(long, exclusive = true)]
-    agent: bool,
+    launcher: bool,
     /// Print the newest checkpoints of a journal as JSON, one a line, then exit. FOLDER is that of one flight.
     #[arg(long, value_name = "FOLDER", exclusive = true)]
     show_journal: Option<PathBuf>,
@@ -56,7 +56,7 @@ pub fn main() -> ExitCode {
         return show_journal(folder);
     }
     let Some(path) = &arguments.config else {
-        return match agent::run() {
+        return match launcher::run() {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => report_error(&error, 1),
         };

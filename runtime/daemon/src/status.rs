@@ -38,6 +38,8 @@ pub struct Status {
     pub vehicle: VehicleStatus,
     /// The five actors, by name.
     pub actors: BTreeMap<String, ActorStatus>,
+    /// The drone's agent. `None` if it has none.
+    pub agent: Option<AgentStatus>,
     /// Frames sent and received.
     pub frames: Frames,
     /// Datagrams sent and received.
@@ -143,6 +145,15 @@ pub struct ActorStatus {
     pub restarts: u64,
     /// Timeouts after which its deadline was still in the past. A defect if above 0.
     pub overdue: u64,
+}
+
+/// Calls of a drone's agent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AgentStatus {
+    /// Calls that took longer than 50 ms. They held up the drone.
+    pub slow_calls: u64,
+    /// Duration of the longest call, in seconds.
+    pub longest_call_s: f64,
 }
 
 /// Counters of frames at the radio.

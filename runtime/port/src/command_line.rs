@@ -18,9 +18,11 @@ const PROMPT: &[u8] = b"\r\n# ";
 /// Why the command line tells nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum CommandLineError {
-    /// It is closed while the motors may turn. Nothing was sent to it.
-    #[error("the controller is armed; its command line is for disarmed ones")]
-    Armed,
+    /// It is for disarmed controllers only. Nothing was sent to it.
+    #[error(
+        "the controller doesn't say that it is disarmed; its command line is for disarmed ones"
+    )]
+    NotDisarmed,
     /// The controller could not be asked whether it is armed. Nothing was sent to the command line.
     #[error("can't tell whether the controller is armed")]
     Unknown(#[from] AskError),
@@ -43,7 +45,7 @@ pub fn read_override_settings(
 ) -> Result<Option<OverrideSettings>, CommandLineError> {
     let status: Status = ask(&mut session)?;
     if identity.boxes.is_active(Mode::Arm, status.modes()) != Some(false) {
-        return Err(CommandLineError::Armed);
+        return Err(CommandLineError::NotDisarmed);
     }
     session.wire.write(b"#")?;
     let answers = read_settings(&session);

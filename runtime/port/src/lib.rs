@@ -7,14 +7,12 @@ mod address;
 mod command_line;
 mod link;
 mod priority;
-mod schedule;
 mod session;
 mod status;
 mod wire;
 
 pub use address::{Address, BadAddress};
 pub use command_line::{CommandLineError, read_override_settings};
-pub use link::{Event, Link, Telemetry};
-pub use schedule::{QUERIES, Query, RC_HOLD, RC_PERIOD, Schedule, TICK, Write};
+pub use link::{Event, Link};
 pub use session::{AskError, Latency, Session};
 pub use status::{State, Status};

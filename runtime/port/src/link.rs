@@ -8,13 +8,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use muster_msp::{Decoder, EncodeError, Message, SetRawRc, Version, order};
+use muster_msp::{Decoder, Message, SetRawRc, TICK};
 
+pub use self::inbox::Event;
 use self::inbox::Inbox;
-pub use self::inbox::{Event, Telemetry};
 use crate::address::Address;
 use crate::priority;
-use crate::schedule::{Query, TICK, Write};
 use crate::status::Status;
 use crate::wire::Wire;
 
@@ -80,15 +79,15 @@ impl Link {
         Ok(link)
     }
 
-    /// Gives the newest sticks and switches. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most.
+    /// Gives the newest sticks and switches. They are repeated for [`RC_HOLD`](muster_msp::RC_HOLD) at most.
     pub fn set_channels(&self, channels: SetRawRc) {
         let now = self.shared.now();
-        self.shared.inbox().schedule.set_channels(now, channels);
+        self.shared.inbox().conversation.set_channels(now, channels);
     }
 
     /// Stops RC at once; the controller's failsafe acts.
     pub fn release(&self) {
-        self.shared.inbox().schedule.release();
+        self.shared.inbox().conversation.release();
     }
 
     /// State of the link.
@@ -183,7 +182,8 @@ fn write_on_time(shared: &Shared) {
         let write = shared.inbox().tick(shared.now());
         if let Some((wire, write)) = write {
             bytes.clear();
-            let written = encode(&write, &mut bytes)
+            let written = write
+                .encode(&mut bytes)
                 .map_err(io::Error::other)
                 .and_then(|()| wire.write(&bytes));
             let mut inbox = shared.inbox();
@@ -200,25 +200,6 @@ fn write_on_time(shared: &Shared) {
             None => due = now,
         }
     }
-}
-
-fn encode(write: &Write, out: &mut Vec<u8>) -> Result<(), EncodeError> {
-    match write {
-        Write::Rc(channels) => order(Version::V1, channels, out),
-        Write::Request(query) => question(*query, out),
-    }
-}
-
-fn question(query: Query, out: &mut Vec<u8>) -> Result<(), EncodeError> {
-    let page = query.page.as_slice();
-    let frame = muster_msp::Frame {
-        version: Version::V1,
-        direction: muster_msp::Direction::Request,
-        command: query.command,
-        flag: 0,
-        payload: page,
-    };
-    muster_msp::encode(&frame, out)
 }
 
 /// Number of the messages that acknowledge RC.

@@ -11,7 +11,7 @@ use super::json::{Node, Object};
 use super::qgc_plan::{check_version, exactly};
 use super::{FENCE_CORNERS_MAX, FENCE_ZONES_MAX, FenceZone, Note, NoteKind};
 use crate::diagnostic::BadInput;
-use crate::geodetic::{Geodetic, HOME_DISTANCE_MAX_M, local_ned};
+use muster_machines::geodetic::{Geodetic, HOME_DISTANCE_MAX_M, local_ned};
 
 /// Since QGroundControl 3.4. Circles and polygons, each an inclusion or exclusion zone.
 const FENCE_VERSION: u16 = 2;

@@ -5,7 +5,7 @@ use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Parsed};
 use super::fence::ParsedZone;
 use crate::diagnostic::BadInput;
-use crate::geodetic::{Geodetic, GeodeticError};
+use muster_machines::geodetic::{Geodetic, GeodeticError};
 
 /// A mission as read from its file, before the route is built.
 #[derive(Debug)]

@@ -24,8 +24,8 @@ use muster_machines::mission::Holds;
 use muster_machines::navigation::Zone;
 
 use crate::diagnostic::{BadInput, read_text};
-use crate::geodetic::Geodetic;
 use document::Document;
+use muster_machines::geodetic::Geodetic;
 
 /// The most points of a route, including the one above home.
 pub const WAYPOINTS_MAX: usize = 1_000;
@@ -48,7 +48,7 @@ pub const HEIGHT_MAX_M: f64 = 1_000.0;
 /// A mission: home, and a route in the local frame about it.
 ///
 /// The first point is above home, at the take-off height; it may be the only one. Consecutive points differ. Each point is
-/// within [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) of home, and above it by at most [`HEIGHT_MAX_M`].
+/// within [`HOME_DISTANCE_MAX_M`](muster_machines::geodetic::HOME_DISTANCE_MAX_M) of home, and above it by at most [`HEIGHT_MAX_M`].
 /// There are at most [`WAYPOINTS_MAX`] points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mission {
@@ -290,7 +290,7 @@ impl NoteKind {
 ///
 /// Home is taken from the file. If it has none, home is the first place with coordinates, with a [`Note`], and altitudes above
 /// sea level are refused. The same applies to a waypoints file whose places are all further than
-/// [`HOME_DISTANCE_MAX_M`](crate::geodetic::HOME_DISTANCE_MAX_M) from item 0 and close to each other.
+/// [`HOME_DISTANCE_MAX_M`](muster_machines::geodetic::HOME_DISTANCE_MAX_M) from item 0 and close to each other.
 ///
 /// # KML
 ///

@@ -13,7 +13,7 @@ use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
 use super::raw::{Raw, Seconds};
-use crate::vehicle::Landing;
+use muster_machines::motion::Landing;
 
 /// The longest run: a week.
 pub(super) const DURATION_MAX: Duration = Duration::from_secs(604_800);

@@ -27,7 +27,7 @@ use crate::agents::Agents;
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
 use crate::schema::Located;
-use crate::vehicle::Landing;
+use muster_machines::motion::Landing;
 
 /// Reads the plan of a scenario and its mission; `read` returns a file's text. The fields of the scenario's world are parsed
 /// and ignored.
@@ -122,6 +122,7 @@ pub fn build_plan(
         vehicle,
         landing,
         settle,
+        vehicle_kind: raw.vehicle.kind.into(),
         endurance: raw
             .vehicle
             .endurance_s

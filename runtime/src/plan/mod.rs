@@ -21,17 +21,20 @@ use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
-use muster_machines::node::Blueprint;
+use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
 use muster_machines::supervision::RestartLimits;
 use muster_machines::{agent as machine_agent, mission, navigation, routing};
 
 use crate::agents::PlannedAgent;
-use crate::geodetic::Geodetic;
 use crate::schema::{FieldList, FileSchema};
 use crate::text::plural;
-use crate::vehicle::{Landing, SimulatedLink, SimulatedVehicle, Vehicle};
+use crate::vehicle::{SimulatedLink, SimulatedVehicle, Vehicle, VehicleKind};
+use muster_machines::geodetic::Geodetic;
+use muster_machines::motion::Landing;
+use muster_machines::msp::ControllerLink;
+use muster_machines::msp::controller::{self, Receiver, Stage};
 
 pub use self::fence::describe_fence;
 pub use self::load::{build_plan, load_with, mission_file, to_usize};
@@ -80,6 +83,8 @@ pub struct Plan {
     pub landing: Landing,
     /// The longest time to come to rest at the end of a leg. Each drone draws its own.
     pub settle: Duration,
+    /// What the drones fly.
+    pub vehicle_kind: VehicleKind,
     /// How long a full battery lasts with armed motors. `None`: it does not drain by itself.
     pub endurance: Option<Duration>,
     /// What a drone in the air does when it receives no other drone.
@@ -257,7 +262,7 @@ impl Plan {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
-            link: Arc::new(|checkpoint| Box::new(SimulatedLink::new(checkpoint))),
+            link: self.link(self.vehicle_kind, Stage::Sim, Receiver::Sole),
         }
     }
 }
@@ -269,6 +274,27 @@ impl Plan {
             (Some(follow), _) => Conduct::Following(follow.following),
             (None, Some(_)) => Conduct::Task,
             (None, None) => Conduct::Waypoints,
+        }
+    }
+
+    /// Builds the link to a vehicle. A flight controller's has a stage and a receiver.
+    #[must_use]
+    pub fn link(&self, kind: VehicleKind, stage: Stage, receiver: Receiver) -> Arc<LinkBuilder> {
+        let config = controller::Config {
+            stage,
+            receiver,
+            home: self.home,
+            landing: self.landing,
+            noise: controller::Noise::GPS,
+            gains: controller::Gains::QUADCOPTER,
+        };
+        match kind {
+            VehicleKind::ClosedForm => {
+                Arc::new(|checkpoint, _| Box::new(SimulatedLink::new(checkpoint)))
+            }
+            VehicleKind::Msp => Arc::new(move |checkpoint, now| {
+                Box::new(ControllerLink::new(config, checkpoint, now))
+            }),
         }
     }
 

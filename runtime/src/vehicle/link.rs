@@ -50,6 +50,8 @@ impl Machine for SimulatedLink {
             Input::FlightCommand(_) if self.durable.gave_up => {}
             Input::FlightCommand(command) => self.transmit(Transmit::Command(command)),
             Input::Telemetry(telemetry) => self.transmit(Transmit::Telemetry(telemetry)),
+            // It has no port.
+            Input::Port(_) => {}
             Input::GiveUp => {
                 self.durable.gave_up = true;
                 self.checkpoint();

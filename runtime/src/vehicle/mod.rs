@@ -2,33 +2,28 @@
 
 mod battery;
 mod link;
-mod motion;
 mod simulated;
-mod tracking;
 
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
+use muster_machines::motion::{Landing, Motion};
 use muster_machines::msp::{FlightCommand, Setpoint, Telemetry};
 use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use self::battery::Battery;
 pub use link::SimulatedLink;
-pub use motion::{Motion, Piece};
 pub use simulated::{SimulatedVehicle, VehicleState};
 
-/// Parameters of a vehicle's landing mode.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Landing {
-    /// Descent speed down to `final_altitude_m`, in m/s.
-    pub descent_mps: f64,
-    /// Descent speed from `final_altitude_m` to the ground, in m/s.
-    pub final_mps: f64,
-    /// Height above home from which the vehicle descends at `final_mps`, in metres.
-    pub final_altitude_m: f64,
-    /// Acceleration, in m/s².
-    pub acceleration_mps2: f64,
+/// What a drone flies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum VehicleKind {
+    /// A [`Vehicle`].
+    #[default]
+    ClosedForm,
+    /// A flight controller over MSP.
+    Msp,
 }
 
 /// How long a pilot's stick input holds: longer than any flight.
@@ -101,6 +96,12 @@ impl Vehicle {
         self.lost = self.lost.filter(|(_, until)| now < *until);
     }
 
+    /// Whether the horizontal position is known.
+    #[must_use]
+    pub const fn has_position(&self) -> bool {
+        self.lost.is_none()
+    }
+
     /// The vehicle's motion, past and planned.
     #[must_use]
     pub const fn motion(&self) -> &Motion {
@@ -166,62 +167,18 @@ impl Vehicle {
     }
 
     fn fly(&mut self, now: Timestamp, setpoint: Setpoint) {
-        match setpoint {
-            Setpoint::Leg {
-                to,
-                speed_mps,
-                acceleration_mps2,
-            } => {
-                self.target = Some(to);
-                self.motion.brake(now);
-                let to = to + self.home;
-                self.motion.fly(to, speed_mps, acceleration_mps2);
-            }
-            Setpoint::Track {
-                to,
-                velocity,
-                speed_mps,
-                acceleration_mps2,
-                hold,
-            } => {
-                self.target = None;
-                let limits = tracking::Limits {
-                    speed_mps,
-                    acceleration_mps2,
-                };
-                let to = to + self.home;
-                self.motion.track(now, (to, velocity), limits, hold);
-            }
-            Setpoint::Hold {
-                altitude_m,
-                vertical_mps,
-                acceleration_mps2,
-            } => {
-                self.target = None;
-                self.is_held = true;
-                self.motion
-                    .hold(now, altitude_m, vertical_mps, acceleration_mps2);
-            }
-        }
+        self.target = match setpoint {
+            Setpoint::Leg { to, .. } => Some(to),
+            Setpoint::Track { .. } | Setpoint::Hold { .. } => None,
+        };
+        self.is_held |= matches!(setpoint, Setpoint::Hold { .. });
+        self.motion.follow(now, setpoint, self.home);
     }
 
     fn land(&mut self, now: Timestamp) {
         self.target = None;
         self.is_landing = true;
-        self.motion.brake(now);
-        let Landing {
-            descent_mps,
-            final_mps,
-            final_altitude_m,
-            acceleration_mps2,
-        } = self.landing;
-        let from = self.motion.end();
-        if from.altitude_m() > final_altitude_m {
-            let low = from.at_altitude(final_altitude_m);
-            self.motion.fly(low, descent_mps, acceleration_mps2);
-        }
-        let ground = from.at_altitude(0.0);
-        self.motion.fly(ground, final_mps, acceleration_mps2);
+        self.motion.land(now, self.landing);
     }
 
     /// Hovers for `time` at the end of the planned leg before the vehicle counts as at rest.
@@ -239,6 +196,21 @@ impl Vehicle {
                 .steer(now, velocity, acceleration_mps2, STICKS_HOLD);
         }
         is_steerable
+    }
+
+    /// Takes the state of an aircraft that is simulated elsewhere, at a place in the swarm's frame. It is assumed to keep its
+    /// velocity until `until`, or the next call.
+    pub fn observe(
+        &mut self,
+        now: Timestamp,
+        (place, velocity): (Ned, Velocity),
+        is_armed: bool,
+        until: Timestamp,
+    ) {
+        self.armed = is_armed;
+        self.has_flown |= is_armed;
+        let velocity = if is_armed { velocity } else { Velocity::ZERO };
+        (self.motion).observe(now, place + self.home, velocity, until);
     }
 
     /// Whether the vehicle fell. Separation from it is not checked any more.

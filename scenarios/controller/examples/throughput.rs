@@ -10,12 +10,12 @@
 use std::time::{Duration, Instant};
 
 use muster_controller::{Config, Controller, Settings};
+use muster_machines::geodetic::Geodetic;
 use muster_machines::time::Timestamp;
 use muster_msp::{
     Altitude, Attitude, BatteryState, Channel, RawGps, SetRawRc, Status, Sticks, Version, order,
     request,
 };
-use muster_runtime::geodetic::Geodetic;
 
 /// Simulated seconds of each run.
 const SPAN_S: u64 = 300;

@@ -97,9 +97,27 @@ impl Airframe {
     pub fn hover_speed_rad_s(&self) -> f64 {
         libm::sqrt(self.mass_kg * GRAVITY_MPS2 / 4.0 / self.motor.thrust_coefficient)
     }
+
+    /// Current of the full battery at hover, in amperes.
+    #[must_use]
+    pub fn hover_a(&self) -> f64 {
+        let speed_rad_s = self.hover_speed_rad_s();
+        let duty = self.motor.duty(speed_rad_s, self.motor.full_v);
+        4.0 * self.motor.battery_a(speed_rad_s, duty) + self.battery.electronics_a
+    }
 }
 
 impl Motor {
+    /// Duty cycle from 0 to 1 that keeps a speed in rad/s, at a battery voltage: the inverse of
+    /// [`Motor::steady_speed_rad_s`].
+    #[must_use]
+    pub fn duty(&self, speed_rad_s: f64, volts: f64) -> f64 {
+        let linear = 1.0 / self.speed_constant;
+        let square = (self.full_v - linear * self.full_speed_rad_s)
+            / (self.full_speed_rad_s * self.full_speed_rad_s);
+        (linear * speed_rad_s + square * speed_rad_s * speed_rad_s) / volts
+    }
+
     /// Speed at rest of the lag, for a duty cycle from 0 to 1 at a battery voltage, in rad/s.
     ///
     /// The voltage is the speed's share and the drop that the propeller's torque causes: duty · V = speed / kV + r · speed²,

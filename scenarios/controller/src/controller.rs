@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::time::Timestamp;
 use muster_msp::{
     AccCalibration, Decode, EepromWrite, Message, Reboot, ReceivedMotors, ReceivedRc,
 };
-use muster_runtime::geodetic::Geodetic;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::aircraft::Aircraft;

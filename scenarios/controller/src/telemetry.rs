@@ -1,10 +1,10 @@
 //! What a controller answers about its state and its sensors.
 
+use muster_machines::geodetic::{Geodetic, latitude_longitude_altitude};
 use muster_msp::{
     Altitude, Analog, ArmingFlags, Attitude, BatteryState, CompGps, Counted, Message, Motor,
     RawGps, RawImu, Rc, Sensors as Found, Sonar, Status, StatusEx, StatusFlags, StatusHead, Unused,
 };
-use muster_runtime::geodetic::{Geodetic, latitude_longitude_altitude};
 
 use crate::aircraft::Aircraft;
 use crate::airframe::GRAVITY_MPS2;

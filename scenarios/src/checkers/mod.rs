@@ -11,6 +11,7 @@ mod failure;
 mod landing;
 mod obedience;
 mod progress;
+mod rc;
 mod separation;
 mod settled;
 
@@ -30,6 +31,7 @@ use self::election::ElectionChecker;
 use self::failure::FailureChecker;
 use self::obedience::ObedienceChecker;
 use self::progress::ProgressChecker;
+pub(crate) use self::rc::RcGaps;
 pub(crate) use self::separation::SeparationChecker;
 pub(crate) use self::settled::{MemberState, SettledChecker};
 

@@ -7,8 +7,9 @@ use nalgebra::Vector3;
 
 use self::nearby::Nearby;
 use super::Violation;
+use muster_machines::motion::Piece;
 use muster_runtime::text::rounded_down;
-use muster_runtime::vehicle::{Piece, Vehicle};
+use muster_runtime::vehicle::Vehicle;
 
 /// Rule 4: any two drones, of which at least one flies, keep the minimum separation over ground or in height. It is checked
 /// by the closest approach along their paths, a drone in its landing place included. Left out are an aircraft that fell, and

@@ -19,8 +19,7 @@ pub(super) fn lines(report: &Report) -> Vec<(&'static str, String)> {
         failures.entry(failure.drone).or_insert(first).0 += 1;
     }
     for (drone, (times, at_s, what)) in failures.iter().take(NAMED_MAX) {
-        let what = what.lines().last().unwrap_or_default();
-        let what: String = what.chars().take(FAILURE_MAX).collect();
+        let what = cause(what);
         let times = if *times == 1 {
             "once".to_owned()
         } else {
@@ -55,6 +54,12 @@ pub(super) fn lines(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("value", format!("{name}: {}{more}", named.join(", "))));
     }
     lines
+}
+
+/// The last line of a failure's description, which names its cause in a traceback, too.
+pub(super) fn cause(what: &str) -> String {
+    let last = what.lines().last().unwrap_or_default();
+    last.chars().take(FAILURE_MAX).collect()
 }
 
 /// A value without needless digits.

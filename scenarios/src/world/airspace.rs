@@ -2,11 +2,13 @@
 
 use std::time::Duration;
 
+use muster_controller::Truth;
 use muster_machines::formation::Separation;
 use muster_machines::geometry::Velocity;
 use muster_machines::identity::NodeId;
 use muster_machines::msp::{self, FlightCommand, Setpoint};
 use muster_machines::node::Envelope;
+use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::Vehicle;
 
 use super::air::Air;
@@ -155,19 +157,52 @@ impl Airspace {
         let now = core.now();
         let position = self.vehicle(drone).motion().position(now);
         if lands {
-            self.airborne -= 1;
-            air.place(drone, position);
-            self.positions.invalidate(drone);
-            let recorder = core.recorder(drone);
-            recorder.disarmed(drone, now);
-            if !recorder.of(drone).landed_with_swarm()
-                && let Some(separation) = &mut self.separation
-            {
-                separation.strays(drone);
-            }
+            self.disarmed(core, air, drone);
         }
         core.trace(drone, Kind::CameToRest, &position);
         self.report_telemetry(core, drone);
+    }
+
+    /// A vehicle has landed.
+    fn disarmed(&mut self, core: &mut Core, air: &mut Air, drone: NodeId) {
+        let now = core.now();
+        self.airborne -= 1;
+        air.place(drone, self.vehicle(drone).motion().position(now));
+        self.positions.invalidate(drone);
+        let recorder = core.recorder(drone);
+        recorder.disarmed(drone, now);
+        if !recorder.of(drone).landed_with_swarm()
+            && let Some(separation) = &mut self.separation
+        {
+            separation.strays(drone);
+        }
+    }
+
+    /// An aircraft with a flight controller is seen to fly like this, until then.
+    pub(super) fn observe(
+        &mut self,
+        core: &mut Core,
+        air: &mut Air,
+        drone: NodeId,
+        truth: &Truth,
+        until: Timestamp,
+    ) {
+        let (now, was_armed) = (core.now(), self.vehicle(drone).is_armed());
+        if self.vehicle(drone).is_wreck() {
+            return;
+        }
+        let motion = (truth.position, truth.velocity);
+        self.change_path(core, drone, |vehicle| {
+            vehicle.observe(now, motion, truth.is_armed, until);
+        });
+        core.trace(drone, Kind::Flew, &truth.position);
+        self.positions.invalidate(drone);
+        if truth.is_armed && !was_armed {
+            core.checkers.command(now, drone, FlightCommand::Arm);
+            self.armed(core, drone);
+        } else if was_armed && !truth.is_armed {
+            self.disarmed(core, air, drone);
+        }
     }
 
     /// Tells the medium the positions of all radios that have moved; `false` if no vehicle is in the air.

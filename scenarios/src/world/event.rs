@@ -33,6 +33,8 @@ pub(super) enum Event {
     },
     /// A vehicle's motion ends.
     ComeToRest { drone: NodeId, generation: u32 },
+    /// A tick of the port to a drone's flight controller.
+    PortTick(NodeId),
     /// Periodic update of the radios' positions.
     PlaceRadios,
     /// A battery's charge falls by one step.

@@ -9,6 +9,7 @@ mod air;
 mod airspace;
 mod checkpoints;
 mod clock;
+mod controllers;
 mod core;
 mod disk;
 mod drone;
@@ -41,7 +42,7 @@ use muster_machines::node::{
 };
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
-use muster_machines::{routing, wire};
+use muster_machines::{msp, routing, wire};
 
 use self::event::Event;
 pub(crate) use self::injection::{Injection, Phase};
@@ -197,6 +198,12 @@ impl World {
         self.scene.core.checkers.starting(drone, address);
         self.scene.links.invalidate();
         self.scene.processes[drone].actors.bring_up(address);
+        if address == Address::Msp
+            && let Some(open) = self.scene.controllers.open_port(drone)
+        {
+            let open = msp::Input::Port(open);
+            self.scene.core.post(drone, Envelope::Msp(Box::new(open)));
+        }
         let swarm = self.scene.core.swarms.of(drone);
         if swarm.recorder.is_electing() && relays_frames(drone, swarm, &self.scene.processes) {
             // Drones that hear only this one may have a master again.
@@ -233,7 +240,11 @@ impl World {
 
     /// Ends the run: the last checks, and the outcome.
     pub(crate) fn finish(mut self) -> Outcome {
-        let (vehicles, closest_m) = self.scene.airspace.finish(&mut self.scene.core);
+        let (core, controllers) = (&mut self.scene.core, &self.scene.controllers);
+        let mut found = controllers.rc_gaps();
+        let found = found.find_map(|(drone, gaps)| gaps.check(core.timeline.now(), drone));
+        core.checkers.report(found);
+        let (vehicles, closest_m) = self.scene.airspace.finish(core);
         let ended = self.scene.core.now();
         let mut vehicles = vehicles.into_iter();
         let swarms = self.scene.core.swarms.finish().map(|(recorder, nodes)| {
@@ -274,6 +285,10 @@ impl World {
                 #[cfg(test)]
                 self.report(drone, crate::twin::ProcessReport::Commanded(command));
                 self.scene.command(drone, command);
+            }
+            Effect::Rc(rc) => {
+                let now = self.scene.core.now();
+                self.scene.controllers.set_rc(now, drone, rc);
             }
             Effect::StoreCheckpoint(checkpoint) => {
                 self.scene.processes[drone].checkpoints.keep(checkpoint);

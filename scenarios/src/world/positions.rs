@@ -2,8 +2,9 @@
 
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::motion::Piece;
 use muster_machines::time::Timestamp;
-use muster_runtime::vehicle::{Piece, Vehicle};
+use muster_runtime::vehicle::Vehicle;
 
 /// The positions of vehicles in flight: the current piece of each motion, kept together so that a pass over all vehicles
 /// reads little memory.

@@ -2,16 +2,19 @@
 
 use std::time::Duration;
 
+use muster_controller::Fault;
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
 use muster_machines::mission;
-use muster_machines::msp::FlightCommand;
+use muster_machines::msp::{self, FlightCommand};
 use muster_machines::node::{Address, Envelope};
 use muster_machines::radio;
+use muster_msp::TICK;
 use muster_transport::{Fate, Outcome};
 
 use super::air::Air;
 use super::airspace::{Airspace, PLACE_RADIOS_EVERY};
+use super::controllers::{Controllers, PortState};
 use super::core::Core;
 use super::event::{Event, ProcessEvent, Silence};
 use super::injection::{Injection, Phase};
@@ -31,6 +34,7 @@ pub(super) struct Scene {
     pub(super) core: Core,
     pub(super) air: Air,
     pub(super) airspace: Airspace,
+    pub(super) controllers: Controllers,
     pub(super) processes: Processes,
     pub(super) links: LinkWatch,
 }
@@ -94,12 +98,18 @@ impl Scene {
                 (self.airspace).come_to_rest(core, &mut self.air, drone, generation);
             }
             Event::PlaceRadios => self.place_radios(),
+            Event::PortTick(drone) => self.tick_port(drone),
             Event::Drained(drone) => {
                 if self.airspace.check_battery(core, drone) {
                     self.kill(drone);
                 }
             }
-            Event::PositionFound(drone) => self.airspace.recover_position(core, drone),
+            Event::PositionFound(drone) => {
+                self.airspace.recover_position(core, drone);
+                if self.airspace.vehicle(drone).has_position() {
+                    (self.controllers).fault(core.now(), drone, Fault::NoFix(false));
+                }
+            }
             Event::Process(drone, event) => return self.handle_process(drone, event),
             Event::Fault { index, nth } => {
                 let (drone, fault, lasts) = self.inject(index, nth)?;
@@ -141,6 +151,27 @@ impl Scene {
         None
     }
 
+    /// A tick of the port to a drone's flight controller.
+    fn tick_port(&mut self, drone: NodeId) {
+        let core = &mut self.core;
+        let process = &self.processes[drone];
+        let has_link = process.actors.is_up(Address::Msp) && !process.actors.is_hung(Address::Msp);
+        let state = match () {
+            () if !process.runs() || process.actors.are_hung() => PortState::Still,
+            () if !has_link || process.given_up => PortState::WithoutLink,
+            () => PortState::Runs,
+        };
+        let now = core.now();
+        let flown = self.controllers.tick(now, drone, state, |event| {
+            core.post(drone, Envelope::Msp(Box::new(msp::Input::Port(event))));
+        });
+        if let Some((truth, until)) = flown {
+            self.airspace
+                .observe(core, &mut self.air, drone, &truth, until);
+        }
+        core.schedule_after(TICK, Event::PortTick(drone));
+    }
+
     /// Reports to a radio whether its unicast frame was delivered.
     fn report_delivery(&mut self, outcome: Outcome) {
         let report = radio::Input::Delivery {
@@ -180,6 +211,10 @@ impl Scene {
 
     /// Executes a command of a drone to its flight controller.
     pub(super) fn command(&mut self, id: NodeId, command: FlightCommand) {
+        if self.controllers.has(id) {
+            // Its flight controller does what RC says, and by itself what its failsafe is set to.
+            return;
+        }
         let drone = (id, &mut self.processes[id]);
         self.airspace.command(&mut self.core, drone, command);
     }
@@ -322,7 +357,10 @@ impl Scene {
                     self.kill(drone);
                 }
             }
-            DroneFault::LoseGps => self.airspace.lose_position(core, drone, lasts),
+            DroneFault::LoseGps => {
+                self.airspace.lose_position(core, drone, lasts);
+                (self.controllers).fault(core.now(), drone, Fault::NoFix(true));
+            }
             DroneFault::Replay => self.air.replay(core, drone),
             DroneFault::Forge => self.air.forge(core, drone),
             DroneFault::Skew(ppm) => {
@@ -352,6 +390,7 @@ impl Scene {
         self.end_process(drone);
         let now = self.core.now();
         self.core.recorder(drone).fell(drone, now);
+        self.controllers.fault(now, drone, Fault::Wreck);
         self.airspace.fall(&mut self.core, drone);
         self.check_elections();
     }
@@ -373,6 +412,7 @@ impl Scene {
     fn end_process(&mut self, drone: NodeId) {
         self.links.invalidate();
         self.processes.end(&mut self.core, drone);
+        self.controllers.close(self.core.now(), drone);
     }
 
     /// A drone's process starts again: the task to build its actors. `None` if the incarnation is void.

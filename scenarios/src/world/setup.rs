@@ -1,5 +1,7 @@
 //! The scene of a scenario at the start of a run.
 
+use std::time::Duration;
+
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::node::Blueprint;
 use muster_machines::time::Timestamp;
@@ -11,6 +13,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::air::Air;
 use super::airspace::Airspace;
+use super::controllers::Controllers;
 use super::core::Core;
 use super::drone::Drone;
 use super::event::Event;
@@ -29,6 +32,7 @@ use crate::scenario::Scenario;
 /// Streams of the random generator that are drawn from the scenario's seed; those of drones follow.
 const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
+const CONTROLLERS_STREAM: u64 = u64::MAX - 1;
 const FAULTS_STREAM: u64 = u64::MAX;
 
 /// The scene with all drones on the ground. The order to fly is scheduled for each master.
@@ -41,6 +45,8 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
     let limits = &scenario.plan.limits;
     let mut timeline = Timeline::new(Timestamp::ZERO + scenario.bound());
     let (mut swarms, mut places, mut vehicles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut controllers = Controllers::default();
+    let mut sensors = generator(CONTROLLERS_STREAM);
     let mut nodes = 0;
     for (swarm, joins) in scenario.swarms() {
         let began = Swarm::new(swarm, nodes);
@@ -51,8 +57,12 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
                 .with_endurance(swarm.plan.endurance)
                 .with_home(joins.home)
         }));
+        controllers.extend(&swarm.plan, &mut sensors);
         swarms.push(began);
         nodes += swarm.plan.nodes();
+    }
+    for drone in controllers.drones() {
+        timeline.schedule_after(Duration::ZERO, Event::PortTick(drone));
     }
     let faults = FaultPlan::new(&scenario.faults);
     faults.schedule_timed(&mut timeline);
@@ -64,6 +74,7 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
     let tampering = Tampering::new(generator(FAULTS_STREAM), listened_to.into_iter());
     Scene {
         air: Air::new(medium, tampering),
+        controllers,
         airspace: Airspace::new(vehicles, limits.separation, !scenario.unchecked),
         processes: Processes::new(
             drones.collect(),

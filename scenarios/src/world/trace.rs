@@ -49,6 +49,7 @@ pub(crate) enum Kind {
     Hung,
     Resumed,
     Skewed,
+    Flew,
 }
 
 impl Trace {

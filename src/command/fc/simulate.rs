@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use muster_controller::{Config, Controller, Settings};
+use muster_machines::geodetic::Geodetic;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};

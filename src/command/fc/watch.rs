@@ -2,8 +2,9 @@ use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use muster_msp::Telemetry;
 use muster_msp::{Altitude, Attitude, BatteryState, Identity, Mode, Rc, Status};
-use muster_port::{Event, Link, State, Status as LinkStatus, Telemetry};
+use muster_port::{Event, Link, State, Status as LinkStatus};
 use serde_json::json;
 
 use super::{Device, Failure, Outcome};

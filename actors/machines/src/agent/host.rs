@@ -30,7 +30,9 @@ impl Factory {
         Self(Arc::new(new))
     }
 
-    pub(super) fn build(&self) -> Box<dyn Agent> {
+    /// Builds an agent.
+    #[must_use]
+    pub fn build(&self) -> Box<dyn Agent> {
         (self.0)()
     }
 }

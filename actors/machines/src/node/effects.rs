@@ -1,6 +1,7 @@
 //! Effects of a step, and the conversions of each machine's outputs into them.
 
 use bytes::Bytes;
+use muster_msp::SetRawRc;
 use serde::{Deserialize, Serialize};
 
 use super::{Address, Checkpoint, Envelope};
@@ -30,8 +31,11 @@ pub enum Effect {
     },
     /// Keep this signed revocation list, which radios are built with from now on.
     KeepList(Bytes),
-    /// Send this to the flight controller.
+    /// Send this to the closed-form vehicle.
     Command(msp::FlightCommand),
+    /// Give this to the port of the flight controller: the newest RC frame, to be repeated for a bounded time. `None` stops
+    /// RC.
+    Rc(Option<SetRawRc>),
     /// Store this checkpoint, from which the machine can be rebuilt.
     StoreCheckpoint(Checkpoint),
     /// Report this to observers.
@@ -191,6 +195,7 @@ impl From<msp::Transmit> for Effect {
     fn from(transmit: msp::Transmit) -> Self {
         let input = match transmit {
             msp::Transmit::Command(command) => return Self::Command(command),
+            msp::Transmit::Rc(rc) => return Self::Rc(rc),
             msp::Transmit::Telemetry(telemetry) => navigation::Input::Telemetry(telemetry),
             msp::Transmit::Resync => navigation::Input::Resync,
         };

@@ -28,9 +28,13 @@ pub struct Blueprint {
     pub agent: Option<agent::Config>,
     /// Configuration of the navigation.
     pub navigation: navigation::Config,
-    /// Builds the link to the flight controller from its last checkpoint.
-    pub link: Arc<dyn Fn(Option<msp::Checkpoint>) -> Box<dyn msp::Link> + Send + Sync>,
+    /// Builds the link to the flight controller.
+    pub link: Arc<LinkBuilder>,
 }
+
+/// Builds a link to a flight controller from its last checkpoint, at a time.
+pub type LinkBuilder =
+    dyn Fn(Option<msp::Checkpoint>, Timestamp) -> Box<dyn msp::Link> + Send + Sync;
 
 impl fmt::Debug for Blueprint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -73,7 +77,7 @@ impl Blueprint {
                 self.navigation.clone(),
                 checkpoints.navigation.as_deref().cloned(),
             ))),
-            Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp)),
+            Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp, now)),
         }
     }
 }

@@ -45,6 +45,7 @@ fn status(drone: u32) -> Status {
             charge: 0.994,
             armed: true,
         },
+        agent: None,
         actors: [("radio".to_owned(), actor)].into(),
         frames: Frames {
             dropped: [("forged".to_owned(), 40), ("replayed".to_owned(), 2)].into(),
@@ -96,4 +97,25 @@ fn rows_are_ordered_by_number_and_show_missing_answers() {
         answer(Some(3), no_answer()),
     ];
     insta::assert_snapshot!(table(&answers, Colour::Never));
+}
+
+#[test]
+fn slow_agent_is_remarked_and_one_that_is_not_slow_is_not() {
+    let with_agent = |drone, slow_calls| Status {
+        agent: Some(AgentStatus {
+            slow_calls,
+            longest_call_s: 0.2041,
+        }),
+        ..status(drone)
+    };
+    let answers = [
+        answer(Some(1), Ok(with_agent(1, 7))),
+        answer(Some(2), Ok(with_agent(2, 0))),
+    ];
+    let text = table(&answers, Colour::Never);
+    let remarks: Vec<_> = text.lines().filter(|line| line.contains("agent")).collect();
+    assert_eq!(
+        remarks,
+        [" drone 1      its agent is slow: 7 calls over 50 ms, the longest 204 ms"]
+    );
 }

@@ -10,18 +10,22 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 use muster_machines::identity::{NodeId, SwarmId};
+use muster_machines::msp::controller::{Receiver, Stage};
+use muster_machines::node::LinkBuilder;
 use muster_machines::wire;
+use muster_port::Address;
 use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
 use muster_runtime::schema::{self, FieldList, FileSchema, Located};
+use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sockets::{self, Reach};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::flight::Origin;
-use self::raw::{LevelName, LogName, Network, Raw, StageName, VehicleName};
+use self::raw::{LevelName, LogName, Network, Raw, ReceiverName, StageName, VehicleName};
 use crate::log::{Format, Level};
 
 /// Path of the newest revocation list that a drone has received. It is beside the journal's folder, because it outlives
@@ -32,9 +36,6 @@ fn kept_list(journal: &Path, id: u32) -> PathBuf {
 
 /// The most peers of a drone.
 const PEERS_MAX: usize = 1_000;
-
-const NO_CONTROLLER: &str =
-    "`vehicle` needs \"closed-form\", found \"msp\": there is no link to a flight controller yet";
 
 /// The schema of a drone's file.
 #[must_use]
@@ -88,8 +89,18 @@ pub struct DroneConfig {
     pub(crate) journals: PathBuf,
     pub(crate) log: Format,
     pub(crate) level: Level,
+    /// The flight controller. `None` with a simulated vehicle.
+    pub(crate) controller: Option<ControllerConfig>,
     /// Address of `/metrics`, `/health` and `/status`. `None` without `[observe]`.
     pub(crate) http: Option<SocketAddr>,
+}
+
+/// A flight controller, as a drone's file names it.
+#[derive(Debug)]
+pub(crate) struct ControllerConfig {
+    pub(crate) port: Address,
+    stage: Stage,
+    receiver: Receiver,
 }
 
 /// Returns the text of the file at a path.
@@ -120,7 +131,7 @@ impl DroneConfig {
     pub(crate) fn load_from(path: &Path, read: Read<'_>) -> Result<Self, BadInput> {
         let file = File::read(path)?;
         let raw = &file.0.raw;
-        file.check_vehicle()?;
+        let controller = file.controller()?;
         let scenario_path = file.0.resolve(raw.scenario.get_ref());
         let journals = file.0.resolve(&raw.journal);
         let journal = file.journal(&journals)?;
@@ -147,6 +158,7 @@ impl DroneConfig {
             },
             level: raw.log_level.into(),
             http: file.http()?,
+            controller,
             plan,
             origin,
         })
@@ -182,6 +194,15 @@ impl DroneConfig {
     #[must_use]
     pub fn leads(&self) -> bool {
         self.id == self.plan.centre()
+    }
+
+    /// Builds the link to what the drone flies.
+    pub(crate) fn link(&self) -> Arc<LinkBuilder> {
+        let (kind, stage, receiver) = match &self.controller {
+            Some(controller) => (VehicleKind::Msp, controller.stage, controller.receiver),
+            None => (VehicleKind::ClosedForm, Stage::Sim, Receiver::Sole),
+        };
+        self.plan.link(kind, stage, receiver)
     }
 
     /// Whether the drone flies no mission and only forwards frames.
@@ -250,17 +271,53 @@ impl File {
         TomlFile::read(path, FORMAT).map(Self)
     }
 
-    /// Checks that the vehicle is supported and fits the stage.
-    fn check_vehicle(&self) -> Result<(), BadInput> {
-        let (stage, vehicle) = (&self.0.raw.stage, &self.0.raw.vehicle);
-        match (stage.get_ref(), vehicle.get_ref()) {
-            (_, VehicleName::Msp) => Err(self.0.error(vehicle.span(), NO_CONTROLLER)),
-            (StageName::Sim, VehicleName::ClosedForm) => Ok(()),
-            (StageName::Bench | StageName::Tethered | StageName::Flight, _) => {
-                let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
-                Err(self.0.error(stage.span(), message))
+    /// The flight controller, if the drone has one. Checks that the vehicle fits the stage.
+    fn controller(&self) -> Result<Option<ControllerConfig>, BadInput> {
+        let raw = &self.0.raw;
+        let refuse = |at: std::ops::Range<usize>, message: &str| Err(self.0.error(at, message));
+        let (stage, vehicle) = (&raw.stage, &raw.vehicle);
+        let stage = match (stage.get_ref(), vehicle.get_ref()) {
+            (StageName::Sim, _) => Stage::Sim,
+            (StageName::Bench, VehicleName::Msp) => Stage::Bench,
+            (StageName::Tethered | StageName::Flight, VehicleName::Msp) => {
+                let message =
+                    "`stage` needs \"sim\" or \"bench\": no higher stage is supported yet";
+                return refuse(stage.span(), message);
             }
+            (_, VehicleName::ClosedForm) => {
+                let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
+                return refuse(stage.span(), message);
+            }
+        };
+        if *vehicle.get_ref() == VehicleName::ClosedForm {
+            let port = raw.port.as_ref().map(Located::span);
+            let span = port.or_else(|| raw.receiver.as_ref().map(Located::span));
+            return match span {
+                Some(span) => refuse(span, "only a `vehicle = \"msp\"` has a port and a receiver"),
+                None => Ok(None),
+            };
         }
+        let (Some(port), Some(receiver)) = (&raw.port, &raw.receiver) else {
+            let message = "`vehicle = \"msp\"` needs `port` (\"serial:/dev/ttyACM0\", \"tcp:127.0.0.1:5761\") and \
+                           `receiver` (\"sole\", \"override\")";
+            return refuse(vehicle.span(), message);
+        };
+        let address: Address = match port.get_ref().parse() {
+            Ok(address) => address,
+            Err(error) => return refuse(port.span(), &error.to_string()),
+        };
+        if stage == Stage::Sim && matches!(address, Address::Serial { .. }) {
+            let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
+            return refuse(port.span(), message);
+        }
+        Ok(Some(ControllerConfig {
+            port: address,
+            stage,
+            receiver: match receiver.get_ref() {
+                ReceiverName::Sole => Receiver::Sole,
+                ReceiverName::Override => Receiver::Override,
+            },
+        }))
     }
 
     fn check_plan(&self, plan: &Plan) -> Result<(), BadInput> {

@@ -24,10 +24,18 @@ pub(super) struct Raw {
         "x-default" = "1"
     ))]
     pub(super) swarm: Option<Located<u32>>,
-    /// What the drone may do. Only `"sim"` is supported: there is no link to a flight controller yet.
+    /// What the drone may do. It does nothing above its stage.
     pub(super) stage: Located<StageName>,
     /// What it flies.
     pub(super) vehicle: Located<VehicleName>,
+    /// Where the flight controller is; with `vehicle = "msp"` only, which needs it.
+    #[schemars(extend(
+        "x-accepted" = "a serial device as \"serial:/dev/ttyACM0\" or \"serial:/dev/ttyAMA0@115200\", or \"tcp:HOST:PORT\"",
+        "x-condition" = "a serial device only above the stage `sim`"
+    ))]
+    pub(super) port: Option<Located<String>>,
+    /// Who else commands the flight controller; with `vehicle = "msp"` only, which needs it.
+    pub(super) receiver: Option<Located<ReceiverName>>,
     /// How frames are sent. Each transport has a table of its name; the other table is ignored.
     pub(super) transport: Located<TransportName>,
     /// Folder with the journal and the files of the current flight; created if missing.
@@ -57,9 +65,9 @@ pub(super) struct Raw {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum StageName {
-    /// Only a simulated vehicle is armed.
+    /// Arms a simulated vehicle, or a flight controller whose board says that it is a simulation.
     Sim,
-    /// Not supported yet.
+    /// Telemetry of a flight controller. Never arms, and no motor turns.
     Bench,
     /// Not supported yet.
     Tethered,
@@ -72,8 +80,17 @@ pub(super) enum StageName {
 pub(super) enum VehicleName {
     /// A simulated vehicle in real time.
     ClosedForm,
-    /// A flight controller over MSP; not supported yet.
+    /// A flight controller over MSP.
     Msp,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ReceiverName {
+    /// Nobody: MSP is the only receiver. For bench and simulation, since no pilot can take over.
+    Sole,
+    /// A pilot, whose receiver arms and gives MSP the sticks by a switch (`MSP OVERRIDE`).
+    Override,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]

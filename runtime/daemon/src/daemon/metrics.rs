@@ -88,6 +88,7 @@ impl Collector for Snapshot {
         swarm(status, page)?;
         vehicle(status, page)?;
         actors(status, page)?;
+        agent(status, page)?;
         frames(status, page)?;
         datagrams(status, page)
     }
@@ -192,6 +193,15 @@ fn actors(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     page.counters(("actor_overdue", help), counts(|it| it.overdue))?;
     let help = "Messages, without frames, dropped because the actor's queue was full or the actor was down";
     page.counter(("messages_refused", help), status.messages_refused)
+}
+
+fn agent(status: &Status, page: &mut Page<'_>) -> fmt::Result {
+    let agent = status.agent.as_ref();
+    let help = "Calls of the drone's agent that took longer than 50 ms and held up the drone";
+    page.counter(("agent_slow_calls", help), agent.map(|it| it.slow_calls))?;
+    let help = "Duration of the longest call of the drone's agent";
+    let longest_s = agent.map(|it| it.longest_call_s);
+    page.gauge(("agent_longest_call_seconds", help), longest_s)
 }
 
 fn frames(status: &Status, page: &mut Page<'_>) -> fmt::Result {

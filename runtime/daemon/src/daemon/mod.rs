@@ -4,6 +4,7 @@
 //! after the checkpoints that it depends on are on the disk.
 
 mod actors;
+mod agent_calls;
 mod counts;
 mod durable;
 mod endpoint;
@@ -20,6 +21,7 @@ mod revocation;
 mod service;
 mod state;
 mod tasks;
+mod vehicle;
 
 use std::io;
 use std::net::SocketAddr;
@@ -33,7 +35,6 @@ use muster_machines::node::{Blueprint, Checkpoints, Envelope};
 use muster_machines::radio::{self, Incarnations};
 use muster_runtime::identity::RevocationList;
 use muster_runtime::journal::{Folder, FolderError, Journal, WriteReport, Writer, flights};
-use muster_runtime::vehicle::SimulatedVehicle;
 use muster_transport::sockets::OpenError;
 use thiserror::Error;
 use tokio::signal::unix::Signal;
@@ -47,6 +48,7 @@ use self::operators::OperatorService;
 use self::process::{Components, Process};
 use self::revocation::{Revocations, Store};
 use self::tasks::{ControlMessages, Reload};
+use self::vehicle::{PortEvents, Vehicle};
 use crate::clock::Clock;
 use crate::config::DroneConfig;
 use crate::control::{ControlMessage, READY, STARTS};
@@ -152,9 +154,14 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     let clock = Clock::start();
     // The incarnation is counted last: a process that can't start uses up none.
     let resources = Resources::open(&config, clock).await?;
-    let Some((vehicle, control_messages)) = open_vehicle(&config, start, clock).await? else {
+    let Some(opened) = open_vehicle(&config, start, clock).await? else {
         return Ok(Ended::Abandoned);
     };
+    let OpenedVehicle {
+        vehicle,
+        control_messages,
+        port_events,
+    } = opened;
     let drawn = resources.drawn;
     let (incarnation, interfaces) =
         Incarnation::begin(&config, resources, vehicle, (clock, log.lost.clone()))?;
@@ -173,6 +180,9 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     tracing::info!("{READY}");
     if let Some(control_messages) = control_messages {
         tokio::spawn(tasks::control(control_messages, Arc::clone(&process)));
+    }
+    if let Some(port_events) = port_events {
+        tokio::spawn(tasks::listen_to_port(port_events, Arc::clone(&process)));
     }
     if incarnation.is_lost {
         tracing::error!("the journal has no valid state of the flight: the drone lands");
@@ -223,18 +233,36 @@ impl Resources {
     }
 }
 
-/// Creates the vehicle, or resumes it with the state from the control channel. Returns it with the control channel, if
-/// the process has one. `None` if the channel closed before that.
+/// A vehicle, and what it is reached by.
+struct OpenedVehicle {
+    vehicle: Vehicle,
+    /// The control channel, if the process has one.
+    control_messages: Option<ControlMessages>,
+    /// Events of the port, if the vehicle has one.
+    port_events: Option<PortEvents>,
+}
+
+/// Opens the port to the flight controller; or creates the simulated vehicle, or resumes it with the state from the control
+/// channel. `None` if the channel closed before that.
 async fn open_vehicle(
     config: &DroneConfig,
     start: Start,
     clock: Clock,
-) -> Result<Option<(SimulatedVehicle, Option<ControlMessages>)>, DaemonError> {
+) -> Result<Option<OpenedVehicle>, DaemonError> {
+    let mut control_messages = start.is_controlled.then(tasks::control_messages);
+    if let Some(controller) = &config.controller {
+        let opened = vehicle::controlled(controller.port.clone());
+        let (vehicle, port_events) = opened.map_err(DaemonError::Runtime)?;
+        return Ok(Some(OpenedVehicle {
+            vehicle,
+            control_messages,
+            port_events: Some(port_events),
+        }));
+    }
     let mut vehicle = (config
         .plan
         .simulated_vehicle(config.id, clock.now().as_nanos()))
     .expect("the configuration checked the drone's id");
-    let mut control_messages = start.is_controlled.then(tasks::control_messages);
     if let Some(control_messages) = control_messages.as_mut().filter(|_| start.resume) {
         match control_messages.recv().await {
             Some(ControlMessage::Vehicle { epoch, state }) => {
@@ -246,7 +274,11 @@ async fn open_vehicle(
             None => return Ok(None),
         }
     }
-    Ok(Some((vehicle, control_messages)))
+    Ok(Some(OpenedVehicle {
+        vehicle: Vehicle::Simulated(Box::new(vehicle)),
+        control_messages,
+        port_events: None,
+    }))
 }
 
 /// A started incarnation.
@@ -276,7 +308,7 @@ impl Incarnation {
     fn begin(
         config: &DroneConfig,
         resources: Resources,
-        vehicle: SimulatedVehicle,
+        vehicle: Vehicle,
         (clock, lines_lost): (Clock, Lost),
     ) -> Result<(Self, Interfaces), DaemonError> {
         let (store, stored) = Store::start(config.kept_list());
@@ -296,7 +328,9 @@ impl Incarnation {
             .map_err(DaemonError::Runtime)?;
         let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
         tracing::info!(drone, at_ns, incarnation = number, address = %network.address(), "{STARTS}");
+        let has_agent = config.plan.agent.is_some() && !config.is_relay();
         let process = Process::new(Components {
+            agent_calls: has_agent.then(Arc::default),
             id: config.id,
             swarm: config.swarm,
             is_relay: config.is_relay(),
@@ -444,6 +478,10 @@ async fn start_actors(
 ) -> Result<Drone, DaemonError> {
     let plan = &config.plan;
     let simulated = plan.blueprint(config.swarm, config.id);
+    let agent = match (simulated.agent, process.state().agent_calls()) {
+        (Some(agent), Some(calls)) => Some(calls.measure(process.clock, agent)),
+        (agent, _) => agent,
+    };
     let actors = ActorsConfig {
         blueprint: Blueprint {
             authenticator: Arc::clone(&config.authenticator) as _,
@@ -451,6 +489,8 @@ async fn start_actors(
                 incarnations: Incarnations::Drawn(incarnation),
                 ..simulated.radio
             },
+            agent,
+            link: config.link(),
             ..simulated
         },
         restarts: plan.limits.restarts,

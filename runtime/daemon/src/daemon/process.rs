@@ -11,12 +11,13 @@ use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, emergenc
 use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_runtime::journal::{WriteReport, Writer};
-use muster_runtime::vehicle::SimulatedVehicle;
 use tokio::sync::Notify;
 
+use super::agent_calls::AgentCalls;
 use super::network::Network;
 use super::revocation::Revocations;
 use super::state::State;
+use super::vehicle::Vehicle;
 use crate::clock::Clock;
 use crate::log::Lost;
 use crate::status::Status;
@@ -46,11 +47,13 @@ pub(super) struct Components {
     pub(super) journal: Writer,
     pub(super) network: Network,
     pub(super) revocations: Revocations,
-    pub(super) vehicle: SimulatedVehicle,
+    pub(super) vehicle: Vehicle,
     /// Whether the log is for programs: each observation as JSON.
     pub(super) for_programs: bool,
     /// Counts lost log lines.
     pub(super) lines_lost: Lost,
+    /// Counts slow calls of the agent. `None` without an agent.
+    pub(super) agent_calls: Option<Arc<AgentCalls>>,
 }
 
 impl Process {
@@ -154,6 +157,6 @@ impl Environment for Process {
     }
 
     fn starting(&self, address: Address) {
-        self.state().actors().set_up(address);
+        self.state().starting(self.clock.now(), address);
     }
 }

@@ -1,19 +1,22 @@
 //! The state of a drone's process: actors, journal, network, vehicle, and how the flight ends.
 
+use std::sync::Arc;
+
 use muster_actors::Drone;
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{self, LandingReason};
-use muster_machines::msp::{self, FlightCommand, Telemetry};
+use muster_machines::msp::{self, FlightCommand, PortEvent, Telemetry};
 use muster_machines::node::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
 use muster_machines::time::Timestamp;
-use muster_machines::{radio, routing};
+use muster_machines::{navigation, radio, routing};
 use muster_runtime::identity::RevocationList;
 use muster_runtime::journal::{WriteReport, Writer};
-use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
+use muster_runtime::vehicle::VehicleState;
 use muster_transport::quic::Stream;
 use tokio::sync::mpsc::Receiver;
 
 use super::actors::Actors;
+use super::agent_calls::AgentCalls;
 use super::durable::{Durable, Frame};
 use super::monitor::Monitor;
 use super::outcome::Outcome;
@@ -21,6 +24,7 @@ use super::process::Components;
 use super::radio_link::{Polled, RadioLink};
 use super::revocation::{OutdatedList, Revocations};
 use super::service;
+use super::vehicle::Vehicle;
 use crate::clock::Clock;
 use crate::control::Losses;
 
@@ -41,8 +45,9 @@ pub(super) struct State {
     durable: Durable,
     link: RadioLink,
     revocations: Revocations,
-    vehicle: SimulatedVehicle,
+    vehicle: Vehicle,
     monitor: Monitor,
+    agent_calls: Option<Arc<AgentCalls>>,
     outcome: Outcome,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
@@ -69,6 +74,7 @@ impl State {
                 components.for_programs,
                 components.lines_lost,
             ),
+            agent_calls: components.agent_calls,
             outcome: Outcome::new(is_finished),
             wakes: None,
         }
@@ -86,12 +92,17 @@ impl State {
         self.durable.checkpoints()
     }
 
+    /// Counts slow calls of the agent. `None` without an agent.
+    pub(super) fn agent_calls(&self) -> Option<Arc<AgentCalls>> {
+        self.agent_calls.clone()
+    }
+
     pub(super) const fn outcome(&self) -> &Outcome {
         &self.outcome
     }
 
     /// Whether the process may end.
-    pub(super) const fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         self.outcome.is_done(self.vehicle.is_armed())
     }
 
@@ -116,6 +127,11 @@ impl State {
                     self.monitor
                         .counts
                         .admitted_for_routing(now, *sender, payload);
+                }
+                if let Envelope::Navigation(input) = &envelope
+                    && let navigation::Input::Telemetry(telemetry) = &**input
+                {
+                    self.vehicle.told(*telemetry);
                 }
                 self.actors.post(now, envelope);
             }
@@ -142,6 +158,7 @@ impl State {
                 let telemetry = self.vehicle.execute(now, command);
                 self.report_telemetry(now, telemetry);
             }
+            Effect::Rc(rc) => self.vehicle.set_rc(rc),
             Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
             Effect::KeepList(list) => {
                 let is_revoked = self.revocations.keep(&list);
@@ -158,6 +175,22 @@ impl State {
 
     pub(super) fn post(&mut self, envelope: Envelope) {
         self.actors.post(self.clock.now(), envelope);
+    }
+
+    /// An actor starts or is started again.
+    pub(super) fn starting(&mut self, now: Timestamp, address: Address) {
+        self.actors.set_up(address);
+        if address == Address::Msp
+            && let Some(open) = self.vehicle.open_port()
+        {
+            self.port_told(now, open);
+        }
+    }
+
+    /// An event of the port to the flight controller.
+    pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
+        let event = Box::new(msp::Input::Port(event));
+        self.actors.post(now, Envelope::Msp(event));
     }
 
     fn report_telemetry(&mut self, now: Timestamp, telemetry: Option<Telemetry>) {

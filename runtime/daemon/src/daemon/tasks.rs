@@ -17,6 +17,7 @@ use super::network::Waiting;
 use super::process::Process;
 use super::service;
 use super::state::ANSWER_MAX;
+use super::vehicle::PortEvents;
 use crate::config::reload;
 use crate::control::{ActorFault, ControlMessage};
 use crate::log::Volume;
@@ -119,6 +120,14 @@ pub(super) fn control_messages() -> ControlMessages {
         }
     });
     receiver
+}
+
+/// Passes what the flight controller tells to its link.
+pub(super) async fn listen_to_port(mut events: PortEvents, process: Arc<Process>) {
+    while let Some(event) = events.recv().await {
+        process.state().port_told(process.clock.now(), event);
+        process.notify();
+    }
 }
 
 /// Executes control messages. Ends the process when the control channel closes.

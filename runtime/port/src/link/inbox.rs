@@ -5,14 +5,9 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_msp::{
-    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Counts, Decode,
-    DecodeError, Direction, FcVariant, FcVersion, Frame, Identity, Message, RawGps, Rc, Sonar,
-    Status as FcStatus,
-};
+use muster_msp::{BadAnswer, Conversation, Counts, Direction, Frame, Identity, Telemetry, Write};
 
 use super::RC;
-use crate::schedule::{Schedule, Write};
 use crate::session::Latency;
 use crate::status::{State, Status};
 use crate::wire::Wire;
@@ -33,29 +28,14 @@ pub enum Event {
     Telemetry(Telemetry),
 }
 
-/// What a controller tells.
-#[derive(Debug, Clone, PartialEq)]
-#[allow(missing_docs, reason = "each is the message of its name")]
-pub enum Telemetry {
-    Status(FcStatus),
-    Attitude(Attitude),
-    Altitude(Altitude),
-    Rc(Rc),
-    Gps(RawGps),
-    Sonar(Sonar),
-    Analog(Analog),
-    Battery(BatteryState),
-}
-
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
     /// The open port.
     pub(super) wire: Option<Arc<Wire>>,
-    pub(super) schedule: Schedule,
+    pub(super) conversation: Conversation,
     pub(super) events: VecDeque<Event>,
     pub(super) counts: Counts,
     pub(super) is_realtime: bool,
-    identity: Identity,
     is_identified: bool,
     latency: Latency,
     status: Status,
@@ -68,9 +48,8 @@ pub(super) struct Inbox {
 
 impl Inbox {
     pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>) {
-        self.schedule.reopen(now);
+        self.conversation.reopen(now);
         self.wire = Some(wire);
-        self.identity = Identity::default();
         self.is_identified = false;
         self.latency = Latency::default();
         self.heard = now;
@@ -90,22 +69,19 @@ impl Inbox {
 
     /// What to write now, and where.
     pub(super) fn tick(&mut self, now: Duration) -> Option<(Arc<Wire>, Write)> {
-        if !self.schedule.is_sending(now) {
+        if !self.conversation.is_sending(now) {
             self.rc_written = None;
         }
         let wire = self.wire.clone()?;
-        Some((wire, self.schedule.tick(now)?))
+        Some((wire, self.conversation.tick(now)?))
     }
 
     pub(super) fn written(&mut self, now: Duration, write: &Write) {
-        match write {
-            Write::Rc(_) => {
-                self.status.rc_sent += 1;
-                if let Some(before) = self.rc_written.replace(now) {
-                    self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
-                }
+        if let Write::Rc(_) = write {
+            self.status.rc_sent += 1;
+            if let Some(before) = self.rc_written.replace(now) {
+                self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
             }
-            Write::Request(_) => self.latency.asked += 1,
         }
     }
 
@@ -119,43 +95,22 @@ impl Inbox {
             self.status.rc_acknowledged += u64::from(frame.direction == Direction::Reply);
             return;
         }
-        let refused = frame.direction == Direction::Error;
-        let Some((query, delay)) = self.schedule.answered(now, frame.command, refused) else {
+        let Some((delay, told)) = self.conversation.take(now, frame) else {
             return;
         };
         self.latency.add(delay);
-        if refused {
-            self.status.refused += 1;
-        } else if self.decode(frame, query.page.is_some()).is_err() {
-            self.status.malformed += 1;
+        match told {
+            Ok(Some(telemetry)) => self.push(Event::Telemetry(telemetry)),
+            Ok(None) => {}
+            Err(BadAnswer::Refused) => self.status.refused += 1,
+            Err(BadAnswer::Malformed(_)) => self.status.malformed += 1,
         }
-        if !self.is_identified && self.schedule.is_identified() {
+        if !self.is_identified
+            && let Some(identity) = self.conversation.identity().cloned()
+        {
             self.is_identified = true;
-            self.push(Event::Identified(self.identity.clone()));
+            self.push(Event::Identified(identity));
         }
-    }
-
-    fn decode(&mut self, frame: &Frame<'_>, is_further: bool) -> Result<(), DecodeError> {
-        let identity = &mut self.identity;
-        match frame.command {
-            ApiVersion::COMMAND => identity.api = Decode::decode(frame.payload)?,
-            FcVariant::COMMAND => identity.variant = Decode::decode(frame.payload)?,
-            FcVersion::COMMAND => identity.version = Decode::decode(frame.payload)?,
-            BoardInfo::COMMAND => identity.board = Decode::decode(frame.payload)?,
-            BoxIds::COMMAND if is_further => {
-                identity
-                    .boxes
-                    .modes
-                    .extend(BoxIds::decode(frame.payload)?.modes);
-            }
-            BoxIds::COMMAND => identity.boxes = Decode::decode(frame.payload)?,
-            _ => {
-                if let Some(telemetry) = telemetry(frame)? {
-                    self.push(Event::Telemetry(telemetry));
-                }
-            }
-        }
-        Ok(())
     }
 
     fn push(&mut self, event: Event) {
@@ -184,28 +139,22 @@ impl Inbox {
             (Some(_), true) if now.saturating_sub(self.heard) > SILENT => State::Silent,
             (Some(_), true) => State::Open,
         };
+        // The question that waits for its answer is not lost yet.
+        let asked = self.latency.answered + self.conversation.lost();
         Status {
             state,
-            identity: self.is_identified.then(|| self.identity.clone()),
-            latency: self.latency,
+            identity: self
+                .conversation
+                .identity()
+                .cloned()
+                .filter(|_| self.is_identified),
+            latency: Latency {
+                asked,
+                ..self.latency
+            },
             counts: self.counts,
             is_realtime: self.is_realtime,
             ..self.status.clone()
         }
     }
-}
-
-fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
-    let payload = frame.payload;
-    Ok(Some(match frame.command {
-        FcStatus::COMMAND => Telemetry::Status(Decode::decode(payload)?),
-        Attitude::COMMAND => Telemetry::Attitude(Decode::decode(payload)?),
-        Altitude::COMMAND => Telemetry::Altitude(Decode::decode(payload)?),
-        Rc::COMMAND => Telemetry::Rc(Decode::decode(payload)?),
-        RawGps::COMMAND => Telemetry::Gps(Decode::decode(payload)?),
-        Sonar::COMMAND => Telemetry::Sonar(Decode::decode(payload)?),
-        Analog::COMMAND => Telemetry::Analog(Decode::decode(payload)?),
-        BatteryState::COMMAND => Telemetry::Battery(Decode::decode(payload)?),
-        _ => return Ok(None),
-    }))
 }

@@ -1,7 +1,8 @@
 use std::time::{Duration, Instant};
 
+use muster_msp::Telemetry;
 use muster_msp::{Channel, Message, Mode, RawGps, SetRawRc, Sticks};
-use muster_port::{Event, Link, State, Telemetry};
+use muster_port::{Event, Link, State};
 
 use crate::controller::{ATTITUDE, Controller, KIND, Manner};
 
@@ -98,7 +99,7 @@ fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
     fly(&link, Duration::from_secs(2));
     let stopped = Instant::now();
     // Twice as long as sticks are repeated.
-    std::thread::sleep(2 * muster_port::RC_HOLD);
+    std::thread::sleep(2 * muster_msp::RC_HOLD);
     let status = link.status();
     controller.with_seen(|seen| {
         let times: Vec<Instant> = seen.rc.iter().map(|it| it.0).collect();

@@ -24,6 +24,7 @@ pub use self::limits::Limits;
 pub use self::names::{
     AloneName, AssignmentName, BarrierName, ExposureName, FormationKind, GroundName, LivenessName,
     MediumName, ModelName, Parameters, ParametersName, PolicyName, ProtocolKind, SuccessionName,
+    VehicleKindName,
 };
 pub use self::numbers::{
     Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Rate, Seconds,
@@ -387,6 +388,9 @@ pub struct Sticks {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table, `[vehicle]`")]
 pub struct Vehicle {
+    /// What flies.
+    #[serde(default)]
+    pub kind: VehicleKindName,
     /// Speed over ground; 10 m/s as in ArduCopter's `WPNAV_SPEED` and the theses.
     #[serde(default)]
     pub speed_mps: Or<Rate, 10>,

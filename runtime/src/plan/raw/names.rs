@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::plan::Policy;
+use crate::vehicle::VehicleKind;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -161,6 +162,25 @@ pub enum ParametersName {
     Fast,
     /// About thirty frames of a master or parent and ten of others, for networks that deliver within two milliseconds.
     Lan,
+}
+
+#[derive(Debug, Clone, Copy, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VehicleKindName {
+    /// A vehicle in closed form: it flies exactly what it is told.
+    #[default]
+    ClosedForm,
+    /// A flight controller over MSP that takes sticks, with its aircraft; simulated in a simulation.
+    Msp,
+}
+
+impl From<VehicleKindName> for VehicleKind {
+    fn from(name: VehicleKindName) -> Self {
+        match name {
+            VehicleKindName::ClosedForm => Self::ClosedForm,
+            VehicleKindName::Msp => Self::Msp,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default, Deserialize, Serialize, JsonSchema)]

@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use muster_controller::{Airframe, Config, Controller, SensorNoise, Settings, Truth};
+use muster_machines::geodetic::Geodetic;
 use muster_machines::time::Timestamp;
 use muster_msp::{
     Channel, Decode, Decoder, Direction, SetRawRc, Status, Sticks, Version, order, request,
 };
-use muster_runtime::geodetic::Geodetic;
 
 /// Sticks and switches in µs.
 #[derive(Debug, Clone, Copy)]

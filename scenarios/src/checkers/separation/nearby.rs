@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use muster_machines::time::Timestamp;
 use nalgebra::{Vector2, Vector3};
 
-use muster_runtime::vehicle::Motion;
+use muster_machines::motion::Motion;
 
 /// Width of a cell in metres: a few times the distance between drones of a swarm.
 const CELL_M: f64 = 256.0;

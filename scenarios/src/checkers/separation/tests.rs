@@ -3,7 +3,7 @@ use muster_machines::msp::{FlightCommand, Setpoint};
 use proptest::prelude::*;
 
 use super::*;
-use muster_runtime::vehicle::Landing;
+use muster_machines::motion::Landing;
 
 const SEPARATION: Separation = Separation {
     horizontal_m: 5.0,

@@ -8,6 +8,7 @@ use muster_runtime::plan::raw::ActorName;
 use super::words::{fault, ids, masters};
 use super::{History, Mark, MarkKind};
 use crate::checkers::Violation;
+use crate::report::agents::cause;
 use crate::report::summary::unplanned;
 use crate::scenario::Fault;
 use crate::world::{Incident, Recorder};
@@ -29,6 +30,7 @@ pub(super) fn marks(recorder: &Recorder, history: &History, faults: &[Fault]) ->
     let mut marks = Vec::new();
     marks.extend(injections(recorder, faults));
     marks.extend(happenings(recorder, history));
+    marks.extend(agent_failures(recorder));
     marks.extend(elections(recorder));
     marks.extend(leaders(recorder, history));
     marks.extend(segments(recorder));
@@ -115,6 +117,14 @@ fn leads(history: &History, id: u32, at: Timestamp) -> bool {
     let node = history.nodes.iter().find(|node| node.id == id);
     let epoch = node.and_then(|node| super::NodeHistory::at(&node.epochs, at));
     epoch.is_some_and(|epoch| history.epochs[epoch].master == id)
+}
+
+fn agent_failures(recorder: &Recorder) -> impl Iterator<Item = Mark> + '_ {
+    let failures = recorder.agent_failures().iter();
+    failures.map(|(at, drone, what)| {
+        let text = format!("the agent of drone {} failed: {}", drone.0, cause(what));
+        Mark::new(*at, MarkKind::AgentFailure, vec![drone.0], text)
+    })
 }
 
 fn elections(recorder: &Recorder) -> impl Iterator<Item = Mark> + '_ {

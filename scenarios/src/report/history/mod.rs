@@ -4,9 +4,9 @@ mod build;
 mod marks;
 mod words;
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 
 /// The history of a swarm.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -149,6 +149,8 @@ pub enum MarkKind {
     Return,
     /// An actor failed and was restarted.
     Restart,
+    /// A drone's agent failed.
+    AgentFailure,
     /// Some drones have no master, or connected ones follow different masters.
     Election,
     /// An elected drone leads.
@@ -174,6 +176,7 @@ impl MarkKind {
             Self::Death => "death",
             Self::Return => "return",
             Self::Restart => "restart",
+            Self::AgentFailure => "agent failure",
             Self::Election => "election",
             Self::Leader => "leader",
             Self::Partition => "partition",

@@ -1,8 +1,8 @@
 //! GeoJSON (RFC 7946): a line of each drone with its times, a point for each mark.
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 use serde_json::{Value, json};
 
 use super::place::{Place, home, marks, place, rounded};

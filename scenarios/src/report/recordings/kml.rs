@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 
 use super::colours;
 use super::place::{Place, date, home, marks, place};

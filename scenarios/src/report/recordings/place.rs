@@ -1,8 +1,8 @@
 //! Where things are on the Earth, and at which time of day.
 
+use muster_machines::geodetic::{Geodetic, latitude_longitude_altitude};
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::{Geodetic, latitude_longitude_altitude};
 
 use crate::report::{Flight, Mark, MarkKind, Report};
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{Recording, WriteError, animation, geojson, kml};
 use crate::engine::{self, Engine};
-use crate::report::{Flight, Report};
+use crate::report::{Flight, ObservedValue, Report};
 use crate::scenario::load;
 
 fn flown() -> (Report, Flight) {
@@ -49,7 +49,14 @@ fn recording_that_fails_keeps_the_file_before() {
 
 #[test]
 fn mcap_is_read_back_with_all_topics_and_valid_messages() {
-    let run = flown();
+    let mut run = flown();
+    let found = |at_s, value| ObservedValue {
+        at_s,
+        drone: 3,
+        name: "finds".to_owned(),
+        value,
+    };
+    run.0.observed = vec![found(20.5, 1.0), found(21.0, f64::NAN), found(30.0, 2.0)];
     let file = bytes(Recording::Mcap, &run);
     let mut messages: BTreeMap<String, Vec<Value>> = BTreeMap::new();
     let mut schemas = BTreeMap::new();
@@ -75,7 +82,16 @@ fn mcap_is_read_back_with_all_topics_and_valid_messages() {
     assert_eq!(schemas["/scene"], "foxglove.SceneUpdate");
     assert_eq!(schemas["/log"], "foxglove.Log");
     assert_eq!(schemas["/drones/3/location"], "foxglove.LocationFix");
-    assert_eq!(schemas.len(), 3 + 2 * 7);
+    assert_eq!(schemas["/drones/3/values"], "muster.Value");
+    assert_eq!(schemas.len(), 4 + 2 * 7);
+    let values = messages["/drones/3/values"].iter();
+    let values: Vec<_> = values.map(|it| (&it["timestamp"], &it["value"])).collect();
+    let time = |sec: u32, nsec: u32| serde_json::json!({"sec": sec, "nsec": nsec});
+    let (first, second) = (time(20, 500_000_000), time(30, 0));
+    assert_eq!(
+        values,
+        [(&first, &Value::from(1.0)), (&second, &Value::from(2.0))]
+    );
     let log: Vec<&str> = messages["/log"]
         .iter()
         .filter_map(|it| it["message"].as_str())

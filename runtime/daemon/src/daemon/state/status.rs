@@ -63,6 +63,7 @@ impl State {
             heard: self.heard(now),
             vehicle: self.vehicle(now),
             actors: self.actor_status(),
+            agent: self.agent_calls.as_ref().map(|calls| calls.status()),
             frames: self.frames(),
             datagrams: self.datagrams(),
             messages_refused: self.actors.refused.messages,

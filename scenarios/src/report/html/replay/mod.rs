@@ -3,6 +3,7 @@
 mod record;
 #[cfg(test)]
 mod tests;
+mod values;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -22,6 +23,7 @@ const SCRIPT: &str = concat!(
     include_str!("ground.js"),
     include_str!("map.js"),
     include_str!("plots.js"),
+    include_str!("values.js"),
     include_str!("panel.js"),
     include_str!("pointers.js"),
     include_str!("player.js"),
@@ -148,6 +150,7 @@ fn plots() -> Markup {
                 canvas.replay-plot.replay-closest role="img"
                     aria-label="Distance of the closest two flying drones over time, and the least that is required over ground" {}
             }
+            div.replay-values {}
         }
     }
 }

@@ -42,7 +42,7 @@ class Panel {
 
   update(time, selected) {
     this.updateLeaders();
-    this.updateFacts(selected);
+    this.updateFacts(selected, time);
     this.updateList(time);
   }
 
@@ -66,8 +66,8 @@ class Panel {
     }));
   }
 
-  updateFacts(node) {
-    const facts = node ? this.factsOf(node) : [];
+  updateFacts(node, time) {
+    const facts = node ? [...this.factsOf(node), ...this.agentOf(node, time)] : [];
     const key = JSON.stringify(facts);
     if (key === this.shown.facts) return;
     this.shown.facts = key;
@@ -96,6 +96,21 @@ class Panel {
       ["North, east", `${now.north.toFixed(1)} m, ${now.east.toFixed(1)} m`],
     ];
     if (record.swarms.length > 1) rows.unshift(["Swarm", record.swarms[node.swarm].name]);
+    return rows;
+  }
+
+  /** Failures of its agent until `time`, and the last value of each name. */
+  agentOf(node, time) {
+    const failures = this.record.marks.filter((mark) => mark.kind === "agent failure" && mark.at <= time && mark.nodes.includes(node.id));
+    const rows = this.record.values.flatMap(({ name, lines }) => {
+      const line = lines.find(({ drone }) => drone === node.id);
+      const last = line ? lastBefore(line.times, time) : -1;
+      return last < 0 ? [] : [[name, short(line.values[last])]];
+    });
+    if (failures.length > 0) {
+      const last = failures[failures.length - 1];
+      rows.unshift(["Agent failed", `${failures.length === 1 ? "" : `${failures.length} times, last `}at ${seconds(last.at)}`]);
+    }
     return rows;
   }
 

@@ -7,10 +7,15 @@ const LASTS = 45;
 const MARK_WIDTH = 16;
 
 /** Kinds of marks, the most important first. */
-const RANKS = ["broken rule", "death", "fault", "leader", "election", "partition", "merge", "return", "early landing", "restart", "waypoint"];
+const RANKS = ["broken rule", "death", "fault", "leader", "election", "partition", "merge", "return", "early landing", "agent failure", "restart", "waypoint"];
 
 function mostImportant(marks) {
   return marks.reduce((a, b) => (RANKS.indexOf(b.kind) < RANKS.indexOf(a.kind) ? b : a));
+}
+
+/** Changes a text only if it differs: a page that lays itself out for each frame is slow. */
+function write(place, text) {
+  if (place.textContent !== text) place.textContent = text;
 }
 
 class Player {
@@ -28,6 +33,8 @@ class Player {
     this.plots = [["strip", paintLeaders], ["altitudes", paintAltitudes], ["closest", paintClosest]].map(
       ([name, paint]) => new TimePlot(this.find(name), record, this.theme, paint),
     );
+    this.values = valuePlots(this.find("values"), record, this.theme);
+    this.plots.push(...this.values.map(({ plot }) => plot));
     this.slider = this.find("slider");
     this.slider.max = String(Math.ceil(record.end * 10) / 10);
     this.find("clock-end").textContent = record.end.toFixed(1);
@@ -126,8 +133,7 @@ class Player {
     this.selected = this.record.byId.get(id) ?? null;
     this.map.selected = this.selected;
     this.find("drone").value = this.selected ? String(id) : "";
-    this.plots[1].selected = this.selected;
-    this.plots[1].isStale = true;
+    for (const plot of this.plots.slice(1)) Object.assign(plot, { selected: this.selected, isStale: true });
     this.draw();
   }
 
@@ -168,13 +174,12 @@ class Player {
     const closest = record.closestAt(time);
     this.write("closest-now", closest ? `${closest.distance.toFixed(1)} m, drones ${closest.a} and ${closest.b}` : "");
     this.write("altitude-now", this.selected ? `drone ${this.selected.id}: ${this.selected.now.height.toFixed(1)} m` : "");
+    for (const { series, shown } of this.values) write(shown, valueAt(series, time, this.selected));
     for (const mode of ["whole", "swarm"]) this.find(mode).setAttribute("aria-pressed", String(this.map.mode === mode));
   }
 
-  /** Changes a text only if it differs: a page that lays itself out for each frame is slow. */
   write(name, text) {
-    const place = this.find(name);
-    if (place.textContent !== text) place.textContent = text;
+    write(this.find(name), text);
   }
 
   /** The last thing that has happened; of several at once the most important, and all of its kind. */

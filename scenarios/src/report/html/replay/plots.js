@@ -61,8 +61,8 @@ function paintTimes(plot) {
   }
 }
 
-/** Grid lines at values, labelled at the left, inside the plot. */
-function paintValues(plot, values, y) {
+/** Grid lines at values, labelled with their unit at the left, inside the plot. */
+function paintValues(plot, values, y, unit = " m") {
   const { context, theme, width } = plot;
   context.textAlign = "left";
   for (const value of values) {
@@ -76,8 +76,8 @@ function paintValues(plot, values, y) {
     context.fillStyle = theme.get("--soft");
     context.strokeStyle = theme.get("--ground");
     context.lineWidth = 3;
-    context.strokeText(`${value} m`, INSET + 3, at - 3);
-    context.fillText(`${value} m`, INSET + 3, at - 3);
+    context.strokeText(`${value}${unit}`, INSET + 3, at - 3);
+    context.fillText(`${value}${unit}`, INSET + 3, at - 3);
   }
 }
 

@@ -93,6 +93,10 @@ class RunRecord {
     }));
     this.links = data.links && data.links.map(([a, b, ...changes]) => ({ a: this.byId.get(a), b: this.byId.get(b), ...table(changes, 2) }));
     this.closest = { step: data.closest.step / 1000, pairs: data.closest.pairs };
+    this.values = data.values.series.map(({ name, lines, thinned }) => ({
+      name, thinned, lines: lines.map(({ drone, times, values }) => ({ drone, values, times: times.map((time) => time / 1000) })),
+    }));
+    this.omittedValues = data.values.omitted;
   }
 
   /** Sets `now` of all nodes to what holds at `time`. */

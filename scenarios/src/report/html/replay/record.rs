@@ -7,6 +7,7 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use serde::Serialize;
 
+use super::values::{Values, values};
 use crate::report::closest::closest;
 use crate::report::simplify::simplified;
 use crate::report::{
@@ -33,6 +34,7 @@ pub(super) struct Record {
     /// Time, end or -1, north, east, radius.
     jams: Vec<[i64; 5]>,
     closest: Closest,
+    values: Values,
 }
 
 #[derive(Debug, Serialize)]
@@ -98,11 +100,12 @@ const CONDITIONS: [Condition; 7] = [
     Condition::Failed,
 ];
 
-const KINDS: [MarkKind; 11] = [
+const KINDS: [MarkKind; 12] = [
     MarkKind::Fault,
     MarkKind::Death,
     MarkKind::Return,
     MarkKind::Restart,
+    MarkKind::AgentFailure,
     MarkKind::Election,
     MarkKind::Leader,
     MarkKind::Partition,
@@ -151,6 +154,7 @@ pub(super) fn record(report: &Report, flight: &Flight) -> Record {
         marks,
         jams,
         closest: closest_pairs(report, flight),
+        values: values(report),
     }
 }
 
@@ -320,7 +324,11 @@ fn place(place: Ned) -> [i64; 3] {
 }
 
 fn ms(at: Timestamp) -> i64 {
-    rounded(at.as_secs_f64() * 1e3)
+    milliseconds(at.as_secs_f64())
+}
+
+pub(super) fn milliseconds(seconds: f64) -> i64 {
+    rounded(seconds * 1e3)
 }
 
 fn cm(metres: f64) -> i64 {

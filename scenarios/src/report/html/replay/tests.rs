@@ -2,8 +2,9 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use super::values::{NAMES_MAX, POINTS_MAX};
 use crate::engine::{self, Engine};
-use crate::report::{Flight, Report, page, sample};
+use crate::report::{Flight, ObservedValue, Report, page, sample};
 use crate::scenario::load;
 
 fn flown(name: &str) -> (Report, Flight) {
@@ -129,12 +130,88 @@ fn equal_runs_of_both_engines_have_equal_records() {
     assert_eq!(events, of(Engine::Actors));
 }
 
+fn observed(drone: u32, at_s: f64, name: &str, value: f64) -> ObservedValue {
+    ObservedValue {
+        at_s,
+        drone,
+        name: name.to_owned(),
+        value,
+    }
+}
+
+#[test]
+fn observed_values_are_series_by_name_and_drone() {
+    let (mut report, flight) = sample::swarm(3);
+    report.observed = vec![
+        observed(2, 10.0, "finds", 1.0),
+        observed(0, 10.5, "speed", 4.123_456_78),
+        observed(1, 11.0, "finds", 1.0),
+        observed(2, 12.0, "finds", f64::NAN),
+        observed(2, 12.25, "finds", 2.0),
+    ];
+    let record = record(&(report, flight));
+    let series = serde_json::json!([
+        {"name": "finds", "thinned": false, "lines": [
+            {"drone": 1, "times": [11_000], "values": [1.0]},
+            {"drone": 2, "times": [10_000, 12_250], "values": [1.0, 2.0]},
+        ]},
+        {"name": "speed", "thinned": false, "lines": [
+            {"drone": 0, "times": [10_500], "values": [4.12346]},
+        ]},
+    ]);
+    assert_eq!(record["values"]["series"], series);
+    assert_eq!(record["values"]["omitted"], serde_json::json!([]));
+}
+
+#[test]
+fn long_series_keep_their_extremes_and_names_beyond_the_limit_are_listed() {
+    let (mut report, flight) = sample::swarm(3);
+    let swing = |step: u32| {
+        if step == 54_321 {
+            9.0
+        } else {
+            f64::from(step % 7)
+        }
+    };
+    let steps = 0..90_000;
+    report.observed = steps
+        .map(|step| observed(step % 3, f64::from(step) / 100.0, "swing", swing(step)))
+        .collect();
+    for name in ["a", "b", "c", "d", "e", "f"] {
+        report.observed.push(observed(0, 901.0, name, 1.0));
+    }
+    report.observed[0].name = "a".to_owned();
+    let values = &record(&(report.clone(), flight.clone()))["values"];
+    assert_eq!(values["omitted"], serde_json::json!(["swing"]));
+    assert_eq!(values["series"].as_array().unwrap().len(), NAMES_MAX);
+    report.observed.truncate(90_000);
+    let values = &record(&(report, flight))["values"]["series"][1];
+    assert_eq!(values["thinned"], true);
+    let lines = values["lines"].as_array().unwrap().iter();
+    let values: Vec<f64> = lines
+        .flat_map(|line| line["values"].as_array().unwrap())
+        .map(|value| value.as_f64().unwrap())
+        .collect();
+    assert!(values.len() <= POINTS_MAX, "{}", values.len());
+    assert!(values.contains(&9.0) && values.contains(&0.0));
+}
+
 #[test]
 fn page_of_15_drones_is_below_1_mb_and_of_100_below_8_mb() {
-    let (report, flight) = flown("thesis-2.toml");
+    let with_values = |(mut report, flight): (Report, Flight)| {
+        let drones = u32::try_from(report.drones.len()).unwrap();
+        let values = (0..100_000_u32).map(|step| {
+            let name = format!("value {}", step % 10);
+            let value = f64::from(step).sin() * 1e3;
+            observed(step / 10 % drones, f64::from(step) / 500.0, &name, value)
+        });
+        report.observed = values.collect();
+        (report, flight)
+    };
+    let (report, flight) = with_values(flown("thesis-2.toml"));
     let size = page(&report, &flight).len();
     assert!(size < 1_000_000, "{size}");
-    let (report, flight) = sample::swarm(100);
+    let (report, flight) = with_values(sample::swarm(100));
     let size = page(&report, &flight).len();
     assert!(size < 8_000_000, "{size}");
 }

@@ -2,7 +2,7 @@
 
 /** Colours of marks. */
 const KIND_COLOURS = {
-  fault: "--fault", death: "--bad", return: "--good", restart: "--fault", election: "--vote", leader: "--good",
+  fault: "--fault", death: "--bad", return: "--good", restart: "--fault", "agent failure": "--fault", election: "--vote", leader: "--good",
   partition: "--part", merge: "--part", waypoint: "--soft", "early landing": "--fault", "broken rule": "--bad",
 };
 const EPOCH_COLOURS = 8;

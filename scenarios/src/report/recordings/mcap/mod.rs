@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use self::schemas::Schema;
 use self::states::Drone;
-use crate::report::{Flight, Mark, MarkKind, Report};
+use crate::report::{Flight, Mark, MarkKind, ObservedValue, Report};
 
 /// Interval between scenes.
 const SCENE_EVERY: Duration = Duration::from_millis(250);
@@ -59,6 +59,7 @@ impl<W: Write + Seek> File<W> {
     fn write(&mut self, report: &Report, flight: &Flight) -> io::Result<()> {
         let drones = Drone::all(report, flight);
         let mut marks = marks(flight).into_iter().peekable();
+        let mut values = values(report).into_iter().peekable();
         let mut scene = scene::Scene::new(flight);
         let end = Timestamp::from_secs_f64(report.simulated_s);
         let mut at = Timestamp::ZERO;
@@ -67,6 +68,10 @@ impl<W: Write + Seek> File<W> {
             let at_most = at.min(end);
             while let Some(mark) = marks.next_if(|mark| mark.at <= at_most || is_last) {
                 self.message("/log", Schema::Log, mark.at, &log(mark))?;
+            }
+            while let Some((at, value)) = values.next_if(|(at, _)| *at <= at_most || is_last) {
+                let topic = format!("/drones/{}/values", value.drone);
+                self.message(&topic, Schema::Value, at, &states::value(at, value))?;
             }
             if let Some(update) = scene.update(at_most, &drones) {
                 self.message("/scene", Schema::Scene, at_most, &update)?;
@@ -164,6 +169,17 @@ fn marks(flight: &Flight) -> Vec<&Mark> {
     marks
 }
 
+/// The values that agents of all swarms observed, in order of time. JSON has no numbers that are not finite.
+fn values(report: &Report) -> Vec<(Timestamp, &ObservedValue)> {
+    let observed = report.swarms().flat_map(|swarm| &swarm.observed);
+    let mut values: Vec<_> = observed
+        .filter(|value| value.value.is_finite())
+        .map(|value| (Timestamp::from_secs_f64(value.at_s), value))
+        .collect();
+    values.sort_by_key(|(at, _)| *at);
+    values
+}
+
 /// A mark as `foxglove.Log`.
 fn log(mark: &Mark) -> Value {
     // Levels of `foxglove.Log`.
@@ -174,7 +190,8 @@ fn log(mark: &Mark) -> Value {
         | MarkKind::Election
         | MarkKind::Partition
         | MarkKind::Landing
-        | MarkKind::Restart => warning,
+        | MarkKind::Restart
+        | MarkKind::AgentFailure => warning,
         MarkKind::Return | MarkKind::Leader | MarkKind::Merge | MarkKind::Waypoint => info,
     };
     json!({

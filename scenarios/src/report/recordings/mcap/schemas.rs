@@ -15,6 +15,8 @@ pub(super) enum Schema {
     Drone,
     /// Who leads.
     Swarm,
+    /// What a drone's agent observed.
+    Value,
 }
 
 impl Schema {
@@ -25,6 +27,7 @@ impl Schema {
             Self::Location => "foxglove.LocationFix",
             Self::Drone => "muster.Drone",
             Self::Swarm => "muster.Swarm",
+            Self::Value => "muster.Value",
         }
     }
 
@@ -38,6 +41,7 @@ impl Schema {
             Self::Location => ("Where a drone is", location()),
             Self::Drone => ("What a drone does", drone()),
             Self::Swarm => ("Who leads, and how near drones are to each other", swarm()),
+            Self::Value => ("A value that a drone's agent observed", value()),
         };
         let mut schema = object(about, fields);
         schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
@@ -193,7 +197,7 @@ fn log() -> Fields {
             "name",
             kind(
                 "string",
-                "kind: fault, death, election, leader, partition, merge, …",
+                "kind: fault, death, agent failure, election, leader, partition, …",
             ),
         ),
         ("file", kind("string", "empty")),
@@ -265,6 +269,18 @@ fn swarm() -> Fields {
                 "number",
                 "distance of the closest two drones in the air, in metres",
             ),
+        ),
+    ]
+}
+
+fn value() -> Fields {
+    vec![
+        ("timestamp", time("when")),
+        ("drone", kind("integer", "id")),
+        ("name", kind("string", "name that the agent gave the value")),
+        (
+            "value",
+            kind("number", "the value; its unit is the agent's"),
         ),
     ]
 }

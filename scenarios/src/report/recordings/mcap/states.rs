@@ -1,14 +1,16 @@
 //! What drones do, as messages.
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
-use muster_runtime::geodetic::Geodetic;
 use serde_json::{Value, json};
 
 use super::super::place::{Place, place, rounded};
 use super::time;
 use crate::report::closest::nearest;
-use crate::report::{Condition, Epoch, Flight, FlightOfDrone, NodeHistory, Report, Route};
+use crate::report::{
+    Condition, Epoch, Flight, FlightOfDrone, NodeHistory, ObservedValue, Report, Route,
+};
 
 /// A drone with what is known of it.
 pub(super) struct Drone<'a> {
@@ -111,6 +113,16 @@ impl<'a> Drone<'a> {
             "position_covariance_type": 0,
         }))
     }
+}
+
+/// The `muster.Value` of an observed value.
+pub(super) fn value(at: Timestamp, observed: &ObservedValue) -> Value {
+    json!({
+        "timestamp": time(at),
+        "drone": observed.drone,
+        "name": observed.name,
+        "value": observed.value,
+    })
 }
 
 /// The `muster.Swarm` of all drones.

@@ -1,6 +1,5 @@
-use muster_msp::{Channel, Sticks};
-
 use super::*;
+use crate::{Channel, Sticks};
 
 /// Ticks of a schedule; each question is answered in the tick after it.
 struct Line {

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
 
 use super::Motion;
+use crate::geometry::{Ned, Velocity};
+use crate::time::Timestamp;
 
 /// A vehicle's limits of speed and acceleration.
 #[derive(Debug, Clone, Copy)]
@@ -153,7 +153,7 @@ impl Motion {
     }
 
     /// Accelerates to a velocity, keeps it for `hold`, then comes to rest.
-    pub(super) fn steer(
+    pub fn steer(
         &mut self,
         at: Timestamp,
         velocity: Velocity,

@@ -1,7 +1,7 @@
-//! The agent of `muster swarm` on a host: it stores the drones' files, starts their processes, forwards their output and
-//! signals them. When the starter ends or falls silent, the agent ends all processes, stopped ones too.
+//! The launcher of `muster swarm` on a host: it stores the drones' files, starts their processes, forwards their output and
+//! signals them. When the starter ends or falls silent, the launcher ends all processes, stopped ones too.
 //!
-//! The agent decides nothing. The starter runs it with a command, such as ssh, and uses its standard input and output.
+//! The launcher decides nothing. The starter runs it with a command, such as ssh, and uses its standard input and output.
 
 mod drones;
 #[doc(hidden)]
@@ -23,15 +23,15 @@ use self::drones::Drones;
 use self::protocol::{Order, Reply, VERSION};
 use crate::clock::Clock;
 
-/// The longest silence before the starter and the agent take each other for gone. The starter sends a ping each second.
+/// The longest silence before the starter and the launcher take each other for gone. The starter sends a ping each second.
 pub const SILENCE_MAX: Duration = Duration::from_secs(10);
 
 /// The most lines that wait for the starter. The drones' output waits beyond that.
 const UNREAD_MAX: usize = 1_024;
 
-/// Why an agent failed. Its processes are ended and its files removed.
+/// Why a launcher failed. Its processes are ended and its files removed.
 #[derive(Debug, Error)]
-pub enum AgentError {
+pub enum LauncherError {
     /// The asynchronous runtime does not start, or can't watch processes or signals.
     #[error("can't start the asynchronous runtime")]
     Runtime(#[source] io::Error),
@@ -44,7 +44,7 @@ pub enum AgentError {
         #[source]
         source: io::Error,
     },
-    /// A path leads out of the agent's folder.
+    /// A path leads out of the launcher's folder.
     #[error("{} is outside of the flight's folder", .0.display())]
     Outside(PathBuf),
     /// A line on standard input is no order.
@@ -59,39 +59,39 @@ pub enum AgentError {
 ///
 /// # Errors
 /// If an order fails, or the starter falls silent. In any case no drone's process is left, and the folder is removed.
-pub fn run() -> Result<(), AgentError> {
+pub fn run() -> Result<(), LauncherError> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
-        .map_err(AgentError::Runtime)?;
+        .map_err(LauncherError::Runtime)?;
     let result = runtime.block_on(serve());
     // The reading thread may block for ever.
     runtime.shutdown_background();
     result
 }
 
-async fn serve() -> Result<(), AgentError> {
-    let end_signal = end_signal().map_err(AgentError::Runtime)?;
+async fn serve() -> Result<(), LauncherError> {
+    let end_signal = end_signal().map_err(LauncherError::Runtime)?;
     let (replies, unread) = mpsc::channel(UNREAD_MAX);
     std::thread::spawn(move || write_replies(unread));
     let orders = read_orders();
-    let mut agent = Agent {
+    let mut launcher = Launcher {
         clock: Clock::start(),
         drones: Drones::new(replies.clone()),
         folder: None,
         replies,
     };
     let version = VERSION.to_owned();
-    agent.reply(Reply::Hello { version });
+    launcher.reply(Reply::Hello { version });
     let result = tokio::select! {
-        result = agent.execute_all(orders) => result,
+        result = launcher.execute_all(orders) => result,
         () = end_signal => Ok(()),
     };
-    agent.drones.end().await;
+    launcher.drones.end().await;
     result
 }
 
-/// Waits for a signal that ends the agent.
+/// Waits for a signal that ends the launcher.
 fn end_signal() -> io::Result<impl Future<Output = ()>> {
     let [mut terminate, mut interrupt, mut hang_up] = [
         signal(SignalKind::terminate())?,
@@ -132,7 +132,7 @@ fn write_replies(mut unread: mpsc::Receiver<Reply>) {
     }
 }
 
-struct Agent {
+struct Launcher {
     clock: Clock,
     drones: Drones,
     /// Created with the first file; removed when this value is dropped.
@@ -140,21 +140,21 @@ struct Agent {
     replies: mpsc::Sender<Reply>,
 }
 
-impl Agent {
+impl Launcher {
     async fn execute_all(
         &mut self,
         mut orders: mpsc::UnboundedReceiver<Result<Order, serde_json::Error>>,
-    ) -> Result<(), AgentError> {
+    ) -> Result<(), LauncherError> {
         loop {
             let order = timeout(SILENCE_MAX, orders.recv()).await;
-            match order.map_err(|_| AgentError::Silent)? {
-                Some(order) => self.execute(order.map_err(AgentError::Garbled)?)?,
+            match order.map_err(|_| LauncherError::Silent)? {
+                Some(order) => self.execute(order.map_err(LauncherError::Garbled)?)?,
                 None => return Ok(()),
             }
         }
     }
 
-    fn execute(&mut self, order: Order) -> Result<(), AgentError> {
+    fn execute(&mut self, order: Order) -> Result<(), LauncherError> {
         match order {
             Order::Ping(ping) => {
                 let at_ns = self.clock.now().as_nanos();
@@ -180,20 +180,20 @@ impl Agent {
         let _ = self.replies.try_send(reply);
     }
 
-    fn write(&mut self, path: &Path, text: &str) -> Result<(), AgentError> {
+    fn write(&mut self, path: &Path, text: &str) -> Result<(), LauncherError> {
         let is_plain = |it: Component<'_>| matches!(it, Component::Normal(_));
         if path.as_os_str().is_empty() || !path.components().all(is_plain) {
-            return Err(AgentError::Outside(path.to_owned()));
+            return Err(LauncherError::Outside(path.to_owned()));
         }
         let folder = match self.folder.take() {
             Some(folder) => folder,
             None => private_folder().map_err(|source| {
                 let path = std::env::temp_dir();
-                AgentError::Write { path, source }
+                LauncherError::Write { path, source }
             })?,
         };
         let path = self.folder.insert(folder).path().join(path);
-        write_private(&path, text).map_err(|source| AgentError::Write { path, source })
+        write_private(&path, text).map_err(|source| LauncherError::Write { path, source })
     }
 }
 
@@ -218,9 +218,9 @@ fn write_private(path: &Path, text: &str) -> io::Result<()> {
 mod tests {
     use super::*;
 
-    fn agent() -> Agent {
+    fn launcher() -> Launcher {
         let (replies, _) = mpsc::channel(1);
-        Agent {
+        Launcher {
             clock: Clock::start(),
             drones: Drones::new(replies.clone()),
             folder: None,
@@ -230,14 +230,14 @@ mod tests {
 
     #[test]
     fn files_are_private_stay_in_the_folder_and_are_removed_with_it() {
-        let mut agent = agent();
-        agent
+        let mut launcher = launcher();
+        launcher
             .write(Path::new("fleet/drone-1.key"), "secret")
             .unwrap();
         let config = Path::new("drone-1/drone.toml");
-        agent.write(config, "id = ").unwrap();
-        agent.write(config, "1").unwrap();
-        let folder = agent.folder.as_ref().unwrap().path().to_owned();
+        launcher.write(config, "id = ").unwrap();
+        launcher.write(config, "1").unwrap();
+        let folder = launcher.folder.as_ref().unwrap().path().to_owned();
         assert_eq!(fs::read_to_string(folder.join(config)).unwrap(), "id = 1");
         let mode = |path: &str| {
             let metadata = fs::metadata(folder.join(path)).unwrap();
@@ -247,10 +247,13 @@ mod tests {
         assert_eq!(mode("fleet"), 0o700);
         assert_eq!(mode("fleet/drone-1.key"), 0o600);
         for outside in ["", "/etc/muster", "../drone.toml", "fleet/../../key"] {
-            let written = agent.write(Path::new(outside), "");
-            assert!(matches!(written, Err(AgentError::Outside(_))), "{outside}");
+            let written = launcher.write(Path::new(outside), "");
+            assert!(
+                matches!(written, Err(LauncherError::Outside(_))),
+                "{outside}"
+            );
         }
-        drop(agent);
+        drop(launcher);
         assert!(!folder.exists());
     }
 }

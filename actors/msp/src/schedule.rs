@@ -3,9 +3,10 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use muster_msp::{
-    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, FcVariant, FcVersion,
-    Message, RawGps, Rc, SetRawRc, Sonar, Status,
+use crate::{
+    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction,
+    EncodeError, FcVariant, FcVersion, Frame, Message, RawGps, Rc, SetRawRc, Sonar, Status,
+    Version, encode, order,
 };
 
 /// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
@@ -57,14 +58,14 @@ pub const QUERIES: [Query; 14] = [
     once::<BoardInfo>(),
     once::<BoxIds>(),
     FURTHER_BOXES,
-    every::<Status>(100),
-    every::<Attitude>(100),
-    every::<Altitude>(200),
-    every::<Rc>(200),
-    every::<RawGps>(500),
-    every::<Sonar>(500),
-    every::<Analog>(500),
+    every::<Status>(200),
+    every::<Attitude>(50),
+    every::<Altitude>(100),
+    every::<RawGps>(100),
     every::<BatteryState>(1000),
+    every::<Rc>(1000),
+    every::<Sonar>(1000),
+    every::<Analog>(1000),
 ];
 
 /// What to write in a tick.
@@ -74,6 +75,28 @@ pub enum Write {
     Rc(SetRawRc),
     /// A question.
     Request(Query),
+}
+
+impl Write {
+    /// Appends the frame to `out`.
+    ///
+    /// # Errors
+    /// None: all commands fit v1.
+    pub fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
+        match self {
+            Self::Rc(channels) => order(Version::V1, channels, out),
+            Self::Request(query) => {
+                let frame = Frame {
+                    version: Version::V1,
+                    direction: Direction::Request,
+                    command: query.command,
+                    flag: 0,
+                    payload: query.page.as_slice(),
+                };
+                encode(&frame, out)
+            }
+        }
+    }
 }
 
 /// Decides what is written when. It is told the time, as a duration since any start.

@@ -45,7 +45,7 @@ impl Drones {
     }
 
     /// Starts a drone's process and kills its earlier one. Its output and its end are reported to the starter. The process
-    /// is killed with the runtime, and ends by itself when the agent does.
+    /// is killed with the runtime, and ends by itself when the launcher does.
     pub(super) fn start(&mut self, drone: u32, config: &Path, arguments: &[String]) {
         let spawned = spawn(config, arguments).and_then(|mut child| {
             let pid = child.id().and_then(|pid| Pid::from_raw(pid.cast_signed()));

@@ -1,18 +1,18 @@
-//! The protocol between `muster swarm` (the starter) and its agent on a host: one JSON object per line, over the agent's
-//! standard input and output.
+//! The protocol between `muster swarm` (the starter) and its launcher on a host: one JSON object per line, over the
+//! launcher's standard input and output.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// A message from the starter to an agent.
+/// A message from the starter to a launcher.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Order {
     /// Report the host's time.
     Ping(u64),
-    /// Append to a file within the agent's folder. A new file is readable by its owner only.
+    /// Append to a file within the launcher's folder. A new file is readable by its owner only.
     AppendFile { path: PathBuf, text: String },
-    /// Start a drone's process. The path of its file is relative to the agent's folder.
+    /// Start a drone's process. The path of its file is relative to the launcher's folder.
     Start {
         drone: u32,
         config: PathBuf,
@@ -35,12 +35,12 @@ pub enum ProcessSignal {
     Kill,
 }
 
-/// A message from an agent to the starter.
+/// A message from a launcher to the starter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reply {
-    /// The agent runs, in this version.
+    /// The launcher runs, in this version.
     Hello { version: String },
-    /// The host's time when the agent read this ping, in nanoseconds since the Unix epoch.
+    /// The host's time when the launcher read this ping, in nanoseconds since the Unix epoch.
     Pong { ping: u64, at_ns: u64 },
     /// A line that a drone's process wrote to standard error.
     Output { drone: u32, line: String },

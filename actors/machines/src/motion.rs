@@ -1,9 +1,29 @@
+//! Motions in closed form, without time steps: what a simulated vehicle flies, and what a real one is to follow.
+
+mod tracking;
+
 use std::time::Duration;
 
-use muster_machines::geometry::Ned;
-use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+
+use self::tracking::Limits;
+use crate::geometry::{Ned, Velocity};
+use crate::msp::Setpoint;
+use crate::time::Timestamp;
+
+/// Parameters of a vehicle's landing mode.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Landing {
+    /// Descent speed down to `final_altitude_m`, in m/s.
+    pub descent_mps: f64,
+    /// Descent speed from `final_altitude_m` to the ground, in m/s.
+    pub final_mps: f64,
+    /// Height above home from which the vehicle descends at `final_mps`, in metres.
+    pub final_altitude_m: f64,
+    /// Acceleration, in m/s².
+    pub acceleration_mps2: f64,
+}
 
 /// Standard gravity, in m/s².
 const GRAVITY_MPS2: f64 = 9.806_65;
@@ -75,7 +95,7 @@ pub struct Motion {
     #[serde(with = "vector")]
     start: Vector3<f64>,
     /// The current leg's acceleration, in m/s², used to brake.
-    pub(super) braking_mps2: f64,
+    braking_mps2: f64,
     pieces: Vec<Piece>,
 }
 
@@ -88,6 +108,12 @@ impl Motion {
             braking_mps2: 1.0,
             pieces: Vec::new(),
         }
+    }
+
+    /// Forgets the pieces that have ended by `now`, but for the last one.
+    pub fn forget(&mut self, now: Timestamp) {
+        let past = self.pieces.partition_point(|piece| piece.end <= now);
+        self.pieces.drain(..past.saturating_sub(1));
     }
 
     /// All pieces, in order of time.
@@ -185,7 +211,7 @@ impl Motion {
     }
 
     /// Drops the plan after `at`.
-    pub(super) fn cut(&mut self, at: Timestamp) {
+    fn cut(&mut self, at: Timestamp) {
         self.pieces.retain(|piece| piece.start < at);
         if let Some(last) = self.pieces.last_mut() {
             last.end = last.end.min(at);
@@ -212,6 +238,56 @@ impl Motion {
             // An empty piece, so that the next leg begins at `at` and not at the end of the last one.
             None => self.push(at, position, Vector3::zeros(), Vector3::zeros(), 0.0),
         };
+    }
+
+    /// Flies to a setpoint from `at` on, in a frame with its origin at `home`.
+    pub fn follow(&mut self, at: Timestamp, setpoint: Setpoint, home: Ned) {
+        match setpoint {
+            Setpoint::Leg {
+                to,
+                speed_mps,
+                acceleration_mps2,
+            } => {
+                self.brake(at);
+                self.fly(to + home, speed_mps, acceleration_mps2);
+            }
+            Setpoint::Track {
+                to,
+                velocity,
+                speed_mps,
+                acceleration_mps2,
+                hold,
+            } => {
+                let limits = Limits {
+                    speed_mps,
+                    acceleration_mps2,
+                };
+                self.track(at, (to + home, velocity), limits, hold);
+            }
+            Setpoint::Hold {
+                altitude_m,
+                vertical_mps,
+                acceleration_mps2,
+            } => self.hold(at, altitude_m, vertical_mps, acceleration_mps2),
+        }
+    }
+
+    /// Brakes at `at` and descends to the ground on the spot.
+    pub fn land(&mut self, at: Timestamp, landing: Landing) {
+        let Landing {
+            descent_mps,
+            final_mps,
+            final_altitude_m,
+            acceleration_mps2,
+        } = landing;
+        self.brake(at);
+        let from = self.end();
+        if from.altitude_m() > final_altitude_m {
+            let low = from.at_altitude(final_altitude_m);
+            self.fly(low, descent_mps, acceleration_mps2);
+        }
+        let ground = from.at_altitude(0.0);
+        self.fly(ground, final_mps, acceleration_mps2);
     }
 
     /// Appends a straight leg to `to`, from rest to rest: a trapezoid of speed, or a triangle if the leg is too short for
@@ -247,7 +323,7 @@ impl Motion {
     }
 
     /// Drops the plan after `at` and falls to the ground.
-    pub(super) fn fall(&mut self, at: Timestamp) {
+    pub fn fall(&mut self, at: Timestamp) {
         let velocity = self.velocity(at).unwrap_or_default();
         let position = self.position(at).0;
         self.cut(at);
@@ -265,14 +341,21 @@ impl Motion {
         self.push(end, ground, Vector3::zeros(), Vector3::zeros(), 0.0);
     }
 
+    /// Drops the plan after `at`, and continues from a place with a constant velocity until `until`.
+    pub fn observe(&mut self, at: Timestamp, place: Ned, velocity: Velocity, until: Timestamp) {
+        self.cut(at);
+        let seconds = until.since(at).as_secs_f64();
+        self.push(at, place.0, velocity.0, Vector3::zeros(), seconds);
+    }
+
     /// Appends a rest of `time` at the end of the plan.
-    pub(super) fn hover(&mut self, time: Duration) {
+    pub fn hover(&mut self, time: Duration) {
         let (start, from) = (self.end_time().unwrap_or(Timestamp::ZERO), self.end().0);
         let still = Vector3::zeros();
         self.push(start, from, still, still, time.as_secs_f64());
     }
 
-    pub(super) fn push(
+    fn push(
         &mut self,
         start: Timestamp,
         from: Vector3<f64>,

@@ -4,8 +4,9 @@
 //! the platform's sine, which differs in the last digit.
 
 use libm::{atan2, cos, hypot, round, sin, sqrt};
-use muster_machines::geometry::Ned;
 use nalgebra::Vector3;
+
+use crate::geometry::Ned;
 
 /// The highest latitude, north or south, in degrees. Beyond it the direction of east changes too fast for a formation.
 pub const LATITUDE_MAX_DEG: f64 = 89.0;
@@ -245,7 +246,8 @@ fn ellipsoidal(point_m: Vector3<f64>) -> (f64, f64, f64) {
 }
 
 /// Rounds to whole millimetres, so that all drones agree. Adding zero turns a negative zero into a positive one.
-pub(crate) fn whole_millimetres(metres: f64) -> f64 {
+#[must_use]
+pub fn whole_millimetres(metres: f64) -> f64 {
     round(metres * 1_000.0) / 1_000.0 + 0.0
 }
 

@@ -1,0 +1,117 @@
+//! Configuration of a link to a flight controller.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geodetic::Geodetic;
+use crate::motion::Landing;
+
+/// What a drone may do, lowest first. A drone does nothing above its stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Arms a simulated controller only.
+    Sim,
+    /// Telemetry. Never arms, and no motor turns.
+    Bench,
+}
+
+/// Who else commands the flight controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Receiver {
+    /// Nobody: MSP is the only receiver (`feature RX_MSP`). For bench and simulation, since no pilot can take over.
+    Sole,
+    /// A pilot: the controller's own receiver arms, and gives MSP the sticks by a switch (`MSP OVERRIDE`).
+    Override,
+}
+
+/// Standard deviations and delays of a vehicle's sensors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Of a GPS position on each axis, in metres.
+    pub position_m: f64,
+    /// Of a GPS velocity on each axis, in m/s.
+    pub velocity_mps: f64,
+    /// Age of a GPS fix when it arrives.
+    pub gps_delay: Duration,
+    /// Of the controller's height, in metres.
+    pub height_m: f64,
+    /// Of the controller's climb rate, in m/s.
+    pub climb_mps: f64,
+    /// Of what the attitude doesn't say of the horizontal acceleration: drag and wind, in m/s² per √Hz.
+    pub acceleration_mps2: f64,
+    /// Of the vertical acceleration, in m/s² per √Hz.
+    pub vertical_acceleration_mps2: f64,
+}
+
+impl Noise {
+    /// A receiver of the u-blox M8 or M10 series with a barometer. Velocity: 0.05 m/s at half the readings (data sheet
+    /// UBX-15031086). Position between fixes drifts by decimetres; its error to the map of 1.5 m is common to a flight.
+    pub const GPS: Self = Self {
+        position_m: 0.3,
+        velocity_mps: 0.1,
+        gps_delay: Duration::from_millis(100),
+        height_m: 0.2,
+        climb_mps: 0.3,
+        acceleration_mps2: 0.5,
+        vertical_acceleration_mps2: 1.0,
+    };
+}
+
+/// Gains and limits of the flight by sticks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Velocity per horizontal distance from the reference, in 1/s.
+    pub position_per_s: f64,
+    /// Acceleration per error of the horizontal velocity, in 1/s.
+    pub velocity_per_s: f64,
+    /// Growth of the acceleration per error of the horizontal velocity, in 1/s².
+    pub integral_per_s2: f64,
+    /// The same three, vertical.
+    pub height_per_s: f64,
+    /// As above, vertical.
+    pub climb_per_s: f64,
+    /// As above, vertical.
+    pub climb_integral_per_s2: f64,
+    /// Largest tilt, in radians.
+    pub tilt_max_rad: f64,
+    /// Tilt at full stick in the mode ANGLE, in radians: Betaflight's `angle_limit`.
+    pub angle_limit_rad: f64,
+    /// Throttle at which the vehicle hovers, 0 to 1, until it is known better.
+    pub hover_throttle: f64,
+}
+
+impl Gains {
+    /// For a quadcopter that leans within 0.2 s. A loop of velocity closes well within what leaning and 100 ms of delay
+    /// allow: 1 / (2 · 0.3 s) = 1.7 1/s (half of the usual phase margin).
+    pub const QUADCOPTER: Self = Self {
+        position_per_s: 0.8,
+        velocity_per_s: 1.6,
+        integral_per_s2: 0.3,
+        height_per_s: 1.0,
+        climb_per_s: 2.5,
+        climb_integral_per_s2: 1.0,
+        tilt_max_rad: 0.436,
+        angle_limit_rad: 1.047,
+        hover_throttle: 0.3,
+    };
+}
+
+/// Configuration of a link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// What the drone may do.
+    pub stage: Stage,
+    /// Who else commands the controller.
+    pub receiver: Receiver,
+    /// Home of the drone's local frame.
+    pub home: Geodetic,
+    /// How the drone comes down.
+    pub landing: Landing,
+    /// Sensors.
+    pub noise: Noise,
+    /// Flight by sticks.
+    pub gains: Gains,
+}

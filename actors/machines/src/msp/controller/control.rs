@@ -1,0 +1,218 @@
+//! From a reference to sticks: position → velocity → acceleration → attitude and throttle.
+
+use muster_msp::{Channel, Sticks};
+use nalgebra::Vector3;
+
+use super::config::Gains;
+use super::estimator::{Estimate, GRAVITY_MPS2, Tilt};
+use crate::geometry::{Ned, Velocity};
+
+/// Half the travel of a centred stick, and the travel of the throttle, in µs.
+const STICK_US: f64 = 500.0;
+const THROTTLE_US: f64 = 1_000.0;
+/// Limits of the throttle in flight, 0 to 1: motors neither stop nor saturate.
+const THROTTLE_MIN: f64 = 0.08;
+const THROTTLE_MAX: f64 = 0.9;
+/// Largest velocity that corrects a distance from the reference, in m/s.
+const CORRECTION_MAX_MPS: f64 = 4.0;
+/// Largest integrated acceleration on each axis, in m/s²: a wind, or a battery half empty.
+const INTEGRAL_MAX_MPS2: f64 = 3.0;
+/// Limits of the vertical acceleration, in m/s².
+const CLIMB_MAX_MPS2: f64 = 4.0;
+
+/// Where a vehicle should be now.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reference {
+    pub(super) position: Ned,
+    pub(super) velocity: Velocity,
+    /// m/s².
+    pub(super) acceleration: Vector3<f64>,
+}
+
+/// The control loops.
+#[derive(Debug)]
+pub(super) struct Control {
+    gains: Gains,
+    /// Integrated acceleration, in m/s², north, east, down.
+    integral: Vector3<f64>,
+}
+
+impl Control {
+    pub(super) const fn new(gains: Gains) -> Self {
+        Self {
+            gains,
+            integral: Vector3::new(0.0, 0.0, 0.0),
+        }
+    }
+
+    /// The throttle at which the vehicle hovers, 0 to 1, as learnt so far.
+    pub(super) fn hover_throttle(&self) -> f64 {
+        throttle(self.gains.hover_throttle, -self.integral.z, 1.0)
+    }
+
+    /// Sticks of a level vehicle that neither climbs nor sinks by itself.
+    pub(super) fn level(&self, tilt: Tilt) -> Sticks {
+        self.sticks(Vector3::new(0.0, 0.0, self.integral.z), tilt)
+    }
+
+    /// Sticks that bring a vehicle to its reference, `seconds` after the last. Without a known place over ground it is kept
+    /// level.
+    pub(super) fn step(
+        &mut self,
+        seconds: f64,
+        reference: &Reference,
+        estimate: &Estimate,
+        tilt: Tilt,
+        has_position: bool,
+    ) -> Sticks {
+        let gains = &self.gains;
+        let distance = (reference.position - estimate.position).0;
+        let per_s = Vector3::new(
+            gains.position_per_s,
+            gains.position_per_s,
+            gains.height_per_s,
+        );
+        let correction = distance
+            .component_mul(&per_s)
+            .cap_magnitude(CORRECTION_MAX_MPS);
+        let error = reference.velocity.0 + correction - estimate.velocity.0;
+        let per_s = Vector3::new(
+            gains.velocity_per_s,
+            gains.velocity_per_s,
+            gains.climb_per_s,
+        );
+        let per_s2 = Vector3::new(
+            gains.integral_per_s2,
+            gains.integral_per_s2,
+            gains.climb_integral_per_s2,
+        );
+        let mut acceleration = reference.acceleration + error.component_mul(&per_s) + self.integral;
+        let is_saturated = self.limit(&mut acceleration);
+        let mut growth = error.component_mul(&per_s2) * seconds;
+        if !has_position {
+            (acceleration.x, acceleration.y) = (0.0, 0.0);
+            (growth.x, growth.y) = (0.0, 0.0);
+        }
+        if !is_saturated {
+            let limit = INTEGRAL_MAX_MPS2;
+            self.integral = (self.integral + growth).map(|it| it.clamp(-limit, limit));
+        }
+        self.sticks(acceleration, tilt)
+    }
+
+    /// Limits an acceleration to what tilt and throttle allow. Returns whether it was beyond.
+    fn limit(&self, acceleration: &mut Vector3<f64>) -> bool {
+        let most = GRAVITY_MPS2 * libm::tan(self.gains.tilt_max_rad);
+        let before = *acceleration;
+        let level = acceleration.xy().cap_magnitude(most);
+        *acceleration = Vector3::new(
+            level.x,
+            level.y,
+            acceleration.z.clamp(-CLIMB_MAX_MPS2, CLIMB_MAX_MPS2),
+        );
+        *acceleration != before
+    }
+
+    /// The attitude and the throttle of an acceleration, as sticks.
+    fn sticks(&self, acceleration: Vector3<f64>, tilt: Tilt) -> Sticks {
+        let up = GRAVITY_MPS2 - acceleration.z;
+        let (sin, cos) = (libm::sin(tilt.yaw_rad), libm::cos(tilt.yaw_rad));
+        let ahead = acceleration.x * cos + acceleration.y * sin;
+        let right = acceleration.y * cos - acceleration.x * sin;
+        let angle = |by: f64| {
+            let most = self.gains.tilt_max_rad;
+            libm::atan2(by, up).clamp(-most, most) / self.gains.angle_limit_rad
+        };
+        let hover = self.gains.hover_throttle;
+        let throttle = throttle(hover, -acceleration.z, tilt.vertical_share());
+        Sticks {
+            roll: channel(1_500.0 + STICK_US * angle(right)),
+            pitch: channel(1_500.0 + STICK_US * angle(ahead)),
+            throttle: channel(1_000.0 + THROTTLE_US * throttle),
+            yaw: Channel::CENTRE,
+        }
+    }
+}
+
+/// The throttle for a vertical acceleration upwards, in m/s²: thrust grows with the square of the throttle.
+fn throttle(hover: f64, up_mps2: f64, vertical_share: f64) -> f64 {
+    let thrust = (GRAVITY_MPS2 + up_mps2) / GRAVITY_MPS2 / vertical_share.max(0.5);
+    (hover * libm::sqrt(thrust.max(0.0))).clamp(THROTTLE_MIN, THROTTLE_MAX)
+}
+
+fn channel(us: f64) -> Channel {
+    let (low, high) = (Channel::LOW.us(), Channel::HIGH.us());
+    let us = (libm::round(us) as u16).clamp(low, high);
+    Channel::new(us).expect("1,000 to 2,000 µs are a channel's")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reference() -> Reference {
+        Reference {
+            position: Ned::HOME,
+            velocity: Velocity::ZERO,
+            acceleration: Vector3::zeros(),
+        }
+    }
+
+    fn estimate(north_m: f64, east_m: f64, down_m: f64) -> Estimate {
+        Estimate {
+            position: Ned::new(north_m, east_m, down_m),
+            velocity: Velocity::ZERO,
+        }
+    }
+
+    fn sticks(estimate: &Estimate, yaw_deg: f64, has_position: bool) -> Sticks {
+        let tilt = Tilt {
+            yaw_rad: yaw_deg.to_radians(),
+            ..Tilt::default()
+        };
+        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, has_position)
+    }
+
+    #[test]
+    fn vehicle_leans_to_where_it_should_be() {
+        let south = estimate(-5.0, 0.0, 0.0);
+        let ahead = sticks(&south, 0.0, true);
+        assert!(ahead.pitch > Channel::CENTRE && ahead.roll == Channel::CENTRE);
+        // It heads east, so north is on the left.
+        let left = sticks(&south, 90.0, true);
+        assert!(left.roll < Channel::CENTRE && left.pitch == Channel::CENTRE);
+        let low = sticks(&estimate(0.0, 0.0, 3.0), 0.0, true);
+        let high = sticks(&estimate(0.0, 0.0, -3.0), 0.0, true);
+        assert!(low.throttle > high.throttle);
+    }
+
+    #[test]
+    fn without_a_position_it_is_kept_level() {
+        let level = sticks(&estimate(-50.0, 20.0, 0.0), 0.0, false);
+        assert_eq!(
+            (level.roll, level.pitch),
+            (Channel::CENTRE, Channel::CENTRE)
+        );
+    }
+
+    #[test]
+    fn tilt_and_throttle_stay_within_limits() {
+        let far = sticks(&estimate(-1e6, 1e6, 1e6), 33.0, true);
+        let most = 1_500.0 + 500.0 * 0.436 / 1.047;
+        for stick in [far.roll, far.pitch] {
+            assert!((f64::from(stick.us()) - 1_500.0).abs() <= most - 1_500.0 + 1.0);
+        }
+        assert!(far.throttle.us() <= 1_900);
+    }
+
+    #[test]
+    fn a_lasting_sink_is_learnt_as_hover_throttle() {
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let low = estimate(0.0, 0.0, 0.5);
+        let before = control.hover_throttle();
+        for _ in 0..100 {
+            control.step(0.02, &reference(), &low, Tilt::default(), true);
+        }
+        assert!(control.hover_throttle() > before);
+    }
+}

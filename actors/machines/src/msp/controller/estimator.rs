@@ -1,0 +1,391 @@
+//! Position and velocity from the controller's telemetry: a Kalman filter of two states for each axis.
+//!
+//! Attitude predicts, GPS and barometer correct. A measurement too far from the prediction is rejected; if all are for a
+//! while, the filter begins anew from the next one. Source of the filter: Bar-Shalom, Li, Kirubarajan, *Estimation with
+//! Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
+
+use std::time::Duration;
+
+use muster_msp::{Altitude, Attitude, RawGps};
+
+use super::config::Noise;
+use crate::geodetic::{Geodetic, local_ned};
+use crate::geometry::{Ned, Velocity};
+use crate::time::Timestamp;
+
+/// Standard gravity, in m/s².
+pub(super) const GRAVITY_MPS2: f64 = 9.806_65;
+/// Innovations beyond this many standard deviations are rejected.
+const GATE: f64 = 5.0;
+/// Time of rejected or missing positions after which the position is lost.
+pub(super) const LOST_AFTER: Duration = Duration::from_millis(1_000);
+/// Fewest satellites of a usable fix: Betaflight's own `gps_rescue_min_sats`.
+const SATELLITES_MIN: u8 = 8;
+/// Longest prediction in one step, in seconds: beyond it the attitude is stale.
+const STEP_MAX_S: f64 = 0.5;
+
+/// Position and velocity along one axis, and their covariance.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    position_m: f64,
+    velocity_mps: f64,
+    /// Variance of the position, covariance, variance of the velocity.
+    covariance: [f64; 3],
+}
+
+impl Axis {
+    const fn at(position_m: f64, variance_m2: f64) -> Self {
+        Self {
+            position_m,
+            velocity_mps: 0.0,
+            covariance: [variance_m2, 0.0, 1.0],
+        }
+    }
+
+    fn predict(&mut self, seconds: f64, acceleration_mps2: f64, noise_mps2: f64) {
+        self.position_m += (self.velocity_mps + acceleration_mps2 * seconds / 2.0) * seconds;
+        self.velocity_mps += acceleration_mps2 * seconds;
+        let [pp, pv, vv] = self.covariance;
+        let noise = noise_mps2 * noise_mps2;
+        self.covariance = [
+            pp + 2.0 * pv * seconds
+                + vv * seconds * seconds
+                + noise * seconds * seconds * seconds / 3.0,
+            pv + vv * seconds + noise * seconds * seconds / 2.0,
+            vv + noise * seconds,
+        ];
+    }
+
+    /// Takes in a measured position. Returns whether it was near enough.
+    fn measure_position(&mut self, measured_m: f64, sigma_m: f64) -> bool {
+        let [pp, pv, vv] = self.covariance;
+        let variance = pp + sigma_m * sigma_m;
+        let innovation = measured_m - self.position_m;
+        if innovation * innovation > GATE * GATE * variance {
+            return false;
+        }
+        let (gain_p, gain_v) = (pp / variance, pv / variance);
+        self.position_m += gain_p * innovation;
+        self.velocity_mps += gain_v * innovation;
+        self.covariance = [pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv];
+        true
+    }
+
+    /// Takes in a measured velocity, unless it is too far away.
+    fn measure_velocity(&mut self, measured_mps: f64, sigma_mps: f64) {
+        let [pp, pv, vv] = self.covariance;
+        let variance = vv + sigma_mps * sigma_mps;
+        let innovation = measured_mps - self.velocity_mps;
+        if innovation * innovation > GATE * GATE * variance {
+            return;
+        }
+        let (gain_p, gain_v) = (pv / variance, vv / variance);
+        self.position_m += gain_p * innovation;
+        self.velocity_mps += gain_v * innovation;
+        self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
+    }
+}
+
+/// An attitude, in radians: roll to the right, nose down, clockwise from north.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tilt {
+    pub(super) roll_rad: f64,
+    pub(super) nose_down_rad: f64,
+    pub(super) yaw_rad: f64,
+}
+
+impl Tilt {
+    /// Cosine of the angle between the thrust and the vertical.
+    pub(super) fn vertical_share(self) -> f64 {
+        libm::cos(self.roll_rad) * libm::cos(self.nose_down_rad)
+    }
+
+    /// Acceleration north and east of a vehicle that holds its height, in m/s².
+    fn acceleration_mps2(self) -> [f64; 2] {
+        let (sin, cos) = (libm::sin(self.yaw_rad), libm::cos(self.yaw_rad));
+        let ahead = GRAVITY_MPS2 * libm::tan(self.nose_down_rad);
+        let right = GRAVITY_MPS2 * libm::tan(self.roll_rad) / libm::cos(self.nose_down_rad);
+        [ahead * cos - right * sin, ahead * sin + right * cos]
+    }
+}
+
+/// What is known of a vehicle's motion, in its drone's local frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Estimate {
+    pub(super) position: Ned,
+    pub(super) velocity: Velocity,
+}
+
+/// Estimates a vehicle's motion.
+#[derive(Debug)]
+pub(super) struct Estimator {
+    home: Geodetic,
+    noise: Noise,
+    at: Timestamp,
+    tilt: Option<Tilt>,
+    /// North and east.
+    horizontal: Option<[Axis; 2]>,
+    /// Up, from where the barometer counts.
+    vertical: Option<Axis>,
+    /// The barometer's altitude on the ground, in metres.
+    ground_m: Option<f64>,
+    /// The newest accepted position.
+    fixed_at: Timestamp,
+    /// Measurements that were not believed.
+    rejected: u64,
+}
+
+impl Estimator {
+    /// Without any measurement yet. `ground_m`: the barometer's altitude on the ground, if it is known from before.
+    pub(super) const fn new(
+        home: Geodetic,
+        noise: Noise,
+        now: Timestamp,
+        ground_m: Option<f64>,
+    ) -> Self {
+        Self {
+            home,
+            noise,
+            at: now,
+            tilt: None,
+            horizontal: None,
+            vertical: None,
+            ground_m,
+            fixed_at: now,
+            rejected: 0,
+        }
+    }
+
+    /// Measurements that were not believed so far.
+    #[cfg(test)]
+    const fn rejected(&self) -> u64 {
+        self.rejected
+    }
+
+    /// The newest attitude; level before the first.
+    pub(super) fn tilt(&self) -> Tilt {
+        self.tilt.unwrap_or_default()
+    }
+
+    pub(super) const fn ground_m(&self) -> Option<f64> {
+        self.ground_m
+    }
+
+    /// The present height becomes height zero.
+    pub(super) fn set_ground(&mut self) {
+        self.ground_m = self.vertical.map(|it| it.position_m);
+    }
+
+    /// The motion now. `None` before the first position and height.
+    pub(super) fn estimate(&self) -> Option<Estimate> {
+        let [north, east] = self.horizontal?;
+        let up = self.vertical?;
+        let ground_m = self.ground_m.unwrap_or(up.position_m);
+        Some(Estimate {
+            position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
+            velocity: Velocity::new(north.velocity_mps, east.velocity_mps, -up.velocity_mps),
+        })
+    }
+
+    /// How long the horizontal position has been unknown; `None` if it is known.
+    pub(super) fn lost_for(&self, now: Timestamp) -> Option<Duration> {
+        let since = now.since(self.fixed_at);
+        (self.horizontal.is_none() || since > LOST_AFTER).then_some(since)
+    }
+
+    /// Predicts the motion at `now`.
+    pub(super) fn predict(&mut self, now: Timestamp) {
+        let seconds = now.since(self.at).as_secs_f64().min(STEP_MAX_S);
+        self.at = self.at.max(now);
+        if seconds <= 0.0 {
+            return;
+        }
+        let acceleration = self.tilt().acceleration_mps2();
+        for (axis, by) in self.horizontal.iter_mut().flatten().zip(acceleration) {
+            axis.predict(seconds, by, self.noise.acceleration_mps2);
+        }
+        if let Some(axis) = &mut self.vertical {
+            axis.predict(seconds, 0.0, self.noise.vertical_acceleration_mps2);
+        }
+    }
+
+    /// Takes in an attitude. One that no vehicle can have is rejected.
+    pub(super) fn measure_attitude(&mut self, attitude: &Attitude) {
+        let Attitude {
+            roll_ddeg,
+            pitch_ddeg,
+            yaw_deg,
+        } = *attitude;
+        if !(-1_800..=1_800).contains(&roll_ddeg)
+            || !(-900..=900).contains(&pitch_ddeg)
+            || !(-360..=360).contains(&yaw_deg)
+        {
+            self.rejected += 1;
+            return;
+        }
+        self.tilt = Some(Tilt {
+            roll_rad: (f64::from(roll_ddeg) / 10.0).to_radians(),
+            nose_down_rad: (f64::from(pitch_ddeg) / 10.0).to_radians(),
+            yaw_rad: f64::from(yaw_deg).to_radians(),
+        });
+    }
+
+    /// Takes in the controller's own height and climb.
+    pub(super) fn measure_altitude(&mut self, altitude: &Altitude) {
+        let height_m = f64::from(altitude.altitude_cm) / 100.0;
+        let sigma_m = self.noise.height_m;
+        let axis = self
+            .vertical
+            .get_or_insert(Axis::at(height_m, sigma_m * sigma_m));
+        if axis.measure_position(height_m, sigma_m) {
+            let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
+            axis.measure_velocity(climb_mps, self.noise.climb_mps);
+        } else {
+            // The next one is believed if this one was no outlier: the uncertainty grows until then.
+            axis.covariance[0] += sigma_m * sigma_m;
+            self.rejected += 1;
+        }
+    }
+
+    /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
+    pub(super) fn measure_gps(&mut self, now: Timestamp, gps: &RawGps) {
+        let degrees = |e7: i32| f64::from(e7) / 1e7;
+        let place = Geodetic::new(
+            degrees(gps.latitude_e7),
+            degrees(gps.longitude_e7),
+            self.home.altitude_m(),
+        );
+        let place = place
+            .ok()
+            .and_then(|place| local_ned(self.home, place).ok());
+        let Some(place) = place.filter(|_| gps.fix > 0 && gps.satellites >= SATELLITES_MIN) else {
+            self.rejected += 1;
+            return;
+        };
+        let speed_mps = f64::from(gps.speed_cmps) / 100.0;
+        let course_rad = (f64::from(gps.course_ddeg) / 10.0).to_radians();
+        let velocity = [
+            speed_mps * libm::cos(course_rad),
+            speed_mps * libm::sin(course_rad),
+        ];
+        let delay_s = self.noise.gps_delay.as_secs_f64();
+        let variance_m2 = self.noise.position_m * self.noise.position_m;
+        let place = [place.north_m(), place.east_m()];
+        if self.horizontal.is_none() || now.since(self.fixed_at) > LOST_AFTER {
+            self.horizontal = Some(place.map(|it| Axis::at(it, variance_m2)));
+            self.fixed_at = now;
+            return;
+        }
+        let mut is_near = true;
+        let axes = self.horizontal.iter_mut().flatten();
+        for ((axis, place), velocity) in axes.zip(place).zip(velocity) {
+            let moved_m = axis.velocity_mps * delay_s;
+            is_near &= axis.measure_position(place + moved_m, self.noise.position_m);
+            axis.measure_velocity(velocity, self.noise.velocity_mps);
+        }
+        if is_near {
+            self.fixed_at = now;
+        } else {
+            self.rejected += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOISE: Noise = Noise::GPS;
+
+    fn home() -> Geodetic {
+        Geodetic::new(49.0, 12.0, 400.0).unwrap()
+    }
+
+    fn at(seconds: f64) -> Timestamp {
+        Timestamp::from_secs_f64(seconds)
+    }
+
+    /// A fix `north_m` north of home, where a degree is 111,200 m long, that moves north at `speed_mps`.
+    fn fix(north_m: f64, speed_mps: f64) -> RawGps {
+        RawGps {
+            fix: 1,
+            satellites: 12,
+            latitude_e7: 490_000_000 + (north_m / 111_206.0 * 1e7) as i32,
+            longitude_e7: 120_000_000,
+            altitude_m: 400,
+            speed_cmps: (speed_mps * 100.0) as u16,
+            course_ddeg: 0,
+            pdop_e2: None,
+        }
+    }
+
+    fn estimator() -> Estimator {
+        let mut estimator = Estimator::new(home(), NOISE, at(0.0), None);
+        estimator.measure_altitude(&Altitude::default());
+        estimator.set_ground();
+        estimator
+    }
+
+    #[test]
+    fn moving_vehicle_is_where_the_delayed_fixes_say_it_was_and_has_moved_since() {
+        let mut estimator = estimator();
+        for step in 0..100 {
+            let seconds = f64::from(step) / 10.0;
+            estimator.predict(at(seconds));
+            let seen_m = 5.0 * (seconds - NOISE.gps_delay.as_secs_f64());
+            estimator.measure_gps(at(seconds), &fix(seen_m, 5.0));
+        }
+        let estimate = estimator.estimate().unwrap();
+        let north_m = estimate.position.north_m();
+        assert!((north_m - 49.5).abs() < 0.3, "{north_m}");
+        assert!((estimate.velocity.0.x - 5.0).abs() < 0.1);
+        assert_eq!(estimator.rejected(), 0);
+    }
+
+    #[test]
+    fn an_outlier_is_rejected_and_a_position_without_fixes_is_lost() {
+        let mut estimator = estimator();
+        for tenth in 0..20 {
+            let now = at(f64::from(tenth) / 10.0);
+            estimator.predict(now);
+            estimator.measure_gps(now, &fix(0.0, 0.0));
+        }
+        estimator.measure_gps(at(2.0), &fix(500.0, 0.0));
+        assert_eq!(estimator.rejected(), 1);
+        assert!(estimator.estimate().unwrap().position.north_m().abs() < 0.5);
+        assert_eq!(estimator.lost_for(at(2.5)), None);
+        assert!(estimator.lost_for(at(3.0)).is_some());
+        let bad = RawGps {
+            satellites: 4,
+            ..fix(0.0, 0.0)
+        };
+        estimator.measure_gps(at(3.0), &bad);
+        assert_eq!(estimator.rejected(), 2);
+    }
+
+    #[test]
+    fn an_attitude_that_no_vehicle_can_have_is_rejected() {
+        let mut estimator = estimator();
+        estimator.measure_attitude(&Attitude {
+            roll_ddeg: 1_900,
+            ..Attitude::default()
+        });
+        assert_eq!(estimator.rejected(), 1);
+        assert_eq!(estimator.tilt().roll_rad, 0.0);
+    }
+
+    #[test]
+    fn tilt_accelerates_to_where_it_leans() {
+        let tilt = |roll_deg: f64, nose_down_deg: f64, yaw_deg: f64| Tilt {
+            roll_rad: roll_deg.to_radians(),
+            nose_down_rad: nose_down_deg.to_radians(),
+            yaw_rad: yaw_deg.to_radians(),
+        };
+        let [north, east] = tilt(0.0, 10.0, 0.0).acceleration_mps2();
+        assert!((north - 1.729).abs() < 1e-3 && east.abs() < 1e-9);
+        let [north, east] = tilt(0.0, 10.0, 90.0).acceleration_mps2();
+        assert!(north.abs() < 1e-9 && (east - 1.729).abs() < 1e-3);
+        let [north, east] = tilt(10.0, 0.0, 0.0).acceleration_mps2();
+        assert!(north.abs() < 1e-9 && (east - 1.729).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,130 @@
+//! The reference that the vehicle is to follow, and whether it does.
+
+use nalgebra::Vector3;
+
+use super::control::Reference;
+use super::estimator::Estimate;
+use crate::geometry::{Ned, Velocity};
+use crate::motion::{Landing, Motion};
+use crate::msp::Setpoint;
+use crate::time::Timestamp;
+
+/// Largest distance from the end of a leg of a vehicle at rest, in metres.
+const REST_M: f64 = 0.6;
+/// Largest speed of a vehicle at rest, in m/s.
+const REST_MPS: f64 = 0.4;
+/// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
+const LEFT_BEHIND_M: f64 = 8.0;
+
+/// The reference motion.
+#[derive(Debug)]
+pub(super) struct Guidance {
+    landing: Landing,
+    /// `None` on the ground, before the first setpoint.
+    motion: Option<Motion>,
+    setpoint: Option<Setpoint>,
+    is_landing: bool,
+}
+
+impl Guidance {
+    pub(super) const fn new(landing: Landing) -> Self {
+        Self {
+            landing,
+            motion: None,
+            setpoint: None,
+            is_landing: false,
+        }
+    }
+
+    pub(super) const fn setpoint(&self) -> Option<Setpoint> {
+        self.setpoint
+    }
+
+    pub(super) const fn is_landing(&self) -> bool {
+        self.is_landing
+    }
+
+    /// End of the current leg.
+    pub(super) const fn target(&self) -> Option<Ned> {
+        match self.setpoint {
+            Some(Setpoint::Leg { to, .. }) if !self.is_landing => Some(to),
+            _ => None,
+        }
+    }
+
+    /// Flies to a setpoint; a landing is not aborted.
+    pub(super) fn fly(&mut self, now: Timestamp, setpoint: Setpoint, estimate: &Estimate) {
+        if self.is_landing {
+            return;
+        }
+        self.setpoint = Some(setpoint);
+        self.motion(estimate).follow(now, setpoint, Ned::HOME);
+    }
+
+    /// Lands on the spot.
+    pub(super) fn land(&mut self, now: Timestamp, estimate: &Estimate) {
+        if !self.is_landing {
+            let landing = self.landing;
+            self.motion(estimate).land(now, landing);
+            self.is_landing = true;
+        }
+    }
+
+    fn motion(&mut self, estimate: &Estimate) -> &mut Motion {
+        self.motion
+            .get_or_insert_with(|| Motion::at_rest(estimate.position))
+    }
+
+    /// Where the vehicle should be. `None` on the ground, before the first setpoint.
+    pub(super) fn reference(&mut self, now: Timestamp, estimate: &Estimate) -> Option<Reference> {
+        let motion = self.motion.as_mut()?;
+        motion.forget(now);
+        let is_left_behind = motion.position(now).distance_m(estimate.position) > LEFT_BEHIND_M;
+        if is_left_behind {
+            self.begin_anew(now, estimate);
+        }
+        let motion = self.motion.as_ref()?;
+        let piece = motion.piece(now).map(|(piece, _)| piece);
+        let flown = piece.filter(|piece| now < piece.end);
+        Some(Reference {
+            position: motion.position(now),
+            velocity: Velocity(motion.velocity(now).unwrap_or_default()),
+            acceleration: flown.map_or(Vector3::zeros(), |piece| piece.acceleration()),
+        })
+    }
+
+    /// Continues from where the vehicle is.
+    fn begin_anew(&mut self, now: Timestamp, estimate: &Estimate) {
+        let mut motion = Motion::at_rest(estimate.position);
+        if self.is_landing {
+            motion.land(now, self.landing);
+        } else if let Some(setpoint) = self.setpoint {
+            motion.follow(now, setpoint, Ned::HOME);
+        }
+        self.motion = Some(motion);
+    }
+
+    /// Whether the reference has come to rest, and the vehicle with it.
+    pub(super) fn is_at_rest(&self, now: Timestamp, estimate: &Estimate) -> bool {
+        self.motion.as_ref().is_none_or(|motion| {
+            motion.is_at_rest(now)
+                && motion.position(now).distance_m(estimate.position) < REST_M
+                && estimate.velocity.0.norm() < REST_MPS
+        })
+    }
+
+    /// Whether the reference is on the ground, at the end of a landing.
+    pub(super) fn has_descended(&self, now: Timestamp) -> bool {
+        let motion = self.motion.as_ref();
+        self.is_landing && motion.is_some_and(|motion| motion.is_at_rest(now))
+    }
+
+    /// Where the vehicle would come to rest if it braked now.
+    pub(super) fn stop(&self, now: Timestamp, estimate: &Estimate) -> Ned {
+        let Some(motion) = &self.motion else {
+            return estimate.position;
+        };
+        let braking = motion.stop(now) - motion.position(now);
+        estimate.position + braking
+    }
+}

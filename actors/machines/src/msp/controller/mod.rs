@@ -1,0 +1,427 @@
+//! Link to a flight controller that takes sticks: an estimator, control loops and the arm switch behind the commands that
+//! the navigation gives to any vehicle.
+
+mod arming;
+mod battery;
+mod config;
+mod control;
+mod estimator;
+mod guidance;
+
+use std::time::Duration;
+
+use muster_msp::{Channel, Identity, Mode, SetRawRc, Status, Sticks, Telemetry as Told};
+use serde::{Deserialize, Serialize};
+
+use self::arming::{Arming, Reported};
+pub use self::config::{Config, Gains, Noise, Receiver, Stage};
+use self::control::Control;
+use self::estimator::{Estimate, Estimator};
+use self::guidance::Guidance;
+use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
+use crate::geometry::{Ned, Velocity};
+use crate::machine::{Machine, Outbox, Output};
+use crate::time::Timestamp;
+
+/// From one control step to the next: 50 Hz, as often as RC frames leave.
+const PERIOD: Duration = Duration::from_millis(20);
+/// How long a landed vehicle must be still before its motors stop.
+const STILL_FOR: Duration = Duration::from_millis(700);
+/// Vertical speed of a vehicle on the ground, in m/s.
+const STILL_MPS: f64 = 0.25;
+/// The highest altitude at which stillness is taken for the ground, in metres above home.
+const GROUND_MAX_M: f64 = 2.0;
+/// Share of charge that is news.
+const CHARGE_STEP: f64 = 0.01;
+/// Value of the switch of the mode ANGLE: always on.
+const ANGLE: Channel = Channel::HIGH;
+/// `ARM_SWITCH` is the last of the reasons not to arm.
+const fn arm_switch(count: u8) -> u32 {
+    1_u32.wrapping_shl(count.saturating_sub(1) as u32)
+}
+
+/// From a link to the port of its controller, and back.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PortEvent {
+    /// The controller said who it is. The port is open.
+    Identified(Box<Identity>),
+    /// The port was closed.
+    Closed,
+    /// The controller told something.
+    Told(Told),
+}
+
+/// What a link needs to go on after a restart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Flight {
+    /// The motors were or may have been armed.
+    pub has_flown: bool,
+    /// What it was told to fly.
+    pub setpoint: Option<Setpoint>,
+    /// Whether it was landing.
+    pub is_landing: bool,
+    /// Throttle at which the vehicle hovers, 0 to 1.
+    pub hover_throttle: f64,
+    /// The barometer's altitude on the ground, in metres.
+    pub ground_m: Option<f64>,
+}
+
+/// A link to a flight controller that takes sticks.
+///
+/// Invariant: what leaves it passes [`ControllerLink::gate`]: no value above its stage.
+#[derive(Debug)]
+pub struct ControllerLink {
+    config: Config,
+    gave_up: bool,
+    /// What was flown before a restart, until it is taken up.
+    before: Option<Flight>,
+    kept: Option<Flight>,
+    identity: Option<Identity>,
+    reported: Option<Reported>,
+    charge: Option<f64>,
+    estimator: Estimator,
+    arming: Arming,
+    guidance: Guidance,
+    control: Control,
+    stepped_at: Timestamp,
+    still_since: Option<Timestamp>,
+    /// The pilot took the aircraft over. It is not asked back.
+    is_taken_over: bool,
+    was_overridden: bool,
+    last: Option<Telemetry>,
+    deadline: Option<Timestamp>,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl ControllerLink {
+    /// A link, restored from `checkpoint` if there is one. Its port is closed.
+    #[must_use]
+    pub fn new(config: Config, checkpoint: Option<Checkpoint>, now: Timestamp) -> Self {
+        let before = checkpoint.and_then(|it| it.flight);
+        let mut gains = config.gains;
+        if let Some(flight) = before {
+            gains.hover_throttle = flight.hover_throttle;
+        }
+        let has_flown = before.is_some_and(|it| it.has_flown);
+        let ground_m = before.and_then(|it| it.ground_m);
+        let mut link = Self {
+            config,
+            gave_up: checkpoint.is_some_and(|it| it.gave_up),
+            before,
+            kept: None,
+            identity: None,
+            reported: None,
+            charge: None,
+            estimator: Estimator::new(config.home, config.noise, now, ground_m),
+            arming: Arming::new(config.receiver, has_flown, now),
+            guidance: Guidance::new(config.landing),
+            control: Control::new(gains),
+            stepped_at: now,
+            still_since: None,
+            is_taken_over: false,
+            was_overridden: false,
+            last: None,
+            deadline: None,
+            outbox: Outbox::new(),
+        };
+        if checkpoint.is_some() {
+            link.outbox.transmit(Transmit::Resync);
+        }
+        link.keep();
+        link
+    }
+
+    fn is_armed(&self) -> bool {
+        self.reported.is_some_and(|it| it.armed)
+    }
+
+    /// Whether someone else flies: the controller's failsafe, or the pilot.
+    fn is_out_of_hand(&self) -> bool {
+        self.is_taken_over || self.reported.is_some_and(|it| it.failsafe)
+    }
+
+    fn handle_command(&mut self, now: Timestamp, command: FlightCommand) {
+        match command {
+            FlightCommand::Report => return self.report(now),
+            _ if self.gave_up => return,
+            FlightCommand::Arm => self.arming.order(),
+            FlightCommand::Yield => return self.report(now),
+            FlightCommand::Fly(setpoint) => {
+                if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
+                    self.guidance.fly(now, setpoint, &estimate);
+                }
+            }
+            FlightCommand::Land => self.land(now),
+        }
+        self.keep();
+        self.report_news(now);
+    }
+
+    fn land(&mut self, now: Timestamp) {
+        match self.estimator.estimate().filter(|_| self.is_armed()) {
+            Some(estimate) => self.guidance.land(now, &estimate),
+            // It is not in the air: an order to arm is void.
+            None => self.arming.end(),
+        }
+    }
+
+    fn handle_port(&mut self, now: Timestamp, event: PortEvent) {
+        match event {
+            PortEvent::Identified(identity) => {
+                self.close();
+                self.identity = Some(*identity);
+                self.deadline = Some(now);
+            }
+            PortEvent::Closed => self.close(),
+            PortEvent::Told(told) => {
+                self.estimator.predict(now);
+                match told {
+                    Told::Status(status) => self.handle_status(now, &status),
+                    Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
+                    Told::Altitude(altitude) => self.estimator.measure_altitude(&altitude),
+                    Told::Gps(gps) => self.estimator.measure_gps(now, &gps),
+                    Told::Battery(state) => self.charge = battery::charge(&state),
+                    Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
+                }
+                self.take_up(now);
+            }
+        }
+    }
+
+    /// Nothing is known of the controller any more, and nothing leaves until it is.
+    fn close(&mut self) {
+        self.identity = None;
+        self.reported = None;
+        self.deadline = None;
+        self.outbox.transmit(Transmit::Rc(None));
+    }
+
+    fn handle_status(&mut self, now: Timestamp, status: &Status) {
+        let Some(identity) = &self.identity else {
+            return;
+        };
+        let is_active = |mode| identity.boxes.is_active(mode, status.modes());
+        let arming = status.flags.arming;
+        let reported = Reported {
+            armed: is_active(Mode::Arm) == Some(true),
+            is_prevented: arming.bits & !arm_switch(arming.count) != 0,
+            failsafe: is_active(Mode::Failsafe) == Some(true),
+            overridden: is_active(Mode::MspOverride),
+        };
+        let has_just_armed = reported.armed && !self.is_armed();
+        if has_just_armed && self.before.is_none_or(|it| !it.has_flown) {
+            self.estimator.set_ground();
+        }
+        if self.config.receiver == Receiver::Override {
+            let is_overridden = reported.overridden == Some(true);
+            self.is_taken_over |= self.was_overridden && !is_overridden && reported.armed;
+            self.was_overridden = is_overridden;
+        }
+        self.reported = Some(reported);
+        self.step(now);
+    }
+
+    /// Goes on with what was flown before a restart, once it is known where the vehicle is.
+    fn take_up(&mut self, now: Timestamp) {
+        if self.before.is_none() || self.reported.is_none() {
+            return;
+        }
+        let Some(estimate) = self.estimator.estimate() else {
+            return;
+        };
+        let Some(before) = self.before.take() else {
+            return;
+        };
+        if !self.is_armed() {
+            return;
+        }
+        if before.is_landing || self.gave_up {
+            self.guidance.land(now, &estimate);
+        } else if let Some(setpoint) = before.setpoint {
+            self.guidance.fly(now, setpoint, &estimate);
+        }
+    }
+
+    /// One control step: moves the arm switch, and yields the newest sticks.
+    fn step(&mut self, now: Timestamp) {
+        let Some(reported) = self.reported else {
+            return;
+        };
+        let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
+        self.stepped_at = now;
+        self.estimator.predict(now);
+        self.detect_ground(now);
+        let (had_flown, stage) = (self.arming.has_flown(), self.config.stage);
+        self.arming.step(now, stage, self.is_simulation(), reported);
+        let sticks = self.sticks(now, seconds);
+        let rc = self.gate(sticks);
+        self.outbox.transmit(Transmit::Rc(Some(rc)));
+        if had_flown != self.arming.has_flown() {
+            self.keep();
+        }
+        self.report_news(now);
+    }
+
+    /// Whether the controller says that no motor hangs on it.
+    fn is_simulation(&self) -> bool {
+        let board = self.identity.as_ref().map(|it| it.board.board.0);
+        board == Some(*b"SITL")
+    }
+
+    fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
+        if !self.is_armed() || self.is_out_of_hand() {
+            return Sticks::IDLE;
+        }
+        let tilt = self.estimator.tilt();
+        let Some(estimate) = self.estimator.estimate() else {
+            // Right after a restart in the air.
+            return self.control.level(tilt);
+        };
+        match self.guidance.reference(now, &estimate) {
+            Some(reference) => {
+                let has_position = self.estimator.lost_for(now).is_none();
+                let control = &mut self.control;
+                control.step(seconds, &reference, &estimate, tilt, has_position)
+            }
+            // On the ground, before the first setpoint; or right after a restart in the air.
+            None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
+            None => Sticks::IDLE,
+        }
+    }
+
+    /// The last point before values leave: nothing above the stage does.
+    fn gate(&self, sticks: Sticks) -> SetRawRc {
+        let arm = if self.arming.is_high() {
+            Channel::HIGH
+        } else {
+            Channel::LOW
+        };
+        let (sticks, aux) = match self.config.stage {
+            Stage::Sim if self.is_simulation() => (sticks, [arm, ANGLE]),
+            Stage::Sim | Stage::Bench => (Sticks::IDLE, [Channel::LOW; 2]),
+        };
+        SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit")
+    }
+
+    /// Stops the motors of a vehicle that has landed.
+    fn detect_ground(&mut self, now: Timestamp) {
+        let is_still = self.estimator.estimate().is_some_and(|estimate| {
+            self.guidance.has_descended(now)
+                && estimate.velocity.0.z.abs() < STILL_MPS
+                && estimate.position.altitude_m() < GROUND_MAX_M
+        });
+        if !is_still {
+            self.still_since = None;
+        } else if now.since(*self.still_since.get_or_insert(now)) >= STILL_FOR {
+            self.arming.end();
+        }
+    }
+
+    fn telemetry(&self, now: Timestamp) -> Telemetry {
+        let estimate = self.estimator.estimate().unwrap_or(Estimate {
+            position: Ned::HOME,
+            velocity: Velocity::ZERO,
+        });
+        let armed = self.is_armed();
+        let landing = armed && (self.guidance.is_landing() || self.is_out_of_hand());
+        Telemetry {
+            position: estimate.position,
+            position_lost_for: self.estimator.lost_for(now),
+            velocity: estimate.velocity,
+            stop: self.guidance.stop(now, &estimate),
+            at_rest: !armed || !landing && self.guidance.is_at_rest(now, &estimate),
+            armed,
+            landing,
+            target: self.guidance.target().filter(|_| armed),
+            charge: self.charge.unwrap_or(1.0),
+        }
+    }
+
+    fn report(&mut self, now: Timestamp) {
+        // Before the controller has said whether it is armed, there is nothing to report.
+        if self.reported.is_some() {
+            let telemetry = self.telemetry(now);
+            self.last = Some(telemetry);
+            self.outbox.transmit(Transmit::Telemetry(telemetry));
+        }
+    }
+
+    /// Reports what the navigation must know at once.
+    fn report_news(&mut self, now: Timestamp) {
+        if self.reported.is_none() {
+            return;
+        }
+        let telemetry = self.telemetry(now);
+        let is_news = self.last.is_none_or(|last| {
+            (last.armed, last.landing, last.at_rest)
+                != (telemetry.armed, telemetry.landing, telemetry.at_rest)
+                || last.position_lost_for.is_some() != telemetry.position_lost_for.is_some()
+                || (last.charge - telemetry.charge).abs() >= CHARGE_STEP
+        });
+        if is_news {
+            self.last = Some(telemetry);
+            self.outbox.transmit(Transmit::Telemetry(telemetry));
+        }
+    }
+
+    /// Keeps a checkpoint, if anything of it has changed but the hover throttle.
+    fn keep(&mut self) {
+        let before = self.before;
+        let flight = Flight {
+            has_flown: self.arming.has_flown(),
+            setpoint: (self.guidance.setpoint()).or(before.and_then(|it| it.setpoint)),
+            is_landing: self.guidance.is_landing() || before.is_some_and(|it| it.is_landing),
+            hover_throttle: self.control.hover_throttle(),
+            ground_m: self.estimator.ground_m(),
+        };
+        let is_same = self.kept.is_some_and(|kept| {
+            let hover_throttle = kept.hover_throttle;
+            kept == Flight {
+                hover_throttle,
+                ..flight
+            }
+        });
+        if !is_same {
+            self.kept = Some(flight);
+            self.outbox.event(Event::Checkpoint(Checkpoint {
+                gave_up: self.gave_up,
+                flight: Some(flight),
+            }));
+        }
+    }
+}
+
+impl Machine for ControllerLink {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
+        match input {
+            Input::FlightCommand(command) => self.handle_command(now, command),
+            Input::Port(event) => self.handle_port(now, event),
+            // From a closed-form vehicle, which this link does not have.
+            Input::Telemetry(_) => {}
+            Input::GiveUp => {
+                self.gave_up = true;
+                self.kept = None;
+                self.land(now);
+                self.keep();
+            }
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if self.deadline.is_some_and(|at| at <= now) {
+            self.step(now);
+            self.deadline = Some(now + PERIOD);
+        }
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.poll(self.deadline)
+    }
+}
+
+#[cfg(test)]
+mod tests;

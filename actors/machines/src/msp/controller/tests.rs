@@ -1,0 +1,358 @@
+use muster_msp::{
+    Altitude, ArmingFlags, Attitude, BatteryState, BoardInfo, BoxIds, Letters, RawGps, StatusFlags,
+    StatusHead,
+};
+use proptest::prelude::*;
+
+use super::*;
+use crate::geodetic::Geodetic;
+use crate::motion::Landing;
+
+fn at(milliseconds: u64) -> Timestamp {
+    Timestamp::from_nanos(milliseconds * 1_000_000)
+}
+
+fn config(stage: Stage, receiver: Receiver) -> Config {
+    Config {
+        stage,
+        receiver,
+        home: Geodetic::new(49.0, 12.0, 400.0).unwrap(),
+        landing: Landing {
+            descent_mps: 1.5,
+            final_mps: 0.5,
+            final_altitude_m: 10.0,
+            acceleration_mps2: 1.0,
+        },
+        noise: Noise::GPS,
+        gains: Gains::QUADCOPTER,
+    }
+}
+
+fn identity(board: [u8; 4]) -> PortEvent {
+    PortEvent::Identified(Box::new(Identity {
+        board: BoardInfo {
+            board: Letters(board),
+            ..BoardInfo::default()
+        },
+        boxes: BoxIds {
+            modes: vec![Mode::Arm, Mode::Angle, Mode::Failsafe, Mode::MspOverride],
+        },
+        ..Identity::default()
+    }))
+}
+
+/// A status with these modes active, by their places in [`identity`].
+fn status(modes: u32) -> PortEvent {
+    PortEvent::Told(Told::Status(Status {
+        head: StatusHead {
+            modes,
+            ..StatusHead::default()
+        },
+        flags: StatusFlags {
+            arming: ArmingFlags { count: 28, bits: 0 },
+            ..StatusFlags::default()
+        },
+        ..Status::default()
+    }))
+}
+
+const ARM: u32 = 1;
+const FAILSAFE: u32 = 4;
+const OVERRIDE: u32 = 8;
+
+fn fix() -> PortEvent {
+    PortEvent::Told(Told::Gps(RawGps {
+        fix: 1,
+        satellites: 12,
+        latitude_e7: 490_000_000,
+        longitude_e7: 120_000_000,
+        altitude_m: 400,
+        ..RawGps::default()
+    }))
+}
+
+/// A link, the time, and what it has sent.
+struct Bench {
+    link: ControllerLink,
+    now_ms: u64,
+    rc: Option<SetRawRc>,
+    telemetry: Vec<Telemetry>,
+    checkpoint: Option<Checkpoint>,
+}
+
+impl Bench {
+    fn new(config: Config, checkpoint: Option<Checkpoint>) -> Self {
+        let mut bench = Self {
+            link: ControllerLink::new(config, checkpoint, at(0)),
+            now_ms: 0,
+            rc: None,
+            telemetry: Vec::new(),
+            checkpoint: None,
+        };
+        bench.drain();
+        bench
+    }
+
+    /// In the stage `sim`, with a simulation and a position, on the ground.
+    fn ready(receiver: Receiver) -> Self {
+        let mut bench = Self::new(config(Stage::Sim, receiver), None);
+        bench.give(Input::Port(identity(*b"SITL")));
+        bench.give(Input::Port(fix()));
+        let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+        bench.give(Input::Port(altitude));
+        bench.give(Input::Port(status(0)));
+        bench
+    }
+
+    fn flying(receiver: Receiver, modes: u32) -> Self {
+        let mut bench = Self::ready(receiver);
+        bench.give(Input::FlightCommand(FlightCommand::Arm));
+        bench.pass(1_000, 0);
+        bench.pass(100, modes);
+        bench.give(Input::FlightCommand(up()));
+        bench.pass(100, modes);
+        bench
+    }
+
+    fn give(&mut self, input: Input) {
+        self.link.handle_input(at(self.now_ms), input);
+        self.drain();
+    }
+
+    /// So many milliseconds go by in steps of 10, with fixes, and a status with these modes each 100 ms.
+    fn pass(&mut self, milliseconds: u64, modes: u32) {
+        for _ in 0..milliseconds / 10 {
+            self.now_ms += 10;
+            self.link.handle_timeout(at(self.now_ms));
+            self.drain();
+            if self.now_ms.is_multiple_of(100) {
+                self.give(Input::Port(fix()));
+                self.give(Input::Port(status(modes)));
+            }
+        }
+    }
+
+    fn drain(&mut self) {
+        loop {
+            match self.link.poll_output() {
+                Output::Transmit(Transmit::Rc(rc)) => self.rc = rc,
+                Output::Transmit(Transmit::Telemetry(it)) => self.telemetry.push(it),
+                Output::Transmit(Transmit::Resync) => {}
+                Output::Transmit(Transmit::Command(command)) => panic!("{command:?}"),
+                Output::Event(Event::Checkpoint(checkpoint)) => self.checkpoint = Some(checkpoint),
+                Output::Idle { .. } => return,
+            }
+        }
+    }
+
+    fn is_arm_high(&self) -> bool {
+        self.rc.is_some_and(|rc| rc.aux()[0] > Channel::CENTRE)
+    }
+
+    fn throttle(&self) -> u16 {
+        self.rc.map_or(0, |rc| rc.sticks().throttle.us())
+    }
+}
+
+fn up() -> FlightCommand {
+    FlightCommand::Fly(Setpoint::Leg {
+        to: Ned::HOME.at_altitude(10.0),
+        speed_mps: 2.0,
+        acceleration_mps2: 1.0,
+    })
+}
+
+#[test]
+fn vehicle_arms_and_climbs_when_it_is_told_to() {
+    let mut bench = Bench::ready(Receiver::Sole);
+    bench.pass(1_000, 0);
+    assert!(!bench.is_arm_high(), "it was not told to arm");
+    bench.give(Input::FlightCommand(FlightCommand::Arm));
+    bench.pass(100, 0);
+    assert!(bench.is_arm_high());
+    assert_eq!(bench.throttle(), 1_000);
+    bench.pass(100, ARM);
+    assert!(bench.telemetry.last().unwrap().armed);
+    assert_eq!(bench.throttle(), 1_000, "no setpoint yet");
+    bench.give(Input::FlightCommand(up()));
+    bench.pass(100, ARM);
+    assert!(bench.throttle() > 1_200);
+}
+
+#[test]
+fn a_board_that_is_no_simulation_is_never_armed_in_the_stage_sim() {
+    let mut bench = Bench::new(config(Stage::Sim, Receiver::Sole), None);
+    bench.give(Input::Port(identity(*b"S405")));
+    bench.give(Input::FlightCommand(FlightCommand::Arm));
+    bench.pass(2_000, 0);
+    assert!(!bench.is_arm_high() && bench.throttle() == 1_000);
+    bench.pass(500, ARM);
+    assert!(!bench.is_arm_high() && bench.throttle() == 1_000);
+}
+
+#[test]
+fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let checkpoint = bench.checkpoint.unwrap();
+    assert!(checkpoint.flight.unwrap().has_flown);
+    let mut armed = Bench::new(config(Stage::Sim, Receiver::Sole), Some(checkpoint));
+    armed.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(armed.rc, None, "it asks first whether it is armed");
+    armed.give(Input::Port(status(ARM)));
+    assert!(armed.is_arm_high() && armed.throttle() > 1_200, "level");
+    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    armed.give(Input::Port(altitude));
+    armed.pass(200, ARM);
+    assert_eq!(
+        armed.link.guidance.target(),
+        Some(Ned::HOME.at_altitude(10.0))
+    );
+
+    let mut disarmed = Bench::new(config(Stage::Sim, Receiver::Sole), Some(checkpoint));
+    disarmed.give(Input::Port(identity(*b"SITL")));
+    disarmed.give(Input::FlightCommand(FlightCommand::Arm));
+    disarmed.pass(5_000, 0);
+    assert!(!disarmed.is_arm_high() && disarmed.throttle() == 1_000);
+}
+
+#[test]
+fn closed_port_stops_rc_and_an_open_one_begins_with_a_question() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(PortEvent::Closed));
+    assert_eq!(bench.rc, None);
+    bench.now_ms += 1_000;
+    bench.link.handle_timeout(at(bench.now_ms));
+    bench.drain();
+    assert_eq!(bench.rc, None);
+    bench.give(Input::Port(identity(*b"SITL")));
+    bench.give(Input::Port(status(0)));
+    assert!(!bench.is_arm_high(), "its failsafe has disarmed");
+}
+
+#[test]
+fn pilot_who_takes_over_is_not_fought() {
+    let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
+    assert!(bench.throttle() > 1_200);
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.throttle() == 1_000 && !bench.telemetry.is_empty());
+    assert!(bench.telemetry.last().unwrap().landing);
+    bench.pass(1_000, ARM | OVERRIDE);
+    assert_eq!(bench.throttle(), 1_000, "it is not asked back");
+}
+
+#[test]
+fn failsafe_of_the_controller_counts_as_landing_and_lowers_the_switch() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(status(ARM | FAILSAFE)));
+    assert!(bench.telemetry.last().unwrap().landing && !bench.is_arm_high());
+}
+
+#[test]
+fn link_that_was_given_up_lands_and_takes_no_commands() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::GiveUp);
+    bench.give(Input::FlightCommand(up()));
+    assert!(bench.link.guidance.is_landing());
+    assert!(bench.checkpoint.unwrap().gave_up);
+}
+
+fn any_told() -> impl Strategy<Value = PortEvent> {
+    let identity = prop_oneof![Just(*b"SITL"), Just(*b"S405"), any::<[u8; 4]>()].prop_map(identity);
+    let flags = (any::<u32>(), any::<u8>(), any::<u32>()).prop_map(|(modes, count, bits)| {
+        Told::Status(Status {
+            head: StatusHead {
+                modes,
+                ..StatusHead::default()
+            },
+            flags: StatusFlags {
+                arming: ArmingFlags { count, bits },
+                ..StatusFlags::default()
+            },
+            ..Status::default()
+        })
+    });
+    let gps = (any::<[i32; 2]>(), any::<[u8; 2]>(), any::<[u16; 3]>()).prop_map(
+        |([latitude_e7, longitude_e7], [fix, satellites], [altitude_m, speed, course])| {
+            Told::Gps(RawGps {
+                fix,
+                satellites,
+                latitude_e7,
+                longitude_e7,
+                altitude_m,
+                speed_cmps: speed,
+                course_ddeg: course,
+                pdop_e2: None,
+            })
+        },
+    );
+    let attitude = any::<[i16; 3]>().prop_map(|[roll_ddeg, pitch_ddeg, yaw_deg]| {
+        Told::Attitude(Attitude {
+            roll_ddeg,
+            pitch_ddeg,
+            yaw_deg,
+        })
+    });
+    let altitude = (any::<i32>(), any::<i16>()).prop_map(|(altitude_cm, climb_cmps)| {
+        Told::Altitude(Altitude {
+            altitude_cm,
+            climb_cmps,
+        })
+    });
+    let battery = (any::<u8>(), any::<u16>(), any::<i16>()).prop_map(|(cells, cv, current_ca)| {
+        Told::Battery(BatteryState {
+            cells,
+            current_ca,
+            voltage_cv: Some(cv),
+            ..BatteryState::default()
+        })
+    });
+    let told = prop_oneof![flags, gps, attitude, altitude, battery].prop_map(PortEvent::Told);
+    prop_oneof![1 => identity, 1 => Just(PortEvent::Closed), 1 => Just(status(0)), 1 => Just(status(ARM)), 6 => told]
+}
+
+fn any_input() -> impl Strategy<Value = Input> {
+    let command = prop_oneof![
+        Just(FlightCommand::Report),
+        Just(FlightCommand::Arm),
+        Just(FlightCommand::Yield),
+        Just(up()),
+        Just(FlightCommand::Land),
+    ];
+    prop_oneof![
+        8 => any_told().prop_map(Input::Port),
+        4 => command.prop_map(Input::FlightCommand),
+        1 => Just(Input::GiveUp),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1_000))]
+
+    /// Whatever it is given, no link lets a value above its stage out, and no value that the controller would not take.
+    #[test]
+    fn nothing_above_the_stage_leaves(
+        inputs in prop::collection::vec((any_input(), 0_u64..200), 1..100),
+        is_bench: bool,
+    ) {
+        let stage = if is_bench { Stage::Bench } else { Stage::Sim };
+        let mut bench = Bench::new(config(stage, Receiver::Sole), None);
+        let mut is_simulation = false;
+        for (input, later_ms) in inputs {
+            match &input {
+                Input::Port(PortEvent::Identified(identity)) => {
+                    is_simulation = identity.board.board.0 == *b"SITL";
+                }
+                Input::Port(PortEvent::Closed) => is_simulation = false,
+                _ => {}
+            }
+            bench.give(input);
+            bench.now_ms += later_ms;
+            bench.link.handle_timeout(at(bench.now_ms));
+            bench.drain();
+            if let Some(rc) = bench.rc.filter(|_| is_bench || !is_simulation) {
+                prop_assert_eq!(rc.sticks(), Sticks::IDLE);
+                prop_assert!(rc.aux().iter().all(|it| *it == Channel::LOW));
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! A companion's side of a port: what it asks, and what it is told.
+
+use std::time::Duration;
+
+use crate::schedule::{Schedule, Write};
+use crate::{
+    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
+    Direction, FcVariant, FcVersion, Frame, Identity, Message, RawGps, Rc, SetRawRc, Sonar, Status,
+};
+
+/// What a controller tells.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs, reason = "each is the message of its name")]
+pub enum Telemetry {
+    Status(Status),
+    Attitude(Attitude),
+    Altitude(Altitude),
+    Rc(Rc),
+    Gps(RawGps),
+    Sonar(Sonar),
+    Analog(Analog),
+    Battery(BatteryState),
+}
+
+/// An answer that says nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BadAnswer {
+    /// The controller doesn't know the message. It is not asked again.
+    Refused,
+    /// The payload is too short or too long.
+    Malformed(DecodeError),
+}
+
+/// Asks a controller who it is and how it does, and sends RC on time. It is told the time, as a duration since any start.
+#[derive(Debug, Default)]
+pub struct Conversation {
+    schedule: Schedule,
+    identity: Identity,
+}
+
+impl Conversation {
+    /// With a port that was just opened.
+    #[must_use]
+    pub fn new(now: Duration) -> Self {
+        Self {
+            schedule: Schedule::new(now),
+            identity: Identity::default(),
+        }
+    }
+
+    /// Starts anew with a port that was opened again. The newest sticks are kept.
+    pub fn reopen(&mut self, now: Duration) {
+        self.schedule.reopen(now);
+        self.identity = Identity::default();
+    }
+
+    /// Takes the newest sticks. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most.
+    pub fn set_channels(&mut self, now: Duration, channels: SetRawRc) {
+        self.schedule.set_channels(now, channels);
+    }
+
+    /// Stops RC at once.
+    pub fn release(&mut self) {
+        self.schedule.release();
+    }
+
+    /// The one command of this tick. Ticks are [`TICK`](crate::TICK) apart, or later.
+    pub fn tick(&mut self, now: Duration) -> Option<Write> {
+        self.schedule.tick(now)
+    }
+
+    /// Whether RC is going out.
+    #[must_use]
+    pub fn is_sending(&self, now: Duration) -> bool {
+        self.schedule.is_sending(now)
+    }
+
+    /// Questions that were never answered.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.schedule.lost()
+    }
+
+    /// Who the controller is; `None` until it has answered, or refused, all that is asked once.
+    #[must_use]
+    pub fn identity(&self) -> Option<&Identity> {
+        self.schedule.is_identified().then_some(&self.identity)
+    }
+
+    /// Takes a frame from the controller: how long the answer took, and what it says. `None` if it answers no question.
+    pub fn take(
+        &mut self,
+        now: Duration,
+        frame: &Frame<'_>,
+    ) -> Option<(Duration, Result<Option<Telemetry>, BadAnswer>)> {
+        if frame.direction == Direction::Request {
+            return None;
+        }
+        let is_refused = frame.direction == Direction::Error;
+        let (query, delay) = self.schedule.answered(now, frame.command, is_refused)?;
+        let told = if is_refused {
+            Err(BadAnswer::Refused)
+        } else {
+            let is_further = query.page.is_some();
+            self.decode(frame, is_further).map_err(BadAnswer::Malformed)
+        };
+        Some((delay, told))
+    }
+
+    fn decode(
+        &mut self,
+        frame: &Frame<'_>,
+        is_further: bool,
+    ) -> Result<Option<Telemetry>, DecodeError> {
+        let (identity, payload) = (&mut self.identity, frame.payload);
+        match frame.command {
+            ApiVersion::COMMAND => identity.api = Decode::decode(payload)?,
+            FcVariant::COMMAND => identity.variant = Decode::decode(payload)?,
+            FcVersion::COMMAND => identity.version = Decode::decode(payload)?,
+            BoardInfo::COMMAND => identity.board = Decode::decode(payload)?,
+            BoxIds::COMMAND if is_further => {
+                let further = BoxIds::decode(payload)?;
+                identity.boxes.modes.extend(further.modes);
+            }
+            BoxIds::COMMAND => identity.boxes = Decode::decode(payload)?,
+            _ => return telemetry(frame),
+        }
+        Ok(None)
+    }
+}
+
+fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
+    let payload = frame.payload;
+    Ok(Some(match frame.command {
+        Status::COMMAND => Telemetry::Status(Decode::decode(payload)?),
+        Attitude::COMMAND => Telemetry::Attitude(Decode::decode(payload)?),
+        Altitude::COMMAND => Telemetry::Altitude(Decode::decode(payload)?),
+        Rc::COMMAND => Telemetry::Rc(Decode::decode(payload)?),
+        RawGps::COMMAND => Telemetry::Gps(Decode::decode(payload)?),
+        Sonar::COMMAND => Telemetry::Sonar(Decode::decode(payload)?),
+        Analog::COMMAND => Telemetry::Analog(Decode::decode(payload)?),
+        BatteryState::COMMAND => Telemetry::Battery(Decode::decode(payload)?),
+        _ => return Ok(None),
+    }))
+}

@@ -1,0 +1,164 @@
+//! What a drone's process flies: a simulated vehicle, or a flight controller behind a port.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::geometry::{Ned, Velocity};
+use muster_machines::msp::{FlightCommand, PortEvent, Telemetry};
+use muster_machines::time::Timestamp;
+use muster_msp::SetRawRc;
+use muster_port::{Address, Event, Link};
+use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
+use tokio::sync::mpsc;
+
+/// Events of a port that wait for the drone's thread. While they are full the port drops its oldest.
+const EVENTS_MAX: usize = 64;
+/// How long the thread that passes events on waits before it looks whether the process has ended.
+const WAIT: Duration = Duration::from_millis(200);
+
+/// What a drone's process flies.
+pub(super) enum Vehicle {
+    /// In closed form.
+    Simulated(Box<SimulatedVehicle>),
+    /// Behind a port.
+    Controlled(Controlled),
+}
+
+/// A flight controller behind a port.
+pub(super) struct Controlled {
+    port: Arc<Link>,
+    /// What the navigation was told last.
+    telemetry: Telemetry,
+}
+
+impl Vehicle {
+    pub(super) fn is_armed(&self) -> bool {
+        match self {
+            Self::Simulated(vehicle) => vehicle.is_armed(),
+            Self::Controlled(controlled) => controlled.telemetry.armed,
+        }
+    }
+
+    pub(super) fn telemetry(&self, now: Timestamp) -> Telemetry {
+        match self {
+            Self::Simulated(vehicle) => vehicle.telemetry(now),
+            Self::Controlled(controlled) => controlled.telemetry,
+        }
+    }
+
+    /// State of the port; `None` without one.
+    pub(super) fn port(&self) -> Option<muster_port::Status> {
+        match self {
+            Self::Simulated(_) => None,
+            Self::Controlled(controlled) => Some(controlled.port.status()),
+        }
+    }
+
+    /// Executes a command of the link of a simulated vehicle. Returns telemetry, unless the vehicle moves.
+    pub(super) fn execute(&mut self, now: Timestamp, command: FlightCommand) -> Option<Telemetry> {
+        match self {
+            Self::Simulated(vehicle) => vehicle.execute(now, command),
+            // Its own link commands it by RC. Without the link RC ends, and its failsafe lands it.
+            Self::Controlled(_) => None,
+        }
+    }
+
+    /// Gives the port the newest RC frame; `None` stops RC.
+    pub(super) fn set_rc(&self, rc: Option<SetRawRc>) {
+        match (self, rc) {
+            (Self::Controlled(controlled), Some(rc)) => controlled.port.set_channels(rc),
+            (Self::Controlled(controlled), None) => controlled.port.release(),
+            (Self::Simulated(_), _) => {}
+        }
+    }
+
+    /// The link of a flight controller has told the navigation this.
+    pub(super) fn told(&mut self, telemetry: Telemetry) {
+        if let Self::Controlled(controlled) = self {
+            controlled.telemetry = telemetry;
+        }
+    }
+
+    /// What a link that starts now is told of its open port.
+    pub(super) fn open_port(&self) -> Option<PortEvent> {
+        let identity = self.port()?.identity?;
+        Some(PortEvent::Identified(Box::new(identity)))
+    }
+
+    /// Replaces the state of a simulated vehicle. Its times count from `epoch`.
+    pub(super) fn resume(&mut self, state: VehicleState, epoch: Timestamp, now: Timestamp) {
+        if let Self::Simulated(vehicle) = self {
+            vehicle.resume(state, epoch, now);
+        }
+    }
+
+    /// When [`Self::handle_timeout`] must be called next.
+    pub(super) fn next_timeout(&self) -> Option<Timestamp> {
+        match self {
+            Self::Simulated(vehicle) => vehicle.next_timeout(),
+            Self::Controlled(_) => None,
+        }
+    }
+
+    pub(super) fn handle_timeout(&mut self, now: Timestamp) -> Option<Telemetry> {
+        match self {
+            Self::Simulated(vehicle) => vehicle.handle_timeout(now),
+            Self::Controlled(_) => None,
+        }
+    }
+}
+
+/// Events of a port.
+pub(super) type PortEvents = mpsc::Receiver<PortEvent>;
+
+/// Opens a port, and keeps it open. Returns its events.
+///
+/// # Errors
+/// If the system starts no threads.
+pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> {
+    let port = Arc::new(Link::start(address)?);
+    let (sender, events) = mpsc::channel(EVENTS_MAX);
+    let source = Arc::downgrade(&port);
+    std::thread::Builder::new()
+        .name("port-events".to_owned())
+        .spawn(move || {
+            while let Some(port) = source.upgrade()
+                && !sender.is_closed()
+            {
+                let event = port.next_event(WAIT).map(told);
+                drop(port);
+                if event.is_some_and(|event| sender.blocking_send(event).is_err()) {
+                    return;
+                }
+            }
+        })?;
+    let telemetry = Telemetry {
+        position: Ned::HOME,
+        position_lost_for: Some(Duration::ZERO),
+        velocity: Velocity::ZERO,
+        stop: Ned::HOME,
+        at_rest: true,
+        armed: false,
+        landing: false,
+        target: None,
+        charge: 1.0,
+    };
+    let vehicle = Vehicle::Controlled(Controlled { port, telemetry });
+    Ok((vehicle, events))
+}
+
+fn told(event: Event) -> PortEvent {
+    match event {
+        Event::Identified(identity) => {
+            let (board, version) = (identity.board.board, &identity.version);
+            tracing::info!(%board, major = version.major, minor = version.minor, "flight controller");
+            PortEvent::Identified(Box::new(identity))
+        }
+        Event::Closed(error) => {
+            tracing::warn!(error, "the port of the flight controller is closed");
+            PortEvent::Closed
+        }
+        Event::Telemetry(telemetry) => PortEvent::Told(telemetry),
+    }
+}

@@ -1,0 +1,148 @@
+//! `muster fc` as a process, with a controller that answers what Betaflight answered.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Output;
+use std::thread;
+
+use muster_msp::{Decoder, Direction, Frame, encode};
+use serde_json::Value;
+
+/// Replies of Betaflight, as recorded.
+fn replies() -> Vec<Vec<u8>> {
+    let recorded = include_str!("../actors/msp/tests/data/replies.toml");
+    let recorded: toml::Table = toml::from_str(recorded).unwrap();
+    let reply = |it: &toml::Value| {
+        let hex = it["reply"].as_str().unwrap();
+        let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
+        (0..hex.len()).step_by(2).map(byte).collect()
+    };
+    recorded["reply"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(reply)
+        .collect()
+}
+
+fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
+    for reply in replies() {
+        let mut is_found = false;
+        Decoder::default().read(&reply, |frame| {
+            is_found = frame.command == question.command && frame.version == question.version;
+        });
+        if is_found {
+            out.extend(reply);
+            return;
+        }
+    }
+    let refusal = Frame {
+        direction: Direction::Error,
+        payload: &[],
+        ..*question
+    };
+    encode(&refusal, out).unwrap();
+}
+
+fn serve(mut stream: TcpStream) {
+    let mut decoder = Decoder::default();
+    let mut buffer = [0; 256];
+    while let Ok(length @ 1..) = stream.read(&mut buffer) {
+        let mut out = Vec::new();
+        decoder.read(&buffer[..length], |frame| answer(&frame, &mut out));
+        if stream.write_all(&out).is_err() {
+            return;
+        }
+    }
+}
+
+/// A controller's device. Its thread ends with the test's process.
+fn recorded() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let device = format!("tcp:{}", listener.local_addr().unwrap());
+    thread::spawn(move || listener.incoming().flatten().for_each(serve));
+    device
+}
+
+fn fc(arguments: &[&str]) -> Output {
+    support::muster(Path::new("."), &[&["fc"], arguments].concat())
+}
+
+/// The exit code and the rows of a command's output.
+fn json(arguments: &[&str]) -> (Option<i32>, Vec<Value>) {
+    let run = fc(&[arguments, &["--json"]].concat());
+    let out = String::from_utf8(run.stdout).unwrap();
+    let rows = out.lines().map(|line| serde_json::from_str(line).unwrap());
+    (run.status.code(), rows.collect())
+}
+
+#[test]
+fn probe_shows_who_the_controller_is() {
+    let (code, rows) = json(&["probe", &recorded()]);
+    assert_eq!(code, Some(0));
+    let seen = &rows[0];
+    assert_eq!(seen["variant"], "BTFL");
+    assert_eq!(seen["version"], "4.6.0");
+    assert_eq!(seen["name"], "muster");
+    assert_eq!(seen["line"]["loss"], 0.0);
+    let shown = fc(&["probe", &recorded()]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(
+        shown.starts_with("firmware  Betaflight 4.6.0, MSP API 1.47\n"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn check_has_an_exit_code_of_its_own_and_says_what_to_set() {
+    let (code, rows) = json(&["check", &recorded(), "--receiver", "override"]);
+    assert_eq!(code, Some(5));
+    assert_eq!(rows[0]["fit"], false);
+    let findings = rows[0]["findings"].as_array().unwrap();
+    let rules: Vec<_> = findings
+        .iter()
+        .map(|it| it["rule"].as_str().unwrap())
+        .collect();
+    assert!(
+        rules.contains(&"override-fallback") && rules.contains(&"override-unread"),
+        "{rules:?}"
+    );
+    let shown = fc(&["check", &recorded(), "--receiver", "override"]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    assert!(
+        shown.contains("set:   flash Betaflight 2026.6 or newer"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn watch_prints_a_line_a_second() {
+    let (code, rows) = json(&["watch", &recorded(), "--seconds", "2"]);
+    assert_eq!((code, rows.len()), (Some(0), 2));
+    assert_eq!(rows[1]["state"], "open");
+    assert!(rows[1]["frames_per_second"].as_u64().is_some());
+}
+
+#[test]
+fn a_name_that_is_no_device_is_refused_with_examples() {
+    let run = fc(&["probe", "ttyACM0"]);
+    let error = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(2), "{error}");
+    assert!(error.contains("serial:/dev/ttyACM0"), "{error}");
+}
+
+#[test]
+fn an_absent_controller_is_a_failure_of_this_machine() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let device = format!("tcp:{}", listener.local_addr().unwrap());
+    drop(listener);
+    let run = fc(&["check", &device]);
+    let error = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(1), "{error}");
+    assert!(error.contains(&format!("can't open {device}")), "{error}");
+}
