@@ -63,15 +63,14 @@ impl Control {
         self.sticks(Vector3::new(0.0, 0.0, self.integral.z), tilt)
     }
 
-    /// Sticks that bring a vehicle to its reference, `seconds` after the last. Without a known place over ground it is kept
-    /// level.
+    /// Sticks that bring a vehicle to its reference, `seconds` after the last. Unless it may lean it is kept level.
     pub(super) fn step(
         &mut self,
         seconds: f64,
         reference: &Reference,
         estimate: &Estimate,
         tilt: Tilt,
-        has_position: bool,
+        may_lean: bool,
     ) -> Sticks {
         let gains = &self.gains;
         let distance = (reference.position - estimate.position).0;
@@ -102,7 +101,7 @@ impl Control {
         let is_saturated = self.limit(&mut acceleration);
         self.down_mps2 = acceleration.z;
         let mut growth = error.component_mul(&per_s2) * seconds;
-        if !has_position {
+        if !may_lean {
             (acceleration.x, acceleration.y) = (0.0, 0.0);
             (growth.x, growth.y) = (0.0, 0.0);
         }
@@ -178,7 +177,7 @@ mod tests {
         }
     }
 
-    fn sticks(estimate: &Estimate, yaw_deg: f64, has_position: bool) -> Sticks {
+    fn sticks(estimate: &Estimate, yaw_deg: f64, may_lean: bool) -> Sticks {
         let tilt = Tilt {
             yaw_rad: yaw_deg.to_radians(),
             ..Tilt::default()

@@ -31,6 +31,11 @@ const STILL_FOR: Duration = Duration::from_millis(700);
 const STILL_MPS: f64 = 0.25;
 /// Downward acceleration that a vehicle in the air would follow, in m/s².
 const PRESSED_MPS2: f64 = 2.0;
+/// Altitude and climb of a vehicle that has left the ground, in metres and m/s. Until then it is kept level: leaning on the
+/// ground tips it over.
+const LIFTED_M: f64 = 0.5;
+/// As above.
+const LIFTED_MPS: f64 = 0.3;
 /// Share of charge that is news.
 const CHARGE_STEP: f64 = 0.01;
 /// Value of the switch of the mode ANGLE: always on.
@@ -84,6 +89,8 @@ pub struct ControllerLink {
     guidance: Guidance,
     control: Control,
     stepped_at: Timestamp,
+    /// It has left the ground.
+    has_lifted: bool,
     still_since: Option<Timestamp>,
     /// The pilot took the aircraft over. It is not asked back.
     is_taken_over: bool,
@@ -117,6 +124,7 @@ impl ControllerLink {
             guidance: Guidance::new(config.landing),
             control: Control::new(gains),
             stepped_at: now,
+            has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
             still_since: None,
             is_taken_over: false,
             was_overridden: false,
@@ -279,9 +287,12 @@ impl ControllerLink {
         };
         match self.guidance.reference(now, &estimate) {
             Some(reference) => {
-                let has_position = self.estimator.lost_for(now).is_none();
+                self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
+                    && estimate.velocity.0.z < -LIFTED_MPS;
+                let is_free = self.has_lifted && self.still_since.is_none();
+                let may_lean = is_free && self.estimator.lost_for(now).is_none();
                 let control = &mut self.control;
-                control.step(seconds, &reference, &estimate, tilt, has_position)
+                control.step(seconds, &reference, &estimate, tilt, may_lean)
             }
             // On the ground, before the first setpoint; or right after a restart in the air.
             None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
