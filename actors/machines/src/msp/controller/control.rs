@@ -182,7 +182,7 @@ mod tests {
             yaw_rad: yaw_deg.to_radians(),
             ..Tilt::default()
         };
-        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, has_position)
+        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, may_lean)
     }
 
     #[test]

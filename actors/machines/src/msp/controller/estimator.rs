@@ -132,6 +132,8 @@ pub(super) struct Estimator {
     ground_m: Option<f64>,
     /// The newest accepted position.
     fixed_at: Timestamp,
+    /// The newest accepted height.
+    height_at: Timestamp,
     /// Measurements that were not believed.
     rejected: u64,
 }
@@ -149,6 +151,7 @@ impl Estimator {
             vertical: None,
             ground_m,
             fixed_at: now,
+            height_at: now,
             rejected: 0,
         }
     }
@@ -168,9 +171,16 @@ impl Estimator {
         self.ground_m
     }
 
-    /// The present height becomes height zero.
+    /// The present height becomes height zero, unless it is known from before.
     pub(super) fn set_ground(&mut self) {
-        self.ground_m = self.vertical.map(|it| it.position_m);
+        let here = self.vertical.map(|it| it.position_m);
+        self.ground_m = self.ground_m.or(here);
+    }
+
+    /// Forgets the height: Betaflight counts it from where it was armed.
+    pub(super) const fn forget_height(&mut self) {
+        self.vertical = None;
+        self.ground_m = None;
     }
 
     /// The motion now. `None` before the first position and height.
@@ -229,18 +239,19 @@ impl Estimator {
     }
 
     /// Takes in the controller's own height and climb.
-    pub(super) fn measure_altitude(&mut self, altitude: &Altitude) {
+    pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
         let sigma_m = self.noise.height_m;
-        let axis = self
-            .vertical
-            .get_or_insert(Axis::at(height_m, sigma_m * sigma_m));
+        let is_stale = now.since(self.height_at) > LOST_AFTER;
+        let axis = match &mut self.vertical {
+            Some(axis) if !is_stale => axis,
+            lost => lost.insert(Axis::at(height_m, sigma_m * sigma_m)),
+        };
         if axis.measure_position(height_m, sigma_m) {
             let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
             axis.measure_velocity(climb_mps, self.noise.climb_mps);
+            self.height_at = now;
         } else {
-            // The next one is believed if this one was no outlier: the uncertainty grows until then.
-            axis.covariance[0] += sigma_m * sigma_m;
             self.rejected += 1;
         }
     }
@@ -316,7 +327,7 @@ mod tests {
     fn estimator() -> Estimator {
         let config = super::super::tests::config();
         let mut estimator = Estimator::new(&config, at(0.0), None);
-        estimator.measure_altitude(&Altitude::default());
+        estimator.measure_altitude(at(0.0), &Altitude::default());
         estimator.set_ground();
         estimator
     }

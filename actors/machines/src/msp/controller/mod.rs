@@ -155,6 +155,9 @@ impl ControllerLink {
             FlightCommand::Arm => self.arming.order(),
             FlightCommand::Yield => return self.report(now),
             FlightCommand::Fly(setpoint) => {
+                if self.is_armed() {
+                    self.estimator.set_ground();
+                }
                 if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
                     self.guidance.fly(now, setpoint, &estimate);
                 }
@@ -186,7 +189,7 @@ impl ControllerLink {
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
                     Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
-                    Told::Altitude(altitude) => self.estimator.measure_altitude(&altitude),
+                    Told::Altitude(altitude) => self.estimator.measure_altitude(now, &altitude),
                     Told::Gps(gps) => self.estimator.measure_gps(now, &gps),
                     Told::Battery(state) => self.charge = battery::charge(&state),
                     Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
@@ -218,7 +221,7 @@ impl ControllerLink {
         };
         let has_just_armed = reported.armed && !self.is_armed();
         if has_just_armed && self.before.is_none_or(|it| !it.has_flown) {
-            self.estimator.set_ground();
+            self.estimator.forget_height();
         }
         if self.config.receiver == Receiver::Override {
             let is_overridden = reported.overridden == Some(true);
@@ -348,9 +351,13 @@ impl ControllerLink {
         }
     }
 
+    /// Whether there is something to report: the controller has said whether it is armed, and if it is, where it is.
+    fn can_report(&self) -> bool {
+        self.reported.is_some() && (!self.is_armed() || self.estimator.estimate().is_some())
+    }
+
     fn report(&mut self, now: Timestamp) {
-        // Before the controller has said whether it is armed, there is nothing to report.
-        if self.reported.is_some() {
+        if self.can_report() {
             let telemetry = self.telemetry(now);
             self.last = Some(telemetry);
             self.outbox.transmit(Transmit::Telemetry(telemetry));
@@ -359,7 +366,7 @@ impl ControllerLink {
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
-        if self.reported.is_none() {
+        if !self.can_report() {
             return;
         }
         let telemetry = self.telemetry(now);

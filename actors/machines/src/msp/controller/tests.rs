@@ -132,6 +132,8 @@ impl Bench {
             self.drain();
             if self.now_ms.is_multiple_of(100) {
                 self.give(Input::Port(fix()));
+                let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+                self.give(Input::Port(altitude));
                 self.give(Input::Port(status(modes)));
             }
         }
