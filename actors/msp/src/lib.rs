@@ -22,7 +22,7 @@ pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
 pub use decoder::{Counts, Decoder};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{
-    Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, Version, acknowledge, encode, order,
-    refuse, reply, request,
+    Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, acknowledge,
+    encode, order, refuse, reply, request,
 };
 pub use message::*;
