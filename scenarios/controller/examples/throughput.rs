@@ -1,4 +1,4 @@
-//! What a simulated second costs, and what the step of a millisecond costs in accuracy.
+//! What a simulated second of a controller costs.
 //!
 //!     cargo run --release -p muster-controller --example throughput
 #![expect(

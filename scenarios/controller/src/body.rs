@@ -188,6 +188,28 @@ mod tests {
     }
 
     #[test]
+    fn step_of_a_millisecond_errs_by_millimetres() {
+        // A second of turning about all axes under changing thrust, by steps of a millisecond and of a hundredth of it.
+        let flown = |steps: u32| {
+            let mut body = high();
+            let step_s = 1.0 / f64::from(steps);
+            for step in 0..steps {
+                let phase = 20.0 * f64::from(step) * step_s;
+                let more = 30.0 * libm::sin(phase);
+                let speeds = [1_090.0 + more, 1_090.0, 1_085.0 - more, 1_095.0];
+                body.integrate(&Airframe::agilicious(), &speeds, Vector3::zeros(), step_s);
+            }
+            body
+        };
+        let (coarse, fine) = (flown(1_000), flown(100_000));
+        assert!(fine.rates.norm() > 0.2, "it turns: {}", fine.rates);
+        let error_m = (coarse.position - fine.position).norm();
+        assert!(error_m < 0.005, "{error_m} m");
+        let error_rad = coarse.attitude.angle_to(&fine.attitude);
+        assert!(error_rad < 0.005, "{error_rad} rad");
+    }
+
+    #[test]
     fn turning_without_torque_keeps_the_momentum() {
         let airframe = Airframe::agilicious();
         let mut body = high();

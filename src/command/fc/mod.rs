@@ -2,7 +2,11 @@
 
 mod check;
 mod probe;
+mod simulate;
 mod watch;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use muster_msp::{Decode, ask};
@@ -29,6 +33,7 @@ enum Action {
     Probe(probe::Arguments),
     Watch(watch::Arguments),
     Check(check::Arguments),
+    Simulate(simulate::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -60,6 +65,18 @@ pub(crate) enum ControllerError {
         #[source]
         source: AskError,
     },
+    #[error("can't simulate a flight controller on tcp:{address}")]
+    Listen {
+        address: SocketAddr,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("can't simulate a flight controller on {}", link.display())]
+    Pty {
+        link: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
     #[error("can't read the settings of the override on {address}")]
     CommandLine {
         address: Address,
@@ -73,6 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Probe(arguments) => probe::run(arguments),
         Action::Watch(arguments) => watch::run(arguments),
         Action::Check(arguments) => check::run(arguments),
+        Action::Simulate(arguments) => simulate::run(arguments),
     }
 }
 

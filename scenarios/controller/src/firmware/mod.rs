@@ -89,7 +89,6 @@ impl Firmware {
         self.arm(now, has_frame);
         if self.is_armed() && !was_armed {
             self.stabiliser.reset();
-            self.motor_test = [0.0; 4];
             self.home = measured.place;
         }
         self.sticks = sticks(self.receiver.channels());
@@ -151,12 +150,11 @@ impl Firmware {
         self.duties
     }
 
-    /// Sets the motors of a disarmed aircraft, in µs from 1,000 to 2,000. They turn until they are set to 1,000.
+    /// Sets the motors of a disarmed aircraft, in µs from 1,000 to 2,000. They turn until they are set to 1,000. What is set
+    /// while armed counts from disarming on.
     pub(crate) fn test_motors(&mut self, outputs_us: &[u16]) {
-        if !self.is_armed() {
-            for (duty, output_us) in self.motor_test.iter_mut().zip(outputs_us) {
-                *duty = ((f64::from(*output_us) - 1_000.0) / 1_000.0).clamp(0.0, 1.0);
-            }
+        for (duty, output_us) in self.motor_test.iter_mut().zip(outputs_us) {
+            *duty = ((f64::from(*output_us) - 1_000.0) / 1_000.0).clamp(0.0, 1.0);
         }
     }
 

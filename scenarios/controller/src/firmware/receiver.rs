@@ -27,7 +27,7 @@ const HOLD_MS: u64 = 300;
 /// Age up to which newer firmware uses override values.
 const OVERRIDE_FRESH_MS: u64 = 300;
 
-/// Time between looks at a lost signal: Betaflight 4.5, and from 2026.6 on.
+/// Time between looks at a lost signal: up to Betaflight 4.5, and from 4.6 on.
 const RECHECK_MS: u64 = 100;
 const RECHECK_NEWER_MS: u64 = 50;
 
@@ -156,7 +156,7 @@ impl Receiver {
     }
 
     fn recheck_ms(&self) -> u64 {
-        if self.version >= Version::DROPS_STALE_OVERRIDE {
+        if self.version >= Version::V4_6 {
             RECHECK_NEWER_MS
         } else {
             RECHECK_MS

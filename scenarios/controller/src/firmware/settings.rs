@@ -19,6 +19,13 @@ pub struct Version {
 }
 
 impl Version {
+    /// The version that the laboratory has measured.
+    pub const V4_6: Self = Self {
+        major: 4,
+        minor: 6,
+        patch: 0,
+    };
+
     /// The first version that drops override values of a silent companion (Betaflight's change 15217).
     pub const DROPS_STALE_OVERRIDE: Self = Self {
         major: 26,
@@ -157,7 +164,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Betaflight 4.5's defaults with a sole receiver, ARM on AUX1 from 1,700 µs and ANGLE on AUX2 from 1,300 µs.
+    /// Betaflight 4.6's defaults with a sole receiver, ARM on AUX1 from 1,700 µs and ANGLE on AUX2 from 1,300 µs.
     ///
     /// Sources: the reset templates in Betaflight's `failsafe.c`, `rx.c`, `battery.c`, `pid.c` and `controlrate_profile.c`.
     #[must_use]
@@ -165,11 +172,7 @@ impl Settings {
         let mut rxfail = [RxFail::Hold; CHANNELS];
         rxfail[..4].fill(RxFail::Auto);
         Self {
-            version: Version {
-                major: 4,
-                minor: 5,
-                patch: 1,
-            },
+            version: Version::V4_6,
             says_simulator: true,
             receiver: ReceiverMode::Sole,
             rxfail,
@@ -223,7 +226,7 @@ impl Settings {
 }
 
 impl Default for Tuning {
-    /// Betaflight 4.5: gains 45 80 30, 47 84 34, 45 80 0; angle 50, 50 and 60°; rates ACTUAL 70 and 670 °/s; idle 5.5 %.
+    /// Betaflight 4.5 and 4.6: gains 45 80 30, 47 84 34, 45 80 0; angle 50, 50 and 60°; rates ACTUAL 70 and 670 °/s; idle 5.5 %.
     fn default() -> Self {
         let gains = |p, i, d| Gains { p, i, d };
         Self {

@@ -24,11 +24,7 @@ const MODES: [Mode; 6] = [
 const MODE_RANGES: usize = 20;
 
 /// The first versions with API 1.47 and 1.48.
-const API_47: Version = Version {
-    major: 4,
-    minor: 6,
-    patch: 0,
-};
+const API_47: Version = Version::V4_6;
 const API_48: Version = Version::DROPS_STALE_OVERRIDE;
 
 impl Settings {

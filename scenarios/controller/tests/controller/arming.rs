@@ -139,14 +139,14 @@ fn motors_turn_by_set_motor_while_disarmed_until_stopped() {
 }
 
 #[test]
-fn set_motor_has_no_effect_while_armed() {
+fn set_motor_while_armed_has_its_effect_at_disarming() {
     let mut companion = Companion::armed(exact(Settings::sole()));
     let before = companion.ask::<Motor>().outputs_us;
     let mut bytes = Vec::new();
-    let full = SetMotor {
-        outputs: [muster_msp::MotorOutput::FULL; 8],
+    let slow = SetMotor {
+        outputs: [muster_msp::MotorOutput::new(1_100).unwrap(); 8],
     };
-    order(Version::V1, &full, &mut bytes).unwrap();
+    order(Version::V1, &slow, &mut bytes).unwrap();
     companion.send(&bytes);
     assert!(
         companion
@@ -156,5 +156,5 @@ fn set_motor_has_no_effect_while_armed() {
     assert_eq!(companion.ask::<Motor>().outputs_us, before);
     companion.rc = Some(Rc::IDLE);
     companion.run_ms(1_000);
-    assert_eq!(companion.ask::<Motor>().outputs_us[..4], [1_000; 4]);
+    assert_eq!(companion.ask::<Motor>().outputs_us[..4], [1_100; 4]);
 }

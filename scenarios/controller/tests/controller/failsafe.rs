@@ -1,4 +1,4 @@
-use muster_controller::{Contact, FailsafeSettings, Fault, Procedure, RxFail, Settings};
+use muster_controller::{Contact, FailsafeSettings, Fault, Procedure, RxFail, Settings, Version};
 use muster_msp::{BoxIds, Mode, Rc as Channels, Status};
 
 use crate::companion::{Companion, Rc, exact};
@@ -35,14 +35,31 @@ fn receiver_loss_is_flagged_after_150_ms() {
     assert!((140..=190).contains(&took_ms), "{took_ms}");
 }
 
+/// Milliseconds from the last frame until the throttle has its `rxfail` value; an answer takes up to 20 ms.
+fn throttle_falls_ms(version: Version) -> u64 {
+    let mut settings = Settings::sole();
+    settings.version = version;
+    let mut companion = hovering(settings);
+    fall_silent(&mut companion);
+    companion.run_ms(270);
+    assert_eq!(companion.ask::<Channels>().throttle_us, 1_320);
+    companion.run_until(200, |it| it.ask::<Channels>().throttle_us == 885);
+    companion.ms()
+}
+
 #[test]
-fn throttle_falls_350_ms_after_the_last_frame() {
+fn throttle_falls_300_ms_after_the_last_frame_and_350_ms_in_older_firmware() {
+    let older = Version {
+        major: 4,
+        minor: 5,
+        patch: 1,
+    };
+    let delay_ms = throttle_falls_ms(older) - throttle_falls_ms(Version::V4_6);
+    assert_eq!(delay_ms, 50);
     let mut companion = hovering(Settings::sole());
     fall_silent(&mut companion);
     companion.run_ms(310);
-    assert_eq!(companion.ask::<Channels>().throttle_us, 1_320);
-    let rest_ms = companion.run_until(200, |it| it.ask::<Channels>().throttle_us == 885);
-    assert!(310 + rest_ms <= 390, "{rest_ms}");
+    assert_eq!(companion.ask::<Channels>().throttle_us, 885);
 }
 
 #[test]

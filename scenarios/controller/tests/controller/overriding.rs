@@ -3,11 +3,7 @@ use muster_msp::{BoxIds, Mode, Rc as Channels, Status};
 
 use crate::companion::{Companion, Rc, exact};
 
-const OLD: Version = Version {
-    major: 4,
-    minor: 6,
-    patch: 0,
-};
+const OLD: Version = Version::V4_6;
 const NEW: Version = Version {
     major: 26,
     minor: 6,
