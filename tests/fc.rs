@@ -13,28 +13,38 @@ use std::thread;
 use muster_msp::{Decoder, Direction, Frame, encode};
 use serde_json::Value;
 
-/// Replies of Betaflight, as recorded.
-fn replies() -> Vec<Vec<u8>> {
-    let recorded = include_str!("../actors/msp/tests/data/replies.toml");
+/// Frames of Betaflight in a table of recordings.
+fn frames(recorded: &str, rows: &str, column: &str) -> Vec<Vec<u8>> {
     let recorded: toml::Table = toml::from_str(recorded).unwrap();
-    let reply = |it: &toml::Value| {
-        let hex = it["reply"].as_str().unwrap();
+    let frame = |row: &toml::Value| {
+        let hex = row[column].as_str().unwrap().replace(' ', "");
         let byte = |at: usize| u8::from_str_radix(&hex[at..at + 2], 16).unwrap();
         (0..hex.len()).step_by(2).map(byte).collect()
     };
-    recorded["reply"]
+    recorded[rows]
         .as_array()
         .unwrap()
         .iter()
-        .map(reply)
+        .map(frame)
         .collect()
+}
+
+/// Replies of Betaflight, as recorded.
+fn replies() -> Vec<Vec<u8>> {
+    let replies = include_str!("../actors/msp/tests/data/replies.toml");
+    let golden = include_str!("../actors/msp/tests/data/golden.toml");
+    let mut all = frames(replies, "reply", "reply");
+    all.extend(frames(golden, "frame", "hex"));
+    all
 }
 
 fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
     for reply in replies() {
         let mut is_found = false;
         Decoder::default().read(&reply, |frame| {
-            is_found = frame.command == question.command && frame.version == question.version;
+            let is_reply = frame.direction == Direction::Reply;
+            is_found =
+                is_reply && (frame.command, frame.version) == (question.command, question.version);
         });
         if is_found {
             out.extend(reply);

@@ -7,8 +7,9 @@ use muster_msp::{
     AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude, BatteryConfig,
     BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, CompGps, Decode, Decoder, Encode,
     FRAME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges, Motor, Name,
-    OpticFlow, RangefinderSample, RawGps, RawImu, Rc, Reboot, ReceivedMotors, ReceivedRc, RxConfig,
-    RxFailConfig, RxMap, Sonar, Status, StatusEx, Uid, Version, encode, reply,
+    OpticFlow, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc, Reboot, ReceivedMotors,
+    ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar, Status, StatusEx, Uid, Version, encode,
+    reply,
 };
 
 /// The pieces in which the stream is read once more, in bytes.
@@ -17,10 +18,10 @@ const PIECE: usize = 7;
 pub(crate) fn run(bytes: &[u8]) {
     let at_once = read(bytes, bytes.len().max(1));
     assert_eq!(at_once, read(bytes, PIECE));
-    for frame in &at_once {
-        read_payload(&frame[..]);
+    // Either what is in frames or what is a payload, for time.
+    if at_once.is_empty() {
+        read_payload(bytes);
     }
-    read_payload(bytes);
 }
 
 /// Payloads of all frames.
@@ -29,7 +30,8 @@ fn read(bytes: &[u8], piece: usize) -> Vec<Vec<u8>> {
     let (mut payloads, mut in_frames) = (Vec::new(), 0);
     let mut take = |frame: muster_msp::Frame<'_>| {
         let mut written = Vec::new();
-        encode(&frame, &mut written).expect("a frame that was read can be written");
+        let is_written = encode(&frame, &mut written).is_ok();
+        assert!(is_written || frame.payload.len() > REQUEST_MAX, "{frame:?}");
         in_frames += written.len() as u64;
         payloads.push(frame.payload.to_vec());
     };

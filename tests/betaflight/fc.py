@@ -11,6 +11,7 @@ import time
 import tomllib
 
 import firmware
+import msp
 
 PATH = firmware.program()
 MUSTER = os.path.abspath(sys.argv[2])
@@ -52,8 +53,22 @@ def check(base):
     return findings
 
 
-def findings_of(configuration, base):
+def started(configuration):
+    """A firmware that answers: now and then it listens and says nothing, to no client."""
     build = firmware.Firmware(PATH, configuration)
+    for _ in range(4):
+        link = msp.Link()
+        answer = link.request(msp.API_VERSION, timeout=3)
+        link.close()
+        time.sleep(0.3)
+        if answer:
+            return build
+        build.start()
+    raise RuntimeError("the firmware doesn't answer")
+
+
+def findings_of(configuration, base):
+    build = started(configuration)
     try:
         return check(base)
     finally:
@@ -91,7 +106,7 @@ for base in "sole", "override":
     if set(found) - UNMENDABLE:
         fail(found)
 
-build = firmware.Firmware(PATH, [*firmware.lines("safe-sole.txt"), "set craft_name = muster"])
+build = started([*firmware.lines("safe-sole.txt"), "set craft_name = muster"])
 code, out, error = muster("probe", DEVICE, "--json")
 assert code == 0, error
 seen = json.loads(out)

@@ -17,6 +17,9 @@ use crate::message::{Encode, Message};
 /// The longest payload that is read or written, in bytes. Betaflight's longest reply without flash data is 512 bytes
 /// (`MSP_PORT_OUTBUF_SIZE_MIN`).
 pub const PAYLOAD_MAX: usize = 1024;
+/// The longest payload that is sent to a controller, in bytes. Betaflight's buffer has 192 (`MSP_PORT_INBUF_SIZE`), which v2
+/// over v1 fills with 6 more; a longer v2 frame is written beyond it.
+pub const REQUEST_MAX: usize = 186;
 /// The longest frame: v2 over a v1 jumbo.
 pub const FRAME_MAX: usize = PAYLOAD_MAX + 14;
 
@@ -88,10 +91,12 @@ pub struct Frame<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
     /// Ours: no message is that long.
-    #[error("payload of {found} bytes, {PAYLOAD_MAX} are allowed")]
+    #[error("payload of {found} bytes, at most {most} are allowed")]
     TooLong {
         /// Bytes given.
         found: usize,
+        /// Bytes allowed in this direction.
+        most: usize,
     },
     /// Ours: such a command needs v2.
     #[error("command {command} in an MSP v1 frame, 0 to 254 are allowed")]
@@ -110,11 +115,15 @@ pub enum EncodeError {
 /// Appends a frame to `out`.
 ///
 /// # Errors
-/// If the payload is longer than [`PAYLOAD_MAX`], or v1 can't carry the command or the flag. `out` is unchanged.
+/// If the payload is longer than [`PAYLOAD_MAX`], or [`REQUEST_MAX`] to a controller, or v1 can't carry the command or the flag. `out` is unchanged.
 pub fn encode(frame: &Frame<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
     let found = frame.payload.len();
-    if found > PAYLOAD_MAX {
-        return Err(EncodeError::TooLong { found });
+    let most = match frame.direction {
+        Direction::Request => REQUEST_MAX,
+        Direction::Reply | Direction::Error => PAYLOAD_MAX,
+    };
+    if found > most {
+        return Err(EncodeError::TooLong { found, most });
     }
     match frame.version {
         Version::V1 => {

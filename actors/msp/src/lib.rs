@@ -25,8 +25,8 @@ pub use conversation::{BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{
-    Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, Version, acknowledge, encode, order,
-    refuse, reply, request,
+    Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, acknowledge,
+    encode, order, refuse, reply, request,
 };
 pub use message::*;
 pub use schedule::{QUERIES, Query, RC_HOLD, RC_PERIOD, Schedule, TICK, Write};

@@ -140,7 +140,7 @@ fn betaflight_answers_every_frame_that_was_sent() {
 fn at_half_a_percent_of_wrong_bytes_whole_frames_are_read() {
     let mut whole = Vec::new();
     Decoder::default().read(RECEIVED, |frame| {
-        whole.push((frame.command, frame.payload.to_vec()))
+        whole.push((frame.command, frame.payload.to_vec()));
     });
     let mut altered = RECEIVED.to_vec();
     // A generator of its own (MINSTD), so that the places are the same everywhere.
@@ -148,7 +148,7 @@ fn at_half_a_percent_of_wrong_bytes_whole_frames_are_read() {
     let mut wrong = 0;
     for byte in &mut altered {
         random = random * 48_271 % 2_147_483_647;
-        if random % 200 == 0 {
+        if random.is_multiple_of(200) {
             *byte ^= 1 + u8::try_from(random / 200 % 255).expect("below 255");
             wrong += 1;
         }
@@ -156,7 +156,7 @@ fn at_half_a_percent_of_wrong_bytes_whole_frames_are_read() {
     let mut decoder = Decoder::default();
     let mut read = Vec::new();
     decoder.read(&altered, |frame| {
-        read.push((frame.command, frame.payload.to_vec()))
+        read.push((frame.command, frame.payload.to_vec()));
     });
     let mut rest = whole.iter();
     let invented = read

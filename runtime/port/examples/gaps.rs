@@ -40,7 +40,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     });
     for _ in 0..thread::available_parallelism()?.get() {
-        thread::spawn(|| while !DONE.load(Ordering::Relaxed) {});
+        thread::spawn(|| {
+            while !DONE.load(Ordering::Relaxed) {
+                std::hint::spin_loop();
+            }
+        });
     }
     let channels = SetRawRc::new(Sticks::IDLE, &[Channel::LOW; 4])?;
     let started = Instant::now();

@@ -79,71 +79,68 @@ impl Portrait {
     }
 
     fn lines(&self) -> String {
-        let identity = &self.configuration.identity;
-        let list = |names: Vec<&str>| match names[..] {
-            [] => "none".to_owned(),
-            _ => names.join(", "),
-        };
-        let state = match self.is_armed() {
-            Some(true) => "armed".to_owned(),
-            _ => format!(
-                "disarmed; reasons not to arm: {}",
-                list(self.status.flags.arming.names().collect())
-            ),
-        };
-        let battery = self.battery.as_ref().map_or("unknown".to_owned(), |it| {
-            let volts = it
-                .voltage_cv
-                .map_or(f64::from(it.voltage_dv) / 10.0, |it| f64::from(it) / 100.0);
-            format!("{} cells, {volts:.2} V, {}", it.cells, it.level)
-        });
         let rows = [
             ("firmware", self.firmware()),
             ("board", self.board()),
-            ("sensors", list(self.status.head.sensors.names().collect())),
-            (
-                "modes",
-                list(self.modes.iter().flat_map(BoxNames::iter).collect()),
-            ),
-            (
-                "receiver",
-                format!(
-                    "{}, map {}, overridden channels fall back: {}",
-                    ReceiverMode::of(&self.configuration),
-                    self.configuration.map.letters(),
-                    if identity.override_falls_back() {
-                        "yes"
-                    } else {
-                        "no"
-                    },
-                ),
-            ),
-            ("state", state),
-            ("battery", battery),
-            (
-                "attitude",
-                format!(
-                    "roll {:.1}°, pitch {:.1}°, yaw {}°",
-                    f64::from(self.attitude.roll_ddeg) / 10.0,
-                    f64::from(self.attitude.pitch_ddeg) / 10.0,
-                    self.attitude.yaw_deg
-                ),
-            ),
-            (
-                "line",
-                format!(
-                    "{} questions, {:.0} % lost, {:.1} ms mean, {:.1} ms max, {} bad frames",
-                    self.latency.asked,
-                    100.0 * self.latency.loss(),
-                    1e3 * self.latency.mean().as_secs_f64(),
-                    1e3 * self.latency.max.as_secs_f64(),
-                    self.bad_frames,
-                ),
-            ),
+            ("sensors", list(self.status.head.sensors.names())),
+            ("modes", list(self.modes.iter().flat_map(BoxNames::iter))),
+            ("receiver", self.receiver()),
+            ("state", self.state()),
+            ("battery", self.voltage()),
+            ("attitude", self.tilt()),
+            ("line", self.line()),
         ];
-        rows.iter()
-            .map(|(name, value)| format!("{name:<10}{value}\n"))
-            .collect()
+        let row = |(name, value): &(&str, String)| format!("{name:<10}{value}\n");
+        rows.iter().map(row).collect()
+    }
+
+    fn receiver(&self) -> String {
+        let falls_back = self.configuration.identity.override_falls_back();
+        format!(
+            "{}, map {}, overridden channels fall back: {}",
+            ReceiverMode::of(&self.configuration),
+            self.configuration.map.letters(),
+            if falls_back { "yes" } else { "no" },
+        )
+    }
+
+    fn state(&self) -> String {
+        if self.is_armed() == Some(true) {
+            return "armed".to_owned();
+        }
+        let reasons = list(self.status.flags.arming.names());
+        format!("disarmed; reasons not to arm: {reasons}")
+    }
+
+    fn voltage(&self) -> String {
+        let Some(battery) = &self.battery else {
+            return "unknown".to_owned();
+        };
+        let tenths = f64::from(battery.voltage_dv) / 10.0;
+        let volts = battery
+            .voltage_cv
+            .map_or(tenths, |it| f64::from(it) / 100.0);
+        format!("{} cells, {volts:.2} V, {}", battery.cells, battery.level)
+    }
+
+    fn tilt(&self) -> String {
+        format!(
+            "roll {:.1}°, pitch {:.1}°, yaw {}°",
+            f64::from(self.attitude.roll_ddeg) / 10.0,
+            f64::from(self.attitude.pitch_ddeg) / 10.0,
+            self.attitude.yaw_deg
+        )
+    }
+
+    fn line(&self) -> String {
+        format!(
+            "{} questions, {:.0} % lost, {:.1} ms mean, {:.1} ms max, {} bad frames",
+            self.latency.asked,
+            100.0 * self.latency.loss(),
+            1e3 * self.latency.mean().as_secs_f64(),
+            1e3 * self.latency.max.as_secs_f64(),
+            self.bad_frames,
+        )
     }
 
     fn firmware(&self) -> String {
@@ -218,5 +215,13 @@ impl Portrait {
                 "bad_frames": self.bad_frames,
             },
         })
+    }
+}
+
+fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<_> = names.collect();
+    match names[..] {
+        [] => "none".to_owned(),
+        _ => names.join(", "),
     }
 }

@@ -68,7 +68,7 @@ fn check_landing(failsafe: &FailsafeConfig, findings: &mut Findings) {
         findings.add(
             "failsafe-throttle-low-delay",
             "it disarms in place of a landing, for rxfail closes the throttle before",
-            format!("{low_delay_ds} (0.1 s)"),
+            format!("{:.1} s", f64::from(low_delay_ds) / 10.0),
             "set failsafe_throttle_low_delay = 100",
         );
     }
@@ -80,7 +80,7 @@ fn check_delay(configuration: &Configuration, findings: &mut Findings) {
         findings.add(
             "failsafe-delay",
             "0.2 to 1.0 s from lost RC to the procedure are allowed",
-            format!("{delay_ds} (0.1 s)"),
+            format!("{:.1} s", f64::from(delay_ds) / 10.0),
             "set failsafe_delay = 10",
         );
     }

@@ -26,7 +26,7 @@ fn check_arm(configuration: &Configuration, findings: &mut Findings) {
     if ranges.is_empty() {
         findings.add(
             "arm-mode",
-            "sticks alone arm and disarm",
+            "no switch arms and disarms",
             "no range for ARM",
             set,
         );

@@ -113,7 +113,7 @@ impl Bench {
         let mut bench = Self::ready(receiver);
         bench.give(Input::FlightCommand(FlightCommand::Arm));
         bench.pass(1_000, 0);
-        bench.pass(100, modes);
+        bench.pass(200, modes);
         bench.give(Input::FlightCommand(up()));
         bench.pass(100, modes);
         bench
@@ -178,7 +178,7 @@ fn vehicle_arms_and_climbs_when_it_is_told_to() {
     bench.pass(100, 0);
     assert!(bench.is_arm_high());
     assert_eq!(bench.throttle(), 1_000);
-    bench.pass(100, ARM);
+    bench.pass(200, ARM);
     assert!(bench.telemetry.last().unwrap().armed);
     assert_eq!(bench.throttle(), 1_000, "no setpoint yet");
     bench.give(Input::FlightCommand(up()));
