@@ -42,7 +42,18 @@ pub(super) struct Scene {
 impl Scene {
     /// Whether no vehicle is in the air, and every swarm has flown or never will.
     pub(super) fn is_over(&self) -> bool {
-        self.airspace.is_clear() && self.core.swarms.are_done()
+        self.airspace.is_clear()
+            && self.core.swarms.are_done()
+            && !self
+                .controllers
+                .drones()
+                .any(|id| self.has_yet_to_learn(id))
+    }
+
+    /// Whether a drone will soon be told by its flight controller that it has landed.
+    fn has_yet_to_learn(&self, drone: NodeId) -> bool {
+        let state = self.core.swarms.of(drone).recorder.state(drone);
+        self.processes[drone].runs() && state == mission::State::Landing
     }
 
     /// Delivers a message: the task to step its actor. `None` if the actor is down, or hangs and receives it later.
