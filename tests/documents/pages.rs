@@ -305,6 +305,7 @@ mod real_time {
         page.push_str(
             "\n| label | of | values |\n| --- | --- | --- |\n\
              | `state` | `muster_state` | what the drone may be doing |\n\
+             | `state` | `muster_port_state` | `closed`, `identifying`, `open`, `silent` |\n\
              | `role` | `muster_role` | `none`, `master`, `member`, `relay` |\n\
              | `actor` | `muster_actor_…` | `radio`, `routing`, `mission`, `navigation`, `msp` |\n\
              | `kind` | `muster_frames_sent_total`, `muster_frames_let_in_total` | what a frame carries |\n\

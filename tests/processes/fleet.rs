@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
+use muster_daemon::control::ControlMessage;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -326,6 +327,12 @@ impl Process {
         self.wait_for(&event.to_string(), |line| {
             mission(line).as_ref() == Some(event)
         });
+    }
+
+    /// Sends a message on the control channel; its command needs `--controlled` and a pipe as standard input.
+    pub(crate) fn control(&mut self, message: &ControlMessage) {
+        let channel = self.child.stdin.as_mut().unwrap();
+        channel.write_all(message.line().as_bytes()).unwrap();
     }
 
     pub(crate) fn signal(&self, name: &str) {

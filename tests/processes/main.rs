@@ -7,6 +7,7 @@
 #[path = "."]
 mod real_time {
     mod attack;
+    mod controllers;
     mod fleet;
     mod flights;
     mod hostile;

@@ -53,7 +53,8 @@ impl Supervision {
     }
 
     /// Decides what to do about an actor that failed at `now`: its first failure in a window is answered with a restart
-    /// at once, each further one later. After the first [`RestartDecision::GiveUp`] no actor is restarted again.
+    /// at once, each further one later. The actor msp is always restarted at once: without it RC ends after 100 ms, and the
+    /// flight controller's failsafe lands the drone. After the first [`RestartDecision::GiveUp`] no actor is restarted again.
     pub fn failed(&mut self, now: Timestamp, actor: Address) -> RestartDecision {
         let recent = &mut self.recent[actor as usize];
         while (recent.front()).is_some_and(|restart| now.since(*restart) > self.limits.window) {
@@ -66,6 +67,7 @@ impl Supervision {
         let pause = match recent.len() {
             _ if flaw::has(Flaw::IgnoresFailedActors) => Duration::MAX,
             0 => Duration::ZERO,
+            _ if actor == Address::Msp => Duration::ZERO,
             before => {
                 let doublings = u32::try_from(before - 1).unwrap_or(u32::MAX).min(30);
                 (self.limits.back_off * 2_u32.pow(doublings)).min(self.limits.back_off_max)
@@ -101,6 +103,17 @@ mod tests {
             })
             .into();
         assert_eq!(pauses, [0, 100, 150].map(Duration::from_millis));
+    }
+
+    #[test]
+    fn link_to_the_vehicle_restarts_without_back_off() {
+        let mut supervision = Supervision::new(LIMITS);
+        for now in [1.0, 2.0, 3.0].map(at) {
+            let decision = supervision.failed(now, Address::Msp);
+            assert_eq!(decision, RestartDecision::Restart { at: now });
+        }
+        let decision = supervision.failed(at(4.0), Address::Msp);
+        assert_eq!(decision, RestartDecision::GiveUp);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The status of drones as a table for a terminal.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Table};
-use muster_daemon::status::{AgentStatus, LeaderEpoch, Role, Status};
+use muster_daemon::status::{AgentStatus, LeaderEpoch, PortState, PortStatus, Role, Status};
 use muster_scenarios::report::{Colour, TABLE_STYLE};
 
 use super::{AskError, Target};
@@ -35,7 +35,7 @@ const COLUMNS: [(&str, bool); 13] = [
 /// A cell without a value.
 const EMPTY: &str = "–";
 
-/// One row per drone, ordered by number, then the faults and failed queries. Ends with a line feed.
+/// One row per drone, ordered by number, then faults, flight controllers' ports and failed queries. Ends with a line feed.
 #[must_use]
 pub fn table(answers: &[Answer], colour: Colour) -> String {
     let mut answers: Vec<_> = answers.iter().collect();
@@ -118,14 +118,21 @@ fn without_answer(answer: &Answer) -> Vec<String> {
     cells
 }
 
-/// The faults of a drone or the failure of its query, each with the drone's name.
+/// The faults and the port of a drone, or the failure of its query, each with the drone's name.
 fn remarks(answer: &Answer) -> Vec<(String, String)> {
     let name =
         number(answer).map_or_else(|| answer.target.address.clone(), |id| format!("drone {id}"));
     let remarks = match &answer.status {
         Ok(status) => {
             let slow = status.agent.filter(|agent| agent.slow_calls > 0).map(slow);
-            status.faults.iter().cloned().chain(slow).collect()
+            let port = status.port.as_ref().map(port);
+            status
+                .faults
+                .iter()
+                .cloned()
+                .chain(slow)
+                .chain(port)
+                .collect()
         }
         Err(error) if number(answer).is_some() => {
             vec![format!("{}: {error}", answer.target.address)]
@@ -139,6 +146,21 @@ fn remarks(answer: &Answer) -> Vec<(String, String)> {
 fn slow(agent: AgentStatus) -> String {
     let (times, longest_ms) = (agent.slow_calls, agent.longest_call_s * 1e3);
     format!("its agent is slow: {times} calls over 50 ms, the longest {longest_ms:.0} ms")
+}
+
+/// What is said of a flight controller's port.
+fn port(port: &PortStatus) -> String {
+    let state = port.state.name();
+    if let (PortState::Closed, Some(error)) = (port.state, &port.closed_by) {
+        return format!("port {state}: {error}");
+    }
+    format!(
+        "port {state}, {:.1} ms, {:.0} % lost, RC {}/s, longest gap {:.0} ms",
+        1e3 * port.latency_s,
+        100.0 * port.loss,
+        port.rc_per_s,
+        1e3 * port.rc_gap_max_s
+    )
 }
 
 fn or_empty(value: Option<impl ToString>) -> String {

@@ -36,6 +36,8 @@ pub struct Status {
     pub heard: BTreeMap<u32, Heard>,
     /// Position, battery and motors.
     pub vehicle: VehicleStatus,
+    /// Port of the flight controller. `None` with a simulated vehicle.
+    pub port: Option<PortStatus>,
     /// The five actors, by name.
     pub actors: BTreeMap<String, ActorStatus>,
     /// The drone's agent. `None` if it has none.
@@ -128,6 +130,65 @@ pub struct VehicleStatus {
     pub charge: f64,
     /// Whether the motors are armed.
     pub armed: bool,
+}
+
+/// Port of a flight controller.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PortStatus {
+    /// Whether there is a controller.
+    pub state: PortState,
+    /// Why the port was closed last. `None` if it never was.
+    pub closed_by: Option<String>,
+    /// How often the port was opened.
+    pub opened: u64,
+    /// Mean delay of an answer since the port was opened last, in seconds.
+    pub latency_s: f64,
+    /// Longest delay of an answer since the port was opened last, in seconds.
+    pub latency_max_s: f64,
+    /// Share of questions without an answer since the port was opened last, 0 to 1.
+    pub loss: f64,
+    /// Bad frames read since the port was opened last.
+    pub bad_frames: u64,
+    /// RC frames written.
+    pub rc_sent: u64,
+    /// RC frames that the controller acknowledged.
+    pub rc_acknowledged: u64,
+    /// RC frames written in the last whole second.
+    pub rc_per_s: u64,
+    /// Longest time between two RC frames while sticks were given, in seconds.
+    pub rc_gap_max_s: f64,
+    /// Whether the system grants the thread that writes RC real-time priority.
+    pub is_realtime: bool,
+}
+
+/// Whether a port has a flight controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PortState {
+    /// The port can't be opened, or was lost; it is tried again.
+    Closed,
+    /// The port is open; the controller has not said yet who it is.
+    Identifying,
+    /// The controller answers.
+    Open,
+    /// The controller has not answered for half a second.
+    Silent,
+}
+
+impl PortState {
+    /// All states.
+    pub const ALL: [Self; 4] = [Self::Closed, Self::Identifying, Self::Open, Self::Silent];
+
+    /// Name for programs and people.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Closed => "closed",
+            Self::Identifying => "identifying",
+            Self::Open => "open",
+            Self::Silent => "silent",
+        }
+    }
 }
 
 /// State and counters of an actor.

@@ -7,6 +7,7 @@ mod address;
 mod command_line;
 mod link;
 mod priority;
+mod rate;
 mod session;
 mod status;
 mod wire;

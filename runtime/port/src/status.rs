@@ -45,6 +45,8 @@ pub struct Status {
     pub frames_per_second: u64,
     /// RC frames written.
     pub rc_sent: u64,
+    /// RC frames written in the last whole second.
+    pub rc_per_second: u64,
     /// RC frames that the controller acknowledged.
     pub rc_acknowledged: u64,
     /// Longest time between two RC frames while sticks were given.

@@ -1,6 +1,6 @@
 use super::*;
 use muster_daemon::status::{
-    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, VehicleStatus,
+    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, PortState, PortStatus, VehicleStatus,
 };
 
 fn status(drone: u32) -> Status {
@@ -45,6 +45,7 @@ fn status(drone: u32) -> Status {
             charge: 0.994,
             armed: true,
         },
+        port: None,
         agent: None,
         actors: [("radio".to_owned(), actor)].into(),
         frames: Frames {
@@ -117,5 +118,46 @@ fn slow_agent_is_remarked_and_one_that_is_not_slow_is_not() {
     assert_eq!(
         remarks,
         [" drone 1      its agent is slow: 7 calls over 50 ms, the longest 204 ms"]
+    );
+}
+
+#[test]
+fn port_of_a_flight_controller_is_remarked_and_a_closed_one_says_why() {
+    let port = |state, closed_by: Option<&str>| PortStatus {
+        state,
+        closed_by: closed_by.map(str::to_owned),
+        opened: 1,
+        latency_s: 0.0104,
+        latency_max_s: 0.05,
+        loss: 0.02,
+        bad_frames: 0,
+        rc_sent: 500,
+        rc_acknowledged: 500,
+        rc_per_s: 50,
+        rc_gap_max_s: 0.0214,
+        is_realtime: false,
+    };
+    let with_port = |drone, port| Status {
+        port: Some(port),
+        ..status(drone)
+    };
+    let answers = [
+        answer(Some(1), Ok(with_port(1, port(PortState::Open, None)))),
+        answer(
+            Some(2),
+            Ok(with_port(
+                2,
+                port(PortState::Closed, Some("no such device")),
+            )),
+        ),
+    ];
+    let text = table(&answers, Colour::Never);
+    let remarks: Vec<_> = text.lines().filter(|line| line.contains("port")).collect();
+    assert_eq!(
+        remarks,
+        [
+            " drone 1      port open, 10.4 ms, 2 % lost, RC 50/s, longest gap 21 ms",
+            " drone 2      port closed: no such device",
+        ]
     );
 }

@@ -10,7 +10,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
 
 use super::state::STATES;
-use crate::status::{ActorStatus, Role, Status};
+use crate::status::{ActorStatus, PortState, Role, Status};
 
 /// Renders a status.
 ///
@@ -87,6 +87,7 @@ impl Collector for Snapshot {
         process(status, page)?;
         swarm(status, page)?;
         vehicle(status, page)?;
+        port(status, page)?;
         actors(status, page)?;
         agent(status, page)?;
         frames(status, page)?;
@@ -168,6 +169,37 @@ fn vehicle(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     let help = "Battery charge, from 0 (empty) to 1 (full)";
     page.gauge(("battery_ratio", help), vehicle.charge)?;
     page.gauge(("armed", "1 if the motors are armed"), flag(vehicle.armed))
+}
+
+fn port(status: &Status, page: &mut Page<'_>) -> fmt::Result {
+    let port = status.port.as_ref();
+    let states = port
+        .map(|port| PortState::ALL.map(|it| (vec![("state", it.name())], flag(it == port.state))));
+    let help = "State of the flight controller's port: 1 for the current state, 0 for the others";
+    page.gauges(("port_state", help), states.into_iter().flatten())?;
+    let help = "How often the flight controller's port was opened";
+    page.counter(("port_opened", help), port.map(|it| it.opened))?;
+    let help = "Mean delay of the flight controller's answers since its port was opened last";
+    page.gauge(("port_latency_seconds", help), port.map(|it| it.latency_s))?;
+    let help = "Longest delay of an answer since the port was opened last";
+    let longest_s = port.map(|it| it.latency_max_s);
+    page.gauge(("port_latency_max_seconds", help), longest_s)?;
+    let help = "Share of questions without an answer since the port was opened last";
+    page.gauge(("port_loss_ratio", help), port.map(|it| it.loss))?;
+    let help = "Bad frames read since the port was opened last";
+    page.gauge(
+        ("port_bad_frames", help),
+        port.map(|it| it.bad_frames as f64),
+    )?;
+    let help = "RC frames written";
+    page.counter(("rc_frames_sent", help), port.map(|it| it.rc_sent))?;
+    let help = "RC frames that the flight controller acknowledged";
+    let acknowledged = port.map(|it| it.rc_acknowledged);
+    page.counter(("rc_frames_acknowledged", help), acknowledged)?;
+    let help = "RC frames written in the last whole second";
+    page.gauge(("rc_rate_hertz", help), port.map(|it| it.rc_per_s as f64))?;
+    let help = "Longest time between two RC frames while sticks were given";
+    page.gauge(("rc_gap_max_seconds", help), port.map(|it| it.rc_gap_max_s))
 }
 
 fn actors(status: &Status, page: &mut Page<'_>) -> fmt::Result {

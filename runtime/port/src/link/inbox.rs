@@ -8,6 +8,7 @@ use std::time::Duration;
 use muster_msp::{BadAnswer, Conversation, Counts, Direction, Frame, Identity, Telemetry, Write};
 
 use super::RC;
+use crate::rate::Rate;
 use crate::session::Latency;
 use crate::status::{State, Status};
 use crate::wire::Wire;
@@ -42,8 +43,8 @@ pub(super) struct Inbox {
     heard: Duration,
     /// When RC was written last, while sticks are given.
     rc_written: Option<Duration>,
-    /// The current second, and the frames read in it.
-    second: (u64, u64),
+    frames: Rate,
+    rc: Rate,
 }
 
 impl Inbox {
@@ -79,6 +80,7 @@ impl Inbox {
     pub(super) fn written(&mut self, now: Duration, write: &Write) {
         if let Write::Rc(_) = write {
             self.status.rc_sent += 1;
+            self.rc.count(now);
             if let Some(before) = self.rc_written.replace(now) {
                 self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
             }
@@ -87,7 +89,7 @@ impl Inbox {
 
     pub(super) fn take(&mut self, now: Duration, frame: &Frame<'_>) {
         self.heard = now;
-        self.count_second(now);
+        self.frames.count(now);
         if frame.direction == Direction::Request {
             return;
         }
@@ -121,17 +123,6 @@ impl Inbox {
         self.events.push_back(event);
     }
 
-    fn count_second(&mut self, now: Duration) {
-        let second = now.as_secs();
-        if self.second.0 == second {
-            self.second.1 += 1;
-            return;
-        }
-        let is_next = self.second.0 + 1 == second;
-        self.status.frames_per_second = if is_next { self.second.1 } else { 0 };
-        self.second = (second, 1);
-    }
-
     pub(super) fn status(&self, now: Duration) -> Status {
         let state = match (&self.wire, self.is_identified) {
             (None, _) => State::Closed,
@@ -153,6 +144,8 @@ impl Inbox {
                 ..self.latency
             },
             counts: self.counts,
+            frames_per_second: self.frames.per_second(now),
+            rc_per_second: self.rc.per_second(now),
             is_realtime: self.is_realtime,
             ..self.status.clone()
         }

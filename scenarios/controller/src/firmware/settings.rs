@@ -207,6 +207,17 @@ impl Settings {
         }
     }
 
+    /// As [`Settings::sole`], and fit to fly: when RC stops, the Agilicious quadrotor sinks with less than 2.5 m/s, as its
+    /// legs survive.
+    #[must_use]
+    pub fn fit() -> Self {
+        let mut settings = Self::sole();
+        settings.failsafe.procedure = Procedure::Land;
+        settings.failsafe.delay_ds = 4;
+        settings.failsafe.throttle_us = 1_295;
+        settings
+    }
+
     /// As [`Settings::sole`], with a pilot's receiver; the companion may replace the four sticks while AUX3 is above 1,700 µs.
     #[must_use]
     pub fn overriding(version: Version) -> Self {

@@ -138,6 +138,19 @@ fn landing_descends_level_at_the_failsafe_throttle_and_disarms_when_its_time_is_
 }
 
 #[test]
+fn fit_settings_bring_it_down_whole_when_rc_stops() {
+    for height_m in [2.0, 8.0, 30.0] {
+        let mut companion = Companion::hovering(exact(Settings::fit()), height_m);
+        fall_silent(&mut companion);
+        companion.run_until(30_000, |it| it.truth().contact != Contact::Airborne);
+        let truth = companion.truth();
+        assert_eq!(truth.contact, Contact::Ground, "from {height_m} m");
+        companion.run_until(60_000, |it| !it.truth().is_armed);
+        assert!(!companion.truth().is_armed);
+    }
+}
+
+#[test]
 fn pilot_has_control_again_when_rc_returns_while_landing() {
     let mut companion = hovering(landing(1_315, 60));
     companion.rc = None;
