@@ -157,6 +157,6 @@ impl Environment for Process {
     }
 
     fn starting(&self, address: Address) {
-        self.state().starting(self.clock.now(), address);
+        self.state().starting(address);
     }
 }

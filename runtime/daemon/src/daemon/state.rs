@@ -49,6 +49,8 @@ pub(super) struct State {
     monitor: Monitor,
     agent_calls: Option<Arc<AgentCalls>>,
     outcome: Outcome,
+    /// The link to the vehicle has started, and was not told of its port yet.
+    is_link_new: bool,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
 }
@@ -76,6 +78,7 @@ impl State {
             ),
             agent_calls: components.agent_calls,
             outcome: Outcome::new(is_finished),
+            is_link_new: false,
             wakes: None,
         }
     }
@@ -178,19 +181,29 @@ impl State {
     }
 
     /// An actor starts or is started again.
-    pub(super) fn starting(&mut self, now: Timestamp, address: Address) {
+    pub(super) fn starting(&mut self, address: Address) {
         self.actors.set_up(address);
-        if address == Address::Msp
-            && let Some(open) = self.vehicle.open_port()
-        {
-            self.port_told(now, open);
+        self.is_link_new |= address == Address::Msp;
+    }
+
+    /// Tells a link that has just started of its port. It is told as soon as it runs and has room.
+    fn introduce_port(&mut self, now: Timestamp) {
+        if self.is_link_new {
+            let mut events = self.vehicle.introduction().into_iter();
+            self.is_link_new = !events.all(|event| self.post_port_event(now, event));
         }
     }
 
     /// An event of the port to the flight controller.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
+        self.introduce_port(now);
+        self.vehicle.port_told(&event);
+        self.post_port_event(now, event);
+    }
+
+    fn post_port_event(&mut self, now: Timestamp, event: PortEvent) -> bool {
         let event = Box::new(msp::Input::Port(event));
-        self.actors.post(now, Envelope::Msp(event));
+        self.actors.post(now, Envelope::Msp(event))
     }
 
     fn report_telemetry(&mut self, now: Timestamp, telemetry: Option<Telemetry>) {
@@ -327,6 +340,7 @@ impl State {
         self.actors.fire_timers(now);
         self.deliver_landing_order(now);
         self.deliver_list(now);
+        self.introduce_port(now);
         let telemetry = self.vehicle.handle_timeout(now);
         self.report_telemetry(now, telemetry);
         self.actors.restart_due(now);

@@ -7,8 +7,8 @@ use std::time::Duration;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::msp::{FlightCommand, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
-use muster_msp::SetRawRc;
-use muster_port::{Address, Event, Link};
+use muster_msp::{SetRawRc, Status, Telemetry as Told};
+use muster_port::{Address, Event, Link, State};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
@@ -30,6 +30,8 @@ pub(super) struct Controlled {
     port: Arc<Link>,
     /// What the navigation was told last.
     telemetry: Telemetry,
+    /// The controller's newest status since it said who it is.
+    status: Option<Status>,
 }
 
 impl Vehicle {
@@ -80,10 +82,31 @@ impl Vehicle {
         }
     }
 
-    /// What a link that starts now is told of its open port.
-    pub(super) fn open_port(&self) -> Option<PortEvent> {
-        let identity = self.port()?.identity?;
-        Some(PortEvent::Identified(Box::new(identity)))
+    /// An event of the port is on its way to the link.
+    pub(super) fn port_told(&mut self, event: &PortEvent) {
+        if let Self::Controlled(controlled) = self {
+            match event {
+                PortEvent::Told(Told::Status(status)) => controlled.status = Some(status.clone()),
+                PortEvent::Told(_) => {}
+                PortEvent::Identified(_) | PortEvent::Closed => controlled.status = None,
+            }
+        }
+    }
+
+    /// What a link that has just started is told of its port: who the controller is, and its newest status if it answers, so
+    /// that the link gives RC before the next one. Empty if the controller is not known.
+    pub(super) fn introduction(&self) -> Vec<PortEvent> {
+        let (Self::Controlled(controlled), Some(port)) = (self, self.port()) else {
+            return Vec::new();
+        };
+        let Some(identity) = port.identity else {
+            return Vec::new();
+        };
+        let mut events = vec![PortEvent::Identified(Box::new(identity))];
+        if let (State::Open, Some(status)) = (port.state, &controlled.status) {
+            events.push(PortEvent::Told(Told::Status(status.clone())));
+        }
+        events
     }
 
     /// Replaces the state of a simulated vehicle. Its times count from `epoch`.
@@ -144,7 +167,11 @@ pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> 
         target: None,
         charge: 1.0,
     };
-    let vehicle = Vehicle::Controlled(Controlled { port, telemetry });
+    let vehicle = Vehicle::Controlled(Controlled {
+        port,
+        telemetry,
+        status: None,
+    });
     Ok((vehicle, events))
 }
 

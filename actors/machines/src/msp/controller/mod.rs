@@ -179,7 +179,10 @@ impl ControllerLink {
     fn handle_port(&mut self, now: Timestamp, event: PortEvent) {
         match event {
             PortEvent::Identified(identity) => {
-                self.close();
+                // The port still repeats the sticks that a link gave before its restart.
+                if self.identity.is_some() {
+                    self.close();
+                }
                 self.identity = Some(*identity);
                 self.deadline = Some(now);
             }

@@ -223,6 +223,17 @@ fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
 }
 
 #[test]
+fn restarted_link_leaves_the_newest_sticks_to_the_port_until_it_gives_its_own() {
+    let mut bench = Bench::new(config(), None);
+    let given = SetRawRc::new(Sticks::IDLE, &[Channel::HIGH, ANGLE]).unwrap();
+    bench.rc = Some(given.clone());
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, Some(given));
+    bench.give(Input::Port(PortEvent::Closed));
+    assert_eq!(bench.rc, None);
+}
+
+#[test]
 fn closed_port_stops_rc_and_an_open_one_begins_with_a_question() {
     let mut bench = Bench::flying(Receiver::Sole, ARM);
     bench.give(Input::Port(PortEvent::Closed));
