@@ -246,21 +246,18 @@ impl Drop for Load {
     }
 }
 
-/// The gaps between RC frames since a point in time, shortest first. Prints what was measured.
+/// The longest gap between RC frames since a point in time. Prints it, and the gap that 99 of 100 don't exceed; this thread's
+/// own delays are in both.
 #[expect(clippy::print_stdout, reason = "a measurement")]
-fn gaps(name: &str, receiver: &Receiver, since: Instant) -> Vec<Duration> {
+fn longest_gap(name: &str, receiver: &Receiver, since: Instant) -> Duration {
     let seen = receiver.seen();
     let times = seen.rc.iter().map(|(at, _)| *at);
     let times: Vec<_> = times.filter(|at| *at >= since).collect();
     let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
     gaps.sort();
-    let (p99, max) = (p99(&gaps), gaps[gaps.len() - 1]);
+    let (p99, max) = (gaps[gaps.len() * 99 / 100], gaps[gaps.len() - 1]);
     println!("{name}: {} gaps, p99 {p99:?}, max {max:?}", gaps.len());
-    gaps
-}
-
-fn p99(sorted: &[Duration]) -> Duration {
-    sorted[sorted.len() * 99 / 100]
+    max
 }
 
 /// For 30 s each: with every core busy; and with the msp actor crashed every 3 s, too.
@@ -288,10 +285,9 @@ fn armed_controller_gets_rc_in_time_while_cores_are_busy_and_the_msp_actor_crash
             }
             thread::sleep(Duration::from_secs(3));
         }
-        let gaps = gaps(name, receiver, since);
+        let longest = longest_gap(name, receiver, since);
         assert!(receiver.truth().is_armed && receiver.truth().contact == Contact::Airborne);
-        assert!(p99(&gaps) <= Duration::from_millis(30), "{name}");
-        assert!(gaps[gaps.len() - 1] < Duration::from_millis(100), "{name}");
+        assert!(longest < Duration::from_millis(100), "{name}");
     }
     let restarts = &fleet.status(LEADER)["actors"]["msp"]["restarts"];
     assert_eq!(restarts.as_u64(), Some(10));
