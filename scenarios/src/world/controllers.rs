@@ -136,9 +136,10 @@ impl Controllers {
             attached.write(now);
         }
         let truth = attached.controller.aircraft(now);
-        attached
-            .gaps
-            .look(now, truth.is_armed && state == PortState::Runs);
+        attached.gaps.look(
+            now,
+            truth.is_armed && !truth.is_failsafe && state == PortState::Runs,
+        );
         let is_due = attached
             .looked_at
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);

@@ -174,10 +174,10 @@ impl Estimator {
         self.ground_m = None;
     }
 
-    /// The motion now. `None` before the first position and height.
+    /// The motion now. `None` before the first height. Before the first position it is home's.
     pub(super) fn estimate(&self) -> Option<Estimate> {
-        let [north, east] = self.horizontal?;
         let up = self.vertical?;
+        let [north, east] = self.horizontal.unwrap_or([Axis::at(0.0, 1.0); 2]);
         let ground_m = self.ground_m.unwrap_or(up.position_m);
         Some(Estimate {
             position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
