@@ -13,8 +13,8 @@ const GAP_MAX: Duration = Duration::from_millis(100);
 
 /// The gaps between a drone's RC frames.
 ///
-/// A gap counts while the controller is armed and the drone's process runs with a link that neither hangs nor has failed for
-/// good: then RC must stop.
+/// A gap counts while the controller is armed, without its failsafe, and the drone's process runs with a link that neither
+/// hangs nor has failed for good. Otherwise RC must stop.
 #[derive(Debug, Default)]
 pub(crate) struct RcGaps {
     /// The newest frame, or when frames became due.

@@ -136,19 +136,20 @@ impl Controllers {
             attached.write(now);
         }
         let truth = attached.controller.aircraft(now);
-        attached
-            .gaps
-            .look(now, truth.is_armed && state == PortState::Runs);
+        attached.gaps.look(
+            now,
+            truth.is_armed && !truth.is_failsafe && state == PortState::Runs,
+        );
         let is_due = attached
             .looked_at
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);
         let is_news = truth.is_armed != attached.was_armed;
         attached.was_armed = truth.is_armed;
-        if !is_news && !(truth.is_armed && is_due) {
-            return None;
+        if is_news || truth.is_armed && is_due {
+            attached.looked_at = Some(now);
+            return Some((truth, now + LOOK_EVERY));
         }
-        attached.looked_at = Some(now);
-        Some((truth, now + LOOK_EVERY))
+        None
     }
 
     /// The longest gap between two RC frames of any drone, while it must have sent them.

@@ -81,6 +81,8 @@ pub struct ControllerLink {
     /// What was flown before a restart, until it is taken up.
     before: Option<Flight>,
     kept: Option<Flight>,
+    /// It is to land as soon as it is known whether and where it flies.
+    must_land: bool,
     identity: Option<Identity>,
     reported: Option<Reported>,
     charge: Option<f64>,
@@ -116,6 +118,7 @@ impl ControllerLink {
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
             before,
             kept: None,
+            must_land: before.is_some_and(|it| it.is_landing),
             identity: None,
             reported: None,
             charge: None,
@@ -154,25 +157,33 @@ impl ControllerLink {
             _ if self.gave_up => return,
             FlightCommand::Arm => self.arming.order(),
             FlightCommand::Yield => return self.report(now),
-            FlightCommand::Fly(setpoint) => {
-                if self.is_armed() {
-                    self.estimator.set_ground();
-                }
-                if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
-                    self.guidance.fly(now, setpoint, &estimate);
-                }
-            }
-            FlightCommand::Land => self.land(now),
+            FlightCommand::Fly(setpoint) => self.fly(now, setpoint),
+            FlightCommand::Land => self.must_land = true,
         }
         self.keep();
         self.report_news(now);
     }
 
-    fn land(&mut self, now: Timestamp) {
-        match self.estimator.estimate().filter(|_| self.is_armed()) {
-            Some(estimate) => self.guidance.land(now, &estimate),
-            // It is not in the air: an order to arm is void.
-            None => self.arming.end(),
+    fn fly(&mut self, now: Timestamp, setpoint: Setpoint) {
+        if !self.is_armed() || self.must_land {
+            return;
+        }
+        self.estimator.set_ground();
+        if let Some(estimate) = self.estimator.estimate() {
+            self.before = None;
+            self.guidance.fly(now, setpoint, &estimate);
+        }
+    }
+
+    /// Begins to land, if it is to and has not begun; on the ground it stays there.
+    fn land_if_due(&mut self, now: Timestamp) {
+        if !self.must_land {
+            return;
+        }
+        if !self.is_armed() {
+            self.arming.end();
+        } else if let Some(estimate) = self.estimator.estimate() {
+            self.guidance.land(now, &estimate);
         }
     }
 
@@ -249,9 +260,7 @@ impl ControllerLink {
         if !self.is_armed() {
             return;
         }
-        if before.is_landing || self.gave_up {
-            self.guidance.land(now, &estimate);
-        } else if let Some(setpoint) = before.setpoint {
+        if let Some(setpoint) = before.setpoint.filter(|_| !self.must_land) {
             self.guidance.fly(now, setpoint, &estimate);
         }
     }
@@ -264,12 +273,15 @@ impl ControllerLink {
         let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
         self.stepped_at = now;
         self.estimator.predict(now);
+        self.land_if_due(now);
         self.detect_ground(now);
         let (had_flown, stage) = (self.arming.has_flown(), self.config.stage);
         self.arming.step(now, stage, self.is_simulation(), reported);
         let sticks = self.sticks(now, seconds);
         let rc = self.gate(sticks);
-        self.outbox.transmit(Transmit::Rc(Some(rc)));
+        // Frames would end the controller's failsafe in mid-air.
+        let rc = (!reported.armed || !reported.failsafe).then_some(rc);
+        self.outbox.transmit(Transmit::Rc(rc));
         if had_flown != self.arming.has_flown() {
             self.keep();
         }
@@ -283,10 +295,14 @@ impl ControllerLink {
     }
 
     fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
-        if !self.is_armed() || self.is_out_of_hand() {
+        let tilt = self.estimator.tilt();
+        if !self.is_armed() {
             return Sticks::IDLE;
         }
-        let tilt = self.estimator.tilt();
+        if self.is_out_of_hand() {
+            // Not heard, unless the pilot gives the sticks back.
+            return self.control.level(tilt);
+        }
         let Some(estimate) = self.estimator.estimate() else {
             // Right after a restart in the air.
             return self.control.level(tilt);
@@ -300,7 +316,7 @@ impl ControllerLink {
                 let control = &mut self.control;
                 control.step(seconds, &reference, &estimate, tilt, may_lean)
             }
-            // On the ground, before the first setpoint; or right after a restart in the air.
+            // Right after a restart in the air; else on the ground, before the first setpoint.
             None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
             None => Sticks::IDLE,
         }
@@ -391,7 +407,7 @@ impl ControllerLink {
         let flight = Flight {
             has_flown: self.arming.has_flown(),
             setpoint: (self.guidance.setpoint()).or(before.and_then(|it| it.setpoint)),
-            is_landing: self.guidance.is_landing() || before.is_some_and(|it| it.is_landing),
+            is_landing: self.must_land,
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),
         };
@@ -425,8 +441,8 @@ impl Machine for ControllerLink {
             Input::Telemetry(_) => {}
             Input::GiveUp => {
                 self.gave_up = true;
+                self.must_land = true;
                 self.kept = None;
-                self.land(now);
                 self.keep();
             }
         }
