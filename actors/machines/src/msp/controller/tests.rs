@@ -226,7 +226,7 @@ fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
 fn restarted_link_leaves_the_newest_sticks_to_the_port_until_it_gives_its_own() {
     let mut bench = Bench::new(config(), None);
     let given = SetRawRc::new(Sticks::IDLE, &[Channel::HIGH, ANGLE]).unwrap();
-    bench.rc = Some(given.clone());
+    bench.rc = Some(given);
     bench.give(Input::Port(identity(*b"SITL")));
     assert_eq!(bench.rc, Some(given));
     bench.give(Input::Port(PortEvent::Closed));
