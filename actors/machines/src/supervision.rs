@@ -1,4 +1,5 @@
-//! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor.
+//! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor. The link to the
+//! vehicle restarts without back-off: a flight controller waits 150 ms for RC frames.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -65,6 +66,7 @@ impl Supervision {
         }
         let pause = match recent.len() {
             _ if flaw::has(Flaw::IgnoresFailedActors) => Duration::MAX,
+            _ if actor == Address::Msp => Duration::ZERO,
             0 => Duration::ZERO,
             before => {
                 let doublings = u32::try_from(before - 1).unwrap_or(u32::MAX).min(30);
@@ -101,6 +103,17 @@ mod tests {
             })
             .into();
         assert_eq!(pauses, [0, 100, 150].map(Duration::from_millis));
+    }
+
+    #[test]
+    fn link_to_the_vehicle_restarts_without_pause() {
+        let mut supervision = Supervision::new(LIMITS);
+        for now in [1.0, 1.1, 1.2] {
+            let restart = RestartDecision::Restart { at: at(now) };
+            assert_eq!(supervision.failed(at(now), Address::Msp), restart);
+        }
+        let last = supervision.failed(at(1.3), Address::Msp);
+        assert_eq!(last, RestartDecision::GiveUp);
     }
 
     #[test]
