@@ -15,8 +15,9 @@ pub const TICK: Duration = Duration::from_millis(10);
 pub const RC_PERIOD: Duration = Duration::from_millis(20);
 /// How long sticks are repeated after they were last given. Then RC stops, and the controller's own failsafe acts.
 pub const RC_HOLD: Duration = Duration::from_millis(100);
-/// How long an answer may take before the question counts as lost.
-const ANSWER_MAX: Duration = Duration::from_millis(200);
+/// How long an answer may take before the question counts as lost and is asked again: ten ticks. Meanwhile nothing else is
+/// asked.
+const ANSWER_MAX: Duration = Duration::from_millis(100);
 
 /// A question that is asked again and again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +60,7 @@ pub const QUERIES: [Query; 14] = [
     once::<BoxIds>(),
     FURTHER_BOXES,
     every::<Status>(200),
-    every::<Attitude>(50),
+    every::<Attitude>(80),
     every::<Altitude>(100),
     every::<RawGps>(100),
     every::<BatteryState>(1000),
@@ -99,6 +100,21 @@ impl Write {
     }
 }
 
+/// A question that waits for its answer.
+#[derive(Debug, Clone, Copy)]
+struct Outstanding {
+    query: Query,
+    due: Duration,
+    asked: Duration,
+}
+
+impl Outstanding {
+    /// When to ask again: on a grid, so that a late question doesn't lower its rate.
+    fn next_due(&self, every: Duration) -> Duration {
+        (self.due + every).max(self.asked)
+    }
+}
+
 /// Decides what is written when. It is told the time, as a duration since any start.
 #[derive(Debug)]
 pub struct Schedule {
@@ -107,7 +123,7 @@ pub struct Schedule {
     rc_due: Duration,
     /// Questions, with the time when they are due. Ties go to the one that waited longest.
     queries: VecDeque<(Duration, Query)>,
-    outstanding: Option<(Duration, Query)>,
+    outstanding: Option<Outstanding>,
     lost: u64,
 }
 
@@ -181,7 +197,7 @@ impl Schedule {
             .queries
             .iter()
             .map(|it| it.1)
-            .chain(self.outstanding.map(|it| it.1));
+            .chain(self.outstanding.map(|it| it.query));
         open.all(|query| query.every.is_some())
     }
 
@@ -191,22 +207,25 @@ impl Schedule {
     }
 
     fn next_query(&mut self, now: Duration) -> Option<Query> {
-        if let Some((asked, query)) = self.outstanding {
-            if now.saturating_sub(asked) < ANSWER_MAX {
+        if let Some(outstanding) = self.outstanding {
+            if now.saturating_sub(outstanding.asked) < ANSWER_MAX {
                 return None;
             }
             self.lost += 1;
             self.outstanding = None;
-            self.queries
-                .push_back((now + query.every.unwrap_or_default(), query));
+            self.queries.push_back((now, outstanding.query));
         }
         let due = self.queries.iter().map(|(due, _)| *due).min()?;
         let place = self
             .queries
             .iter()
             .position(|it| it.0 == due && due <= now)?;
-        let (_, query) = self.queries.remove(place)?;
-        self.outstanding = Some((now, query));
+        let (due, query) = self.queries.remove(place)?;
+        self.outstanding = Some(Outstanding {
+            query,
+            due,
+            asked: now,
+        });
         Some(query)
     }
 
@@ -217,12 +236,13 @@ impl Schedule {
         command: u16,
         refused: bool,
     ) -> Option<(Query, Duration)> {
-        let (asked, query) = self.outstanding.filter(|it| it.1.command == command)?;
+        let outstanding = self.outstanding.filter(|it| it.query.command == command)?;
         self.outstanding = None;
+        let query = outstanding.query;
         if let (Some(every), false) = (query.every, refused) {
-            self.queries.push_back((asked + every, query));
+            self.queries.push_back((outstanding.next_due(every), query));
         }
-        Some((query, now.saturating_sub(asked)))
+        Some((query, now.saturating_sub(outstanding.asked)))
     }
 }
 

@@ -6,7 +6,7 @@ use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::time::Timestamp;
 use muster_msp::{
-    AccCalibration, Decode, EepromWrite, Message, Reboot, ReceivedMotors, ReceivedRc,
+    AccCalibration, Decode, EepromWrite, Message, Mode, Reboot, ReceivedMotors, ReceivedRc,
 };
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -90,6 +90,8 @@ pub struct Truth {
     pub rotors_rad_s: [f64; 4],
     /// Whether the firmware is armed.
     pub is_armed: bool,
+    /// Whether its failsafe flies.
+    pub is_failsafe: bool,
     /// What it touches.
     pub contact: Contact,
     /// Charge of the battery, as a fraction of a full one.
@@ -216,6 +218,7 @@ impl Controller {
             rates_rad_s: body.rates,
             rotors_rad_s: *self.aircraft.speeds(),
             is_armed: self.firmware.is_armed(),
+            is_failsafe: self.firmware.is_active(Mode::Failsafe),
             contact: self.aircraft.contact,
             charge: self.aircraft.battery.charge(),
             volts: self.aircraft.battery.volts(),

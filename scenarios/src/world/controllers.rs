@@ -6,7 +6,7 @@ use muster_controller::{Config, Controller, Fault, Settings, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::PortEvent;
 use muster_machines::time::Timestamp;
-use muster_msp::{Conversation, Decoder, Mode, SetRawRc, Status, Telemetry, Write};
+use muster_msp::{Conversation, Decoder, SetRawRc, Write};
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use rand::{Rng, SeedableRng};
@@ -21,7 +21,7 @@ const CAPACITY_MAX_MAH: f64 = 60_000.0;
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// Time without a status from an armed controller after which its link must stop RC, for the failsafe to act.
+/// Time without an answer from an armed controller after which its link must stop RC, for the failsafe to act.
 const LOST_AFTER: Duration = Duration::from_secs(1);
 
 /// One drone's controller and its port.
@@ -39,9 +39,9 @@ struct Attached {
     frozen_until: Option<Timestamp>,
     /// When the battery's voltage is back. `None` if it is there.
     sags_until: Option<Timestamp>,
-    /// The newest status since the controller was armed.
+    /// The newest answer of an armed controller.
     heard_at: Timestamp,
-    /// The drone's process must have stopped RC: a status told of a failsafe in flight, or none came for too long.
+    /// The drone's process must stop RC until the controller disarms: its failsafe flies, or no answer came for too long.
     is_lost: bool,
     looked_at: Option<Timestamp>,
     was_armed: bool,
@@ -137,7 +137,6 @@ impl Controllers {
         if let Some(attached) = self.get(drone) {
             attached.conversation = Conversation::new(elapsed(now));
             attached.is_identified = false;
-            attached.is_lost = false;
             attached.heard_at = now;
         }
     }
@@ -196,7 +195,7 @@ impl Controllers {
         let attached = self.get(drone)?;
         attached.recover(now);
         let sent = attached.controller.transmit(now);
-        let received = attached.line.to_companion(now, sent);
+        let received = attached.line.carry_in(now, sent);
         let mut written = Vec::new();
         if state != PortState::Still {
             attached.open_or_close(now, &mut tell);
@@ -205,16 +204,12 @@ impl Controllers {
                 attached.write(now, &mut written);
             }
         }
-        let arrived = attached.line.to_controller(now, written);
+        let arrived = attached.line.carry_out(now, written);
         if !arrived.is_empty() {
             attached.controller.receive(now, &arrived);
         }
         let truth = attached.controller.aircraft(now);
-        if truth.is_armed {
-            attached.is_lost |= now.since(attached.heard_at) >= LOST_AFTER;
-        } else {
-            attached.heard_at = now;
-        }
+        attached.look_for_loss(now, &truth);
         let is_open = attached.is_identified && state == PortState::Runs;
         let rc_is_due = truth.is_armed && is_open && !attached.is_lost;
         attached.gaps.look(now, rc_is_due);
@@ -223,11 +218,11 @@ impl Controllers {
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);
         let is_news = truth.is_armed != attached.was_armed;
         attached.was_armed = truth.is_armed;
-        if !is_news && !(truth.is_armed && is_due) {
-            return None;
+        if is_news || truth.is_armed && is_due {
+            attached.looked_at = Some(now);
+            return Some((truth, now + LOOK_EVERY));
         }
-        attached.looked_at = Some(now);
-        Some((truth, now + LOOK_EVERY))
+        None
     }
 
     /// The longest gap between two RC frames of any drone, while it must have sent them.
@@ -238,6 +233,14 @@ impl Controllers {
 }
 
 impl Attached {
+    fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
+        if !truth.is_armed {
+            self.heard_at = now;
+            self.is_lost = false;
+        }
+        self.is_lost |= truth.is_failsafe || now.since(self.heard_at) >= LOST_AFTER;
+    }
+
     /// Ends the faults of the controller that are over.
     fn recover(&mut self, now: Timestamp) {
         if self.frozen_until.take_if(|until| *until <= now).is_some() {
@@ -268,10 +271,7 @@ impl Attached {
         let conversation = &mut self.conversation;
         self.decoder.read(received, |frame| {
             if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
-                if let Telemetry::Status(status) = &telemetry {
-                    self.heard_at = now;
-                    self.is_lost |= is_failing_safe(conversation, status);
-                }
+                self.heard_at = now;
                 tell(PortEvent::Told(telemetry));
             }
         });
@@ -293,15 +293,6 @@ impl Attached {
         let written = write.encode(bytes);
         written.expect("all commands fit a frame of version 1");
     }
-}
-
-/// Whether the controller's failsafe flies, by what its status says.
-fn is_failing_safe(conversation: &Conversation, status: &Status) -> bool {
-    let is_active = |mode| {
-        let boxes = conversation.identity().map(|it| &it.boxes);
-        boxes.and_then(|it| it.is_active(mode, status.modes())) == Some(true)
-    };
-    is_active(Mode::Arm) && is_active(Mode::Failsafe)
 }
 
 fn elapsed(now: Timestamp) -> Duration {

@@ -79,13 +79,13 @@ impl Line {
     }
 
     /// The companion writes bytes, or none. Returns those that reach the controller now.
-    pub(super) fn to_controller(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
+    pub(super) fn carry_out(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
         let bytes = self.distort(now, bytes);
         self.to_controller.pass(now, self.delay.at(now), bytes)
     }
 
     /// The controller writes bytes, or none. Returns those that reach the companion now.
-    pub(super) fn to_companion(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
+    pub(super) fn carry_in(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
         let bytes = self.distort(now, bytes);
         self.to_companion.pass(now, self.delay.at(now), bytes)
     }
@@ -118,7 +118,8 @@ impl Direction {
             self.waiting.push_back(((now + delay).max(last), bytes));
         }
         let mut arrived = Vec::new();
-        while let Some((_, bytes)) = self.waiting.pop_front_if(|(at, _)| *at <= now) {
+        while self.waiting.front().is_some_and(|(at, _)| *at <= now) {
+            let (_, bytes) = self.waiting.pop_front().expect("a front was seen");
             self.bytes -= bytes.len();
             arrived.extend(bytes);
         }
@@ -146,27 +147,27 @@ mod tests {
     fn shares_of_bytes_are_lost_and_altered_until_the_fault_is_over() {
         let mut line = line();
         line.lose(0.1, at(10));
-        let left = line.to_controller(at(9), vec![0; 100_000]).len();
+        let left = line.carry_out(at(9), vec![0; 100_000]).len();
         assert!((89_000..91_000).contains(&left), "{left}");
         line.corrupt(0.005, at(20));
-        let bytes = line.to_companion(at(19), vec![0; 100_000]);
+        let bytes = line.carry_in(at(19), vec![0; 100_000]);
         let altered = bytes.iter().filter(|it| **it != 0).count();
         assert!(
             (400..600).contains(&altered),
             "{altered} of {}",
             bytes.len()
         );
-        assert_eq!(line.to_companion(at(20), vec![7; 1_000]), [7; 1_000]);
+        assert_eq!(line.carry_in(at(20), vec![7; 1_000]), [7; 1_000]);
     }
 
     #[test]
     fn late_bytes_keep_their_order_when_the_delay_ends() {
         let mut line = line();
         line.delay(Duration::from_millis(30), at(15));
-        assert_eq!(line.to_controller(at(10), vec![1]), []);
-        assert_eq!(line.to_controller(at(20), vec![2]), []);
-        assert_eq!(line.to_controller(at(40), vec![3]), [1, 2, 3]);
-        assert_eq!(line.to_controller(at(50), vec![4]), [4]);
+        assert_eq!(line.carry_out(at(10), vec![1]), []);
+        assert_eq!(line.carry_out(at(20), vec![2]), []);
+        assert_eq!(line.carry_out(at(40), vec![3]), [1, 2, 3]);
+        assert_eq!(line.carry_out(at(50), vec![4]), [4]);
     }
 
     #[test]
@@ -174,8 +175,8 @@ mod tests {
         let mut line = line();
         line.delay(Duration::from_secs(60), FOR_GOOD);
         for now in 0..10 {
-            line.to_companion(at(now), vec![0; WAITING_MAX / 4]);
+            line.carry_in(at(now), vec![0; WAITING_MAX / 4]);
         }
-        assert_eq!(line.to_companion(at(70_000), Vec::new()).len(), WAITING_MAX);
+        assert_eq!(line.carry_in(at(70_000), Vec::new()).len(), WAITING_MAX);
     }
 }

@@ -165,7 +165,7 @@ fn unanswered_questions_count_as_lost() {
 /// 8 channels, or all 18, at 50 Hz with a question in every other tick: bytes a second, 10 bits each.
 #[test]
 fn a_second_of_writing_fits_115200_baud() {
-    let rc = 50 * (6 + 2 * muster_msp::CHANNELS_MAX);
+    let rc = 50 * (6 + 2 * crate::CHANNELS_MAX);
     let questions = 50 * 6;
     assert!((rc + questions) * 10 < 115_200 / 4);
 }

@@ -89,8 +89,7 @@ impl Arming {
         if reported.armed {
             self.is_ordered = false;
             self.has_flown = true;
-            let stays = !self.is_over && !reported.failsafe;
-            return self.set(now, stays && may_go_high(stage, is_simulation));
+            return self.set(now, !self.is_over && may_go_high(stage, is_simulation));
         }
         match self.switch {
             // It was armed, and the controller or the pilot disarmed it; or nothing came of it.
@@ -197,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn switch_goes_low_at_the_end_in_a_failsafe_and_if_nothing_came_of_it() {
+    fn switch_goes_low_at_the_end_and_if_nothing_came_of_it() {
         let mut first = arming();
         first.order();
         first.step(at(600), Stage::Sim, true, READY);
@@ -212,15 +211,6 @@ mod tests {
         assert!(second.is_high());
         second.step(at(1_600), Stage::Sim, true, READY);
         assert!(!second.is_high());
-        let mut third = arming();
-        third.order();
-        third.step(at(600), Stage::Sim, true, READY);
-        let failsafe = Reported {
-            failsafe: true,
-            ..ARMED
-        };
-        third.step(at(700), Stage::Sim, true, failsafe);
-        assert!(!third.is_high());
     }
 
     #[test]

@@ -38,7 +38,7 @@ const LIFTED_M: f64 = 0.5;
 const LIFTED_MPS: f64 = 0.3;
 /// Share of charge that is news.
 const CHARGE_STEP: f64 = 0.01;
-/// Time without a status after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
+/// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
 /// delay, 1 s or more, comes down by itself.
 const LOST_AFTER: Duration = Duration::from_secs(1);
 /// A timer that is later than this was held up in this process: the controller's silence is not its fault.
@@ -86,6 +86,8 @@ pub struct ControllerLink {
     /// What was flown before a restart, until it is taken up.
     before: Option<Flight>,
     kept: Option<Flight>,
+    /// It is to land as soon as it is known whether and where it flies.
+    must_land: bool,
     identity: Option<Identity>,
     reported: Option<Reported>,
     charge: Option<f64>,
@@ -99,7 +101,7 @@ pub struct ControllerLink {
     still_since: Option<Timestamp>,
     /// The pilot took the aircraft over. It is not asked back.
     is_taken_over: bool,
-    /// When the link to an armed controller is lost if no status comes. `None` if the controller is disarmed.
+    /// When the link to an armed controller is lost if it tells nothing. `None` if the controller is disarmed.
     silent_at: Option<Timestamp>,
     /// The link was lost in flight, or the controller's failsafe took over. Its failsafe is not interrupted: no RC any more.
     is_lost: bool,
@@ -125,6 +127,7 @@ impl ControllerLink {
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
             before,
             kept: None,
+            must_land: before.is_some_and(|it| it.is_landing),
             identity: None,
             reported: None,
             charge: None,
@@ -165,31 +168,33 @@ impl ControllerLink {
             _ if self.gave_up => return,
             FlightCommand::Arm => self.arming.order(),
             FlightCommand::Yield => return self.report(now),
-            FlightCommand::Fly(setpoint) => {
-                if self.is_armed() {
-                    self.estimator.set_ground();
-                }
-                if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
-                    self.guidance.fly(now, setpoint, &estimate);
-                } else if let Some(before) = &mut self.before {
-                    before.setpoint = Some(setpoint);
-                }
-            }
-            FlightCommand::Land => self.land(now),
+            FlightCommand::Fly(setpoint) => self.fly(now, setpoint),
+            FlightCommand::Land => self.must_land = true,
         }
         self.keep();
         self.report_news(now);
     }
 
-    fn land(&mut self, now: Timestamp) {
-        if let Some(estimate) = self.estimator.estimate().filter(|_| self.is_armed()) {
-            self.guidance.land(now, &estimate);
-        } else if let Some(before) = &mut self.before {
-            // It may be in the air. It lands once that is known.
-            before.is_landing = true;
-        } else {
-            // It is not in the air: an order to arm is void.
+    fn fly(&mut self, now: Timestamp, setpoint: Setpoint) {
+        if !self.is_armed() || self.must_land {
+            return;
+        }
+        self.estimator.set_ground();
+        if let Some(estimate) = self.estimator.estimate() {
+            self.before = None;
+            self.guidance.fly(now, setpoint, &estimate);
+        }
+    }
+
+    /// Begins to land, if it is to and has not begun; on the ground it stays there.
+    fn land_if_due(&mut self, now: Timestamp) {
+        if !self.must_land {
+            return;
+        }
+        if !self.is_armed() {
             self.arming.end();
+        } else if let Some(estimate) = self.estimator.estimate() {
+            self.guidance.land(now, &estimate);
         }
     }
 
@@ -202,6 +207,7 @@ impl ControllerLink {
             PortEvent::Closed => self.close(),
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
+                self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
                     Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
@@ -243,7 +249,7 @@ impl ControllerLink {
             self.was_overridden = is_overridden;
         }
         self.silent_at = reported.armed.then_some(now + LOST_AFTER);
-        self.is_lost |= reported.armed && reported.failsafe;
+        self.is_lost = reported.armed && (self.is_lost || reported.failsafe);
         self.reported = Some(reported);
         self.deadline.get_or_insert(now + PERIOD);
         self.step(now);
@@ -271,9 +277,7 @@ impl ControllerLink {
         if !self.is_armed() {
             return;
         }
-        if before.is_landing || self.gave_up {
-            self.guidance.land(now, &estimate);
-        } else if let Some(setpoint) = before.setpoint {
+        if let Some(setpoint) = before.setpoint.filter(|_| !self.must_land) {
             self.guidance.fly(now, setpoint, &estimate);
         }
     }
@@ -286,10 +290,12 @@ impl ControllerLink {
         let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
         self.stepped_at = now;
         self.estimator.predict(now);
+        self.land_if_due(now);
         self.detect_ground(now);
         let (had_flown, stage) = (self.arming.has_flown(), self.config.stage);
         self.arming.step(now, stage, self.is_simulation(), reported);
         let sticks = self.sticks(now, seconds);
+        // Frames would end the controller's failsafe in mid-air.
         let rc = (!self.is_lost).then(|| self.gate(sticks));
         self.outbox.transmit(Transmit::Rc(rc));
         if had_flown != self.arming.has_flown() {
@@ -305,10 +311,14 @@ impl ControllerLink {
     }
 
     fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
-        if !self.is_armed() || self.is_out_of_hand() {
+        let tilt = self.estimator.tilt();
+        if !self.is_armed() {
             return Sticks::IDLE;
         }
-        let tilt = self.estimator.tilt();
+        if self.is_out_of_hand() {
+            // Not heard, unless the pilot gives the sticks back.
+            return self.control.level(tilt);
+        }
         let Some(estimate) = self.estimator.estimate() else {
             // Right after a restart in the air.
             return self.control.level(tilt);
@@ -322,7 +332,7 @@ impl ControllerLink {
                 let control = &mut self.control;
                 control.step(seconds, &reference, &estimate, tilt, may_lean)
             }
-            // On the ground, before the first setpoint; or right after a restart in the air.
+            // Right after a restart in the air; else on the ground, before the first setpoint.
             None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
             None => Sticks::IDLE,
         }
@@ -415,7 +425,7 @@ impl ControllerLink {
         let flight = Flight {
             has_flown: self.arming.has_flown(),
             setpoint: (self.guidance.setpoint()).or(before.and_then(|it| it.setpoint)),
-            is_landing: self.guidance.is_landing() || before.is_some_and(|it| it.is_landing),
+            is_landing: self.must_land,
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),
         };
@@ -449,8 +459,8 @@ impl Machine for ControllerLink {
             Input::Telemetry(_) => {}
             Input::GiveUp => {
                 self.gave_up = true;
+                self.must_land = true;
                 self.kept = None;
-                self.land(now);
                 self.keep();
             }
         }

@@ -250,20 +250,62 @@ fn pilot_who_takes_over_is_not_fought() {
     let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
     assert!(bench.throttle() > 1_200);
     bench.give(Input::Port(status(ARM)));
-    assert!(bench.throttle() == 1_000 && !bench.telemetry.is_empty());
     assert!(bench.telemetry.last().unwrap().landing);
+    // Sticks that are given back by mistake neither lean nor stop the motors.
     bench.pass(1_000, ARM | OVERRIDE);
-    assert_eq!(bench.throttle(), 1_000, "it is not asked back");
+    let sticks = bench.rc.unwrap().sticks();
+    assert_eq!(
+        (sticks.roll, sticks.pitch),
+        (Channel::CENTRE, Channel::CENTRE)
+    );
+    assert!((1_250..1_350).contains(&sticks.throttle.us()), "it hovers");
+    assert!(bench.telemetry.last().unwrap().landing);
 }
 
 #[test]
-fn failsafe_of_the_controller_counts_as_landing_and_is_not_interrupted() {
+fn failsafe_of_the_controller_counts_as_landing_and_is_not_ended_by_frames() {
     let mut bench = Bench::flying(Receiver::Sole, ARM);
     bench.give(Input::Port(status(ARM | FAILSAFE)));
     assert!(bench.telemetry.last().unwrap().landing);
     assert_eq!(bench.rc, None);
     bench.pass(1_000, ARM);
     assert_eq!(bench.rc, None, "its link is back, and it is left alone");
+    bench.pass(1_000, 0);
+    assert!(
+        bench.rc.is_some() && !bench.is_arm_high(),
+        "it has disarmed"
+    );
+}
+
+#[test]
+fn an_order_to_land_right_after_a_restart_in_the_air_stops_no_motor() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let mut restarted = Bench::new(config(), bench.checkpoint);
+    restarted.give(Input::FlightCommand(FlightCommand::Land));
+    restarted.give(Input::Port(identity(*b"SITL")));
+    restarted.give(Input::Port(status(ARM)));
+    assert!(restarted.is_arm_high() && restarted.throttle() > 1_200);
+    restarted.pass(300, ARM);
+    assert!(restarted.is_arm_high() && restarted.link.guidance.is_landing());
+}
+
+#[test]
+fn height_is_held_without_a_position() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let mut restarted = Bench::new(config(), bench.checkpoint);
+    restarted.give(Input::Port(identity(*b"SITL")));
+    restarted.give(Input::Port(status(ARM)));
+    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    restarted.give(Input::Port(altitude));
+    restarted.give(Input::Port(status(ARM)));
+    let told = restarted.telemetry.last().unwrap();
+    assert!(told.armed && told.position_lost_for.is_some());
+    let sticks = restarted.rc.unwrap().sticks();
+    assert_eq!(
+        (sticks.roll, sticks.pitch),
+        (Channel::CENTRE, Channel::CENTRE)
+    );
+    assert!(restarted.link.guidance.target().is_some(), "it climbs on");
 }
 
 #[test]
@@ -316,25 +358,11 @@ fn port_that_was_closed_for_a_moment_in_flight_changes_no_height_and_loses_no_or
 }
 
 #[test]
-fn restarted_link_told_to_land_before_it_knows_whether_it_flies_stops_no_motor_in_the_air() {
-    for order in [Input::FlightCommand(FlightCommand::Land), Input::GiveUp] {
-        let checkpoint = Bench::flying(Receiver::Sole, ARM).checkpoint;
-        let mut bench = Bench::new(config(), checkpoint);
-        bench.give(order);
-        bench.give(Input::Port(identity(*b"SITL")));
-        let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
-        bench.give(Input::Port(altitude));
-        bench.pass(200, ARM);
-        assert!(bench.is_arm_high());
-        assert!(bench.link.guidance.is_landing());
-    }
-}
-
-#[test]
 fn link_that_was_given_up_lands_and_takes_no_commands() {
     let mut bench = Bench::flying(Receiver::Sole, ARM);
     bench.give(Input::GiveUp);
     bench.give(Input::FlightCommand(up()));
+    bench.pass(20, ARM);
     assert!(bench.link.guidance.is_landing());
     assert!(bench.checkpoint.unwrap().gave_up);
 }
